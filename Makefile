@@ -1,0 +1,34 @@
+# Every target needs only python3 (with venv) and make; the first one run sets everything up in .venv.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+UV_VERSION := 0.13.8
+
+.PHONY: demo test bench lock clean
+
+demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
+	$(BIN)/linkwork reproduce --out demo
+
+test: $(READY)  ## lint, types, all tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/python -m pytest -n 2
+
+bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into benchmarks/results
+	$(BIN)/python -m benchmarks
+
+lock:  ## resolve the dependencies anew; the lock names no registry, so it works with any index or mirror
+	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --generate-hashes \
+	    --no-emit-index-url --no-header --upgrade --output-file requirements.lock
+
+$(READY): requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --require-hashes --requirements requirements.lock
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+clean:
+	rm -rf $(VENV) demo .pytest_cache .ruff_cache

@@ -1,0 +1,7 @@
+"""Stage 2, derive: mechanism -> topology -> tree -> closure rows -> chart -> equations of motion (CasADi expressions)."""
+
+from linkwork.equations import functions
+from linkwork.equations.derive import derive
+from linkwork.equations.equations import Equations
+
+__all__ = ["Equations", "derive", "functions"]

@@ -1,0 +1,67 @@
+"""Small vector algebra on CasADi expressions.
+
+Constants are kept exact: numbers that differ from 0, 1/2 or 1 by rounding only are snapped, so that what is zero by
+geometry is zero in the graph and everything built on it vanishes symbolically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import casadi as ca
+import numpy as np
+
+SX = ca.SX
+ROUNDING = 1e-15
+
+
+def snap(values: np.ndarray) -> np.ndarray:
+    """Replace numbers within rounding of a multiple of 1/2 by that multiple."""
+    halves = np.round(2 * values) / 2
+    return np.where(np.abs(values - halves) < ROUNDING * np.maximum(1, np.abs(halves)), halves, values)
+
+
+def rotation_matrix(vector: Sequence[float]) -> np.ndarray:
+    """Return R = exp([vector x]) for a rotation vector [rad] (Rodrigues)."""
+    v = np.asarray(vector, float)
+    angle = float(np.linalg.norm(v))
+    return turn_matrix(v / angle, angle) if angle > 0 else np.eye(3)
+
+
+def turn_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return R = Rot(axis, angle) for a unit axis."""
+    K = skew(axis)
+    return snap(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
+
+
+def skew(v: np.ndarray) -> np.ndarray:
+    """Return the matrix [v x] of the cross product."""
+    x, y, z = v
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0.0]])
+
+
+def column(values: Iterable[float] | ca.SX) -> ca.SX:
+    """Return a 3 x 1 expression; numbers are snapped."""
+    return values if isinstance(values, ca.SX) else SX(snap(np.asarray(list(values), float)))
+
+
+def zero() -> ca.SX:
+    return SX(np.zeros(3))
+
+
+def cross(a: ca.SX, b: ca.SX) -> ca.SX:
+    return ca.vertcat(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def dot(a: ca.SX, b: ca.SX) -> ca.SX:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def is_zero(expression: ca.SX) -> bool:
+    """Tell whether an expression is zero by structure."""
+    return bool(ca.simplify(expression).is_zero())
+
+
+def spin(omega: ca.SX, r: ca.SX) -> ca.SX:
+    """Return omega x (omega x r) = omega (omega . r) - (omega . omega) r."""
+    return omega * dot(omega, r) - dot(omega, omega) * r

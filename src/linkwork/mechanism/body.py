@@ -1,0 +1,60 @@
+"""Rigid bodies: mass, mass centre, inertia about the mass centre in the body frame's axes.
+
+A body that only ever turns about the z axis of its own frame (a planar mechanism) may give `zz` alone.
+"""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, model_validator
+
+from linkwork.mechanism.record import MechanismError, Real, Record, Vector3
+
+
+class Inertia(Record):
+    """Hold the inertia tensor about the mass centre, in the body's axes [kg m^2]; `zz` alone for planar bodies."""
+
+    zz: NonNegativeFloat = Field(description="moment of inertia about z [kg m^2]")
+    xx: NonNegativeFloat | None = Field(default=None, description="moment of inertia about x [kg m^2]")
+    yy: NonNegativeFloat | None = Field(default=None, description="moment of inertia about y [kg m^2]")
+    xy: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
+    xz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
+    yz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
+
+    @property
+    def planar(self) -> bool:
+        """Tell whether `zz` alone is given."""
+        return self.xx is None
+
+    def tensor(self) -> np.ndarray:
+        """Return the 3 x 3 tensor [kg m^2]; the elements that a planar body leaves out are zero."""
+        xx, yy = self.xx or 0.0, self.yy or 0.0
+        return np.array([[xx, self.xy, self.xz], [self.xy, yy, self.yz], [self.xz, self.yz, self.zz]])
+
+    @model_validator(mode="after")
+    def _physical(self) -> Self:
+        if (self.xx is None) != (self.yy is None):
+            raise MechanismError("give xx, yy and zz, or zz alone for a body that moves in its xy plane")
+        if self.planar:
+            if self.xy or self.xz or self.yz:
+                raise MechanismError("xy, xz and yz need xx and yy too; give zz alone for a planar body")
+            return self
+        a, b, c = np.linalg.eigvalsh(self.tensor())
+        if a < -1e-12 * c or a + b < c * (1 - 1e-9):
+            raise MechanismError(
+                f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2 violate the triangle inequality: "
+                "no moment may exceed the sum of the other two"
+            )
+        return self
+
+
+class Body(Record):
+    """Describe a rigid body by mass [kg], mass centre [m, body frame] and inertia about it [kg m^2, body axes]."""
+
+    mass: NonNegativeFloat = Field(description="mass [kg], zero or more")
+    centre_of_mass: Vector3 = Field(default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]")
+    inertia: Inertia = Field(
+        default_factory=lambda: Inertia(xx=0.0, yy=0.0, zz=0.0), description="about the mass centre"
+    )

@@ -1,0 +1,49 @@
+"""Frames fixed in a body: a position and an orientation.
+
+The orientation is a rotation vector (unit axis times angle, rad): three numbers, no normalisation to keep, and a planar
+frame is simply (0, 0, angle). R = exp([rotation x]) turns components in this frame into components in the body's frame.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, hypot, sin, sqrt
+
+from pydantic import Field
+
+from linkwork.mechanism.record import MechanismError, Record, Vector3
+
+
+class Frame(Record):
+    """Place a frame F in the frame B of a body: p_BF and R_BF = exp([rotation x])."""
+
+    position: Vector3 = Field(default=(0.0, 0.0, 0.0), description="p_BF, origin of the frame in the body's frame [m]")
+    rotation: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector of R_BF, axis times angle [rad]")
+
+    @classmethod
+    def planar(cls, x: float = 0.0, y: float = 0.0, angle: float = 0.0) -> Frame:
+        """Place a frame in the plane z = 0: (x, y) [m], angle about z [rad]."""
+        return cls(position=(x, y, 0.0), rotation=(0.0, 0.0, angle))
+
+    @classmethod
+    def from_quaternion(cls, position: Vector3, quaternion: tuple[float, float, float, float]) -> Frame:
+        """Place a frame by position [m] and quaternion (w, x, y, z), which is normalised; zero length is refused."""
+        w, x, y, z = quaternion
+        norm = sqrt(w * w + x * x + y * y + z * z)
+        if norm < 1e-12:
+            raise MechanismError(f"quaternion {quaternion} has no length; give (w, x, y, z) of length 1")
+        if w < 0:
+            w, x, y, z = -w, -x, -y, -z
+        vector = hypot(x, y, z)
+        scale = 2 * atan2(vector, w) / vector if vector > 0 else 0.0
+        return cls(position=position, rotation=(scale * x, scale * y, scale * z))
+
+    @classmethod
+    def from_rpy(cls, position: Vector3, roll: float, pitch: float, yaw: float) -> Frame:
+        """Place a frame by position [m] and fixed-axis angles [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
+        cr, sr, cp, sp = cos(roll / 2), sin(roll / 2), cos(pitch / 2), sin(pitch / 2)
+        cy, sy = cos(yaw / 2), sin(yaw / 2)
+        w = cr * cp * cy + sr * sp * sy
+        x = sr * cp * cy - cr * sp * sy
+        y = cr * sp * cy + sr * cp * sy
+        z = cr * cp * sy - sr * sp * cy
+        return cls.from_quaternion(position, (w, x, y, z))
