@@ -1,6 +1,7 @@
 """The YAML file and the code describe the same thing."""
 
 import pytest
+
 from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.robots import prr3
 

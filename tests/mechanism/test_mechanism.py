@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from linkwork.equations.algebra import rotation_matrix
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
 from linkwork.robots import prr3
@@ -23,7 +24,11 @@ def changed(path, value):
 @pytest.mark.parametrize(
     ("path", "value", "sentence"),
     [
-        ("bodies.link_1.mass", -0.5, "bodies.link_1.mass: -0.5 is not accepted: input should be greater than or equal to 0"),
+        (
+            "bodies.link_1.mass",
+            -0.5,
+            "bodies.link_1.mass: -0.5 is not accepted: input should be greater than or equal to 0",
+        ),
         ("bodies.link_1.mass", math.nan, "bodies.link_1.mass: nan is not accepted: input should be a finite number"),
         ("bodies.link_1.mass", "heavy", "bodies.link_1.mass: 'heavy' is not accepted: input should be a valid number"),
         ("bodies.link_1.weight", 1.0, "bodies.link_1.weight: is not a known field; the fields here are mass,"),
@@ -38,9 +43,21 @@ def changed(path, value):
         ("bodies.ground", {"mass": 1.0}, "bodies.ground: 'ground' is the fixed frame and cannot be described"),
         ("joints.slide_1.axis", (0, 0, 0), "joints.slide_1.axis: axis [0.0, 0.0, 0.0] has no length; give a direction"),
         ("joints.slide_1.axis", (0, 1), "joints.slide_1.axis.2: is missing; give a value"),
-        ("joints.slide_1.type", "screw", "joints.slide_1.type: 'screw' is not one of the types fixed, revolute, prismatic"),
-        ("joints.slide_1.connects", ("ground", "cart"), "joints.slide_1.connects: there is no body 'cart'; the body names"),
-        ("joints.slide_1.connects", ("link_1", "link_1"), "joints.slide_1: connects 'link_1' to itself; name two bodies"),
+        (
+            "joints.slide_1.type",
+            "screw",
+            "joints.slide_1.type: 'screw' is not one of the types fixed, revolute, prismatic",
+        ),
+        (
+            "joints.slide_1.connects",
+            ("ground", "cart"),
+            "joints.slide_1.connects: there is no body 'cart'; the body names",
+        ),
+        (
+            "joints.slide_1.connects",
+            ("link_1", "link_1"),
+            "joints.slide_1: connects 'link_1' to itself; name two bodies",
+        ),
         ("actuators", ("motor",), "actuators: there is no joint 'motor'; the joint names are slide_1"),
         ("actuators", ("slide_1", "slide_1"), "actuators: 'slide_1' is named twice"),
         ("tools.centre.body", "hand", "tools.centre.body: there is no body 'hand'; the body names are slider_1"),

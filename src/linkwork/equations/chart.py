@@ -3,10 +3,12 @@
     Phi q' = 0,  q' = (v, q_u'):      Phi_u q_u' = -Phi_a v          q' = L v
     Phi q'' + gamma = 0:              Phi_u q_u'' = -Phi_a v' - gamma    q'' = L v' + b
 
-The order of elimination is chosen once, on numbers, and then traced without a branch. Pivots that are constants (lengths) are
-taken first: they cannot become weak. What remains falls into coupled blocks; a block of up to three unknowns is solved by
-cofactors, which fail only where the block itself is singular, not where some pivot order is; of a larger block the
-strongest pivots are eliminated until three unknowns are left. The smallest relative pivot, a pivot or determinant over its
+The order of elimination is chosen once, on numbers, and then traced without a branch. Pivots that are constants
+(lengths) are
+taken first: they cannot become weak. What remains falls into coupled blocks; a block of up to three unknowns is solved
+by cofactors, which fail only where the block itself is singular, not where some pivot order is; of a larger block the
+strongest pivots are eliminated until three unknowns are left. The smallest relative pivot, a pivot or determinant over
+its
 value at the reference configuration, is an output: it goes to zero at an actuator-singular pose.
 Source: the paper, Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold pivoting).
 """
@@ -33,7 +35,7 @@ def independent_rows(samples: Sequence[np.ndarray]) -> tuple[int, ...]:
     Args:
         samples: Phi (rows x nq) at closed configurations.
     """
-    stacked = np.hstack([phi / max(np.abs(phi).max(), 1.0) for phi in samples])
+    stacked = np.hstack([phi / max(np.abs(phi).max(initial=0), 1.0) for phi in samples])
     basis = np.zeros((0, stacked.shape[1]))
     kept = []
     for index, row in enumerate(stacked):
@@ -133,7 +135,7 @@ def eliminate_values(values: Values, constant: set[tuple[int, int]], block: Bloc
     pivots = {r: values.pop(r) for r in block.rows}
     if len(block.rows) > 1:
         return  # a block is closed: no other row holds its columns
-    ((r, pivot_row),), (c,) = pivots.items(), block.columns
+    (c,), (pivot_row,) = block.columns, pivots.values()
     for i, row in values.items():
         if c not in row:
             continue

@@ -1,8 +1,8 @@
 """Closure: the rows that a cut joint's type brings, their Jacobian and their bias.
 
-For a cut joint with frames F1, F2 the rows of its kind hold one frame's point and directions in the other. They are written in
-the axes of the side whose chain is shorter ("this" side, the other is "that"): there the last joints' columns are constants
-or near it, so that eliminating them costs little and divides by lengths, not by sines.
+For a cut joint with frames F1, F2 the rows of its kind hold one frame's point and directions in the other. They are
+written in the axes of the side whose chain is shorter ("this" side, the other is "that"): there the last joints'
+columns are constants or near it, so that eliminating them costs little and divides by lengths, not by sines.
 
     position row    phi = e . (p_that - p_this)     Phi q' = e . (v_that - v_this - omega_this x (p_that - p_this))
     direction row   phi = e . f                     Phi q' = (f x e) . (omega_that - omega_this)
@@ -29,7 +29,8 @@ from linkwork.mechanism import Frame, Mechanism
 class Side:
     """Hold one side of a cut joint.
 
-    node: the body's; arm, R_F: joint frame from the node's origin, constant in the body's axes; P, R: the same in the ground's.
+    node: the body's; arm, R_F: joint frame from the node's origin, constant in the body's axes; P, R: the same in the
+    ground's.
     """
 
     node: Node
@@ -103,18 +104,13 @@ def column(cut: Cut, row: Row, node: Node, sign: int) -> ca.SX:
     own = node.index == this.node.index and not (node.turns and cut.slides)
     z = SX(node.local_z) if own else node.z
     if row.f is not None:
-        return dot(moment_direction(this, row, own), z) if node.turns else SX(0)
+        moment = SX(snap(this.R_F @ row.moment)) if own else in_base(this.R, row.moment)
+        return dot(moment, z) if node.turns else SX(0)
     e = SX(snap(this.R_F @ row.e)) if own else in_base(this.R, row.e)
     if not node.turns:
         return dot(e, z)
     P = cut.that.P if sign > 0 or cut.slides else this.P
     return dot(e, cross(z, SX(this.arm) if own else P - node.O))
-
-
-def moment_direction(this: Side, row: Row, local: bool) -> ca.SX:
-    """Return f x e, about which a direction row allows no turn; in the body's axes or in the ground's."""
-    direction = np.cross(row.f, row.e)
-    return SX(snap(this.R_F @ direction)) if local else in_base(this.R, direction)
 
 
 def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
@@ -129,7 +125,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     result = []
     for row in cut.rows:
         if row.f is not None:
-            result.append(dot(moment_direction(this, row, False), turning))
+            result.append(dot(in_base(this.R, row.moment), turning))
             continue
         e = in_base(this.R, row.e)
         if cut.slides:

@@ -25,7 +25,8 @@ def derive(mechanism: Mechanism) -> Equations:
     """Derive the equations of motion of a mechanism in the rates of its actuated joints.
 
     Raises:
-        MechanismError: loops that do not close at the reference configuration, actuators that do not match the mobility or
+        MechanismError: loops that do not close at the reference configuration, actuators that do not match the
+        mobility or
             are dependent there, bodies whose inertia is given for planar motion but that leave their plane.
     """
     topology = span(mechanism)

@@ -3,8 +3,8 @@
     H(q)            generalised inertia of the tree, by composite moments
     h(q, q', q'')   H q'' + velocity terms + weight, by one outward and one inward pass
 
-H is K' Mtot K and h(q, q', 0) is K' (Mtot K' q' + Omega Mtot K q' - w_g) of the paper for the tree's coordinates, organised so
-that neither K nor Mtot is ever formed. Both are written about the nodes' origins, in the ground's axes.
+H is K' Mtot K and h(q, q', 0) is K' (Mtot K' q' + Omega Mtot K q' - w_g) of the paper for the tree's coordinates,
+organised so that neither K nor Mtot is ever formed. Both are written about the nodes' origins, in the ground's axes.
 Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
 """
 
@@ -28,15 +28,17 @@ def generalised_inertia(tree: Tree) -> ca.SX:
     """Return H (nq x nq).
 
     Outward to inward, composite moments (m, h, I) gather each node's own and its children's, shifted by r:
-    h += m r,  I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a joint needs the
-    wrench (N, F) about O:  turn  F = z x h, N = I z;  slide  F = m z, N = h x z;  H_ij projects it on the joints inward.
+    h += m r,  I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a joint
+    needs the
+    wrench (N, F) about O:  turn  F = z x h, N = I z;  slide  F = m z, N = h x z;  H_ij projects it on the joints
+    inward.
     """
     moments = [base_moments(node) for node in tree.nodes]
     H = SX.zeros(len(tree.coordinates), len(tree.coordinates))
     for node in reversed(tree.nodes):
         m, h, inertia = moments[node.index]
         if node.coordinate is not None:
-            project_inward(tree, node, m, h, inertia, H)
+            project_inward(tree, node, node.coordinate, m, h, inertia, H)
         if node.parent >= 0:
             m_p, h_p, I_p = moments[node.parent]
             r = node.r
@@ -47,9 +49,9 @@ def generalised_inertia(tree: Tree) -> ca.SX:
     return H
 
 
-def project_inward(tree: Tree, node: Node, m: float, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
-    """Fill row and column of one coordinate of H."""
-    z, i = node.z, node.coordinate
+def project_inward(tree: Tree, node: Node, i: int, m: float, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
+    """Fill row and column i of H, those of a node's coordinate."""
+    z = node.z
     F, N = (cross(z, h), ca.mtimes(inertia, z)) if node.turns else (m * z, cross(h, z))
     H[i, i] = dot(z, N if node.turns else F)
     for inner in reversed(tree.path(node)[:-1]):

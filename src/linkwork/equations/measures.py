@@ -1,7 +1,8 @@
 """What is read off a configuration: coordinates of all joints, poses and twists of bodies and tools.
 
-Joints of the tree carry their coordinates themselves; those of cut joints follow from the poses of their two sides. K maps the
-tree's rates to the bodies' twists t_i = [omega_i; v_i], v_i of the mass centre, in the ground's axes (paper, Eqs. (3), (4)).
+Joints of the tree carry their coordinates themselves; those of cut joints follow from the poses of their two sides. K
+maps the tree's rates to the bodies' twists t_i = [omega_i; v_i], v_i of the mass centre, in the ground's axes (paper,
+Eqs. (3), (4)).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from linkwork.equations import closure
 from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, zero
 from linkwork.equations.joints import KINDS
 from linkwork.equations.orientation import Orientation, angle_about
-from linkwork.equations.tree import Node, Tree, in_base, offset
+from linkwork.equations.tree import Node, Tree, offset
 from linkwork.mechanism import Mechanism, Tool
 
 

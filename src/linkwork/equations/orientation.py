@@ -4,9 +4,9 @@ Every orientation is kept in the form
 
     R = left . Rot(axis, angle) . right
 
-with a constant unit axis and a constant right factor. A further turn about an axis parallel to this one only adds to the
-angle; in a planar mechanism every body then costs one sine and one cosine and no product of matrices. A turn about any
-other axis starts a new form, whose left factor is the matrix so far.
+with a constant unit axis and a constant right factor. A further turn about an axis parallel to this one only adds to
+the angle; in a planar mechanism every body then costs one sine and one cosine and no product of matrices. A turn about
+any other axis starts a new form, whose left factor is the matrix so far.
 """
 
 from __future__ import annotations

@@ -1,15 +1,17 @@
 """The spanning tree as a chain of elementary motions, and its kinematics in the ground's axes.
 
 Every joint of the tree is a sequence of turns and slides; each leads from a node to the next. A node has an origin O (a
-point of the motion's axis), an orientation R and, if it is a body, the body's inertia. With z the axis, r = O - O_parent:
+point of the motion's axis), an orientation R and, if it is a body, the body's inertia. With z the axis, r = O -
+O_parent:
 
     turn     omega = omega_p + z q'        r constant in the parent
     slide    omega = omega_p               r = r_0 + z q
-    alpha_O and a_O of a node follow from its parent's by the rigid-body formulas, with  a = a_p + alpha_p x r + omega_p x (omega_p x r)
+    alpha_O and a_O of a node follow from its parent's by the rigid-body formulas, with  a = a_p + alpha_p x r +
+    omega_p x (omega_p x r)
 
-Regrouping: a body that turns on its parent acts on it through its mass only as a point mass at the joint, so this mass is
-moved into the parent once and for all (numbers), and the recursions carry first and second moments alone; a body fixed
-to its parent is moved into it whole.
+Regrouping: a body that turns on its parent acts on it through its mass only as a point mass at the joint, so this mass
+is moved into the parent once and for all (numbers), and the recursions carry first and second moments alone; a body
+fixed to its parent is moved into it whole.
 Source: Featherstone 2008, ch. 4-6 (recursions); Khalil & Dombre 2002, ch. 9 (regrouping).
 """
 
@@ -64,7 +66,8 @@ def steiner(c: np.ndarray) -> np.ndarray:
 class Node:
     """Hold one elementary motion and the frame behind it, in the ground's axes.
 
-    index, parent: position in the tree's list, -1 for ground; joint, body: names (body None between the motions of a joint)
+    index, parent: position in the tree's list, -1 for ground; joint, body: names (body None between the motions of a
+    joint)
     coordinate: index in q, None if nothing moves; turns: turn or slide; z: axis; local_z: axis in the node's own axes
     R: orientation; O: origin; r: O - O_parent; arm: r in the parent's axes where constant, else None
     weld: R in the parent's axes where nothing moves, else None

@@ -33,7 +33,7 @@ class JointBase(Record):
 
     connects: tuple[Name, Name] = Field(description="names of the first and the second body")
     frames: tuple[Frame, Frame] = Field(
-        (Frame(), Frame()), description="joint frame in the first and in the second body"
+        default=(Frame(), Frame()), description="joint frame in the first and in the second body"
     )
 
 

@@ -79,7 +79,8 @@ class Mechanism(Record):
         """Return the graph: nodes are `ground` and the bodies, edges the joints (key: the joint's name)."""
         graph = nx.MultiGraph()
         graph.add_nodes_from((GROUND, *self.bodies))
-        graph.add_edges_from((*joint.connects, name) for name, joint in self.joints.items())
+        for name, joint in self.joints.items():
+            graph.add_edge(*joint.connects, key=name)
         return graph
 
     def save(self, path: str | Path) -> None:

@@ -42,7 +42,8 @@ def first_refusal(error: ValidationError, record: type[BaseModel]) -> MechanismE
     where = tuple(str(part) for part in first["loc"])
     if where and isinstance(first["input"], dict) and first["input"].get("type") == where[-1]:
         where = where[:-1]  # the tag of a union ("joints", "slide_1", "prismatic") is no part of the path
-    cause = first.get("ctx", {}).get("error")
+    context = first.get("ctx", {})
+    cause = context.get("error")
     if isinstance(cause, MechanismError):
         return MechanismError(cause.what, where + cause.where)
     if isinstance(cause, ValueError):
@@ -54,8 +55,8 @@ def first_refusal(error: ValidationError, record: type[BaseModel]) -> MechanismE
             known = ", ".join(record.model_fields)
             return MechanismError(f"is not a known field; the fields here are {known}", where)
         case "union_tag_invalid":
-            known = first["ctx"]["expected_tags"].replace("'", "")
-            return MechanismError(f"{first['ctx']['tag']!r} is not one of the types {known}", (*where, "type"))
+            known = context["expected_tags"].replace("'", "")
+            return MechanismError(f"{context['tag']!r} is not one of the types {known}", (*where, "type"))
         case "union_tag_not_found":
             return MechanismError("is missing; name the type, such as revolute", (*where, "type"))
         case _:

@@ -28,6 +28,11 @@ class Row:
     e: np.ndarray
     f: np.ndarray | None = None
 
+    @property
+    def moment(self) -> np.ndarray:
+        """Return f x e, the direction about which a direction row allows no turn (zero for a position row)."""
+        return np.zeros(3) if self.f is None else np.cross(self.f, self.e)
+
 
 @dataclass(frozen=True)
 class Kind:

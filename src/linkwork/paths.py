@@ -1,0 +1,141 @@
+"""Tool paths: poses of the tool over a run, with exact first and second time derivatives.
+
+A path gives the pose x(s), x'(s), x''(s) for s from 0 to 1, and a motion law s(t) says when it is where. Poses have
+the tool's
+coordinates: (x, y) or (x, y, angle) in the plane, (x, y, z) or (x, y, z, rx, ry, rz) in space (rotation vector) [m,
+rad].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+
+Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
+Law = Callable[[np.ndarray], Triple]
+
+
+def rest_to_rest(tau: np.ndarray) -> Triple:
+    """Return s, s', s'' of the law s = 35 tau^4 - 84 tau^5 + 70 tau^6 - 20 tau^7.
+
+    Rate, acceleration and jerk are zero at both ends; tau = t / duration.
+    """
+    s = tau**4 * (35 + tau * (-84 + tau * (70 - 20 * tau)))
+    ds = 140 * tau**3 * (1 - tau) ** 3
+    dds = 420 * tau**2 * (1 - tau) ** 2 * (1 - 2 * tau)
+    return s, ds, dds
+
+
+def uniform(tau: np.ndarray) -> Triple:
+    """Return s, s', s'' of the law s = tau: constant speed from the first moment on."""
+    return tau, np.ones_like(tau), np.zeros_like(tau)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Hold a curve s -> (x, x', x''), each (K, d), and the law by which it is run through."""
+
+    curve: Callable[[np.ndarray], Triple]
+    law: Law = rest_to_rest
+
+    def sample(self, time: np.ndarray, duration: float) -> Triple:
+        """Return poses, velocities and accelerations (K, d) at the times [s] of a run of a given duration [s].
+
+        x' = x_s s',  x'' = x_ss s'^2 + x_s s''.
+        """
+        s, ds, dds = self.law(np.asarray(time, float) / duration)
+        x, x_s, x_ss = self.curve(s)
+        rate, acceleration = (ds / duration)[:, None], (dds / duration**2)[:, None]
+        return x, x_s * rate, x_ss * rate**2 + x_s * acceleration
+
+
+def circle(
+    centre: Sequence[float],
+    radius: float,
+    orientation: float | Sequence[float] | None = None,
+    *,
+    start: float = 0.0,
+    turns: float = 1.0,
+    law: Law = rest_to_rest,
+) -> Path:
+    """Lead the tool around a circle parallel to the xy plane.
+
+    Args:
+        centre: (x, y) or (x, y, z) of the circle [m].
+        radius: [m].
+        orientation: constant angle, or rotation vector in space [rad]; left out: the tool's orientation is not
+        prescribed.
+        start: angle of the first point, from x [rad].
+        turns: number of turns, negative for clockwise.
+        law: motion law.
+    """
+    middle = finite("the centre", centre, (2, 3))
+    (radius,) = finite("the radius", [radius], (1,))
+    fixed = np.concatenate([middle[2:], np.atleast_1d([] if orientation is None else orientation)]).astype(float)
+    sweep = 2 * np.pi * turns
+
+    def curve(s: np.ndarray) -> Triple:
+        phase = start + sweep * s
+        c, n, rest = radius * np.cos(phase), radius * np.sin(phase), np.ones((s.size, 1)) * fixed
+        return (
+            np.column_stack([middle[0] + c, middle[1] + n, rest]),
+            np.column_stack([-sweep * n, sweep * c, 0 * rest]),
+            np.column_stack([-(sweep**2) * c, -(sweep**2) * n, 0 * rest]),
+        )
+
+    return Path(curve, law)
+
+
+def line(start: Sequence[float], end: Sequence[float], *, law: Law = rest_to_rest) -> Path:
+    """Lead the tool straight from one pose to another; all coordinates change in proportion."""
+    first, last = finite("the start", start, (2, 3, 6)), finite("the end", end, (len(start),))
+
+    def curve(s: np.ndarray) -> Triple:
+        along = np.ones((s.size, 1)) * (last - first)
+        return first + s[:, None] * along, along, 0 * along
+
+    return Path(curve, law)
+
+
+def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Path:
+    """Lead the tool through poses (K, d), K >= 4, by a cubic spline with continuous accelerations."""
+    from scipy.interpolate import CubicSpline
+
+    points = np.array([finite(f"pose {k}", pose, (2, 3, 6)) for k, pose in enumerate(poses)])
+    if len(points) < 4:
+        raise LinkworkError(f"a path through poses needs at least 4 of them, not {len(points)}")
+    spline = CubicSpline(np.linspace(0, 1, len(points)), points)
+    return Path(lambda s: (spline(s), spline(s, 1), spline(s, 2)), law)
+
+
+def together(*paths: Path) -> Path:
+    """Prescribe several parts of the pose side by side, such as a circle (x, y) and a line of angles; the first law holds."""
+
+    def curve(s: np.ndarray) -> Triple:
+        parts = [path.curve(s) for path in paths]
+        return tuple(np.hstack([part[k] for part in parts]) for k in range(3))  # pyright: ignore[reportReturnType]
+
+    return Path(curve, paths[0].law)
+
+
+def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = rest_to_rest) -> Path:
+    """Vary one coordinate as start + amplitude sin(2 pi swings s)."""
+    rate = 2 * np.pi * swings
+
+    def curve(s: np.ndarray) -> Triple:
+        sine, cosine = np.sin(rate * s)[:, None], np.cos(rate * s)[:, None]
+        return start + amplitude * sine, amplitude * rate * cosine, -amplitude * rate**2 * sine
+
+    return Path(curve, law)
+
+
+def finite(what: str, values: Sequence[float], sizes: tuple[int, ...]) -> np.ndarray:
+    array = np.asarray(values, float)
+    if array.ndim != 1 or array.size not in sizes or not np.isfinite(array).all():
+        counts = " or ".join(map(str, sizes))
+        raise LinkworkError(f"{what} is {list(np.ravel(array))}; give {counts} finite numbers")
+    return array
