@@ -137,5 +137,5 @@ def finite(what: str, values: Sequence[float], sizes: tuple[int, ...]) -> np.nda
     array = np.asarray(values, float)
     if array.ndim != 1 or array.size not in sizes or not np.isfinite(array).all():
         counts = " or ".join(map(str, sizes))
-        raise LinkworkError(f"{what} is {list(np.ravel(array))}; give {counts} finite numbers")
+        raise LinkworkError(f"{what} is {np.ravel(array).tolist()}; give {counts} finite numbers")
     return array

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -169,7 +170,8 @@ class Robot:
         independent = list(self.equations.chart.independent)
         state = self._state(tree[0], tree[1][:, independent])
         v_dot = tree[2][:, independent]
-        _, joint_rates, joint_accelerations = self._joints_motion(state.coordinates, state.rates, v_dot)
+        positions, joint_rates, joint_accelerations = self._joints_motion(state.coordinates, state.rates, v_dot)
+        state = replace(state, positions=self.unwrapped(positions))
         return Motion(time, state, v_dot, joint_rates, joint_accelerations, poses)
 
     # Equations of motion
@@ -276,7 +278,15 @@ class Robot:
 
     def tool_pose(self, state: State) -> np.ndarray:
         """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector (..., 6) in space [m, rad]."""
-        return self._tool_poses(self._own(state).coordinates)
+        return self.tool_poses(self._own(state).coordinates)
+
+    def unit(self, joint: str) -> str:
+        """Return the unit of a joint's coordinate: m or rad."""
+        return "rad" if self.mechanism.joints[joint].type == "revolute" else "m"
+
+    def unwrapped(self, positions: np.ndarray) -> np.ndarray:
+        """Return coordinates of all joints over time (K, m) without the jumps of 2 pi that cut joints' angles may have."""
+        return np.where(self._angular, np.unwrap(positions, axis=0), positions)
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...) [m, rad], redundant rows included."""
@@ -356,7 +366,8 @@ class Robot:
     def _joints_motion(self, q: np.ndarray, v: np.ndarray, v_dot: np.ndarray) -> tuple[np.ndarray, ...]:
         return self._kernel("joints_motion")(q, v, v_dot)
 
-    def _tool_poses(self, q: np.ndarray) -> np.ndarray:
+    def tool_poses(self, q: np.ndarray) -> np.ndarray:
+        """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
         if not self.mechanism.tools:
             raise LinkworkError("the mechanism names no tool; add one under 'tools'")
         out = dict(zip(self._assembly_function.name_out(), self._assembly_kernel(q, 0 * q), strict=True))
@@ -407,7 +418,7 @@ class Robot:
 
     @cached_property
     def _angular(self) -> np.ndarray:
-        return np.array([self.mechanism.joints[name].type == "revolute" for name in self.joints])
+        return np.array([self.unit(name) == "rad" for name in self.joints])
 
     def _open_row(self, q: np.ndarray) -> str:
         out = self._assembler.evaluate(q, 0 * q)

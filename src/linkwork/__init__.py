@@ -1,0 +1,99 @@
+"""Exact equations of motion of mechanisms with closed loops, compiled to machine code.
+
+    import linkwork as lw
+
+    robot = lw.Robot(lw.robots.prr3())
+    run = robot.simulate(robot.home, [5.0, 0.0, 0.0], duration=1.0)
+
+Every name below is imported when it is first used, so that `import linkwork` costs next to nothing.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from linkwork import engines, equations, kernels, mechanism, paths, robots, simulation, textbook, views
+    from linkwork.errors import LinkworkError
+    from linkwork.mechanism import (
+        Body,
+        FixedJoint,
+        Frame,
+        Inertia,
+        Mechanism,
+        MechanismError,
+        PrismaticJoint,
+        RevoluteJoint,
+        Tool,
+    )
+    from linkwork.robot import Motion, Robot, SingularError, State, UnreachableError
+    from linkwork.simulation import Run, Sampled, Signal, Status
+
+    __version__: str
+
+__all__ = [
+    "Body",
+    "FixedJoint",
+    "Frame",
+    "Inertia",
+    "LinkworkError",
+    "Mechanism",
+    "MechanismError",
+    "Motion",
+    "PrismaticJoint",
+    "RevoluteJoint",
+    "Robot",
+    "Run",
+    "Sampled",
+    "Signal",
+    "SingularError",
+    "State",
+    "Status",
+    "Tool",
+    "UnreachableError",
+    "__version__",
+    "engines",
+    "equations",
+    "kernels",
+    "mechanism",
+    "paths",
+    "robots",
+    "simulation",
+    "textbook",
+    "views",
+]
+
+_HOMES = {
+    "errors": ("LinkworkError",),
+    "mechanism": (
+        "Body",
+        "FixedJoint",
+        "Frame",
+        "Inertia",
+        "Mechanism",
+        "MechanismError",
+        "PrismaticJoint",
+        "RevoluteJoint",
+        "Tool",
+    ),
+    "robot": ("Motion", "Robot", "SingularError", "State", "UnreachableError"),
+    "simulation": ("Run", "Sampled", "Signal", "Status"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        value = version("linkwork")
+    elif name in _HOME:
+        value = getattr(import_module(f"linkwork.{_HOME[name]}"), name)
+    elif name in __all__:
+        value = import_module(f"linkwork.{name}")
+    else:
+        raise AttributeError(f"module 'linkwork' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,74 @@
+"""Compile a function by Numba once per machine: kept in a cache folder, and announced while it happens."""
+
+import sys
+import time
+import warnings
+from collections.abc import Callable
+
+from numba import njit
+from numba.core import event
+from numba.core.dispatcher import Dispatcher
+
+OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+
+
+def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
+    """Decorate a function to be compiled for exactly one signature when its module is imported.
+
+    The machine code is loaded from Numba's cache folder if it is there; if not, one line on stderr names `what` is
+    being compiled. Where no cache folder can be used, a warning says so and the code is compiled for this process only.
+    """
+
+    def decorate(function: Callable) -> Dispatcher:
+        with event.install_listener("numba:compile", _Announcer(what)):
+            return _cached(function, signature) or _uncached(what, function, signature)
+
+    return decorate
+
+
+def _cached(function: Callable, signature) -> Dispatcher | None:
+    """Compile or load; return None where the cache folder cannot be used and nothing has been compiled yet."""
+    try:
+        dispatcher = njit(cache=True, **OPTIONS)(function)
+    except RuntimeError:  # Numba found no folder that it may write to
+        return None
+    try:
+        dispatcher.compile(signature)
+    except OSError:  # the folder failed while being read or written
+        return None
+    return dispatcher
+
+
+def _uncached(what: str, function: Callable, signature) -> Dispatcher:
+    warnings.warn(
+        f"{what} is compiled again by every process, for Numba's cache folder cannot be used:"
+        " let the environment variable NUMBA_CACHE_DIR name a folder that can be written",
+        stacklevel=4,
+    )
+    dispatcher = njit(**OPTIONS)(function)
+    dispatcher.compile(signature)
+    return dispatcher
+
+
+class _Announcer(event.Listener):
+    """Write one line while the outermost compilation lasts."""
+
+    def __init__(self, what: str):
+        self.what = what
+        self.depth = 0
+        self.started = 0.0
+
+    def on_start(self, event):
+        if self.depth == 0:
+            self.started = time.perf_counter()
+            self._write(f"linkwork: compiling {self.what} for this machine, once ...")
+        self.depth += 1
+
+    def on_end(self, event):
+        self.depth -= 1
+        if self.depth == 0:
+            self._write(f" {time.perf_counter() - self.started:.1f} s\n")
+
+    def _write(self, text: str) -> None:
+        sys.stderr.write(text)
+        sys.stderr.flush()

@@ -1,0 +1,217 @@
+"""A `Run`: what a user holds after a simulation, with names and units, and its files."""
+
+import contextlib
+import csv
+import io
+import os
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.simulation.status import Status
+
+if TYPE_CHECKING:
+    import xarray
+
+TIME = "time"
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Tell what a run took: evaluations of the equations of motion, steps, projections; and how well the loops closed.
+
+    `closure_error`: the largest |phi(q)| of all accepted states and saved samples, in the units of phi (m, rad);
+    `pivot`: the smallest relative pivot met (1: well posed, 0: singular), at the time `pivot_time`, s.
+    """
+
+    nfev: int
+    steps: int
+    rejected: int
+    projections: int
+    closure_error: float
+    pivot: float
+    pivot_time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """Name the axes of an array: `dims`, one name for each axis; `attrs` hold at least the "units"."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self):
+        values = np.asarray(self.values)
+        if values.ndim != len(self.dims):
+            raise LinkworkError(f"an array of the shape {values.shape} needs {values.ndim} axis names, not {self.dims}")
+        object.__setattr__(self, "values", values)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Hold the result of a simulation: arrays over named axes, how it ended, and what it took.
+
+    `variables`: quantities by name, for instance "position" over ("time", "joint"); `coords`: the axes' labels by axis
+    name, among them "time" in s; `attrs`: facts about the run as a whole; `status`, `message`: how it ended;
+    `statistics`: what it took, also reached as `nfev`, `steps`, `rejected`, `closure_error`.
+    """
+
+    variables: Mapping[str, Variable] = field(repr=False)
+    coords: Mapping[str, Variable] = field(repr=False)
+    attrs: Mapping[str, Any]
+    status: Status
+    message: str
+    statistics: Statistics
+
+    @property
+    def success(self) -> bool:
+        """Tell whether the run reached its end."""
+        return self.status is Status.FINISHED
+
+    @property
+    def nfev(self) -> int:
+        """Return the number of evaluations of the equations of motion."""
+        return self.statistics.nfev
+
+    @property
+    def steps(self) -> int:
+        """Return the number of accepted steps."""
+        return self.statistics.steps
+
+    @property
+    def rejected(self) -> int:
+        """Return the number of rejected steps."""
+        return self.statistics.rejected
+
+    @property
+    def closure_error(self) -> float:
+        """Return the largest |phi(q)| of all accepted states and saved samples."""
+        return self.statistics.closure_error
+
+    @cached_property
+    def dataset(self) -> "xarray.Dataset":
+        """Return the run as an `xarray.Dataset`; its attributes hold the status, the message and the statistics."""
+        import xarray
+
+        def entries(variables: Mapping[str, Variable]) -> dict:
+            return {name: (v.dims, v.values, dict(v.attrs)) for name, v in variables.items()}
+
+        ending = {"status": self.status.name, "message": self.message}
+        return xarray.Dataset(
+            entries(self.variables), entries(self.coords), dict(self.attrs) | ending | vars(self.statistics)
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the run to a file, whole or not at all, and return its path; the suffix names the format.
+
+        .nc: NetCDF (version 3), everything the run holds; `Run.load` reads it. .csv: one row for each saved time, one
+        column for each component of what varies with time, named quantity.joint; units, constants and the ending stand
+        above in lines that begin with #.
+
+        Raises `LinkworkError` for another suffix, or where the file cannot be written.
+        """
+        path = Path(path)
+        write = _WRITERS.get(path.suffix.lower())
+        if write is None:
+            raise LinkworkError(
+                f"cannot save a run as {path.name!r}: its suffix must be one of {', '.join(_WRITERS)}, not {path.suffix!r}"
+            )
+        with _whole_or_nothing(path) as part:
+            write(self, part)
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a run that `save` wrote as .nc; raise `LinkworkError` if the file is missing or holds no run."""
+        import xarray
+
+        try:
+            dataset = xarray.load_dataset(path, engine="scipy")
+        except OSError as error:
+            raise LinkworkError(f"cannot read a run from '{path}': {error.strerror or error}") from error
+        except (TypeError, ValueError, KeyError) as error:
+            raise LinkworkError(f"cannot read a run from '{path}': it is not a NetCDF file") from error
+        attrs = dict(dataset.attrs)
+        try:
+            status, message = Status[attrs.pop("status")], attrs.pop("message")
+            statistics = Statistics(**{field.name: attrs.pop(field.name).item() for field in fields(Statistics)})
+        except KeyError as error:
+            raise LinkworkError(
+                f"cannot read a run from '{path}': its attribute {error} is missing or unknown"
+            ) from error
+        return cls(_variables(dataset.data_vars), _variables(dataset.coords), attrs, status, message, statistics)
+
+
+def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
+    return {
+        str(name): Variable(tuple(map(str, array.dims)), array.values, dict(array.attrs))
+        for name, array in arrays.items()
+    }
+
+
+def _write_netcdf(run: Run, path: Path) -> None:
+    try:
+        run.dataset.to_netcdf(path, engine="scipy")
+    except (TypeError, ValueError) as error:
+        raise LinkworkError(f"NetCDF cannot hold what the run holds: {error}") from error
+
+
+def _write_csv(run: Run, path: Path) -> None:
+    time = run.coords[TIME]
+    moving = {name: v for name, v in run.variables.items() if TIME in v.dims}
+    heading, columns = [f"{TIME} [{time.attrs.get('units', '')}]"], [(TIME, time.values)]
+    for name, variable in moving.items():
+        heading.append(f"{name} [{variable.attrs.get('units', '')}]")
+        columns += _columns(name, variable, run.coords)
+    constants = [
+        f"{column} = {value} [{variable.attrs.get('units', '')}]"
+        for name, variable in run.variables.items()
+        if name not in moving
+        for column, value in _columns(name, variable, run.coords)
+    ]
+    names = io.StringIO()
+    csv.writer(names, lineterminator="\n").writerow(name for name, _ in columns)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for line in [run.message, "units: " + ", ".join(heading), *constants]:
+            file.write("# " + " ".join(line.split()) + "\n")
+        file.write(names.getvalue())
+        np.savetxt(file, np.column_stack([values for _, values in columns]), fmt="%.17g", delimiter=",")
+
+
+def _columns(name: str, variable: Variable, coords: Mapping[str, Variable]) -> list[tuple[str, np.ndarray]]:
+    """Return the variable's components, named quantity.label.label ..., each over time where it varies with time."""
+    values, dims = variable.values, variable.dims
+    if TIME in dims:
+        values, dims = np.moveaxis(values, dims.index(TIME), -1), [dim for dim in dims if dim != TIME]
+    labels = [coords[dim].values if dim in coords else range(n) for dim, n in zip(dims, values.shape, strict=False)]
+    return [
+        (".".join([name, *(str(axis[i]) for axis, i in zip(labels, index, strict=True))]), values[index])
+        for index in np.ndindex(*values.shape[: len(dims)])
+    ]
+
+
+_WRITERS: dict[str, Callable[[Run, Path], None]] = {".nc": _write_netcdf, ".csv": _write_csv}
+
+
+@contextlib.contextmanager
+def _whole_or_nothing(path: Path) -> Iterator[Path]:
+    """Give a neighbouring path to write to, which becomes `path` when all is written and vanishes when anything fails."""
+    if not path.parent.is_dir():
+        raise LinkworkError(f"cannot write '{path}': there is no folder '{path.parent}'")
+    if path.is_dir():
+        raise LinkworkError(f"cannot write '{path}': it is a folder")
+    part = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as error:
+        raise LinkworkError(f"cannot write '{path}': {error.strerror or error}") from error
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,172 @@
+"""Forces over time in one representation that machine code evaluates: piecewise cubic polynomials.
+
+    u(t) = c_0 + c_1 s + c_2 s^2 + c_3 s^3,     s = t - knot_i,     knot_i <= t < knot_(i+1).
+
+Where a signal jumps or has a kink (`breaks`), the integrator ends a step exactly there: no step ever straddles one, and
+the order of the method is kept.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.errors import LinkworkError
+
+Kind = Literal["spline", "linear", "hold"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Give a signal by its samples.
+
+    `times` (N,) in s, strictly increasing, N >= 2; `values` (N, nu), or (N,) for a single input;
+    `kind`: how to read between the samples: "spline" (the not-a-knot cubic, twice differentiable), "linear", or
+    "hold" (each value acts from its own time to the next: a zero-order hold).
+
+    Raises `LinkworkError` for other shapes, times that do not increase, and values that are not finite.
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+    kind: Kind = "spline"
+
+    def __post_init__(self):
+        times = _finite("sample times", self.times)
+        values = _finite("sample values", self.values)
+        if times.ndim != 1 or times.size < 2:
+            raise LinkworkError(f"sample times have the shape {times.shape}: give a list of at least two times")
+        if values.ndim not in (1, 2) or len(values) != len(times):
+            raise LinkworkError(
+                f"sample values have the shape {values.shape}: give one row for each of the {len(times)} sample times"
+            )
+        require_increasing("sample times", times)
+        if self.kind not in get_args(Kind):
+            raise LinkworkError(f"the kind of sampled signal {self.kind!r} is none of {', '.join(get_args(Kind))}")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values.reshape(len(times), -1))
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Hold nu inputs as piecewise cubic polynomials of time.
+
+    `knots` (pieces + 1,) in s; `coefficients` (pieces, 4, nu), ascending powers of the time since the piece's knot;
+    `breaks`: the knots onto which the integrator has to step.
+    """
+
+    knots: np.ndarray
+    coefficients: np.ndarray
+    breaks: np.ndarray
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape (*t.shape, nu)."""
+        t = np.asarray(t, dtype=float)
+        piece, s = self._locate(t)
+        c_0, c_1, c_2, c_3 = np.moveaxis(self.coefficients[piece], -2, 0)
+        s = s[..., None]
+        return c_0 + s * (c_1 + s * (c_2 + s * c_3))
+
+    def _locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        piece = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        return piece, t - self.knots[piece]
+
+
+def as_signal(forces: "Signal | Sampled | ArrayLike") -> Signal:
+    """Return forces as a `Signal`: samples by their kind, numbers (nu,) as a constant from t = 0 on.
+
+    Raises `LinkworkError` for numbers that are not finite or not a list.
+    """
+    if isinstance(forces, Signal):
+        return forces
+    if isinstance(forces, Sampled):
+        return _INTERPOLANTS[forces.kind](forces)
+    constant = _finite("forces", forces)
+    if constant.ndim != 1:
+        raise LinkworkError(f"forces have the shape {constant.shape}: give one number per input, or sampled values")
+    return _from_zero([constant])
+
+
+def clock() -> Signal:
+    """Return the single input u(t) = t, which makes time itself known to the equations of motion."""
+    return _from_zero([np.zeros(1), np.ones(1)])
+
+
+def stack(*signals: Signal) -> Signal:
+    """Join signals side by side into one, over the times that all of them cover.
+
+    Each piece is moved to the common knots by Taylor's shift, c_j' = sum_i binomial(i, j) d^(i-j) c_i.
+    """
+    first = max(signal.knots[0] for signal in signals)
+    last = min(signal.knots[-1] for signal in signals)
+    if not first < last:
+        raise LinkworkError(f"the signals share no time: one starts at {first:g} s, another ends at {last:g} s")
+    knots = np.unique(np.concatenate([signal.knots for signal in signals]))
+    knots = knots[(knots >= first) & (knots <= last)]
+    breaks = np.unique(np.concatenate([signal.breaks for signal in signals]))
+    coefficients = np.concatenate([_shifted(signal, knots[:-1]) for signal in signals], axis=2)
+    return Signal(knots, coefficients, breaks[(breaks >= first) & (breaks <= last)])
+
+
+def require_increasing(what: str, times: np.ndarray) -> None:
+    """Raise `LinkworkError` naming the first of the `times` that is not larger than the one before."""
+    steps = np.diff(times)
+    if steps.size and not steps.min() > 0:
+        i = int(np.argmax(~(steps > 0)))
+        raise LinkworkError(
+            f"{what} must increase: number {i + 1} is {times[i + 1]:g} s after {times[i]:g} s (counted from 0)"
+        )
+
+
+def _shifted(signal: Signal, knots: np.ndarray) -> np.ndarray:
+    piece, d = signal._locate(knots)
+    c_0, c_1, c_2, c_3 = np.moveaxis(signal.coefficients[piece], -2, 0)
+    d = d[:, None]
+    shifted = [c_0 + d * (c_1 + d * (c_2 + d * c_3)), c_1 + d * (2 * c_2 + d * 3 * c_3), c_2 + 3 * d * c_3, c_3]
+    return np.stack(shifted, axis=1)
+
+
+def _from_zero(powers: list[np.ndarray]) -> Signal:
+    coefficients = np.zeros((1, 4, len(powers[0])))
+    coefficients[0, : len(powers)] = powers
+    return Signal(np.array([0.0, np.inf]), coefficients, np.empty(0))
+
+
+def _spline(samples: Sampled) -> Signal:
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(samples.times, samples.values, bc_type="not-a-knot")
+    return Signal(spline.x, np.ascontiguousarray(np.moveaxis(spline.c, 0, 1)[:, ::-1]), np.empty(0))
+
+
+def _linear(samples: Sampled) -> Signal:
+    slopes = np.diff(samples.values, axis=0) / np.diff(samples.times)[:, None]
+    return _broken(samples, [samples.values[:-1], slopes])
+
+
+def _hold(samples: Sampled) -> Signal:
+    return _broken(samples, [samples.values[:-1]])
+
+
+def _broken(samples: Sampled, powers: list[np.ndarray]) -> Signal:
+    coefficients = np.zeros((len(samples.times) - 1, 4, samples.values.shape[1]))
+    for i, power in enumerate(powers):
+        coefficients[:, i] = power
+    return Signal(samples.times, coefficients, samples.times)
+
+
+_INTERPOLANTS = {"spline": _spline, "linear": _linear, "hold": _hold}
+
+
+def _finite(what: str, values: ArrayLike) -> np.ndarray:
+    """Return a copy as floats; raise `LinkworkError` naming the first value that is no finite number."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise LinkworkError(f"{what} must be numbers in a regular array, not {values!r}") from None
+    finite = np.isfinite(array)
+    if not finite.all():
+        where = tuple(int(i) for i in np.argwhere(~finite)[0])
+        raise LinkworkError(f"{what} must be finite: number {', '.join(map(str, where)) or 0} is {array[where]}")
+    return array

@@ -1,0 +1,48 @@
+"""Every way in which a run can end, each with a sentence for the user."""
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """Name how a run ended.
+
+    The numbers are part of the compiled loop (`native`), which is cached on disk: add new ones, never renumber.
+    """
+
+    FINISHED = 0
+    SINGULAR = 1
+    CLOSURE_LOST = 2
+    STEP_UNDERFLOW = 3
+    TOO_MANY_STEPS = 4
+    NON_FINITE = 5
+
+    def sentence(self, **facts: float) -> str:
+        """Return this ending as one sentence; `facts` are the numbers its template names (times in s)."""
+        return _SENTENCES[self].format(**facts)
+
+
+_SENTENCES = {
+    Status.FINISHED: "The run reached its end at t = {time:.9g} s.",
+    Status.SINGULAR: (
+        "The run stopped at t = {time:.9g} s: from here the chosen independent rates do not determine the others"
+        " (smallest relative pivot {rejected_pivot:.2g}, bound {pivot_bound:.2g}); the pose is singular, or needs other"
+        " independent coordinates."
+    ),
+    Status.CLOSURE_LOST: (
+        "The run stopped at t = {time:.9g} s: the loops do not close any more (residual {rejected_residual:.2g} after"
+        " Newton's method, wanted {closure_tol:.2g}), however small the step; the mechanism cannot be assembled beyond"
+        " this pose, or closure_tol lies below rounding."
+    ),
+    Status.STEP_UNDERFLOW: (
+        "The run stopped at t = {time:.9g} s: the error stays above the tolerance however small the step"
+        " (last tried: {step:.2g} s); the motion breaks off here, or rtol and atol lie below rounding."
+    ),
+    Status.TOO_MANY_STEPS: (
+        "The run stopped at t = {time:.9g} s: it used up max_steps = {max_steps:d} steps (the last one {step:.2g} s);"
+        " allow more, loosen rtol and atol, or look for a stiff spring, damper or controller."
+    ),
+    Status.NON_FINITE: (
+        "The run stopped at t = {time:.9g} s: the equations of motion return infinite or undefined numbers from here on,"
+        " however small the step (last tried: {step:.2g} s)."
+    ),
+}

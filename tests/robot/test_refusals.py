@@ -1,0 +1,168 @@
+"""Bad input at the robot's doors: one sentence each, and nothing already computed is lost."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.mechanism import Mechanism
+from linkwork.robot import Robot, SingularError, UnreachableError
+from linkwork.robots import prr3
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Robot(prr3())
+
+
+def refused(sentence, function, *arguments, **keywords):
+    with pytest.raises(lw.LinkworkError) as refusal:
+        function(*arguments, **keywords)
+    assert sentence in str(refusal.value), str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_poses_out_of_reach(robot):
+    with pytest.raises(UnreachableError, match=r"cannot be assembled with the tool at \[3.0, 0.0, 0.0\]"):
+        robot.assemble(tool=[3, 0, 0])
+    refused("cannot be assembled with slide_1 = 5", robot.assemble, {"slide_1": 5, "slide_2": 0.1, "slide_3": 0.1})
+
+
+def test_names_and_shapes(robot):
+    refused("there is no joint 'elbow'; the joints are slide_1", robot.assemble, {"elbow": 1})
+    refused("there is no joint 'elbow'", robot.home.__getitem__, "elbow")
+    refused("positions has shape (4,); give 9 numbers", robot.state, [0, 0, 0, 0])
+    refused(
+        "rates has shape (2,); give 3 numbers in the last dimension: slide_1", robot.state, robot.home.positions, [1, 2]
+    )
+    refused("positions lack slide_2", robot.state, {"slide_1": 0.1})
+    refused("forces has shape (2,); give 3 numbers", robot.forward_dynamics, robot.home, [1, 2])
+    refused("accelerations has shape ()", robot.inverse_dynamics, robot.home, 1.0)
+    refused("a tool pose of 4 numbers", robot.assemble, tool=[1, 2, 3, 4])
+    refused("say where to assemble", robot.assemble)
+    refused("a state is needed, not ndarray", robot.mass_matrix, np.zeros(9))
+    refused("give the accelerations", robot.inverse_dynamics, robot.home)
+
+
+def test_numbers_that_are_not_finite(robot):
+    refused("positions[3] is nan; give finite numbers", robot.state, [0, 0, 0, np.nan, 0, 0, 0, 0, 0])
+    refused("forces[1] is inf; give finite numbers", robot.forward_dynamics, robot.home, [0, np.inf, 0])
+    refused("accelerations[0] is nan", robot.inverse_dynamics, robot.home, [np.nan, 0, 0])
+    refused("tool[0] is nan", robot.assemble, tool=[np.nan, 0, 0])
+    refused("joint 'slide_1' is nan", robot.assemble, {"slide_1": np.nan})
+
+
+def test_open_and_contradicting_states(robot):
+    positions = robot.home.positions.copy()
+    positions[0] += 0.01
+    refused("the loops are open by 0.0", robot.state, positions)
+    stacked = np.stack([robot.home.positions, positions])
+    refused("the loops of state 1 are open by 0.0", robot.state, stacked)
+    positions = robot.home.positions.copy()
+    positions[7] += 0.1
+    refused("joint 'wrist_2' is given as", robot.state, positions)
+    positions = robot.home.positions.copy()
+    positions[7] += 2 * np.pi
+    robot.state(positions)
+
+
+def test_states_of_another_robot(robot):
+    other = Robot(lw.Mechanism(bodies={"rod": lw.Body(mass=1)}, joints=hinge(), actuators=("hinge",)))
+    refused("the state belongs to another robot", robot.mass_matrix, other.home)
+
+
+def hinge():
+    return {"hinge": lw.RevoluteJoint(connects=("ground", "rod"), frames=(lw.Frame(), lw.Frame(position=(-1, 0, 0))))}
+
+
+@pytest.mark.parametrize(
+    ("actuators", "word"), [(("slide_1", "slide_2"), "fewer"), (("slide_1", "slide_2", "slide_3", "pivot_1"), "more")]
+)
+def test_actuators_must_match_the_mobility(actuators, word):
+    mechanism = prr3().model_copy(update={"actuators": actuators})
+    refused(f"{len(actuators)} actuated joints are {word} than the mobility 3; name exactly 3", Robot, mechanism)
+
+
+def test_loops_that_cannot_close():
+    refused("the loops do not close near the reference configuration", Robot, far_apart())
+
+
+def far_apart() -> Mechanism:
+    """Return a triangle of bars that cannot meet: 1 m + 1 m against 3 m."""
+    bar = lw.Body(mass=1, inertia=lw.Inertia(zz=0.1))
+    joints = {
+        "a": lw.RevoluteJoint(connects=("ground", "left")),
+        "b": lw.RevoluteJoint(connects=("left", "right"), frames=(lw.Frame.planar(1), lw.Frame())),
+        "c": lw.RevoluteJoint(connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(3))),
+    }
+    return Mechanism(bodies={"left": bar, "right": bar}, joints=joints, actuators=())
+
+
+def test_a_loop_whose_joints_lie_in_different_planes():
+    mechanism = far_apart().model_dump()
+    mechanism["joints"]["c"]["frames"] = [{"position": (1, 0, 0)}, {"position": (0.5, 0, 0.2)}]
+    refused(
+        "the loop cannot close: position along the axis stays open by 0.2 in every configuration",
+        Robot,
+        Mechanism(**mechanism),
+    )
+
+
+def test_zz_alone_is_refused_out_of_the_plane():
+    joint = lw.RevoluteJoint(connects=("ground", "rod"), axis=(1, 0, 0))
+    rod = lw.Body(mass=1, centre_of_mass=(0, 0.5, 0), inertia=lw.Inertia(zz=0.1))
+    mechanism = lw.Mechanism(bodies={"rod": rod}, joints={"hinge": joint}, actuators=("hinge",))
+    refused("bodies.rod.inertia: gives only zz, but the mechanism can turn the body about other axes", Robot, mechanism)
+
+
+def test_actuator_singular_configurations_are_named():
+    """A slider-crank driven at the slider cannot be driven where crank and rod are stretched."""
+    bar = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
+    joints = {
+        "crank": lw.RevoluteJoint(connects=("ground", "bar_1")),
+        "knee": lw.RevoluteJoint(connects=("bar_1", "bar_2"), frames=(lw.Frame.planar(1), lw.Frame())),
+        "pin": lw.RevoluteJoint(connects=("bar_2", "slider"), frames=(lw.Frame.planar(1), lw.Frame())),
+        "slide": lw.PrismaticJoint(connects=("ground", "slider"), axis=(1, 0, 0)),
+    }
+    bodies = {"bar_1": bar, "bar_2": bar, "slider": lw.Body(mass=1, inertia=lw.Inertia(zz=0.1))}
+    reference = {"crank": 0.5, "knee": -1.0, "pin": 0.5, "slide": 1.7}
+    robot = Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("slide",), reference=reference))
+    stretched = robot.state({"crank": 0, "knee": 0, "pin": 0, "slide": 2})
+    with pytest.raises(SingularError, match=r"actuator-singular .* with slide locked the mechanism can still move"):
+        robot.forward_dynamics(stretched, [1.0])
+    run = robot.simulate(robot.home.with_rates([1.0]), duration=1.0)
+    assert run.status is lw.Status.SINGULAR
+    assert run.dataset.sizes["time"] > 3
+    assert 0 < run.dataset["time"].values[-1] < 1
+
+
+def test_leg_singular_paths_are_refused(robot):
+    """Where link 1 stands across its rail, the slider's motion along the rail does not follow from the platform's."""
+    angle, vertex = 0.7, np.array([0.4, 0.3])
+    centre = vertex + 0.15 * np.array([np.cos(angle), np.sin(angle)])
+    upright = robot.assemble({"pivot_1": np.pi / 2, "slide_1": 0.4, "wrist_1": angle - np.pi / 2})
+    assert np.allclose(robot.tool_pose(upright), [*centre, angle], atol=1e-12)
+    path = lw.paths.line([*centre, angle], [*(centre - [0, 0.05]), angle], law=lw.paths.uniform)
+    refused("at t = 0 s: the configuration is leg-singular", robot.follow, path, duration=1.0, guess=upright)
+
+
+def test_paths(robot):
+    path = lw.paths.line([0.5, 0.29, 0.5], [0.5, 2.0, 0.5])
+    refused("at t = ", robot.follow, path, duration=1.0)
+    refused(
+        "the path prescribes 2 coordinates of the tool, but the mobility is 3",
+        robot.follow,
+        lw.paths.circle([0.5, 0.3], 0.1),
+        1.0,
+    )
+    refused("the duration is -1", robot.follow, path, duration=-1)
+    refused("a motion needs at least 2 samples", robot.follow, path, duration=1, samples=1)
+    refused("the centre is [1.0]", lw.paths.circle, [1.0], 1.0)
+    refused("needs at least 4", lw.paths.through, [[0, 0], [1, 1]])
+
+
+def test_simulation_input(robot):
+    refused("the duration of a run must be positive", robot.simulate, robot.home, duration=0)
+    refused("forces", robot.simulate, robot.home, [1, 2], duration=1)
+    refused("save_at", robot.simulate, robot.home, duration=1, save_at=[0, 2])
+    samples = lw.Sampled([0, 0.5], [[0, 0, 0], [1, 1, 1]], kind="linear")
+    refused("the forces are sampled from 0 s to 0.5 s", robot.simulate, robot.home, samples, duration=1)
