@@ -32,7 +32,9 @@ def closed_state(mechanism, equations):
 
 
 def call(function, *arguments):
-    return [np.array(value).squeeze(-1) if value.shape[1] == 1 else np.array(value) for value in function.call(arguments)]
+    return [
+        np.array(value).squeeze(-1) if value.shape[1] == 1 else np.array(value) for value in function.call(arguments)
+    ]
 
 
 def close_to(found, expected, tolerance=1e-10):
