@@ -97,6 +97,13 @@ def far_apart() -> Mechanism:
     return Mechanism(bodies={"left": bar, "right": bar}, joints=joints, actuators=())
 
 
+def test_a_mechanism_that_cannot_move():
+    mechanism = far_apart().model_dump()
+    mechanism["joints"]["c"]["frames"] = [{"position": (1, 0, 0)}, {"position": (1.5, 0, 0)}]
+    mechanism["reference"] = {"a": 0.7, "b": -1.4, "c": 0.7}
+    refused("the mechanism has mobility 0: the loops closed by ", Robot, Mechanism(**mechanism))
+
+
 def test_a_loop_whose_joints_lie_in_different_planes():
     mechanism = far_apart().model_dump()
     mechanism["joints"]["c"]["frames"] = [{"position": (1, 0, 0)}, {"position": (0.5, 0, 0.2)}]

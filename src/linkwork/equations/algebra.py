@@ -6,7 +6,7 @@ geometry is zero in the graph and everything built on it vanishes symbolically.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -40,11 +40,6 @@ def skew(v: np.ndarray) -> np.ndarray:
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0.0]])
 
 
-def column(values: Iterable[float] | ca.SX) -> ca.SX:
-    """Return a 3 x 1 expression; numbers are snapped."""
-    return values if isinstance(values, ca.SX) else SX(snap(np.asarray(list(values), float)))
-
-
 def zero() -> ca.SX:
     return SX(np.zeros(3))
 
@@ -55,11 +50,6 @@ def cross(a: ca.SX, b: ca.SX) -> ca.SX:
 
 def dot(a: ca.SX, b: ca.SX) -> ca.SX:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def is_zero(expression: ca.SX) -> bool:
-    """Tell whether an expression is zero by structure."""
-    return bool(ca.simplify(expression).is_zero())
 
 
 def spin(omega: ca.SX, r: ca.SX) -> ca.SX:

@@ -37,7 +37,7 @@ def derive(mechanism: Mechanism) -> Equations:
     kept = independent_rows(samples)
     redundant = tuple(name for index, name in enumerate(rows.names) if index not in kept)
     refuse_out_of_plane(mechanism, tree, samples, reference)
-    independent = actuated(mechanism, tree, len(tree.coordinates) - len(kept))
+    independent = actuated(mechanism, tree, topology.cuts, len(tree.coordinates) - len(kept))
     refuse_dependent(mechanism, tree, samples[0][list(kept)], independent)
     chart = choose_chart(rows.Phi, samples, kept, independent)
     return Equations(mechanism, topology, tree, cuts, rows, reference, redundant, chart)
@@ -108,8 +108,14 @@ def closed_samples(mechanism: Mechanism, tree: Tree, rows: Rows) -> tuple[np.nda
     return reference, [np.array(geometric(q)[0]) for q in configurations]
 
 
-def actuated(mechanism: Mechanism, tree: Tree, mobility: int) -> tuple[int, ...]:
+def actuated(mechanism: Mechanism, tree: Tree, cuts: tuple[str, ...], mobility: int) -> tuple[int, ...]:
     """Return the coordinates of the actuated joints, as many as the mobility."""
+    if mobility == 0:
+        raise MechanismError(
+            f"the mechanism has mobility 0: the loops closed by {', '.join(cuts) or 'its joints'} leave it no motion; add a "
+            "joint or free one",
+            ("joints",),
+        )
     count = len(mechanism.actuators)
     if count != mobility:
         few = "fewer" if count < mobility else "more"

@@ -15,7 +15,7 @@ import numpy as np
 
 from linkwork.equations import dynamics
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import Chart, solve
+from linkwork.equations.chart import COFACTOR_SIZE, Chart, solve
 from linkwork.equations.closure import Cut
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
@@ -114,8 +114,15 @@ class Equations:
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
-    """Solve A x = b for a symmetric positive A by A = U' D U without square roots, U unit upper triangular."""
+    """Solve A x = b for a symmetric positive A.
+
+    Up to three unknowns by cofactors, A^-1 = adj A / det A: one division, and short chains of operations. More by
+    A = U' D U without square roots, U unit upper triangular.
+    """
     n = A.shape[0]
+    if n <= COFACTOR_SIZE:
+        adjugate = ca.densify(ca.adj(A))
+        return ca.mtimes(adjugate, b) / ca.mtimes(A[0, :], adjugate[:, 0])
     U, D = SX.eye(n), [SX(0)] * n
     W = SX.zeros(n, n)
     for i in range(n):

@@ -15,6 +15,8 @@ from linkwork.simulation import Run, Sampled, Signal, Statistics, Trajectory, Va
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
+CLOSURE = 1e-13
+
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | None
 
 
@@ -44,8 +46,15 @@ def simulate(
         save_at=save_at,
         max_step=max_step,
         max_steps=max_steps,
+        closure_tol=CLOSURE * size(robot),
     )
     return record(robot, trajectory, {"mechanism": robot.mechanism.name, "rtol": rtol, "atol": atol})
+
+
+def size(robot: Robot) -> float:
+    """Return the largest length in the description [m], at least 1: rounding in phi grows with it."""
+    frames = [frame for joint in robot.mechanism.joints.values() for frame in joint.frames]
+    return max(1.0, *(abs(x) for frame in frames for x in frame.position), *np.abs(robot.home.coordinates))
 
 
 def as_input(robot: Robot, forces: Forces) -> Signal:

@@ -369,7 +369,7 @@ def integrate(
             h = max(h, proposal) if step < h else proposal
             growth, previous_log_error = LARGEST_FACTOR, max(log_error, SMALLEST_PREVIOUS_LOG_ERROR)
             if t == target and t < stop:  # the forces may jump: the last slope is not the next step's first
-                status = evaluate_first(motion, x, k, pivot_bound)
+                status, rejected_pivot = evaluate_first(motion, x, k, pivot_bound), k[0, n]
                 evaluations += 1
                 next_break += 1
                 target = min(stop, breaks[next_break]) if next_break < breaks.size else stop

@@ -5,7 +5,7 @@ import csv
 import io
 import os
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from linkwork.simulation.status import Status
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 TIME = "time"
 
@@ -107,6 +108,12 @@ class Run:
         return xarray.Dataset(
             entries(self.variables), entries(self.coords), dict(self.attrs) | ending | vars(self.statistics)
         )
+
+    def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
+        """Draw the run's quantities over time (`linkwork.views.plot_run`): those named, or all that vary with time."""
+        from linkwork.views.plots import plot_run  # a convenience: the one place that calls a later stage
+
+        return plot_run(self, quantities)
 
     def save(self, path: str | Path) -> Path:
         """Write the run to a file, whole or not at all, and return its path; the suffix names the format.

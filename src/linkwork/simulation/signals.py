@@ -47,6 +47,10 @@ class Sampled:
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values.reshape(len(times), -1))
 
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        """Return the samples (N, nu), so that NumPy's functions take the signal as they would its values."""
+        return np.array(self.values, dtype=dtype, copy=True if copy is None else copy)
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:

@@ -35,14 +35,14 @@ _SENTENCES = {
     ),
     Status.STEP_UNDERFLOW: (
         "The run stopped at t = {time:.9g} s: the error stays above the tolerance however small the step"
-        " (last tried: {step:.2g} s); the motion breaks off here, or rtol and atol lie below rounding."
+        " (next would be {step:.2g} s); the motion breaks off here, or rtol and atol lie below rounding."
     ),
     Status.TOO_MANY_STEPS: (
-        "The run stopped at t = {time:.9g} s: it used up max_steps = {max_steps:d} steps (the last one {step:.2g} s);"
+        "The run stopped at t = {time:.9g} s: it used up max_steps = {max_steps:d} steps (step size now {step:.2g} s);"
         " allow more, loosen rtol and atol, or look for a stiff spring, damper or controller."
     ),
     Status.NON_FINITE: (
         "The run stopped at t = {time:.9g} s: the equations of motion return infinite or undefined numbers from here on,"
-        " however small the step (last tried: {step:.2g} s)."
+        " however small the step (next would be {step:.2g} s)."
     ),
 }

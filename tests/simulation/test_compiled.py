@@ -1,0 +1,62 @@
+"""The integrator is compiled once per machine, says so, and is not even loaded before it is needed."""
+
+import importlib.util
+import subprocess
+import sys
+
+import pytest
+from numba import types
+
+from linkwork.simulation.compiled import compiled_once
+
+MODULE = """
+from numba import types
+from linkwork.simulation.compiled import compiled_once
+
+@compiled_once("the doubling", (types.float64,))
+def double(x):
+    return 2 * x
+"""
+
+
+def load(path):
+    spec = importlib.util.spec_from_file_location("doubling", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_compilation_is_announced_once_and_cached(tmp_path, capfd):
+    path = tmp_path / "doubling.py"
+    path.write_text(MODULE)
+    assert load(path).double(4.0) == 8.0
+    announced = capfd.readouterr().err
+    assert announced.startswith("linkwork: compiling the doubling for this machine, once ...")
+    assert announced.endswith(" s\n") and announced.count("\n") == 1
+    assert load(path).double(5.0) == 10.0
+    assert capfd.readouterr().err == ""
+
+
+def test_works_with_a_warning_where_nothing_can_be_cached():
+    names = {"compiled_once": compiled_once, "types": types}
+    with pytest.warns(UserWarning, match="the doubling is compiled again by every process"):
+        exec(MODULE.replace("from", "# from"), names)  # a function without a file has no cache folder
+    assert names["double"](4.0) == 8.0
+
+
+def test_works_with_a_warning_where_the_cache_folder_fails(tmp_path, monkeypatch):
+    path = tmp_path / "doubling.py"
+    path.write_text(MODULE)
+
+    def fail(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", fail)
+    with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR"):
+        assert load(path).double(4.0) == 8.0
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    script = "import sys, linkwork.simulation; print([m for m in ('numba', 'scipy', 'xarray') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "[]\n"
