@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from linkwork.robot import checks
 from linkwork.robot.state import State
 from linkwork.simulation import Run, Sampled, Signal, Statistics, Trajectory, Variable, as_signal, integrate
+from linkwork.simulation.run import Deferred
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -46,15 +48,9 @@ def simulate(
         save_at=save_at,
         max_step=max_step,
         max_steps=max_steps,
-        closure_tol=CLOSURE * size(robot),
+        closure_tol=CLOSURE * robot.size,
     )
     return record(robot, trajectory, {"mechanism": robot.mechanism.name, "rtol": rtol, "atol": atol})
-
-
-def size(robot: Robot) -> float:
-    """Return the largest length in the description [m], at least 1: rounding in phi grows with it."""
-    frames = [frame for joint in robot.mechanism.joints.values() for frame in joint.frames]
-    return max(1.0, *(abs(x) for frame in frames for x in frame.position), *np.abs(robot.home.coordinates))
 
 
 def as_input(robot: Robot, forces: Forces) -> Signal:
@@ -76,34 +72,42 @@ def as_input(robot: Robot, forces: Forces) -> Signal:
 
 
 def record(robot: Robot, trajectory: Trajectory, attrs: Mapping[str, object]) -> Run:
-    """Name what a trajectory holds and measure at every saved time what follows from it."""
+    """Name what a trajectory holds; what follows from it at the saved times is measured when it is first asked for."""
+    coords = {
+        "time": Variable(("time",), trajectory.t, {"units": "s"}),
+        "joint": Variable(("joint",), names(robot.joints), {"unit_of_each": ", ".join(map(robot.unit, robot.joints))}),
+        "actuator": Variable(("actuator",), names(robot.actuators)),
+    }
+    if robot.mechanism.tools:
+        pose = ("x", "y", "angle") if robot.planar else ("x", "y", "z", "rx", "ry", "rz")
+        coords["pose"] = Variable(("pose",), names(pose))
+    statistics = Statistics(**{name: getattr(trajectory, name) for name in Statistics.__dataclass_fields__})
+    variables = Deferred(partial(measure, robot, trajectory))
+    return Run(variables, coords, dict(attrs), trajectory.status, trajectory.message, statistics)
+
+
+def measure(robot: Robot, trajectory: Trajectory) -> dict[str, Variable]:
+    """Return positions, rates and accelerations of all joints, forces, energies, tool and closure over time."""
     q, v, u = trajectory.q, trajectory.v, trajectory.u
     _, v_dot, _ = robot.kernel("motion")(q, v, u)
     positions, rates, accelerations = robot.kernel("joints_motion")(q, v, v_dot)
     kinetic, potential = robot.kernel("energy")(q, v)
-    joint_units = [robot.unit(name) for name in robot.joints]
-    per_joint, per_actuator = ("time", "joint"), ("time", "actuator")
-    variables = {
-        "joint_position": Variable(per_joint, robot.unwrapped(positions), units("m, rad")),
-        "joint_rate": Variable(per_joint, rates, units("m/s, rad/s")),
-        "joint_acceleration": Variable(per_joint, accelerations, units("m/s^2, rad/s^2")),
-        "actuator_force": Variable(per_actuator, u, units("N, N m")),
-        "kinetic_energy": Variable(("time",), kinetic[:, 0], units("J")),
-        "potential_energy": Variable(("time",), potential[:, 0], units("J")),
-        "closure_error": Variable(("time",), trajectory.residual, units("m, rad")),
-    }
-    coords = {
-        "time": Variable(("time",), trajectory.t, units("s")),
-        "joint": Variable(("joint",), np.array(robot.joints, dtype=object), {"unit_of_each": ", ".join(joint_units)}),
-        "actuator": Variable(("actuator",), np.array(robot.actuators, dtype=object)),
+    quantities = {
+        "joint_position": ("joint", robot.unwrapped(positions), "m, rad"),
+        "joint_rate": ("joint", rates, "m/s, rad/s"),
+        "joint_acceleration": ("joint", accelerations, "m/s^2, rad/s^2"),
+        "actuator_force": ("actuator", u, "N, N m"),
+        "kinetic_energy": (None, kinetic[:, 0], "J"),
+        "potential_energy": (None, potential[:, 0], "J"),
+        "closure_error": (None, trajectory.residual, "m, rad"),
     }
     if robot.mechanism.tools:
-        names = ["x", "y", "angle"] if robot.planar else ["x", "y", "z", "rx", "ry", "rz"]
-        variables["tool_pose"] = Variable(("time", "pose"), robot.tool_poses(q), units("m, rad"))
-        coords["pose"] = Variable(("pose",), np.array(names, dtype=object))
-    statistics = Statistics(**{name: getattr(trajectory, name) for name in Statistics.__dataclass_fields__})
-    return Run(variables, coords, dict(attrs), trajectory.status, trajectory.message, statistics)
+        quantities["tool_pose"] = ("pose", robot.tool_poses(q), "m, rad")
+    return {
+        name: Variable(("time", axis) if axis else ("time",), values, {"units": unit})
+        for name, (axis, values, unit) in quantities.items()
+    }
 
 
-def units(text: str) -> dict[str, str]:
-    return {"units": text}
+def names(labels: Sequence[str]) -> np.ndarray:
+    return np.array(labels, dtype=object)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from math import isfinite
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -189,10 +190,7 @@ class Robot:
         Raises:
             LinkworkError: wrong shape, numbers that are not finite, an actuator-singular configuration.
         """
-        u = self._vector(forces, "forces", self.actuators)
-        _, acceleration, pivot = self._kernel("motion")(self._own(state).coordinates, state.rates, u)
-        self._require_regular(state, pivot, acceleration, u, "forces")
-        return acceleration
+        return self._dynamics("motion", state, forces, "forces")
 
     def inverse_dynamics(self, motion: State | Motion, accelerations: ArrayLike | None = None) -> np.ndarray | Sampled:
         """Return the actuator forces that a state and accelerations, or a whole motion, need: u = M v' + C v + G.
@@ -207,15 +205,27 @@ class Robot:
         if isinstance(motion, Motion):
             from linkwork.simulation import Sampled
 
-            return Sampled(motion.time, self._forces(motion.state, motion.accelerations))
+            return Sampled(
+                motion.time, self._dynamics("inverse_dynamics", motion.state, motion.accelerations, "accelerations")
+            )
         if accelerations is None:
             raise LinkworkError("give the accelerations of the actuated joints with a state")
-        return self._forces(motion, self._vector(accelerations, "accelerations", self.actuators))
+        return self._dynamics("inverse_dynamics", motion, accelerations, "accelerations")
 
-    def _forces(self, state: State, acceleration: np.ndarray) -> np.ndarray:
-        forces, pivot = self._kernel("inverse_dynamics")(self._own(state).coordinates, state.rates, acceleration)
-        self._require_regular(state, pivot, forces, acceleration, "accelerations")
-        return forces
+    def _dynamics(self, name: str, state: State, given: ArrayLike, what: str) -> np.ndarray:
+        """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
+        values, kernel, q = self._vector(given, what, self.actuators), self._kernel(name), self._own(state).coordinates
+        if values.ndim == 1 and q.ndim == 1:
+            y = np.empty(kernel.n_out)
+            kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
+            numbers = y.tolist()
+            if numbers[-1] > PIVOT_BOUND and isfinite(sum(numbers)):
+                return y[-1 - self.mobility : -1]
+            result, pivot = y[-1 - self.mobility : -1], y[-1:]
+        else:
+            *_, result, pivot = kernel(q, state.rates, values)
+        self._require_regular(state, pivot, result, values, what)
+        return result
 
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the actuated coordinates (paper, Eq. (10))."""
@@ -386,20 +396,20 @@ class Robot:
         return State(positions, np.ascontiguousarray(v), q, self.joints, self.actuators)
 
     def _own(self, state: State) -> State:
-        if not isinstance(state, State) or state.joints is not self.joints:
+        if getattr(state, "joints", None) is not self.joints:
             checks.refuse_foreign(state, self.joints)
         return state
 
     def _vector(self, values: ArrayLike, what: str, names: Sequence[str]) -> np.ndarray:
         array = np.asarray(values, float)
-        if array.shape[-1:] != (len(names),):
+        if array.ndim == 0 or array.shape[-1] != len(names):
             checks.refuse_shape(array, what, names)
         return array
 
     def _require_regular(
         self, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
     ) -> None:
-        if pivot.min(initial=np.inf) > PIVOT_BOUND and np.isfinite(result.sum()):
+        if pivot.min(initial=np.inf) > PIVOT_BOUND and np.isfinite(result).all():
             return
         checks.finite(given, what)
         raise checks.singular(self, state, pivot)
@@ -411,6 +421,12 @@ class Robot:
                 f"the path prescribes {size} coordinates of the tool, but the mobility is {self.mobility}; "
                 f"prescribe {self.mobility}"
             )
+
+    @cached_property
+    def size(self) -> float:
+        """Return the largest length in the description [m], at least 1: rounding in the closure rows grows with it."""
+        frames = [frame for joint in self.mechanism.joints.values() for frame in joint.frames]
+        return max(1.0, *(abs(x) for frame in frames for x in frame.position), *np.abs(self.home.coordinates).tolist())
 
     @cached_property
     def _tree_in_joints(self) -> np.ndarray:

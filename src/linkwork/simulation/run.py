@@ -55,6 +55,26 @@ class Variable:
         object.__setattr__(self, "values", values)
 
 
+class Deferred(Mapping[str, Variable]):
+    """Hold variables that are measured when one of them is first asked for: a run that is only counted costs nothing more."""
+
+    def __init__(self, measure: Callable[[], Mapping[str, Variable]]):
+        self._measure = measure
+
+    @cached_property
+    def _measured(self) -> Mapping[str, Variable]:
+        return self._measure()
+
+    def __getitem__(self, name: str) -> Variable:
+        return self._measured[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._measured)
+
+    def __len__(self) -> int:
+        return len(self._measured)
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """Hold the result of a simulation: arrays over named axes, how it ended, and what it took.

@@ -1,0 +1,11 @@
+"""CasADi functions compiled to straight-line machine code that evaluates several states at a time.
+
+    casadi.Function --trace--> Program --simplify--> Program --emit--> LLVM instructions --compile--> machine code
+
+`compile_function` does all of it and keeps the machine code on disk. Nothing here knows of robots.
+"""
+
+from linkwork.kernels.kernel import Kernel, compile_function
+from linkwork.kernels.program import KernelError
+
+__all__ = ["Kernel", "KernelError", "compile_function"]

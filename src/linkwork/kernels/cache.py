@@ -1,0 +1,86 @@
+"""Object code kept on disk, so that a function is compiled once per machine.
+
+An entry is one file, named by the hash of all that its content depends on: the function, the machine, the version of LLVM
+and the source of this package. It holds a line that marks the format, the hash of the rest, and the rest; a file that does
+not agree with its own hash is not used. Files are written under another name and renamed, so that a reader never sees half
+of one.
+"""
+
+import hashlib
+import os
+import tempfile
+import warnings
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+import platformdirs
+
+_MARK = b"linkwork kernel 1\n"
+_HASH_BYTES = hashlib.sha256().digest_size
+
+
+def folder() -> Path:
+    """Return the folder of the entries: LINKWORK_CACHE_DIR, or the user's cache folder of this system."""
+    return Path(os.environ.get("LINKWORK_CACHE_DIR") or platformdirs.user_cache_dir("linkwork"))
+
+
+def key(*parts: str) -> str:
+    """Return the name of the entry that depends on `parts` and on the source of this package."""
+    digest = hashlib.sha256(_source())
+    for part in parts:
+        encoded = part.encode()
+        digest.update(len(encoded).to_bytes(8, "little") + encoded)
+    return digest.hexdigest()
+
+
+def read(name: str) -> bytes | None:
+    """Return the content of an entry, or None where there is none or it is damaged (with a warning)."""
+    path = _path(name)
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    mark, checksum, content = data[: len(_MARK)], data[len(_MARK) :][:_HASH_BYTES], data[len(_MARK) + _HASH_BYTES :]
+    if mark == _MARK and checksum == hashlib.sha256(content).digest():
+        return content
+    warnings.warn(f"The cached kernel {path} is damaged; it is compiled anew.", RuntimeWarning, stacklevel=3)
+    return None
+
+
+def write(name: str, content: bytes) -> None:
+    """Write an entry; warn once for a folder that cannot be written."""
+    path = _path(name)
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f"{name}.", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(_MARK + hashlib.sha256(content).digest() + content)
+            os.replace(temporary, path)
+        except OSError:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        _warn_unwritable(path.parent, error.strerror or str(error))
+
+
+@cache
+def _warn_unwritable(place: Path, reason: str) -> None:
+    warnings.warn(
+        f"Kernels cannot be cached in {place} ({reason}) and are compiled at every start;"
+        " set LINKWORK_CACHE_DIR to a folder that can be written.",
+        RuntimeWarning,
+        stacklevel=4,
+    )
+
+
+def _path(name: str) -> Path:
+    return folder() / f"{name}.kernel"
+
+
+@cache
+def _source() -> bytes:
+    """Return the source of this package: other source makes other code."""
+    files = [file for file in resources.files("linkwork.kernels").iterdir() if file.name.endswith(".py")]
+    return b"".join(file.read_bytes() for file in sorted(files, key=lambda file: file.name))

@@ -1,0 +1,69 @@
+"""From LLVM instructions to machine code, and from machine code to functions that can be called."""
+
+import ctypes
+import ctypes.util
+import os
+from functools import cache
+
+import llvmlite.binding as llvm
+
+from linkwork.kernels.emit import LIBRARY
+from linkwork.kernels.machine import Machine
+
+# Functions that LLVM itself may call where the machine has no such instruction.
+_ROUNDING = ("floor", "ceil")
+
+
+def object_code(text: str, machine: Machine) -> bytes:
+    """Return the relocatable object code of an LLVM module for a machine."""
+    return _target_machine(machine).emit_object(_module(text))
+
+
+def assembly(text: str, machine: Machine) -> str:
+    """Return the assembly of an LLVM module for a machine."""
+    return _target_machine(machine).emit_assembly(_module(text))
+
+
+class Code:
+    """Object code in memory: the addresses of its functions by name, which hold as long as this object lives."""
+
+    def __init__(self, object_code: bytes, functions: tuple[str, ...]):
+        _initialize()
+        self._engine = llvm.create_lljit_compiler()
+        library = llvm.JITLibraryBuilder().add_object_img(object_code)
+        for name in functions:
+            library.export_symbol(name)
+        for name, address in _library_addresses().items():
+            library.import_symbol(name, address)
+        self._library = library.link(self._engine, "kernel")
+        self.addresses: dict[str, int] = {name: self._library[name] for name in functions}
+
+
+def _module(text: str) -> llvm.ModuleRef:
+    module = llvm.parse_assembly(text)
+    module.verify()
+    return module
+
+
+def _target_machine(machine: Machine) -> llvm.TargetMachine:
+    _initialize()
+    target = llvm.Target.from_triple(machine.triple)
+    return target.create_target_machine(
+        cpu=machine.cpu, features=machine.features, opt=2, reloc="pic", codemodel="small", jit=True
+    )
+
+
+@cache
+def _initialize() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+@cache
+def _library_addresses() -> dict[str, int]:
+    """Return where the C library's functions are in this process."""
+    library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+    if not hasattr(library, "sin"):
+        library = ctypes.CDLL(ctypes.util.find_library("m"))
+    addresses = {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value for name in (*LIBRARY, *_ROUNDING)}
+    return {name: address for name, address in addresses.items() if address}

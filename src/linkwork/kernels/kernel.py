@@ -1,0 +1,210 @@
+"""A compiled function: what a caller holds."""
+
+import ctypes
+import re
+import struct
+import threading
+import time
+from collections.abc import Iterable
+from itertools import accumulate
+from math import prod
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from linkwork.kernels import cache
+from linkwork.kernels.compile import Code, assembly, object_code
+from linkwork.kernels.emit import module_text
+from linkwork.kernels.machine import this_machine
+from linkwork.kernels.program import KernelError, Program, signature, trace
+from linkwork.kernels.simplify import simplify
+
+_ONE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_ROWS = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
+_ALIGNMENT = 64
+_OPERATIONS = struct.Struct("<q")
+
+
+def compile_function(f: ca.Function) -> "Kernel":
+    """Compile a CasADi function of SX to machine code, or take the code from the cache.
+
+    Inputs and outputs of any number and shape, dense or sparse, become flat vectors: each dense and column-major, one after the
+    other. Every operation of SX graphs is compiled but for `erfinv`, `printme` and calls of functions that are not inlined.
+
+    f: the function; it has no free variables.
+    Returns the kernel.  Raises KernelError naming what cannot be compiled.
+    Warns once where the cache's folder cannot be written, and where an entry of the cache is damaged; the kernel is right
+    all the same.
+    """
+    return Kernel(f)
+
+
+class Kernel:
+    """A function compiled to machine code, for one state and for many at a time.
+
+    name: the function's.  inputs, outputs: (name, number of doubles) of each argument and result, in order.
+    n_in, n_out: number of doubles of all inputs and of all outputs.
+    operations: number of arithmetic operations of one evaluation, each +, -, *, /, sqrt, sin, ... counting one.
+    lanes: states in one vector register.
+    address: of void(const double* in, double* out), which evaluates one state.
+    batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of `lanes` states, laid out
+    in[block][n_in][lanes] and out[block][n_out][lanes] and aligned to 64 bytes.
+    from_cache: whether the machine code was found in the cache.  compile_seconds: the time it took to get it, in s.
+
+    `in` and `out` may not overlap. The functions hold no state and may be called by any number of threads at a time; they are
+    valid as long as the kernel lives.
+    """
+
+    def __init__(self, f: ca.Function):
+        start = time.perf_counter()
+        self.inputs, self.outputs = signature(f)
+        self._function = f
+        self.name: str = f.name()
+        self.n_in = sum(size for _, size in self.inputs)
+        self.n_out = sum(size for _, size in self.outputs)
+
+        machine = this_machine()
+        self.lanes = machine.lanes
+        entry = cache.key(f.serialize(), machine.identity)
+        content = cache.read(entry)
+        self.from_cache = content is not None
+        if content is None:
+            program = simplify(trace(f))
+            content = _OPERATIONS.pack(program.operations) + object_code(module_text(program, machine), machine)
+            cache.write(entry, content)
+        (self.operations,) = _OPERATIONS.unpack_from(content)
+        self._code = Code(content[_OPERATIONS.size :], ("one", "batch", "rows"))
+        self.address = self._code.addresses["one"]
+        self.batch_address = self._code.addresses["batch"]
+        self.compile_seconds = time.perf_counter() - start
+
+        self._one = _ONE(self.address)
+        self._rows = _ROWS(self._code.addresses["rows"])
+        self._buffers = _Buffers(self.inputs, self.outputs, self.lanes)
+        self._shapes = tuple((size,) for _, size in self.inputs)
+
+    def __repr__(self) -> str:
+        names = [", ".join(f"{name}[{size}]" for name, size in part) for part in (self.inputs, self.outputs)]
+        return f"Kernel {self.name}: ({names[0]}) -> ({names[1]}), {self.operations} operations"
+
+    def __reduce__(self):
+        return compile_function, (self._function,)
+
+    def __call__(self, *arrays: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """Evaluate one state or a batch of them.
+
+        arrays: one for each input, of shape (..., size); the leading dimensions are broadcast against each other.
+        Returns one array for each output, of shape (..., size).  Raises KernelError where a number or a shape does not fit.
+        """
+        if len(arrays) != len(self.inputs):
+            raise KernelError(
+                f"Kernel '{self.name}' takes {len(self.inputs)} arrays ({self._names()}), not {len(arrays)}."
+            )
+        (_, x_address, x_parts), (_, y_address, y_parts) = self._buffers.one
+        for part, array, shape in zip(x_parts, arrays, self._shapes, strict=True):
+            array = np.asarray(array, dtype=np.float64)
+            if array.shape != shape:
+                return self._evaluate_rows(arrays)
+            part[...] = array
+        self._one(x_address, y_address)
+        return tuple([part.copy() for part in y_parts])
+
+    def evaluate_into(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+        """Evaluate one state given and returned as flat vectors.
+
+        x: all inputs, shape (n_in,).  y: all outputs, shape (n_out,), overwritten.
+        Raises KernelError where a shape does not fit.
+        """
+        (x_buffer, x_address, _), (y_buffer, y_address, _) = self._buffers.one
+        if x.shape != x_buffer.shape or y.shape != y_buffer.shape:
+            raise KernelError(
+                f"Kernel '{self.name}' evaluates from shape {x_buffer.shape} into shape {y_buffer.shape},"
+                f" not from {x.shape} into {y.shape}."
+            )
+        x_buffer[...] = x
+        self._one(x_address, y_address)
+        y[...] = y_buffer
+
+    def assembly(self, vector: bool) -> str:
+        """Return the assembly of the function for blocks of states (vector) or for one state."""
+        machine = this_machine()
+        text = assembly(module_text(self._program(), machine), machine)
+        name = "batch" if vector else "one"
+        body = re.search(rf"^_?{name}:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)", text, re.MULTILINE | re.DOTALL)
+        return body.group() if body else text
+
+    def instruction_count(self, vector: bool) -> int:
+        """Return the number of machine instructions of the function for blocks of states (vector) or for one state."""
+        return len(re.findall(r"^\t[a-z]\w*", self.assembly(vector), re.MULTILINE))
+
+    def _program(self) -> Program:
+        return simplify(trace(self._function))
+
+    def _names(self) -> str:
+        return ", ".join(name for name, _ in self.inputs)
+
+    def _evaluate_rows(self, arrays: tuple[ArrayLike, ...]) -> tuple[NDArray[np.float64], ...]:
+        values = [np.asarray(array, dtype=np.float64) for array in arrays]
+        leading = self._leading_shape(values)
+        rows = [_contiguous_rows(value, leading) for value in values]
+        strides = [0 if row.ndim == 1 else row.shape[-1] for row in rows]
+        results = tuple([np.empty((*leading, size)) for _, size in self.outputs])
+        x, y = self._buffers.block_addresses
+        self._rows(prod(leading), _addresses(rows), (ctypes.c_int64 * len(rows))(*strides), _addresses(results), x, y)
+        return results
+
+    def _leading_shape(self, values: list[NDArray[np.float64]]) -> tuple[int, ...]:
+        """Return the shape of the batch, the broadcast of all dimensions but the last."""
+        for value, (name, size) in zip(values, self.inputs, strict=True):
+            if value.ndim == 0 or value.shape[-1] != size:
+                raise KernelError(
+                    f"Input '{name}' of kernel '{self.name}' has the shape {value.shape}; its last dimension has to be {size}."
+                )
+        leading = [value.shape[:-1] for value in values]
+        different = set(leading) - {()}
+        if len(different) == 1:
+            return different.pop()
+        try:
+            return np.broadcast_shapes(*different)
+        except ValueError:
+            shapes = ", ".join(f"{name} {shape}" for (name, _), shape in zip(self.inputs, leading, strict=True))
+            raise KernelError(f"The batches of kernel '{self.name}' do not fit each other: {shapes}.") from None
+
+
+class _Buffers(threading.local):
+    """Room for one evaluation, each thread its own.
+
+    one: input and output of one state, each as a flat vector, its address, and its parts.
+    block_addresses: of the input and the output of one block of states.
+    """
+
+    def __init__(self, inputs: tuple[tuple[str, int], ...], outputs: tuple[tuple[str, int], ...], lanes: int):
+        self.one = _partitioned(inputs), _partitioned(outputs)
+        self._block = [_aligned(lanes * flat.size) for flat, _, _ in self.one]
+        self.block_addresses: list[int] = [flat.ctypes.data for flat in self._block]
+
+
+def _partitioned(parts: tuple[tuple[str, int], ...]) -> tuple[NDArray[np.float64], int, list[NDArray[np.float64]]]:
+    ends = list(accumulate(size for _, size in parts))
+    flat = _aligned(ends[-1] if ends else 0)
+    return flat, flat.ctypes.data, [flat[end - size : end] for end, (_, size) in zip(ends, parts, strict=True)]
+
+
+def _aligned(size: int) -> NDArray[np.float64]:
+    """Return an uninitialised vector that starts at a multiple of 64 bytes."""
+    memory = np.empty(size + _ALIGNMENT // 8)
+    start = -memory.ctypes.data % _ALIGNMENT // 8
+    return memory[start : start + size]
+
+
+def _contiguous_rows(value: NDArray[np.float64], leading: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return the rows of an input for a batch, without gaps, or its only row where all states share it."""
+    if value.ndim == 1 or value.shape[:-1] == leading:
+        return np.ascontiguousarray(value)
+    return np.ascontiguousarray(np.broadcast_to(value, (*leading, value.shape[-1])))
+
+
+def _addresses(arrays: Iterable[NDArray[np.float64]]) -> ctypes.Array:
+    pointers = [array.ctypes.data for array in arrays]
+    return (ctypes.c_void_p * len(pointers))(*pointers)

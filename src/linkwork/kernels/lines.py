@@ -1,0 +1,84 @@
+"""LLVM instructions written down for one number or for a vector of them: the same text with another type."""
+
+import struct
+
+
+class Lines:
+    """Instructions of one function body whose numbers are `width` doubles wide.
+
+    number, integer, truth: the LLVM types of a value, of its bits, and of a comparison.  text: the instructions so far.
+    table: the constants read from memory as whole vectors (see `constant`).
+    """
+
+    def __init__(self, width: int, whole_constants: bool = False):
+        self.width = width
+        self.table: list[str] | None = [] if whole_constants else None
+        self.number = self.typed("double")
+        self.integer = self.typed("i64")
+        self.truth = self.typed("i1")
+        self.always = self._spread("i1", "true")
+        self.text: list[str] = []
+
+    def typed(self, scalar: str) -> str:
+        return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
+
+    def let(self, instruction: str) -> str:
+        """Append an instruction and return the name of its value."""
+        name = f"%v{len(self.text)}"
+        self.text.append(f"{name} = {instruction}")
+        return name
+
+    def do(self, instruction: str) -> None:
+        """Append an instruction that has no value."""
+        self.text.append(instruction)
+
+    def constant(self, value: float) -> str:
+        """Return a constant for all lanes.
+
+        With a table it is an entry of its own for each use, which the instruction that uses it can take from memory; an entry
+        of several uses would occupy a register.
+        """
+        spread = self._spread("double", "0x" + struct.pack(">d", value).hex())
+        if self.table is None:
+            return spread
+        place = self.let(f"getelementptr inbounds {self.number}, ptr @constants, i64 {len(self.table)}")
+        self.table.append(f"{self.number} {spread}")
+        return self.let(f"load {self.number}, ptr {place}, align {8 * self.width}")
+
+    def whole(self, value: int) -> str:
+        return self._spread("i64", str(value))
+
+    def _spread(self, scalar: str, text: str) -> str:
+        return text if self.width == 1 else f"splat ({scalar} {text})"
+
+    def call(self, intrinsic: str, *args: str) -> str:
+        """Call an LLVM intrinsic on numbers."""
+        suffix = "f64" if self.width == 1 else f"v{self.width}f64"
+        operands = ", ".join(f"{self.number} {a}" for a in args)
+        return self.let(f"call contract {self.number} @llvm.{intrinsic}.{suffix}({operands})")
+
+    def op(self, name: str, a: str, b: str) -> str:
+        """Append a floating-point instruction of two numbers: fadd, fsub, fmul, fdiv."""
+        return self.let(f"{name} contract {self.number} {a}, {b}")
+
+    def bits(self, name: str, a: str, b: str) -> str:
+        """Append an integer instruction of two values: and, xor, shl."""
+        return self.let(f"{name} {self.integer} {a}, {b}")
+
+    def compare(self, predicate: str, a: str, b: str) -> str:
+        return self.let(f"fcmp {predicate} {self.number} {a}, {b}")
+
+    def select(self, condition: str, a: str, b: str) -> str:
+        return self.let(f"select {self.truth} {condition}, {self.number} {a}, {self.number} {b}")
+
+    def as_integer(self, x: str) -> str:
+        return self.let(f"bitcast {self.number} {x} to {self.integer}")
+
+    def as_number(self, x: str) -> str:
+        return self.let(f"bitcast {self.integer} {x} to {self.number}")
+
+
+def function_text(head: str, body: list[str]) -> str:
+    """Return the definition of a function: its head, and its instructions and labels."""
+    lines = "\n".join(line if line.endswith(":") else f"  {line}" for line in body)
+    return f"define {head} {{\n{lines}\n}}"

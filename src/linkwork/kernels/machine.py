@@ -1,0 +1,53 @@
+"""The machine that runs a kernel: what its vector registers hold and which instructions it has."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import llvmlite
+import llvmlite.binding as llvm
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A processor, by LLVM's names for its triple, its model and its features ("+avx2,-avx512f,...")."""
+
+    triple: str
+    cpu: str
+    features: str
+
+    @property
+    def lanes(self) -> int:
+        """Doubles per vector register: 8 with AVX-512, 4 with AVX2, else 2."""
+        return 8 if self._has("avx512f") else 4 if self._has("avx2") else 2
+
+    @property
+    def has_fma(self) -> bool:
+        """Whether it multiplies and adds in one instruction with one rounding."""
+        return self._has("fma") or self.triple.startswith(("aarch64", "arm64"))
+
+    @property
+    def reads_whole_constants(self) -> bool:
+        """Whether a constant for all lanes is cheapest as a whole vector in memory.
+
+        An AVX2 instruction takes an operand from memory but does not repeat one number for all lanes, as AVX-512 does; for the
+        short vectors of the others LLVM's own choice is the best.
+        """
+        return self.lanes == 4
+
+    @property
+    def identity(self) -> str:
+        """All that machine code depends on besides the program."""
+        return "\n".join((self.triple, self.cpu, self.features, llvmlite.__version__))
+
+    def _has(self, feature: str) -> bool:
+        return f"+{feature}" in self.features.split(",")
+
+
+@cache
+def this_machine() -> Machine:
+    """Return the machine this process runs on."""
+    try:
+        features = llvm.get_host_cpu_features().flatten()
+    except RuntimeError:  # LLVM knows no way to ask this processor
+        features = ""
+    return Machine(llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
