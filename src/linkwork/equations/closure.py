@@ -13,6 +13,7 @@ Source: the paper, Eqs. (1), (2); Nikravesh 1988, ch. 6 (constraints by vectors)
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -82,20 +83,35 @@ def residuals(cut: Cut) -> list[ca.SX]:
     return [dot(in_base(cut.this.R, row.e), gap if row.f is None else in_base(cut.that.R, row.f)) for row in cut.rows]
 
 
+def shared(tree: Tree, cut: Cut) -> set[int]:
+    """Return the coordinates inward of both sides: they move the loop as a whole and enter none of its rows."""
+    chains = [{node.coordinate for node in tree.path(side.node)} for side in cut.sides]
+    return {coordinate for coordinate in chains[0] & chains[1] if coordinate is not None}
+
+
+def reaches(tree: Tree, cut: Cut) -> Iterator[tuple[int, int, Node, ca.SX]]:
+    """Yield the moving nodes of the loop: sign of their side, coordinate, node, vector to the joint's point on that side.
+
+    Where the joint slides both sides take the point of that side.
+    """
+    common = shared(tree, cut)
+    slip = cut.that.P - cut.this.P if cut.slides else zero()
+    for sign, side, extra in ((-1, cut.this, slip), (1, cut.that, zero())):
+        for node, d in tree.reaches(side.node, in_base(side.node.R, side.arm) + extra):
+            if node.coordinate is not None and node.coordinate not in common:
+                yield sign, node.coordinate, node, d
+
+
 def jacobian(tree: Tree, cut: Cut) -> ca.SX:
     """Return the rows of Phi (rows x nq)."""
     Phi = SX.zeros(len(cut.rows), len(tree.coordinates))
-    this_chain, that_chain = tree.path(cut.this.node), tree.path(cut.that.node)
-    shared = {node.index for node in this_chain} & {node.index for node in that_chain}
-    for sign, chain in ((-1, this_chain), (1, that_chain)):
-        for node in chain:
-            if node.coordinate is not None and node.index not in shared:
-                for k, row in enumerate(cut.rows):
-                    Phi[k, node.coordinate] = sign * column(cut, row, node, sign)
+    for sign, coordinate, node, d in reaches(tree, cut):
+        for k, row in enumerate(cut.rows):
+            Phi[k, coordinate] = sign * column(cut, row, node, d)
     return Phi
 
 
-def column(cut: Cut, row: Row, node: Node, sign: int) -> ca.SX:
+def column(cut: Cut, row: Row, node: Node, d: ca.SX) -> ca.SX:
     """Return what a unit rate of one joint does to a row, up to the sign of the side it is on.
 
     For the last joint of this side everything is constant in the body's axes, and so is the result.
@@ -107,19 +123,22 @@ def column(cut: Cut, row: Row, node: Node, sign: int) -> ca.SX:
         moment = SX(snap(this.R_F @ row.moment)) if own else in_base(this.R, row.moment)
         return dot(moment, z) if node.turns else SX(0)
     e = SX(snap(this.R_F @ row.e)) if own else in_base(this.R, row.e)
-    if not node.turns:
-        return dot(e, z)
-    P = cut.that.P if sign > 0 or cut.slides else this.P
-    return dot(e, cross(z, SX(this.arm) if own else P - node.O))
+    return dot(e, cross(z, SX(this.arm) if own else d) if node.turns else z)
 
 
 def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
-    """Return gamma of each row: the second derivative of phi at q'' = 0, for rates q' that keep the loop closed."""
+    """Return gamma of each row: the second derivative of phi at q'' = 0, for rates q' that keep the loop closed.
+
+    What moves the loop as a whole does not enter, and is held still here.
+    """
+    rates = SX(rates)
+    for coordinate in shared(tree, cut):
+        rates[coordinate] = 0
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
     this, that = cut.this, cut.that
     i, j = this.node.index, that.node.index
-    d = that.P - that.node.O
+    d = in_base(that.node.R, that.arm)
     a_that = a[j] + cross(alpha[j], d) + spin(omega[j], d)
     turning = alpha[j] - alpha[i] - cross(omega[i], omega[j])
     result = []
@@ -129,7 +148,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
             continue
         e = in_base(this.R, row.e)
         if cut.slides:
-            d_this = that.P - this.node.O
+            d_this = in_base(this.node.R, this.arm) + that.P - this.P
             v = tree.velocities(omega, rates)
             v_slide = v[j] + cross(omega[j], d) - v[i] - cross(omega[i], d_this)
             a_this = a[i] + cross(alpha[i], d_this) + spin(omega[i], d_this) + 2 * cross(omega[i], v_slide)
@@ -157,18 +176,11 @@ def coordinate(cut: Cut, axis: np.ndarray, turns: bool) -> ca.SX:
 
 def rate_row(tree: Tree, cut: Cut, axis: np.ndarray, turns: bool) -> ca.SX:
     """Return the row (1 x nq) that gives a cut joint's rate from the tree's rates."""
-    first, second = cut.sides
-    z = in_base(first.R, axis)
     row = SX.zeros(1, len(tree.coordinates))
-    for sign, chain in ((-1, tree.path(first.node)), (1, tree.path(second.node))):
-        for node in chain:
-            if node.coordinate is None:
-                continue
-            if turns:
-                part = dot(z, node.z) if node.turns else SX(0)
-            else:
-                part = dot(z, cross(node.z, second.P - node.O)) if node.turns else dot(z, node.z)
-            row[node.coordinate] += sign * part
+    z = in_base(cut.sides[0].R, axis)
+    for sign, coordinate, node, d in reaches(tree, cut):
+        turning, moving = (node.z, cross(node.z, d)) if node.turns else (zero(), node.z)
+        row[coordinate] += (-sign if cut.swapped else sign) * dot(z, turning if turns else moving)
     return row
 
 

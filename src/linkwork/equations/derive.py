@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import closure, measures
-from linkwork.equations.algebra import SX
+from linkwork.equations.algebra import SX, zero
 from linkwork.equations.chart import choose_chart, independent_rows
 from linkwork.equations.equations import Equations, Rows
 from linkwork.equations.reference import OpenLoopsError, close, neighbours
@@ -155,7 +155,7 @@ def refuse_out_of_plane(mechanism: Mechanism, tree: Tree, samples: list[np.ndarr
         if not body.inertia.planar:
             continue
         node = tree.node(name)
-        local = ca.mtimes(node.R.matrix.T, measures.jacobian(tree, node, node.O)[:3, :])
+        local = ca.mtimes(node.R.matrix.T, measures.jacobian(tree, node, zero())[:3, :])
         omega = np.array(ca.Function("turning", [tree.q], [local])(reference)) @ motions
         if np.abs(omega[:2]).max(initial=0.0) > TURNS_OUT:
             raise MechanismError(

@@ -1,6 +1,6 @@
 """The equations of motion of a mechanism, as expressions.
 
-    M v' + C v + G = u,    M = L' H L,    C v + G = L' h(q, q', b),    q' = L v,    q'' = L v' + b
+    M v' + C v + G = u,    M = L' H L,    C v + G = L' (h(q, q') + H b),    q' = L v,    q'' = L v' + b
 
 in the rates v of the actuated joints; H and h are the tree's (`dynamics`), L and b the chart's (`chart`).
 """
@@ -92,21 +92,24 @@ class Equations:
         return ca.mtimes(self.elimination[0], self.v)
 
     @cached_property
-    def mass_matrix(self) -> ca.SX:
-        """Return M = L' H L (n x n), Eq. (10); its lower triangle repeats the upper one, so it is symmetric exactly."""
+    def inertia(self) -> tuple[ca.SX, ca.SX]:
+        """Return M = L' H L (n x n), Eq. (10), and H_d L (k x n), the rows of H L that belong to dependent coordinates.
+
+        With L = [1; L_d]:  M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).  M's lower triangle repeats the upper one.
+        """
         L = self.elimination[0]
         H = dynamics.generalised_inertia(self.tree)
         a, d = list(self.chart.independent), list(self.chart.dependent)
-        M = H[a, a]
-        if d:
-            L_d = L[d, :]
-            M = M + ca.mtimes(H[a, d], L_d) + ca.mtimes(L_d.T, ca.mtimes(H[d, d], L_d) + H[d, a])
-        return ca.triu2symm(ca.triu(ca.densify(M)))
+        L_d = L[d, :]
+        coupling = ca.mtimes(H[d, d], L_d) + H[d, a]
+        M = H[a, a] + ca.mtimes(H[a, d], L_d) + ca.mtimes(L_d.T, coupling)
+        return ca.triu2symm(ca.triu(ca.densify(M))), coupling
 
     def bias_forces(self, gravity: ca.SX) -> ca.SX:
-        """Return C v + G (n) under a given gravity, Eqs. (11), (12)."""
+        """Return C v + G (n) under a given gravity, Eqs. (11), (12): L' (h(q, q') + H b), where b is zero but for b_d."""
         L, b, _ = self.elimination
-        return ca.mtimes(L.T, dynamics.inertia_forces(self.tree, self.rates, b, gravity))
+        h = dynamics.inertia_forces(self.tree, self.rates, SX.zeros(self.nq), gravity)
+        return ca.mtimes(L.T, h) + ca.mtimes(self.inertia[1].T, b[list(self.chart.dependent)])
 
     @property
     def gravity(self) -> ca.SX:

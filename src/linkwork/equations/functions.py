@@ -21,7 +21,7 @@ def function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> 
 def motion(equations: Equations) -> ca.Function:
     """Return (q, v, u) -> q', v' and the smallest relative pivot: the direct dynamics, Eq. (9)."""
     u = SX.sym("u", equations.mobility)
-    acceleration = solve_symmetric(equations.mass_matrix, u - equations.bias_forces(equations.gravity))
+    acceleration = solve_symmetric(equations.inertia[0], u - equations.bias_forces(equations.gravity))
     inputs = {"q": equations.tree.q, "v": equations.v, "u": u}
     outputs = {"rates": equations.rates, "accelerations": acceleration, "pivot": equations.elimination[2]}
     return function("motion", inputs, outputs)
@@ -40,7 +40,7 @@ def terms(equations: Equations) -> ca.Function:
     """Return (q, v) -> M, C v, G and the smallest relative pivot, Eqs. (10)-(12)."""
     velocity = equations.bias_forces(SX.zeros(3))
     at_rest = ca.substitute(equations.bias_forces(equations.gravity), equations.v, SX.zeros(equations.mobility))
-    outputs = {"M": equations.mass_matrix, "Cv": velocity, "G": at_rest, "pivot": equations.elimination[2]}
+    outputs = {"M": equations.inertia[0], "Cv": velocity, "G": at_rest, "pivot": equations.elimination[2]}
     return function("terms", {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
@@ -109,7 +109,7 @@ def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
 def energy(equations: Equations) -> ca.Function:
     """Return (q, v) -> kinetic energy v' M v / 2 and potential energy -sum m_i g . c_i [J]."""
     tree, v = equations.tree, equations.v
-    kinetic = ca.mtimes(v.T, ca.mtimes(equations.mass_matrix, v)) / 2
+    kinetic = ca.mtimes(v.T, ca.mtimes(equations.inertia[0], v)) / 2
     potential = SX(0)
     for name, body in equations.mechanism.bodies.items():
         potential -= body.mass * dot(equations.gravity, tree.point(tree.node(name), np.array(body.centre_of_mass)))

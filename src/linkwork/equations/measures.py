@@ -42,14 +42,13 @@ def joint_rates(mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...])
     return ca.densify(ca.vertcat(*[rows[name] for name in joint_names(mechanism)]))
 
 
-def jacobian(tree: Tree, node: Node, point: ca.SX) -> ca.SX:
-    """Return the 6 x nq map from rates to [omega; v of a point fixed in the node's body]."""
+def jacobian(tree: Tree, node: Node, d: ca.SX) -> ca.SX:
+    """Return the 6 x nq map from rates to [omega; v of a point of the node's body], d the vector from its origin to it."""
     J = SX.zeros(6, len(tree.coordinates))
-    for other in tree.path(node):
-        if other.coordinate is not None:
-            J[:, other.coordinate] = (
-                ca.vertcat(other.z, cross(other.z, point - other.O)) if other.turns else ca.vertcat(zero(), other.z)
-            )
+    for inner, reach in tree.reaches(node, d):
+        if inner.coordinate is not None:
+            turn = ca.vertcat(inner.z, cross(inner.z, reach)) if inner.turns else ca.vertcat(zero(), inner.z)
+            J[:, inner.coordinate] = turn
     return J
 
 
@@ -58,7 +57,7 @@ def body_jacobians(mechanism: Mechanism, tree: Tree) -> ca.SX:
     blocks = []
     for name, body in mechanism.bodies.items():
         node = tree.node(name)
-        blocks.append(jacobian(tree, node, node.O + offset(node, np.array(body.centre_of_mass))))
+        blocks.append(jacobian(tree, node, offset(node, np.array(body.centre_of_mass))))
     return ca.vertcat(*blocks)
 
 
@@ -105,7 +104,7 @@ def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
     i = node.index
-    return jacobian(tree, node, node.O + d), ca.vertcat(alpha[i], a[i] + cross(alpha[i], d) + spin(omega[i], d))
+    return jacobian(tree, node, d), ca.vertcat(alpha[i], a[i] + cross(alpha[i], d) + spin(omega[i], d))
 
 
 def derivative(matrix: ca.SX, q: ca.SX, rates: ca.SX) -> ca.SX:

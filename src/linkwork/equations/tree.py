@@ -130,6 +130,16 @@ class Tree:
             node = self.nodes[node.parent] if node.parent >= 0 else GROUND_NODE
         return tuple(reversed(path))
 
+    def reaches(self, node: Node, d: ca.SX) -> Iterator[tuple[Node, ca.SX]]:
+        """Yield the nodes from a node inward to ground, each with the vector from its origin to a point.
+
+        d: the vector from the first node's origin to the point. Lengths are added along the chain, so that what lies before
+        an origin neither costs an operation nor adds rounding.
+        """
+        for inner in reversed(self.path(node)):
+            yield inner, d
+            d = d + inner.r
+
     def point(self, node: Node, position: np.ndarray) -> ca.SX:
         """Return the ground-frame position of a point given in a body's own frame."""
         return node.O + offset(node, position)

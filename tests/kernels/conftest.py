@@ -1,0 +1,10 @@
+"""Kernels in these tests are cached in a folder of their own."""
+
+import pytest
+
+
+@pytest.fixture(autouse=True, scope="session")
+def own_cache(tmp_path_factory: pytest.TempPathFactory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LINKWORK_CACHE_DIR", str(tmp_path_factory.mktemp("kernels")))
+        yield

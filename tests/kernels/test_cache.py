@@ -1,0 +1,117 @@
+"""The cache: found, missed, damaged, not writable; and the same code from the same function in every process."""
+
+import os
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import casadi as ca
+import pytest
+
+from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels.cache import key
+from tests.kernels.graphs import random_function
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LINKWORK_CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def simple(factor: float = 3.0) -> ca.Function:
+    x = ca.SX.sym("x")
+    return ca.Function("f", [x], [factor * ca.sin(x)])
+
+
+def entry(folder: Path) -> Path:
+    (file,) = folder.iterdir()
+    return file
+
+
+def assert_right(kernel: Kernel, factor: float = 3.0) -> None:
+    assert kernel([0.5])[0] == pytest.approx(factor * 0.479425538604203, rel=1e-15)
+
+
+def test_the_second_kernel_comes_from_the_cache(folder: Path):
+    first, second = compile_function(simple()), compile_function(simple())
+    assert not first.from_cache
+    assert second.from_cache
+    assert second.operations == first.operations == 2
+    assert second.compile_seconds < first.compile_seconds
+    assert_right(second)
+
+
+def test_another_function_is_another_entry(folder: Path):
+    compile_function(simple(3.0))
+    other = compile_function(simple(4.0))
+    assert not other.from_cache
+    assert_right(other, 4.0)
+    assert len(list(folder.iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-9], lambda data: b"", lambda data: data[:-1] + b"?"])
+def test_a_damaged_entry_is_compiled_anew(folder: Path, damage):
+    compile_function(simple())
+    file = entry(folder)
+    file.write_bytes(damage(file.read_bytes()))
+    with pytest.warns(RuntimeWarning, match=rf"The cached kernel {file} is damaged; it is compiled anew\."):
+        kernel = compile_function(simple())
+    assert not kernel.from_cache
+    assert_right(kernel)
+    assert compile_function(simple()).from_cache
+
+
+@pytest.mark.parametrize("inside", [lambda tmp: tmp / "file" / "cache", lambda tmp: Path("/proc/none/cache")])
+def test_a_folder_that_cannot_be_written_is_warned_of_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inside):
+    (tmp_path / "file").write_text("not a folder")
+    place = inside(tmp_path)
+    monkeypatch.setenv("LINKWORK_CACHE_DIR", str(place))
+    with pytest.warns(RuntimeWarning, match=rf"cannot be cached in {place} .* set LINKWORK_CACHE_DIR") as seen:
+        kernels = [compile_function(simple(factor)) for factor in (1.0, 2.0, 2.0)]
+    assert len(seen) == 1
+    assert not any(kernel.from_cache for kernel in kernels)
+    assert_right(kernels[1], 2.0)
+
+
+def test_no_warning_and_no_leftover_when_all_is_well(folder: Path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for seed in range(3):
+            compile_function(random_function(seed))
+    assert all(file.suffix == ".kernel" for file in folder.iterdir())
+
+
+def test_the_key_separates_its_parts():
+    assert key("ab", "c") != key("a", "bc")
+    assert key("ab") == key("ab")
+
+
+DIGEST = """
+import hashlib
+from linkwork.kernels import cache
+from linkwork.kernels.emit import module_text
+from linkwork.kernels.machine import this_machine
+from linkwork.kernels.program import trace
+from linkwork.kernels.simplify import simplify
+from tests.kernels.graphs import random_function
+f = random_function(1)
+print(hashlib.sha256(module_text(simplify(trace(f)), this_machine()).encode()).hexdigest())
+print(cache.key(f.serialize(), this_machine().identity))
+"""
+
+
+def test_every_process_writes_the_same_code_under_the_same_key():
+    found = set()
+    for seed in ("1", "2"):
+        run = subprocess.run(
+            [sys.executable, "-c", DIGEST],
+            cwd=Path(__file__).parents[2],
+            env=os.environ | {"PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        found.add(run.stdout)
+    assert len(found) == 1

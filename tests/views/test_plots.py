@@ -1,0 +1,69 @@
+"""Plots of runs: what is drawn, with which units, and the same bytes every time."""
+
+import re
+
+import numpy as np
+import pytest
+import xarray
+
+import linkwork as lw
+from linkwork.views import plot_run
+from linkwork.views.style import COLOURS, svg
+
+
+def units(figure):
+    return [re.search(r"\[(.*)\]", axes.get_ylabel())[1] for axes in figure.axes]
+
+
+def test_every_axis_has_a_unit_and_lengths_are_apart_from_angles(run):
+    figure = plot_run(run)
+    assert units(figure) == ["m", "rad", "m", "rad", "m/s", "rad/s", "N"]
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+
+
+def test_curves_are_the_runs_numbers_by_name(run):
+    axes = plot_run(run, ["joint_position"]).axes[1]
+    names = [line.get_label() for line in axes.lines]
+    assert names == ["pivot_1", "pivot_2", "pivot_3", "wrist_1", "wrist_2", "wrist_3"]
+    for name, line in zip(names, axes.lines, strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), run.dataset["joint_position"].sel(joint=name))
+        np.testing.assert_array_equal(line.get_xdata(), run.dataset["time"])
+
+
+def test_torques_and_scalars_have_their_own_units(arm):
+    run = arm.simulate(arm.home, [4.0, 1.0], duration=0.1)
+    assert units(plot_run(run, ["actuator_force", "kinetic_energy", "joint_acceleration"])) == ["N m", "J", "rad/s^2"]
+
+
+def test_quantities_that_the_run_does_not_hold_are_refused(run):
+    with pytest.raises(lw.LinkworkError, match="the run holds no 'heat' over time; it holds joint_position"):
+        plot_run(run, ["heat"])
+    with pytest.raises(lw.LinkworkError, match="there is nothing to draw"):
+        plot_run(run, [])
+
+
+def test_svg_is_the_same_every_time_and_keeps_text_as_text(run):
+    first, second = (svg(plot_run(run, ["actuator_force"])) for _ in range(2))
+    assert first == second
+    assert ">slide_1</text>" in first
+    assert "<metadata" not in first
+    assert "http" not in first.replace("http://www.w3.org/", "")
+
+
+def luminance(colour):
+    """Return the relative luminance of a colour (WCAG 2)."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def test_colours_stand_out_from_white():
+    assert len(set(COLOURS)) == len(COLOURS)
+    assert all(1.05 / (luminance(colour) + 0.05) > 2 for colour in COLOURS)
+
+
+def test_a_run_that_was_written_and_read_again_is_drawn_alike(run, tmp_path):
+    run.save(tmp_path / "run.nc")
+    again = lw.Run.load(tmp_path / "run.nc")
+    assert isinstance(again.dataset, xarray.Dataset)
+    assert svg(plot_run(again)) == svg(plot_run(run))
