@@ -179,7 +179,9 @@ def test_evaluate_into():
     x, y = np.random.default_rng(0).normal(size=kernel.n_in), np.empty(kernel.n_out)
     kernel.evaluate_into(x, y)
     assert_close(y, np.concatenate(evaluate(f, *np.split(x, [4, 8]))))
-    with pytest.raises(KernelError, match=r"'random_5' evaluates from shape \(12,\) into shape \(22,\), not from \(11,\)"):
+    with pytest.raises(
+        KernelError, match=r"'random_5' evaluates from shape \(12,\) into shape \(22,\), not from \(11,\)"
+    ):
         kernel.evaluate_into(x[1:], y)
 
 
@@ -192,7 +194,8 @@ def test_threads_do_not_disturb_each_other():
         one = kernel(*[array[i] for array in batch])
         part = kernel(*[array[i : i + 9] for array in batch])
         return all(
-            np.array_equal(a, e[i]) and np.array_equal(p, e[i : i + 9]) for a, p, e in zip(one, part, expected, strict=True)
+            np.array_equal(a, e[i]) and np.array_equal(p, e[i : i + 9])
+            for a, p, e in zip(one, part, expected, strict=True)
         )
 
     with ThreadPoolExecutor(4) as pool:
@@ -238,9 +241,13 @@ def test_arrays_that_do_not_fit_are_refused_in_a_sentence():
     kernel = compile_function(ca.Function("f", [x, y], [x + y], ["x", "y"], ["z"]))
     with pytest.raises(KernelError, match=r"Kernel 'f' takes 2 arrays \(x, y\), not 1."):
         kernel([1, 2])
-    with pytest.raises(KernelError, match=r"Input 'x' of kernel 'f' has the shape \(3,\); its last dimension has to be 2."):
+    with pytest.raises(
+        KernelError, match=r"Input 'x' of kernel 'f' has the shape \(3,\); its last dimension has to be 2."
+    ):
         kernel([1, 2, 3], [1])
-    with pytest.raises(KernelError, match=r"Input 'y' of kernel 'f' has the shape \(\); its last dimension has to be 1."):
+    with pytest.raises(
+        KernelError, match=r"Input 'y' of kernel 'f' has the shape \(\); its last dimension has to be 1."
+    ):
         kernel([1, 2], 1)
     with pytest.raises(KernelError, match=r"batches of kernel 'f' do not fit each other: x \(4,\), y \(3,\)."):
         kernel(np.zeros((4, 2)), np.zeros((3, 1)))

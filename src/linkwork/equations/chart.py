@@ -24,25 +24,29 @@ import numpy as np
 
 from linkwork.equations.algebra import SX
 
-DEPENDENT_ROW = 1e-9
+DEPENDENT_ROW = 1e-6
 WEAK_PIVOT = 0.1
 COFACTOR_SIZE = 3
 
 
 def independent_rows(samples: Sequence[np.ndarray]) -> tuple[int, ...]:
-    """Return the rows of Phi to keep: in order, each that is not a combination of the kept ones at some sample.
+    """Return the rows of Phi to keep: those of the first sample at which the rank is largest.
 
     Args:
-        samples: Phi (rows x nq) at closed configurations.
+        samples: Phi (rows x nq) at closed configurations, the reference configuration first.
     """
-    stacked = np.hstack([phi / max(np.abs(phi).max(initial=0), 1.0) for phi in samples])
-    basis = np.zeros((0, stacked.shape[1]))
+    return max((rows_of_full_rank(Phi) for Phi in samples), key=len)
+
+
+def rows_of_full_rank(Phi: np.ndarray) -> tuple[int, ...]:
+    """Return the rows, in order, that are no combination of the rows before them (Gram-Schmidt, twice)."""
+    largest = np.linalg.norm(Phi, axis=1).max(initial=0)
+    basis = np.zeros((0, Phi.shape[1]))
     kept = []
-    for index, row in enumerate(stacked):
-        size = np.linalg.norm(row)
+    for index, row in enumerate(Phi):
         rest = row - basis.T @ (basis @ row)
         rest -= basis.T @ (basis @ rest)
-        if size > DEPENDENT_ROW and np.linalg.norm(rest) > 1e-7 * size:
+        if np.linalg.norm(rest) > DEPENDENT_ROW * largest:
             basis = np.vstack([basis, rest / np.linalg.norm(rest)])
             kept.append(index)
     return tuple(kept)

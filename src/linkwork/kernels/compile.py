@@ -29,7 +29,8 @@ class Code:
 
     def __init__(self, object_code: bytes, functions: tuple[str, ...]):
         _initialize()
-        self._engine = llvm.create_lljit_compiler()
+        # This linker keeps code and constants in one piece of memory, so that they always reach each other.
+        self._engine = llvm.create_lljit_compiler(use_jit_link=True)
         library = llvm.JITLibraryBuilder().add_object_img(object_code)
         for name in functions:
             library.export_symbol(name)

@@ -49,7 +49,8 @@ _COSINE = (
 def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     """Append the code for sin x and cos x, x in radians, and return the names of the two values.
 
-    Right for |x| <= LARGEST_ANGLE (LARGEST_ANGLE_WITHOUT_FMA where the machine has no fused multiply-add); NaN for inf and NaN.
+    Right for |x| <= LARGEST_ANGLE (LARGEST_ANGLE_WITHOUT_FMA where the machine has no fused multiply-add); NaN for inf and NaN;
+    sin(-0) is 0.
     """
     product_plus = _fused if has_fma else _separate
     shifted = product_plus(lines, x, lines.constant(_TWO_OVER_PI), lines.constant(_ROUND))

@@ -1,0 +1,175 @@
+"""The commands and their options; what each does is in the module of its name, imported when it is called.
+
+Exit status: 0 done; 1 a run that ended early; 2 a refused input, in one sentence on stderr; 130 interrupted.
+"""
+
+import sys
+import traceback
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from linkwork.errors import LinkworkError
+
+REFUSED = 2
+DEBUG = "--debug"
+
+
+class Group(TyperGroup):
+    """Turn refusals into one sentence, and let `--debug` stand anywhere."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        debug = [DEBUG] if DEBUG in args else []
+        return super().parse_args(ctx, [*debug, *(arg for arg in args if arg != DEBUG)])
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise
+        except (LinkworkError, OSError) as error:
+            if ctx.params["debug"]:
+                traceback.print_exc()
+            else:
+                print(f"linkwork: {sentence(error)}", file=sys.stderr)
+            raise typer.Exit(REFUSED) from None
+
+
+def sentence(error: Exception) -> str:
+    """Return a refusal as one line."""
+    if isinstance(error, OSError) and error.strerror:
+        place = f"{error.filename}: " if error.filename else ""
+        return f"{place}{error.strerror.lower()}"
+    return " ".join(str(error).split())
+
+
+app = typer.Typer(cls=Group, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False)
+
+
+class Reading(StrEnum):
+    spline = "spline"
+    linear = "linear"
+    hold = "hold"
+
+
+RobotName = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")]
+
+
+def print_version(wanted: bool) -> None:
+    if wanted:
+        from linkwork import __version__
+
+        print(f"linkwork {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+    debug: Annotated[bool, typer.Option(DEBUG, help="Show the traceback of a refusal; may stand anywhere.")] = False,
+) -> None:
+    """Exact equations of motion of mechanisms with closed loops, compiled to machine code."""
+
+
+@app.command()
+def info(
+    robot: RobotName,
+    json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
+) -> None:
+    """Show a robot: mobility, joints, loops, redundant rows, chart, sizes of the compiled functions."""
+    from linkwork.cli.info import show
+
+    show(robot, json)
+
+
+@app.command()
+def robots() -> None:
+    """List the robots of the catalogue."""
+    from linkwork.cli.catalogue import show
+
+    show()
+
+
+@app.command()
+def export(
+    robot: RobotName,
+    file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="The mechanism file to write.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a robot as a mechanism file, to be changed and used as ROBOT."""
+    from linkwork.cli.catalogue import export
+
+    export(robot, file, overwrite)
+
+
+@app.command()
+def simulate(
+    robot: RobotName,
+    duration: Annotated[float, typer.Option(metavar="T", help="Length of the run, s.")],
+    forces: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUES", help="Constant actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero)."
+        ),
+    ] = None,
+    forces_csv: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Forces over time: a column 'time' (s) and one named after each actuator."),
+    ] = None,
+    kind: Annotated[Reading, typer.Option(help="How the forces of a file run between their times.")] = Reading.spline,
+    tool: Annotated[
+        str | None,
+        typer.Option(metavar="POSE", help="Start with the tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad."),
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUES", help="Start at 'slide_1=0.2,...', m or rad; with --tool they choose the branch."
+        ),
+    ] = None,
+    rates: Annotated[
+        str | None, typer.Option(metavar="VALUES", help="Rates of the actuated joints at the start, m/s or rad/s.")
+    ] = None,
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of the local error.")] = 1e-8,
+    atol: Annotated[float, typer.Option(help="Absolute tolerance of the local error, m and rad.")] = 1e-10,
+    samples: Annotated[int, typer.Option(help="Number of equally spaced times to save.")] = 101,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Integrate the equations of motion from a pose under actuator forces.
+
+    The run starts at the robot's reference pose, at rest, without forces, where nothing else is said.
+    """
+    from linkwork.cli import simulate as command
+
+    start = command.Start(tool, joints, rates)
+    load = command.Load(forces, forces_csv, kind.value)
+    settings = command.Settings(duration, rtol, atol, samples)
+    if not command.simulate(robot, start, load, settings, command.Target(out, overwrite)):
+        raise typer.Exit(1)
+
+
+@app.command()
+def reproduce(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report, its figures and its data.")],
+) -> None:
+    """Reproduce the paper's study of the 3-PRR robot, checked by independent engines.
+
+    Writes DIR/report.html, DIR/reproduction.nc and the figures as DIR/*.svg, replacing those of an earlier call.
+    """
+    from linkwork.cli.reproduce import reproduce
+
+    reproduce(out)
+
+
+def main() -> None:
+    """Run the command line."""
+    app(prog_name="linkwork")

@@ -1,0 +1,121 @@
+"""Numbers given on the command line or in a file of forces."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+
+TIME = "time"
+
+
+def numbers(text: str, option: str) -> list[float]:
+    """Return the numbers of "0.52,0.27,0.42"."""
+    return [number(part, option) for part in text.split(",")]
+
+
+def by_name(text: str, names: Sequence[str], option: str) -> dict[str, float]:
+    """Return the values of "slide_1=5,slide_2=1" by name, or of "5,1,0" in the order of all names.
+
+    Raises:
+        LinkworkError: not a number, a name that is unknown or given twice, another count of numbers.
+    """
+    parts = text.split(",")
+    if not any("=" in part for part in parts):
+        values = numbers(text, option)
+        if len(values) != len(names):
+            raise LinkworkError(
+                f"{option} holds {len(values)} numbers; give {len(names)}, one each for {', '.join(names)}, or name=value"
+            )
+        return dict(zip(names, values, strict=True))
+    found: dict[str, float] = {}
+    for part in parts:
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals:
+            raise LinkworkError(f"{option}: {part.strip()!r} has no name; write name=value for all, or for none")
+        if name not in names:
+            raise LinkworkError(f"{option}: there is no {name!r}; the names are {', '.join(names)}")
+        if name in found:
+            raise LinkworkError(f"{option}: {name!r} is given twice; keep one of them")
+        found[name] = number(value, f"{option}: {name}")
+    return found
+
+
+def number(text: str, place: str) -> float:
+    """Return a finite number; the refusal of another text begins with its place."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise LinkworkError(f"{place}: {text.strip()!r} is not a number") from None
+    if not isfinite(value):
+        raise LinkworkError(f"{place}: {text.strip()} is not a finite number")
+    return value
+
+
+def read_columns(path: Path, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Read samples over time from a CSV file: a column `time` [s] and one for each name, in any order.
+
+    Lines that begin with # and empty lines are passed over.
+
+    Returns:
+        times (N,) and values (N, len(names)) in the order of the names.
+
+    Raises:
+        LinkworkError: the file cannot be read, columns are missing, unknown or double, an entry is no number, a time
+            does not increase; the line in the file is named.
+    """
+    rows = list(_rows(path))
+    if not rows:
+        raise LinkworkError(f"{path} is empty; its first line names the columns: {TIME},{','.join(names)}")
+    header = [title.strip() for title in rows[0][1]]
+    _check_header(path, header, names)
+    values = np.array([_entries(path, line, row, header) for line, row in rows[1:]]).reshape(-1, len(header))
+    order = [header.index(name) for name in (TIME, *names)]
+    values = values[:, order]
+    if len(values) < 2:
+        raise LinkworkError(f"{path} holds {len(values)} rows of numbers; give at least two")
+    late = np.flatnonzero(~(np.diff(values[:, 0]) > 0))
+    if late.size:
+        k = int(late[0]) + 1
+        raise LinkworkError(
+            f"{path}, line {rows[k + 1][0]}: the time {values[k, 0]:g} s does not come after {values[k - 1, 0]:g} s in the "
+            "row before; times must increase"
+        )
+    return values[:, 0], values[:, 1:]
+
+
+def _rows(path: Path):
+    """Yield the line number and the entries of each row."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            for row in reader:
+                if any(entry.strip() for entry in row) and not row[0].lstrip().startswith("#"):
+                    yield reader.line_num, row
+    except OSError as error:
+        raise LinkworkError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise LinkworkError(f"{path} is not a CSV file: UTF-8 text with commas between the entries") from None
+
+
+def _check_header(path: Path, header: list[str], names: Sequence[str]) -> None:
+    wanted = (TIME, *names)
+    for title in header:
+        if title not in wanted:
+            raise LinkworkError(f"{path} has an unknown column {title!r}; the columns are {', '.join(wanted)}")
+        if header.count(title) > 1:
+            raise LinkworkError(f"{path} has the column {title!r} more than once; keep one of them")
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise LinkworkError(f"{path} lacks the column {missing[0]!r}; the columns are {', '.join(wanted)}")
+
+
+def _entries(path: Path, line: int, row: list[str], header: list[str]) -> list[float]:
+    if len(row) != len(header):
+        raise LinkworkError(f"{path}, line {line}: holds {len(row)} entries; give {len(header)}: {', '.join(header)}")
+    return [number(entry, f"{path}, line {line}, column {title!r}") for entry, title in zip(row, header, strict=True)]

@@ -1,0 +1,141 @@
+"""A run from the command line: where it starts, what drives it, where it is written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from linkwork.cli.catalogue import find, refuse_existing
+from linkwork.cli.entries import by_name, numbers, read_columns
+from linkwork.cli.terminal import console, facts, patience
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State
+from linkwork.simulation import Run, Sampled
+
+FORMATS = (".nc", ".csv")
+
+
+@dataclass(frozen=True)
+class Start:
+    """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given), rates."""
+
+    tool: str | None
+    joints: str | None
+    rates: str | None
+
+    def state(self, robot: Robot) -> State:
+        """Return the state [m, rad, m/s, rad/s]; the robot's reference pose at rest where nothing is said."""
+        state = robot.home
+        if self.joints is not None:
+            state = robot.assemble(by_name(self.joints, robot.joints, "--joints"))
+        if self.tool is not None:
+            state = robot.assemble(tool=numbers(self.tool, "--tool"), guess=state)
+        if self.rates is not None:
+            rates = by_name(self.rates, robot.actuators, "--rates")
+            state = state.with_rates([rates.get(name, 0.0) for name in robot.actuators])
+        return state
+
+
+@dataclass(frozen=True)
+class Load:
+    """Say what drives a run: constant forces, or a file of forces over time and how it is read between its times."""
+
+    constant: str | None
+    file: Path | None
+    kind: Literal["spline", "linear", "hold"]
+
+    def forces(self, robot: Robot) -> dict[str, float] | Sampled | None:
+        """Return the actuator forces [N, N m]; none where nothing is said."""
+        if self.constant is not None and self.file is not None:
+            raise LinkworkError("--forces and --forces-csv are both given; keep one of them")
+        if self.file is not None:
+            times, values = read_columns(self.file, robot.actuators)
+            return Sampled(times, values, self.kind)
+        return by_name(self.constant, robot.actuators, "--forces") if self.constant is not None else None
+
+
+@dataclass(frozen=True)
+class Target:
+    """Say where a run is written, if anywhere."""
+
+    file: Path | None
+    overwrite: bool
+
+    def check(self) -> None:
+        """Refuse what cannot be written before anything is computed."""
+        if self.file is None:
+            return
+        if self.file.suffix.lower() not in FORMATS:
+            raise LinkworkError(
+                f"--out {self.file}: a run is written as {' or '.join(FORMATS)}, not {self.file.suffix!r}"
+            )
+        if not self.file.parent.is_dir():
+            raise LinkworkError(f"--out {self.file}: there is no folder '{self.file.parent}'")
+        refuse_existing(self.file, self.overwrite)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Say how long a run lasts [s], how accurate it is, and how many times are saved."""
+
+    duration: float
+    rtol: float
+    atol: float
+    samples: int
+
+    def check(self) -> None:
+        if not 0 < self.duration < np.inf:
+            raise LinkworkError(f"--duration {self.duration:g}: give a positive, finite number of seconds")
+        if self.samples < 2:
+            raise LinkworkError(f"--samples {self.samples}: give at least 2")
+
+
+def simulate(name: str, start: Start, load: Load, settings: Settings, target: Target) -> bool:
+    """Simulate, print how it went, write what was computed; return whether the run reached its end."""
+    target.check()
+    settings.check()
+    with patience("preparing the run"):
+        robot = Robot(find(name))
+        state, forces = start.state(robot), load.forces(robot)
+    with patience("simulating"):
+        run = robot.simulate(
+            state,
+            forces,
+            duration=settings.duration,
+            rtol=settings.rtol,
+            atol=settings.atol,
+            save_at=np.linspace(0, settings.duration, settings.samples),
+        )
+    print_ending(run)
+    if target.file is not None:
+        run.save(target.file)
+        console().print(f"{target.file} written", soft_wrap=True)
+    return run.success
+
+
+def print_ending(run: Run) -> None:
+    """Print how a run ended and where."""
+    statistics = run.statistics
+    rows = [
+        ("status", f"{run.status.name.lower()}: {run.message}"),
+        ("steps", f"{run.steps} accepted, {run.rejected} rejected"),
+        ("evaluations", f"{run.nfev} of the equations of motion, {statistics.projections} projections"),
+        ("closure error", f"{run.closure_error:.2g} (m, rad)"),
+        ("smallest pivot", f"{statistics.pivot:.3g} at {statistics.pivot_time:.4g} s"),
+    ]
+    variables, time = run.variables, run.coords["time"].values
+    if len(time):
+        place = f"at {time[-1]:.6g} s"
+        rows.append((f"joints {place}", last(run, "joint_position", "joint")))
+        if "tool_pose" in variables:
+            rows.append((f"tool {place}", last(run, "tool_pose", "pose")))
+    console().print(facts(rows))
+
+
+def last(run: Run, quantity: str, dim: str) -> str:
+    """Return the last values of a quantity by name."""
+    names, values = run.coords[dim].values, run.variables[quantity].values[-1]
+    return ", ".join(f"{name} {value:.6g}" for name, value in zip(names, values, strict=True))

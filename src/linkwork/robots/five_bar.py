@@ -1,0 +1,47 @@
+"""The planar five-bar robot (5R): two actuated cranks, two distal links that meet at the tool."""
+
+from __future__ import annotations
+
+from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
+
+
+def five_bar(
+    base: float = 0.3,
+    proximal: float = 0.25,
+    distal: float = 0.35,
+    proximal_mass: float = 0.4,
+    distal_mass: float = 0.3,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+) -> Mechanism:
+    """Describe a symmetric five-bar with uniform rods, driven at the two pivots of its base.
+
+    Args:
+        base: distance between the fixed pivots, at (0, 0) and (base, 0) [m].
+        proximal, distal: lengths of the cranks and of the distal links [m].
+        proximal_mass, distal_mass: masses [kg].
+        gravity: acceleration of gravity in the ground's axes [m/s^2].
+
+    Source: geometry as in Liu, Wang & Pritschow, Mechanism and Machine Theory 41 (2006) 119-144; dimensions ours.
+    """
+
+    def rod(length: float, mass: float) -> Body:
+        return Body(mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12))
+
+    bodies = {f"proximal_{i}": rod(proximal, proximal_mass) for i in (1, 2)}
+    bodies |= {f"distal_{i}": rod(distal, distal_mass) for i in (1, 2)}
+    joints = {
+        "motor_1": RevoluteJoint(connects=("ground", "proximal_1")),
+        "motor_2": RevoluteJoint(connects=("ground", "proximal_2"), frames=(Frame.planar(base), Frame())),
+        "elbow_1": RevoluteJoint(connects=("proximal_1", "distal_1"), frames=(Frame.planar(proximal), Frame())),
+        "elbow_2": RevoluteJoint(connects=("proximal_2", "distal_2"), frames=(Frame.planar(proximal), Frame())),
+        "tip": RevoluteJoint(connects=("distal_1", "distal_2"), frames=(Frame.planar(distal), Frame.planar(distal))),
+    }
+    return Mechanism(
+        name="five-bar",
+        gravity=gravity,
+        bodies=bodies,
+        joints=joints,
+        actuators=("motor_1", "motor_2"),
+        tools={"tip": Tool(body="distal_1", frame=Frame.planar(distal))},
+        reference={"motor_1": 2.2, "motor_2": 0.94, "elbow_1": -1.4, "elbow_2": 1.4, "tip": 1.54},
+    )

@@ -1,0 +1,109 @@
+"""Plots of a run: named quantities over time, one panel for each unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.views.style import label_time, look, new_figure, styled
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+    from linkwork.simulation import Run
+
+TIME = "time"
+USUAL = ("tool_pose", "joint_position", "joint_rate", "actuator_force")
+ANGLES = ("angle", "rx", "ry", "rz")
+WIDTH, HEIGHT = 7.2, 2.1  # of a panel [in]
+LEGEND_ROWS = 9
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Hold curves (K, c) of one quantity in one unit, each with its name."""
+
+    quantity: str
+    unit: str
+    names: tuple[str, ...]
+    values: np.ndarray
+
+
+def plot_run(run: Run, quantities: Sequence[str] | None = None) -> Figure:
+    """Draw quantities of a run over time.
+
+    Args:
+        run: the run.
+        quantities: names of variables of `run.dataset`; left out: the tool's pose, joint positions and rates, and
+            actuator forces.
+
+    Returns:
+        A matplotlib figure with one panel for each quantity and unit.
+
+    Raises:
+        LinkworkError: a quantity that the run does not hold over time.
+    """
+    dataset = run.dataset
+    moving = [str(name) for name, variable in dataset.data_vars.items() if TIME in variable.dims]
+    wanted = [name for name in USUAL if name in moving] if quantities is None else list(quantities)
+    for name in wanted:
+        if name not in moving:
+            raise LinkworkError(f"the run holds no {name!r} over time; it holds {', '.join(moving)}")
+    if not wanted:
+        raise LinkworkError(f"there is nothing to draw; name some of {', '.join(moving)}")
+    shown = [panel for name in wanted for panel in panels(dataset, name)]
+    with styled():
+        figure = new_figure(WIDTH, HEIGHT * len(shown))
+        grid = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, panel in zip(grid, shown, strict=True):
+            draw(axes, dataset[TIME].values, panel)
+        label_time(grid[-1], dataset[TIME].values)
+    return figure
+
+
+def draw(axes, time: np.ndarray, panel: Panel) -> None:
+    """Draw one panel; its legend stands to the right."""
+    for index, name in enumerate(panel.names):
+        axes.plot(time, panel.values[:, index], label=name or None, **look(index))
+    axes.set_ylabel(f"{panel.quantity.replace('_', ' ')}\n[{panel.unit}]")
+    if panel.names != ("",):
+        columns = -(-len(panel.names) // LEGEND_ROWS)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.03), borderaxespad=0, labelspacing=0.3, ncols=columns)
+
+
+def panels(dataset: xarray.Dataset, name: str) -> Iterator[Panel]:
+    """Divide a quantity over time by the units of its components."""
+    array = dataset[name].transpose(TIME, ...)
+    values = array.values.reshape(len(array[TIME]), -1)
+    if array.ndim == 1:
+        yield Panel(name, units_of(dataset, name, ("",))[0], ("",), values)
+        return
+    labels = [str(label) for label in array[array.dims[1]].values]
+    units = units_of(dataset, name, labels)
+    for unit in dict.fromkeys(units):
+        columns = [index for index, found in enumerate(units) if found == unit]
+        yield Panel(name, unit, tuple(labels[index] for index in columns), values[:, columns])
+
+
+def units_of(dataset: xarray.Dataset, name: str, labels: Sequence[str]) -> list[str]:
+    """Return the unit of each component: of two ("m/s, rad/s") the first holds for lengths, the second for angles."""
+    stated = str(dataset[name].attrs.get("units", "1"))
+    linear, _, angular = stated.partition(", ")
+    if not angular:
+        return [stated] * len(labels)
+    if dataset[name].ndim == 1:
+        return [f"{linear} or {angular}"]
+    turning = ANGLES if "pose" in dataset[name].dims else turning_joints(dataset)
+    return [angular if label in turning else linear for label in labels]
+
+
+def turning_joints(dataset: xarray.Dataset) -> set[str]:
+    """Return the names of the joints whose coordinate is an angle."""
+    joints = dataset["joint"]
+    units = str(joints.attrs.get("unit_of_each", "")).split(", ")
+    return {str(joint) for joint, unit in zip(joints.values, units, strict=False) if unit == "rad"}
