@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.robots import prr3
+
 from benchmarks import accuracy, by_hand, kernel, native, reference, runs, table, tasks, timing
 from benchmarks.machine import Machine, describe
-from linkwork.robots import prr3
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_equations_by_hand_agree_with_the_kernel(robot):
 def test_the_reference_agrees_with_other_integrators_and_equations(robot, task):
     """Extrapolation in long doubles, DOP853 on the kernel and DOP853 on the equations by hand meet at the end."""
     found = reference.reference(robot, tasks.Task(task.start, task.signal, duration=0.1))
-    assert found.order < 1e-12
+    assert found.order < 1e-10
     assert found.integrator < 1e-12
     assert found.formulation < 1e-12
 
@@ -131,8 +132,9 @@ def test_time_at_equal_error_is_interpolated():
 
 
 def test_floating_point_operations_are_counted():
-    listing = "\tvfmadd213pd\t%ymm1, %ymm2, %ymm3\n\tvfnmsub231sd\t%xmm1, %xmm2, %xmm3\n\tvaddpd\tx\n\tvmovapd\ty\n\tvdivsd\tz\n"
-    assert kernel.floating_point_operations(listing) == 2 + 2 + 1 + 1
+    names = ("vfmadd213pd", "vfnmsub231sd", "vaddpd", "vmovapd", "vdivsd", "vpaddq")
+    listing = "".join(f"\t{name}\t%ymm1, %ymm2, %ymm3\n" for name in names)
+    assert kernel.floating_point_operations(listing) == 2 + 2 + 1 + 0 + 1 + 0
 
 
 def test_figures_know_whether_they_are_met():
@@ -140,6 +142,7 @@ def test_figures_know_whether_they_are_met():
     assert table.Figure("a", 3.0, "", 4.0, "at least").met is False
     assert table.Figure("a", None, "ns", 17.0).cells == ("a", "≤ 17 ns", "not measurable here", "")
     assert table.Figure("a", 1.23456e-14).cells == ("a", "", "1.2e-14", "")
+    assert table.Figure("a", 59.97, "", 60, "at least").cells == ("a", "≥ 60", "59.97", "NO")
     assert table.quantity(14123.4, "µs") == "14123 µs"
 
 

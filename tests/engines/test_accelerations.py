@@ -10,6 +10,7 @@ import pytest
 from linkwork import engines
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, PrismaticJoint, RevoluteJoint
 from linkwork.robots import prr3
+
 from tests.oracle.closed_forms import DoublePendulum, SliderCrank
 from tests.oracle.lagrange import LagrangeOracle
 from tests.oracle.random_mechanisms import open_tree, planar_loops, random_state, spatial_loops

@@ -13,6 +13,7 @@ from linkwork.engines.common import load_engine, planar_loop, spanning_tree
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Body, Mechanism, RevoluteJoint
 from linkwork.robots import prr3
+
 from tests.engines.test_accelerations import bennett, wedge
 
 NAMES = ("pinocchio", "mujoco", "exudyn")

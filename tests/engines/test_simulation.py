@@ -8,6 +8,7 @@ import pytest
 from linkwork import engines
 from linkwork.engines.common import BodyMotion, along_tree, spanning_tree
 from linkwork.robots import prr3
+
 from tests.engines.test_accelerations import bennett
 from tests.oracle.closed_forms import DoublePendulum
 from tests.oracle.lagrange import LagrangeOracle

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.oracle.lagrange import LagrangeOracle
-from tests.oracle.random_mechanisms import open_tree, planar_loops, random_state, spatial_loops
 
 from linkwork.equations import derive, functions
 from linkwork.robots import prr3
+
+from tests.oracle.lagrange import LagrangeOracle
+from tests.oracle.random_mechanisms import open_tree, planar_loops, random_state, spatial_loops
 
 CASES = {
     "3-PRR": prr3(),

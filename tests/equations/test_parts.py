@@ -4,8 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.oracle.closed_forms import DoublePendulum, SliderCrank
-from tests.oracle.lagrange import LagrangeOracle
 
 from linkwork.equations import derive, functions
 from linkwork.equations.algebra import SX
@@ -13,6 +11,9 @@ from linkwork.equations.orientation import Orientation
 from linkwork.equations.topology import span
 from linkwork.mechanism import Body, FixedJoint, Frame, Inertia, Mechanism, PrismaticJoint, RevoluteJoint
 from linkwork.robots import prr3
+
+from tests.oracle.closed_forms import DoublePendulum, SliderCrank
+from tests.oracle.lagrange import LagrangeOracle
 
 BAR = Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=Inertia(xx=0.01, yy=0.1, zz=0.1))
 

@@ -11,6 +11,7 @@ import pytest
 
 from linkwork.kernels import Kernel, compile_function
 from linkwork.kernels.cache import key
+
 from tests.kernels.graphs import random_function
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from linkwork.kernels import Kernel, KernelError, compile_function
+
 from tests.kernels.graphs import BINARY, UNARY, evaluate, random_function
 
 RELATIVE = 1e-13
@@ -133,7 +134,7 @@ def test_outputs_that_are_inputs_constants_and_structural_zeros():
     assert compile_function(ca.Function("f", [x], [])).n_out == 0
 
 
-@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e15])
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e15, -1e200])
 def test_a_lane_out_of_the_ordinary_leaves_the_others_alone(odd: float):
     x = ca.SX.sym("x", 2)
     f = ca.Function("f", [x], [ca.sin(x[0]) * x[1], ca.cos(x[0] + x[1])])
@@ -148,6 +149,16 @@ def test_a_lane_out_of_the_ordinary_leaves_the_others_alone(odd: float):
             np.testing.assert_allclose(result[i], expected, rtol=RELATIVE)
             if i != kernel.lanes + 1:
                 np.testing.assert_array_equal(result[i], before[i])
+
+
+@pytest.mark.parametrize("angles", [(1e15, 0.1), (1e200, 0.1), (0.1, 1e200), (np.nan, 1e200), (1e200, np.nan)])
+def test_one_large_angle_of_several(angles: tuple[float, float]):
+    x = ca.SX.sym("x", 2)
+    f = ca.Function("f", [x], [ca.sin(x), ca.cos(x)])
+    kernel = compile_function(f)
+    for result, batch, expected in zip(kernel(angles), kernel([angles]), evaluate(f, np.array(angles)), strict=True):
+        np.testing.assert_allclose(result, expected, rtol=RELATIVE)
+        np.testing.assert_allclose(batch[0], expected, rtol=RELATIVE)
 
 
 def test_the_addresses_are_c_functions():

@@ -91,7 +91,7 @@ def test_constants_are_folded_as_ieee_arithmetic_does():
 def test_a_small_product_of_constants_is_not_folded():
     nodes = (Node("input"), Node("const", (), 1e-200), Node("mul", (0, 1)), Node("mul", (1, 2)))
     program = simplify(Program("f", (("x", 1),), (("y", 1),), nodes, (3,)))
-    assert evaluate(program, np.array([1e200]))[0] == pytest.approx(1e-200)
+    assert evaluate(program, np.array([1e200]))[0] == 1e-200
 
 
 def random_program(seed: int) -> Program:

@@ -33,6 +33,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import null_space, qr
 
 from linkwork.mechanism import GROUND, FixedJoint, Frame, Mechanism, PrismaticJoint, RevoluteJoint
+
 from tests.oracle.arithmetic import Arithmetic, arithmetic, axial, skew, solve
 
 FREE = {FixedJoint: (), RevoluteJoint: (0,), PrismaticJoint: (3,)}  # free components of s: omega along e, v along e

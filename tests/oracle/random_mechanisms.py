@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from linkwork.mechanism import GROUND, Body, FixedJoint, Frame, Inertia, Joint, Mechanism, PrismaticJoint, RevoluteJoint
+
 from tests.oracle.lagrange import LagrangeOracle, OracleError
 
 Edge = tuple[str, str, str]  # first body, second body, type of joint

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from linkwork.mechanism import Mechanism
 from linkwork.robots.prr3 import prr3
 from linkwork.textbook import Textbook
+
 from tests.oracle import LagrangeOracle, OracleError, open_tree, planar_loops, random_state, spatial_loops
 from tests.oracle.closed_forms import DOWN, DoublePendulum, Pendulum, SliderCrank
 

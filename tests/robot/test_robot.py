@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from tests.oracle.random_mechanisms import planar_loops, spatial_loops
 
 import linkwork as lw
 from linkwork.robot import Robot
 from linkwork.robots import prr3
 from linkwork.textbook import Textbook
+
+from tests.oracle.random_mechanisms import planar_loops, spatial_loops
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint
 from linkwork.mechanism.joints import JointBase
 from linkwork.robots.prr3 import prr3
 from linkwork.textbook import Textbook
+
 from tests.oracle import LagrangeOracle, open_tree, planar_loops, random_state, spatial_loops
 from tests.oracle.closed_forms import DoublePendulum, Pendulum, SliderCrank
 

@@ -60,12 +60,15 @@ class _Body:
         self.load = load
         self.machine = machine
         self.sum_of_squares: str | None = None
+        self._constants: dict[int, float] = {}
         self._numbers: dict[int, str] = {}
         self._truths: dict[int, str] = {}
         self._angles: dict[int, tuple[str, str]] = {}
 
     def number(self, k: int) -> str:
         """Return the name of the value at position k as a number; a truth is 1 or 0."""
+        if k in self._constants:
+            return self.lines.constant(self._constants[k])
         if k not in self._numbers:
             self._numbers[k] = self.lines.select(self._truths[k], self.lines.constant(1.0), self.lines.constant(0.0))
         return self._numbers[k]
@@ -73,13 +76,15 @@ class _Body:
     def truth(self, k: int) -> str:
         """Return the name of the value at position k as a truth: whether it is not 0."""
         if k not in self._truths:
-            self._truths[k] = self.lines.compare("une", self._numbers[k], self.lines.constant(0.0))
+            self._truths[k] = self.lines.compare("une", self.number(k), self.lines.constant(0.0))
         return self._truths[k]
 
     def add(self, k: int, node: Node) -> None:
         """Append the code of the node at position k."""
         lines, op, args = self.lines, node.op, node.args
-        if op in _COMPARISONS:
+        if op == "const":
+            self._constants[k] = node.value
+        elif op in _COMPARISONS:
             self._truths[k] = lines.compare(_COMPARISONS[op], *map(self.number, args))
         elif op in _LOGICAL:
             self._truths[k] = lines.let(f"{op} {lines.truth} {self.truth(args[0])}, {self.truth(args[1])}")
@@ -90,8 +95,6 @@ class _Body:
 
     def _number_of(self, node: Node) -> str:
         lines, op, args = self.lines, node.op, node.args
-        if op == "const":
-            return lines.constant(node.value)
         if op == "input":
             return self.load(int(node.value))
         if op in _ARITHMETIC:
@@ -132,7 +135,7 @@ def _evaluation(program: Program, width: int, machine: Machine | None) -> _Body:
 
     Sines and cosines are inlined for the machine, or calls of the C library where it is None.
     """
-    lines = Lines(width, whole_constants=width > 1 and machine is not None and machine.reads_whole_constants)
+    lines = Lines(width, f"constants.{width}" if machine and machine.has_memory_operands else None)
     size = 8 * width
 
     def load(k: int) -> str:
@@ -176,7 +179,8 @@ def _one(program: Program, machine: Machine) -> str:
             "near:",
             "ret void",
         ]
-    return function_text(f"void @one({_POINTERS.format('%in', '%out')}) nounwind", ["entry:", *body.lines.text, *end])
+    head = f"void @one({_POINTERS.format('%in', '%out')}) nounwind"
+    return body.lines.table_text() + function_text(head, ["entry:", *body.lines.text, *end])
 
 
 def _batch(program: Program, machine: Machine) -> str:
@@ -215,15 +219,7 @@ def _batch(program: Program, machine: Machine) -> str:
         "ret void",
     ]
     head = f"void @batch(i64 %blocks, {_POINTERS.format('%in.first', '%out.first')}) nounwind {_WIDE[lanes]}"
-    return _constants(body.lines) + function_text(head, loop)
-
-
-def _constants(lines: Lines) -> str:
-    """Return the table of the constants that are read from memory, if any."""
-    if not lines.table:
-        return ""
-    kind = f"[{len(lines.table)} x {lines.number}]"
-    return f"@constants = internal constant {kind} [{', '.join(lines.table)}], align 64\n\n"
+    return body.lines.table_text() + function_text(head, loop)
 
 
 def _exact(program: Program) -> str:

@@ -7,19 +7,20 @@ class Lines:
     """Instructions of one function body whose numbers are `width` doubles wide.
 
     number, integer, truth: the LLVM types of a value, of its bits, and of a comparison.  text: the instructions so far.
-    table: the constants read from memory as whole vectors (see `constant`).
+    table: the name of the table that constants are read from, if they are (see `constant`).
     """
 
-    def __init__(self, width: int, whole_constants: bool = False):
+    def __init__(self, width: int, table: str | None = None):
         self.width = width
-        self.table: list[str] | None = [] if whole_constants else None
-        self.number = self.typed("double")
-        self.integer = self.typed("i64")
-        self.truth = self.typed("i1")
+        self.table = table
+        self._entries: list[str] = []
+        self.number = self._typed("double")
+        self.integer = self._typed("i64")
+        self.truth = self._typed("i1")
         self.always = self._spread("i1", "true")
         self.text: list[str] = []
 
-    def typed(self, scalar: str) -> str:
+    def _typed(self, scalar: str) -> str:
         return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
 
     def let(self, instruction: str) -> str:
@@ -38,14 +39,22 @@ class Lines:
         With a table it is an entry of its own for each use, which the instruction that uses it can take from memory; an entry
         of several uses would occupy a register.
         """
-        spread = self._spread("double", "0x" + struct.pack(">d", value).hex())
+        number = self._spread("double", "0x" + struct.pack(">d", value).hex())
         if self.table is None:
-            return spread
-        place = self.let(f"getelementptr inbounds {self.number}, ptr @constants, i64 {len(self.table)}")
-        self.table.append(f"{self.number} {spread}")
+            return number
+        place = self.let(f"getelementptr inbounds {self.number}, ptr @{self.table}, i64 {len(self._entries)}")
+        self._entries.append(f"{self.number} {number}")
         return self.let(f"load {self.number}, ptr {place}, align {8 * self.width}")
 
+    def table_text(self) -> str:
+        """Return the definition of the table, if it has entries."""
+        if not self._entries:
+            return ""
+        kind = f"[{len(self._entries)} x {self.number}]"
+        return f"@{self.table} = internal constant {kind} [{', '.join(self._entries)}], align 64\n\n"
+
     def whole(self, value: int) -> str:
+        """Return a constant integer for all lanes."""
         return self._spread("i64", str(value))
 
     def _spread(self, scalar: str, text: str) -> str:

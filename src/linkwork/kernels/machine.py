@@ -26,13 +26,9 @@ class Machine:
         return self._has("fma") or self.triple.startswith(("aarch64", "arm64"))
 
     @property
-    def reads_whole_constants(self) -> bool:
-        """Whether a constant for all lanes is cheapest as a whole vector in memory.
-
-        An AVX2 instruction takes an operand from memory but does not repeat one number for all lanes, as AVX-512 does; for the
-        short vectors of the others LLVM's own choice is the best.
-        """
-        return self.lanes == 4
+    def has_memory_operands(self) -> bool:
+        """Whether arithmetic takes an operand from memory, as on x86, so that a constant needs no instruction of its own."""
+        return self.triple.startswith("x86")
 
     @property
     def identity(self) -> str:

@@ -25,42 +25,49 @@ _ODD = frozenset(("sin", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf"
 _EVEN = frozenset(("cos", "cosh", "fabs"))
 _COMMUTING = frozenset(("add", "mul", "hypot", "eq", "ne", "and", "or"))
 _SMALLEST_NORMAL = 2.0**-1022
+_STRETCH = 500
 
 
 def simplify(program: Program) -> Program:
     """Return a program with the same inputs and results, to rounding, and fewer operations."""
-    once = depth_first(_rewrite(program, shared=frozenset()))
-    return depth_first(_rewrite(once, shared=_shared_denominators(once)))
+    once = _ordered(_rewrite(program, shared=frozenset()))
+    return _ordered(_rewrite(once, shared=_shared_denominators(once)))
 
 
-def depth_first(program: Program) -> Program:
-    """Drop the nodes that no result needs and order the rest depth first, so that values are computed near their use.
+def _ordered(program: Program) -> Program:
+    """Drop the nodes that no result needs and put the rest in an order that is quick to execute.
 
-    Of the operands of a node the one that needs the longest chain of operations comes first.
+    Depth first, the operand with the longest chain of operations before the others, so that a value is computed near its use;
+    then, within each stretch of _STRETCH nodes, by the length of that chain, so that operations that do not wait for each
+    other are neighbours.
     """
     depths: list[int] = []
     for node in program.nodes:
         depths.append(1 + max((depths[a] for a in node.args), default=0))
-    order: dict[int, int] = {}
+    visited: dict[int, None] = {}
     for result in program.results:
-        _visit(program.nodes, result, depths, order)
+        _visit(program.nodes, result, depths, visited)
+    order = list(visited)
+    for start in range(0, len(order), _STRETCH):
+        order[start : start + _STRETCH] = sorted(order[start : start + _STRETCH], key=depths.__getitem__)
+    places = {k: place for place, k in enumerate(order)}
     nodes = (program.nodes[k] for k in order)
     return replace(
         program,
-        nodes=tuple(node._replace(args=tuple(order[a] for a in node.args)) for node in nodes),
-        results=tuple(order[r] for r in program.results),
+        nodes=tuple(node._replace(args=tuple(places[a] for a in node.args)) for node in nodes),
+        results=tuple(places[r] for r in program.results),
     )
 
 
-def _visit(nodes: tuple[Node, ...], root: int, depths: list[int], order: dict[int, int]) -> None:
-    """Append `root` to `order` after all that it needs."""
+def _visit(nodes: tuple[Node, ...], root: int, depths: list[int], visited: dict[int, None]) -> None:
+    """Append `root` to `visited` after all that it needs."""
     stack = [root]
     while stack:
-        waiting = [a for a in nodes[stack[-1]].args if a not in order]
+        waiting = [a for a in nodes[stack[-1]].args if a not in visited]
         if waiting:
             stack.extend(sorted(waiting, key=depths.__getitem__))
         else:
-            order.setdefault(stack.pop(), len(order))
+            visited.setdefault(stack.pop())
 
 
 def _shared_denominators(program: Program) -> frozenset[int]:

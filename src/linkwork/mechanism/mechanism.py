@@ -6,7 +6,7 @@ what one gets when joints close a cycle. Units are SI, angles are in radians.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Self
 
@@ -42,11 +42,11 @@ class Mechanism(Record):
     gravity: Vector3 = Field(
         default=(0.0, 0.0, -9.81), description="acceleration of gravity in the ground's axes [m/s^2]"
     )
-    bodies: dict[Name, Body] = Field(description="the bodies by name, without ground")
-    joints: dict[Name, Joint] = Field(description="the joints by name")
+    bodies: Mapping[Name, Body] = Field(description="the bodies by name, without ground")
+    joints: Mapping[Name, Joint] = Field(description="the joints by name")
     actuators: tuple[Name, ...] = Field(default=(), description="names of the actuated joints")
-    tools: dict[Name, Tool] = Field(default_factory=dict, description="the tools by name; the first is the default")
-    reference: dict[Name, Real] = Field(default_factory=dict, description="approximate joint coordinates [m, rad]")
+    tools: Mapping[Name, Tool] = Field(default_factory=dict, description="the tools by name; the first is the default")
+    reference: Mapping[Name, Real] = Field(default_factory=dict, description="approximate joint coordinates [m, rad]")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
