@@ -154,7 +154,7 @@ def by_other_integrator(robot: lw.Robot, task: Task) -> np.ndarray:
             rates, accelerations, _ = kernel(y[:nq], y[nq:], polynomial(c, s))
             return np.concatenate([rates, accelerations])
 
-        y = solve_ivp(f, (0.0, end - begin), y, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+        y = solve_ivp(f, (0.0, end - begin), y, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     return y[:nq]
 
 
@@ -167,5 +167,5 @@ def by_hand(robot: lw.Robot, task: Task) -> np.ndarray:
         def f(s: float, y: np.ndarray, c: np.ndarray = c) -> np.ndarray:
             return np.concatenate(hand.derivative(y[:9], y[9:], polynomial(c, s)))
 
-        y = solve_ivp(f, (0.0, end - begin), y, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+        y = solve_ivp(f, (0.0, end - begin), y, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     return hand.sliding_and_pivoting(y)

@@ -92,7 +92,7 @@ def test_debug_shows_the_traceback_wherever_it_stands(debug):
 
 
 def test_robots_that_are_refused(tmp_path):
-    assert "there is no robot 'nobody'; name one of the catalogue (prr3)" in refused("info", "nobody")
+    assert "there is no robot 'nobody'; name one of the catalogue (bricard, " in refused("info", "nobody")
     assert "none.yaml: cannot be read: no such file or directory" in refused("info", tmp_path / "none.yaml")
     broken = tmp_path / "broken.yaml"
     broken.write_text("linkwork: 1\nbodies: {a: {mass: -1}}\njoints: {}\n")

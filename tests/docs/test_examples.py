@@ -17,13 +17,13 @@ def blocks(language):
             yield pytest.param(text, id=f"{page.name}-{index}")
 
 
-@pytest.mark.parametrize("text", blocks("python"))
+@pytest.mark.parametrize("text", list(blocks("python")))
 def test_python(text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(text, "example", "exec"), {})
 
 
-@pytest.mark.parametrize("text", blocks("yaml"))
+@pytest.mark.parametrize("text", list(blocks("yaml")))
 def test_mechanism_files(text, tmp_path):
     (tmp_path / "example.yaml").write_text(text)
     robot = lw.Robot.from_file(tmp_path / "example.yaml")
