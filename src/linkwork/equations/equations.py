@@ -100,6 +100,8 @@ class Equations:
         L = self.elimination[0]
         H = dynamics.generalised_inertia(self.tree)
         a, d = list(self.chart.independent), list(self.chart.dependent)
+        if not d:
+            return ca.triu2symm(ca.triu(ca.densify(H[a, a]))), SX.zeros(0, self.mobility)
         L_d = L[d, :]
         coupling = ca.mtimes(H[d, d], L_d) + H[d, a]
         M = H[a, a] + ca.mtimes(H[a, d], L_d) + ca.mtimes(L_d.T, coupling)
@@ -109,7 +111,9 @@ class Equations:
         """Return C v + G (n) under a given gravity, Eqs. (11), (12): L' (h(q, q') + H b), where b is zero but for b_d."""
         L, b, _ = self.elimination
         h = dynamics.inertia_forces(self.tree, self.rates, SX.zeros(self.nq), gravity)
-        return ca.mtimes(L.T, h) + ca.mtimes(self.inertia[1].T, b[list(self.chart.dependent)])
+        forces = ca.mtimes(L.T, h)
+        dependent = list(self.chart.dependent)
+        return forces + ca.mtimes(self.inertia[1].T, b[dependent]) if dependent else forces
 
     @property
     def gravity(self) -> ca.SX:

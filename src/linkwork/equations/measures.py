@@ -13,7 +13,7 @@ import numpy as np
 from linkwork.equations import closure
 from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, zero
 from linkwork.equations.joints import KINDS
-from linkwork.equations.orientation import Orientation, angle_about
+from linkwork.equations.orientation import Orientation
 from linkwork.equations.tree import Node, Tree, offset
 from linkwork.mechanism import Mechanism, Tool
 
@@ -90,11 +90,11 @@ def tool_pose(tree: Tree, tool: Tool) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def planar_angle(R: Orientation) -> ca.SX:
-    """Return the angle about z of an orientation in the plane, without a jump."""
+    """Return the angle about z at which a frame's x axis points in the plane, without a jump."""
+    offset = float(np.arctan2(R.right[1, 0], R.right[0, 0]))
     if not R.axis.any():
-        return SX(angle_about(np.array([0, 0, 1.0]), R.right))
-    angle = R.angle if R.axis[2] > 0 else -R.angle
-    return angle + angle_about(np.array([0, 0, 1.0]), R.right)
+        return SX(offset)
+    return (R.angle if R.axis[2] > 0 else -R.angle) + offset
 
 
 def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:

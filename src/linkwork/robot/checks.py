@@ -65,11 +65,13 @@ def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn
     )
 
 
-def refuse_foreign(state: object, joints: Sequence[str]) -> None:
+def refuse_foreign(state: object, joints: Sequence[str], actuators: Sequence[str]) -> None:
     """Refuse what is not a state of this robot; states of an equal robot (the same joints) are accepted."""
     found = getattr(state, "joints", None)
     if found is None:
         raise LinkworkError(f"a state is needed, not {type(state).__name__}; make one by robot.state or robot.assemble")
+    if state.actuators != actuators:  # pyright: ignore[reportAttributeAccessIssue]
+        raise LinkworkError(f"the state belongs to another robot: its rates are those of {', '.join(state.actuators)}")  # pyright: ignore
     if found != joints:
         raise LinkworkError(
             f"the state belongs to another robot: its joints are {', '.join(found)}, not {', '.join(joints)}"

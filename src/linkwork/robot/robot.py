@@ -102,6 +102,7 @@ class Robot:
             if not gap.max(initial=0.0) > CLOSED or not np.isfinite(next_q).all():
                 break
             q, (next_q, gap) = next_q, self._closure_step(next_q)
+        checks.require_closed(gap[..., 0], OPEN_LOOPS, lambda index: self._open_row(q[index]))
         state = self._state(q, np.broadcast_to(v, (*batch, self.mobility)))
         checks.require_consistent(state.positions, q_all, self.joints, self._angular, tolerance)
         return state
@@ -296,7 +297,8 @@ class Robot:
 
     def unwrapped(self, positions: np.ndarray) -> np.ndarray:
         """Return coordinates of all joints over time (K, m) without the jumps of 2 pi that cut joints' angles may have."""
-        return np.where(self._angular, np.unwrap(positions, axis=0), positions)
+        cut = [name in self.equations.topology.cuts for name in self.joints]
+        return np.where(self._angular & cut, np.unwrap(positions, axis=0), positions)
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...) [m, rad], redundant rows included."""
@@ -397,7 +399,12 @@ class Robot:
 
     def _own(self, state: State) -> State:
         if getattr(state, "joints", None) is not self.joints:
-            checks.refuse_foreign(state, self.joints)
+            checks.refuse_foreign(state, self.joints, self.actuators)
+            gap = float(self._closure_step(state.coordinates)[1].max(initial=0.0))
+            if gap > OPEN_LOOPS:
+                raise LinkworkError(
+                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
+                )
         return state
 
     def _vector(self, values: ArrayLike, what: str, names: Sequence[str]) -> np.ndarray:
