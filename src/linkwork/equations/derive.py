@@ -33,11 +33,13 @@ def derive(mechanism: Mechanism) -> Equations:
     tree = grow(mechanism, topology)
     cuts = tuple(closure.cut(mechanism, tree, name) for name in topology.cuts)
     rows = closure_rows(tree, cuts)
-    reference, samples = closed_samples(mechanism, tree, rows)
+    configurations, samples = closed_samples(mechanism, tree, rows)
+    reference = configurations[0]
     kept = independent_rows(samples)
     redundant = tuple(name for index, name in enumerate(rows.names) if index not in kept)
-    refuse_out_of_plane(mechanism, tree, samples, reference)
     independent = actuated(mechanism, tree, topology.cuts, len(tree.coordinates) - len(kept))
+    for q, Phi in zip(configurations, samples, strict=True):
+        refuse_out_of_plane(mechanism, tree, Phi, q)
     refuse_dependent(mechanism, tree, samples[0][list(kept)], independent)
     chart = choose_chart(rows.Phi, samples, kept, independent)
     return Equations(mechanism, topology, tree, cuts, rows, reference, redundant, chart)
@@ -79,8 +81,8 @@ def refuse_open(row: str, residual: float) -> None:
         )
 
 
-def closed_samples(mechanism: Mechanism, tree: Tree, rows: Rows) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Close the loops at the reference configuration; return it, and Phi there and at closed configurations near it."""
+def closed_samples(mechanism: Mechanism, tree: Tree, rows: Rows) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the closed reference configuration and closed ones near it, and Phi at each."""
     guess = np.array([mechanism.reference.get(name, 0.0) for name in tree.coordinates])
     exact = ca.Function("rows", [tree.q], [rows.phi, ca.jacobian(rows.phi, tree.q)])
     geometric = ca.Function("checks", [tree.q], [rows.Phi, rows.alignment])
@@ -105,7 +107,7 @@ def closed_samples(mechanism: Mechanism, tree: Tree, rows: Rows) -> tuple[np.nda
             ("reference",),
         )
     configurations = [reference, *neighbours(system, reference)]
-    return reference, [np.array(geometric(q)[0]) for q in configurations]
+    return configurations, [np.array(geometric(q)[0]) for q in configurations]
 
 
 def actuated(mechanism: Mechanism, tree: Tree, cuts: tuple[str, ...], mobility: int) -> tuple[int, ...]:
@@ -146,9 +148,9 @@ def refuse_dependent(mechanism: Mechanism, tree: Tree, Phi: np.ndarray, independ
         )
 
 
-def refuse_out_of_plane(mechanism: Mechanism, tree: Tree, samples: list[np.ndarray], reference: np.ndarray) -> None:
-    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own z."""
-    _, values, rows = np.linalg.svd(np.vstack([samples[0], np.zeros((1, samples[0].shape[1]))]))
+def refuse_out_of_plane(mechanism: Mechanism, tree: Tree, Phi: np.ndarray, q: np.ndarray) -> None:
+    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own z at q."""
+    _, values, rows = np.linalg.svd(np.vstack([Phi, np.zeros((1, Phi.shape[1]))]))
     rank = int((values > 1e-9 * max(values[0], 1.0)).sum())
     motions = rows[rank:].T
     for name, body in mechanism.bodies.items():
@@ -156,7 +158,7 @@ def refuse_out_of_plane(mechanism: Mechanism, tree: Tree, samples: list[np.ndarr
             continue
         node = tree.node(name)
         local = ca.mtimes(node.R.matrix.T, measures.jacobian(tree, node, zero())[:3, :])
-        omega = np.array(ca.Function("turning", [tree.q], [local])(reference)) @ motions
+        omega = np.array(ca.Function("turning", [tree.q], [local])(q)) @ motions
         if np.abs(omega[:2]).max(initial=0.0) > TURNS_OUT:
             raise MechanismError(
                 "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",

@@ -69,16 +69,16 @@ def body_poses(mechanism: Mechanism, tree: Tree) -> tuple[ca.SX, ca.SX]:
 
 
 def is_planar(tree: Tree) -> bool:
-    """Tell whether every body moves parallel to the ground's xy plane, by the constant directions of all joint axes."""
+    """Tell whether every body moves parallel to the ground's xy plane, by the directions of all joint axes."""
     for node in tree.nodes:
-        if node.coordinate is None:
-            continue
-        if not node.z.is_constant():
-            return False
-        x, y, z = np.array(ca.DM(node.z)).ravel()
-        if (abs(x) + abs(y) if node.turns else abs(z)) > 1e-12:
+        across = (node.z[0], node.z[1]) if node.turns else (node.z[2],)
+        if node.coordinate is not None and not all(vanishes(component) for component in across):
             return False
     return True
+
+
+def vanishes(expression: ca.SX) -> bool:
+    return expression.is_constant() and abs(float(expression)) < 1e-12
 
 
 def tool_pose(tree: Tree, tool: Tool) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linkwork.equations.algebra import skew
 from linkwork.equations.reference import OpenLoopsError, close
 from linkwork.errors import LinkworkError
 
@@ -29,11 +30,13 @@ class Assembler:
     """Solve for configurations of one mechanism with one tool.
 
     evaluate: maps (q, q') to the outputs of `functions.assembly` by name
-    joints: names of all joints' coordinates; rows: names of the closure rows; planar: whether poses are (x, y, angle)
+    joints: names of all joints' coordinates; angular: which are angles
+    rows: names of the closure rows; planar: whether poses are (x, y, angle)
     """
 
     evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
     joints: tuple[str, ...]
+    angular: np.ndarray
     rows: tuple[str, ...]
     planar: bool
 
@@ -46,6 +49,7 @@ class Assembler:
         def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             out = self.evaluate(q, 0 * q)
             error = out["coordinates"][indices] - values
+            error = np.where(self.angular[indices], wrapped(error), error)
             return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], out["J_coordinates"][indices]])
 
         asked = ", ".join(f"{name} = {value:g}" for name, value in targets.items())
@@ -62,8 +66,14 @@ class Assembler:
 
         return self._solve(system, guess, names, f"with the tool at {np.round(pose, 6).tolist()}")
 
-    def rates(self, q: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return q', q'' for a tool velocity and acceleration (in the coordinates of the pose, rotation as omega, alpha)."""
+    def rates(
+        self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return q', q'' for a pose and its first and second time derivatives, in the coordinates of the pose."""
+        if pose.size == 6:
+            omega, alpha = turning(pose[3:], velocity[3:], acceleration[3:])
+            velocity = np.append(velocity[:3], omega)
+            acceleration = np.append(acceleration[:3], alpha)
         out = self.evaluate(q, 0 * q)
         rows = self._pose_indices(velocity.size)
         A = np.vstack([out["Phi"], out["J_tool"][rows]])
@@ -122,6 +132,24 @@ class Assembler:
                 "the configuration is leg-singular: the mechanism can move with the tool held still, so the tool's motion "
                 "does not determine the joints'; lead the path around it"
             )
+
+
+def turning(r: np.ndarray, dr: np.ndarray, ddr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega = J r' and alpha = J r'' + J' r' for a rotation vector r and its time derivatives.
+
+    J = 1 + a [r x] + b [r x]^2,  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |r|, by series near t = 0.
+    """
+    t = float(np.linalg.norm(r))
+    if t < 1e-2:
+        a, b = 1 / 2 - t**2 / 24 + t**4 / 720, 1 / 6 - t**2 / 120 + t**4 / 5040
+        a_t, b_t = -1 / 12 + t**2 / 180 - t**4 / 6720, -1 / 60 + t**2 / 1260 - t**4 / 60480
+    else:
+        a, b = (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3
+        a_t, b_t = (np.sin(t) / t - 2 * a) / t**2, (a - 3 * b) / t**2  # da/dt / t, db/dt / t
+    K, dK = skew(r), skew(dr)
+    J = np.eye(3) + a * K + b * K @ K
+    dJ = (a_t * K + b_t * K @ K) * (r @ dr) + a * dK + b * (dK @ K + K @ dK)
+    return J @ dr, J @ ddr + dJ @ dr
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:

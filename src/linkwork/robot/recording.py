@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.robot import checks
 from linkwork.robot.state import State
-from linkwork.simulation import Run, Sampled, Signal, Statistics, Trajectory, Variable, as_signal, integrate
+from linkwork.simulation import Run, Sampled, Signal, Statistics, Status, Trajectory, Variable, as_signal, integrate
 from linkwork.simulation.run import Deferred
 
 if TYPE_CHECKING:
@@ -81,9 +81,13 @@ def record(robot: Robot, trajectory: Trajectory, attrs: Mapping[str, object]) ->
     if robot.mechanism.tools:
         pose = ("x", "y", "angle") if robot.planar else ("x", "y", "z", "rx", "ry", "rz")
         coords["pose"] = Variable(("pose",), names(pose))
+    message = trajectory.message
+    if trajectory.status is Status.SINGULAR:
+        locked = ", ".join(robot.actuators)
+        message += f" It is actuator-singular: with {locked} locked the mechanism can still move there."
     statistics = Statistics(**{name: getattr(trajectory, name) for name in Statistics.__dataclass_fields__})
     variables = Deferred(partial(measure, robot, trajectory))
-    return Run(variables, coords, dict(attrs), trajectory.status, trajectory.message, statistics)
+    return Run(variables, coords, dict(attrs), trajectory.status, message, statistics)
 
 
 def measure(robot: Robot, trajectory: Trajectory) -> dict[str, Variable]:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 OPEN_LOOPS = 1e-6
 CLOSED = 1e-12
 PIVOT_BOUND = 1e-9
+MATRICES = ("Phi", "J_coordinates", "J_tool")
 
 
 class Robot:
@@ -135,7 +136,8 @@ class Robot:
             checks.known(targets, self.joints, "joint")
             q = self._assembler.at_joints(targets, start)
         elif tool is not None and joints is None:
-            poses = checks.finite(tool, "tool")
+            self._require_tool()
+            poses = np.atleast_1d(checks.finite(tool, "tool"))
             flat = [self._assembler.at_pose(pose, start) for pose in poses.reshape(-1, poses.shape[-1])]
             q = np.array(flat).reshape(*poses.shape[:-1], -1)
         else:
@@ -159,7 +161,8 @@ class Robot:
         if samples < 2:
             raise LinkworkError(f"a motion needs at least 2 samples, not {samples}")
         time = np.linspace(0, duration, samples)
-        poses, velocities, accelerations = path.sample(time, duration)
+        self._require_tool()
+        poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
         self._require_full_pose(poses.shape[1])
         q = (self.home if guess is None else self._own(guess)).coordinates
         dq = np.zeros_like(q)
@@ -167,7 +170,7 @@ class Robot:
         for k in range(samples):
             with checks.at(f"at t = {time[k]:.6g} s: "):
                 q = self._assembler.at_pose(poses[k], q + dq * (duration / (samples - 1)))
-                dq, ddq = self._assembler.rates(q, velocities[k], accelerations[k])
+                dq, ddq = self._assembler.rates(q, poses[k], velocities[k], accelerations[k])
             tree[:, k] = q, dq, ddq
         independent = list(self.equations.chart.independent)
         state = self._state(tree[0], tree[1][:, independent])
@@ -365,11 +368,11 @@ class Robot:
             values = self._assembly_kernel(q, rates)
             named = zip(shapes.items(), values, strict=True)
             return {
-                name: value if columns == 1 else value.reshape(rows, columns, order="F")
+                name: value.reshape(rows, columns, order="F") if name in MATRICES else value
                 for (name, (rows, columns)), value in named
             }
 
-        return Assembler(evaluate, self.joints, self.equations.rows.names, self.planar)
+        return Assembler(evaluate, self.joints, self._angular, self.equations.rows.names, self.planar)
 
     def _closure_step(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         next_q, gap = self._kernel("closure_step")(q)
@@ -380,8 +383,7 @@ class Robot:
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
-        if not self.mechanism.tools:
-            raise LinkworkError("the mechanism names no tool; add one under 'tools'")
+        self._require_tool()
         out = dict(zip(self._assembly_function.name_out(), self._assembly_kernel(q, 0 * q), strict=True))
         if self.planar:
             return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
@@ -419,7 +421,16 @@ class Robot:
         if pivot.min(initial=np.inf) > PIVOT_BOUND and np.isfinite(result).all():
             return
         checks.finite(given, what)
+        checks.finite(state.rates, "the state's rates")
+        if pivot.min(initial=np.inf) > PIVOT_BOUND:
+            raise LinkworkError(
+                "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
+            )
         raise checks.singular(self, state, pivot)
+
+    def _require_tool(self) -> None:
+        if not self.mechanism.tools:
+            raise LinkworkError("the mechanism names no tool; add one under 'tools'")
 
     def _require_full_pose(self, size: int) -> None:
         self._assembler.pose_names(size)

@@ -37,8 +37,13 @@ class State:
 
     def with_rates(self, rates: np.ndarray | list[float]) -> State:
         """Return the same configuration with other independent rates (..., n) [m/s, rad/s]."""
-        values = np.broadcast_to(np.asarray(rates, float), (*self.batch, len(self.actuators))).copy()
-        return replace(self, rates=values)
+        values = np.asarray(rates, float)
+        shape = (*self.batch, len(self.actuators))
+        if values.shape not in (shape, shape[-1:]) or not np.isfinite(values).all():
+            raise LinkworkError(
+                f"rates {values.tolist()} do not fit; give {shape[-1]} finite numbers: {', '.join(self.actuators)}"
+            )
+        return replace(self, rates=np.broadcast_to(values, shape).copy())
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states."""
