@@ -1,9 +1,8 @@
 """Tool paths: poses of the tool over a run, with exact first and second time derivatives.
 
 A path gives the pose x(s), x'(s), x''(s) for s from 0 to 1, and a motion law s(t) says when it is where. Poses have
-the tool's
-coordinates: (x, y) or (x, y, angle) in the plane, (x, y, z) or (x, y, z, rx, ry, rz) in space (rotation vector) [m,
-rad].
+the tool's coordinates: (x, y) or (x, y, angle) in the plane, (x, y, z) or (x, y, z, rx, ry, rz) in space (rotation
+vector) [m, rad].
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ def test_angles_are_asked_for_the_short_way_round():
         ("its loops are open by", lambda: lw.Robot(lw.robots.prr3()).gravity(lw.Robot(lw.robots.prr3(l1=0.35)).home)),
         ("its rates are those of pivot_1", lambda: lw.Robot(lw.robots.prr3()).gravity(other_actuators().home)),
         (
-            "the path",
+            "the end is [0.5, 0.3, nan]; give 3 finite numbers",
             lambda: lw.Robot(lw.robots.prr3()).follow(lw.paths.line([0.5, 0.3, 0.5], [0.5, 0.3, np.nan]), 1.0),
         ),
     ],

@@ -4,12 +4,11 @@
     Phi q'' + gamma = 0:              Phi_u q_u'' = -Phi_a v' - gamma    q'' = L v' + b
 
 The order of elimination is chosen once, on numbers, and then traced without a branch. Pivots that are constants
-(lengths) are
-taken first: they cannot become weak. What remains falls into coupled blocks; a block of up to three unknowns is solved
-by cofactors, which fail only where the block itself is singular, not where some pivot order is; of a larger block the
-strongest pivots are eliminated until three unknowns are left. The smallest relative pivot, a pivot or determinant over
-its
-value at the reference configuration, is an output: it goes to zero at an actuator-singular pose.
+(lengths) are taken first: they cannot become weak. What remains falls into coupled blocks; a block of up to three
+unknowns is solved by cofactors, which fail only where the block itself is singular, not where some pivot order is; of
+a larger block the strongest pivots are eliminated until three unknowns are left. The smallest relative pivot, a pivot
+or determinant over its value at the reference configuration, is an output: it goes to zero at an actuator-singular
+pose.
 Source: the paper, Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold pivoting).
 """
 

@@ -27,9 +27,8 @@ def base_moments(node: Node) -> tuple[float, ca.SX, ca.SX]:
 def generalised_inertia(tree: Tree) -> ca.SX:
     """Return H (nq x nq).
 
-    Outward to inward, composite moments (m, h, I) gather each node's own and its children's, shifted by r:
-    h += m r,  I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a joint
-    needs the
+    Outward to inward, composite moments (m, h, I) gather each node's own and its children's, shifted by r: h += m r,
+    I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a joint needs the
     wrench (N, F) about O:  turn  F = z x h, N = I z;  slide  F = m z, N = h x z;  H_ij projects it on the joints
     inward.
     """

@@ -1,7 +1,7 @@
 """The spanning tree as a chain of elementary motions, and its kinematics in the ground's axes.
 
-Every joint of the tree is a sequence of turns and slides; each leads from a node to the next. A node has an origin O (a
-point of the motion's axis), an orientation R and, if it is a body, the body's inertia. With z the axis, r = O -
+Every joint of the tree is a sequence of turns and slides; each leads from a node to the next. A node has an origin O
+(a point of the motion's axis), an orientation R and, if it is a body, the body's inertia. With z the axis, r = O -
 O_parent:
 
     turn     omega = omega_p + z q'        r constant in the parent

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from linkwork.robot.state import State
 
 
+PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
+
+
 class SingularError(LinkworkError):
     """Refuse a configuration where the actuated rates do not determine the motion."""
 

@@ -49,6 +49,7 @@ def simulate(
         max_step=max_step,
         max_steps=max_steps,
         closure_tol=CLOSURE * robot.size,
+        pivot_bound=checks.PIVOT_BOUND,
     )
     return record(robot, trajectory, {"mechanism": robot.mechanism.name, "rtol": rtol, "atol": atol})
 

@@ -26,15 +26,13 @@ if TYPE_CHECKING:
 
 OPEN_LOOPS = 1e-6
 CLOSED = 1e-12
-PIVOT_BOUND = 1e-9
 MATRICES = ("Phi", "J_coordinates", "J_tool")
 
 
 class Robot:
     """Derive, compile and evaluate the exact equations of motion of a mechanism in the rates of its actuated joints.
 
-        M(q) v' + C(q, v) v + G(q) = u,    q' = L(q) v                                            (paper, Eqs. (7),
-        (9)-(12))
+        M(q) v' + C(q, v) v + G(q) = u,    q' = L(q) v                         (paper, Eqs. (7), (9)-(12))
 
     Everything is in SI units and radians. Independent coordinates, and so the order of M, accelerations and forces,
     are the actuated joints in the order of `actuators`; joint coordinates are in the order of `joints`. Methods take
@@ -223,7 +221,7 @@ class Robot:
             y = np.empty(kernel.n_out)
             kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
             numbers = y.tolist()
-            if numbers[-1] > PIVOT_BOUND and isfinite(sum(numbers)):
+            if numbers[-1] > checks.PIVOT_BOUND and isfinite(sum(numbers)):
                 return y[-1 - self.mobility : -1]
             result, pivot = y[-1 - self.mobility : -1], y[-1:]
         else:
@@ -418,11 +416,11 @@ class Robot:
     def _require_regular(
         self, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
     ) -> None:
-        if pivot.min(initial=np.inf) > PIVOT_BOUND and np.isfinite(result).all():
+        if pivot.min(initial=np.inf) > checks.PIVOT_BOUND and np.isfinite(result).all():
             return
         checks.finite(given, what)
         checks.finite(state.rates, "the state's rates")
-        if pivot.min(initial=np.inf) > PIVOT_BOUND:
+        if pivot.min(initial=np.inf) > checks.PIVOT_BOUND:
             raise LinkworkError(
                 "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
             )

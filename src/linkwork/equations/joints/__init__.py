@@ -2,11 +2,10 @@
 
 A kind says two things about a joint with frames F1 (first body) and F2 (second body):
 
-- `motions`: the elementary motions that lead from F1 to F2, in order; each a turn about or a slide along a constant
-axis;
-- `rows`: what stays zero, each row either a position row  e . (p_2 - p_1) = 0  or a direction row  e . f = 0  with e
-fixed in
-  F1 and f in F2. All vectors are components in the joint's frames.
+- `motions`: the elementary motions that lead from F1 to F2, in order; each a turn about or a slide along a
+  constant axis;
+- `rows`: what stays zero, each row either a position row  e . (p_2 - p_1) = 0  or a direction row  e . f = 0
+  with e fixed in F1 and f in F2. All vectors are components in the joint's frames.
 
 The recursions of the tree and the closure of loops are built from these two alone.
 """
