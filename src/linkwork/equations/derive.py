@@ -25,9 +25,9 @@ def derive(mechanism: Mechanism) -> Equations:
     """Derive the equations of motion of a mechanism in the rates of its actuated joints.
 
     Raises:
-        MechanismError: loops that do not close at the reference configuration, actuators that do not match the
-        mobility or
-            are dependent there, bodies whose inertia is given for planar motion but that leave their plane.
+        MechanismError: loops that do not close at the reference configuration, actuators that do not
+            match the mobility or are dependent there, bodies whose inertia is given for planar motion but that leave
+            their plane.
     """
     topology = span(mechanism)
     tree = grow(mechanism, topology)
@@ -38,9 +38,8 @@ def derive(mechanism: Mechanism) -> Equations:
     kept = independent_rows(samples)
     redundant = tuple(name for index, name in enumerate(rows.names) if index not in kept)
     independent = actuated(mechanism, tree, topology.cuts, len(tree.coordinates) - len(kept))
-    for q, Phi in zip(configurations, samples, strict=True):
-        refuse_out_of_plane(mechanism, tree, Phi, q)
-    refuse_dependent(mechanism, tree, samples[0][list(kept)], independent)
+    refuse_out_of_plane(mechanism, tree, configurations, samples)
+    refuse_dependent(mechanism, samples[0][list(kept)], independent)
     chart = choose_chart(rows.Phi, samples, kept, independent)
     return Equations(mechanism, topology, tree, cuts, rows, reference, redundant, chart)
 
@@ -134,7 +133,7 @@ def actuated(mechanism: Mechanism, tree: Tree, cuts: tuple[str, ...], mobility: 
     return tuple(tree.coordinates.index(name) for name in mechanism.actuators)
 
 
-def refuse_dependent(mechanism: Mechanism, tree: Tree, Phi: np.ndarray, independent: tuple[int, ...]) -> None:
+def refuse_dependent(mechanism: Mechanism, Phi: np.ndarray, independent: tuple[int, ...]) -> None:
     """Refuse actuators whose rates do not determine all others at the reference configuration."""
     dependent = [j for j in range(Phi.shape[1]) if j not in independent]
     if not dependent:
@@ -148,19 +147,28 @@ def refuse_dependent(mechanism: Mechanism, tree: Tree, Phi: np.ndarray, independ
         )
 
 
-def refuse_out_of_plane(mechanism: Mechanism, tree: Tree, Phi: np.ndarray, q: np.ndarray) -> None:
-    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own z at q."""
-    _, values, rows = np.linalg.svd(np.vstack([Phi, np.zeros((1, Phi.shape[1]))]))
-    rank = int((values > 1e-9 * max(values[0], 1.0)).sum())
-    motions = rows[rank:].T
+def refuse_out_of_plane(
+    mechanism: Mechanism, tree: Tree, configurations: list[np.ndarray], samples: list[np.ndarray]
+) -> None:
+    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own z."""
+    motions = [free_motions(Phi) for Phi in samples]
     for name, body in mechanism.bodies.items():
         if not body.inertia.planar:
             continue
         node = tree.node(name)
         local = ca.mtimes(node.R.matrix.T, measures.jacobian(tree, node, zero())[:3, :])
-        omega = np.array(ca.Function("turning", [tree.q], [local])(q)) @ motions
-        if np.abs(omega[:2]).max(initial=0.0) > TURNS_OUT:
-            raise MechanismError(
-                "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",
-                ("bodies", name, "inertia"),
-            )
+        turning = ca.Function("turning", [tree.q], [local])
+        for q, motion in zip(configurations, motions, strict=True):
+            omega = np.array(turning(q)) @ motion
+            if np.abs(omega[:2]).max(initial=0.0) > TURNS_OUT:
+                raise MechanismError(
+                    "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",
+                    ("bodies", name, "inertia"),
+                )
+
+
+def free_motions(Phi: np.ndarray) -> np.ndarray:
+    """Return a basis (nq x n) of the rates that Phi allows."""
+    _, values, rows = np.linalg.svd(np.vstack([Phi, np.zeros((1, Phi.shape[1]))]))
+    rank = int((values > 1e-9 * max(values[0], 1.0)).sum())
+    return rows[rank:].T

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
+from linkwork.robot.assembly import wrapped
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
-    from linkwork.robot.state import State
 
 
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
@@ -98,7 +98,7 @@ def require_consistent(
 ) -> None:
     """Refuse coordinates that contradict the closed configuration; angles may differ by whole turns."""
     error = given - closed
-    error = np.where(angular, (error + np.pi) % (2 * np.pi) - np.pi, error)
+    error = np.where(angular, wrapped(error), error)
     if not (np.abs(error) > 10 * tolerance).any():
         return
     index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])
@@ -116,7 +116,7 @@ def at(place: str) -> Iterator[None]:
         raise type(error)(f"{place}{error}") from None
 
 
-def singular(robot: Robot, state: State, pivot: np.ndarray) -> SingularError:
+def singular(robot: Robot, pivot: np.ndarray) -> SingularError:
     """Return the refusal of a singular configuration, with its kind."""
     weakest = np.unravel_index(int(np.argmin(np.nan_to_num(pivot[..., 0], nan=-1.0))), pivot.shape[:-1])
     which = f" of state {', '.join(str(int(i)) for i in weakest)}" if weakest else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import isfinite
@@ -95,12 +95,12 @@ class Robot:
         batch = np.broadcast_shapes(q_all.shape[:-1], v.shape[:-1])
         q_all = np.broadcast_to(q_all, (*batch, q_all.shape[-1]))
         q = q_all[..., self._tree_in_joints]
-        next_q, gap = self._closure_step(q)
+        next_q, gap = self.kernel("closure_step")(q)
         checks.require_closed(gap[..., 0], tolerance, lambda index: self._open_row(q[index]))
         for _ in range(3):
             if not gap.max(initial=0.0) > CLOSED or not np.isfinite(next_q).all():
                 break
-            q, (next_q, gap) = next_q, self._closure_step(next_q)
+            q, (next_q, gap) = next_q, self.kernel("closure_step")(next_q)
         checks.require_closed(gap[..., 0], OPEN_LOOPS, lambda index: self._open_row(q[index]))
         state = self._state(q, np.broadcast_to(v, (*batch, self.mobility)))
         checks.require_consistent(state.positions, q_all, self.joints, self._angular, tolerance)
@@ -173,7 +173,9 @@ class Robot:
         independent = list(self.equations.chart.independent)
         state = self._state(tree[0], tree[1][:, independent])
         v_dot = tree[2][:, independent]
-        positions, joint_rates, joint_accelerations = self._joints_motion(state.coordinates, state.rates, v_dot)
+        positions, joint_rates, joint_accelerations = self.kernel("joints_motion")(
+            state.coordinates, state.rates, v_dot
+        )
         state = replace(state, positions=self.unwrapped(positions))
         return Motion(time, state, v_dot, joint_rates, joint_accelerations, poses)
 
@@ -216,7 +218,7 @@ class Robot:
 
     def _dynamics(self, name: str, state: State, given: ArrayLike, what: str) -> np.ndarray:
         """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
-        values, kernel, q = self._vector(given, what, self.actuators), self._kernel(name), self._own(state).coordinates
+        values, kernel, q = self._vector(given, what, self.actuators), self.kernel(name), self._own(state).coordinates
         if values.ndim == 1 and q.ndim == 1:
             y = np.empty(kernel.n_out)
             kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
@@ -242,7 +244,7 @@ class Robot:
         return self._terms(state)[2]
 
     def _terms(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        M, Cv, G, pivot = self._kernel("terms")(self._own(state).coordinates, state.rates)
+        M, Cv, G, pivot = self.kernel("terms")(self._own(state).coordinates, state.rates)
         self._require_regular(state, pivot, Cv, state.rates, "rates")
         return M.reshape(*state.batch, self.mobility, self.mobility), Cv, G
 
@@ -255,37 +257,37 @@ class Robot:
         return self._maps(state)[1]
 
     def _maps(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        L, T, pivot = self._kernel("maps")(self._own(state).coordinates)
+        L, T, pivot = self.kernel("maps")(self._own(state).coordinates)
         self._require_regular(state, pivot, L, state.rates, "rates")
         n = self.mobility
         return tuple(np.swapaxes(X.reshape(*state.batch, n, -1), -1, -2) for X in (L, T))  # pyright: ignore
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return the kinetic energy v' M v / 2 and the potential energy -sum m g . c of the weight (...) [J]."""
-        kinetic, potential = self._kernel("energy")(self._own(state).coordinates, state.rates)
+        kinetic, potential = self.kernel("energy")(self._own(state).coordinates, state.rates)
         return kinetic[..., 0], potential[..., 0]
 
     # Kinematics
 
     def joint_rates(self, state: State) -> np.ndarray:
         """Return the rates of all joints (..., m) [m/s, rad/s]."""
-        return self._joints_motion(self._own(state).coordinates, state.rates, 0 * state.rates)[1]
+        return self.kernel("joints_motion")(self._own(state).coordinates, state.rates, 0 * state.rates)[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the actuated ones, q'' = L v' + L' v."""
         v_dot = self._vector(accelerations, "accelerations", self.actuators)
-        return self._joints_motion(self._own(state).coordinates, state.rates, v_dot)[2]
+        return self.kernel("joints_motion")(self._own(state).coordinates, state.rates, v_dot)[2]
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame, by name."""
-        origins, orientations, _ = self._kernel("bodies_motion")(self._own(state).coordinates, state.rates)
+        origins, orientations, _ = self.kernel("bodies_motion")(self._own(state).coordinates, state.rates)
         p = origins.reshape(*state.batch, len(self.bodies), 3)
         R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
         return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
 
     def twists(self, state: State) -> np.ndarray:
         """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the ground's axes."""
-        twists = self._kernel("bodies_motion")(self._own(state).coordinates, state.rates)[2]
+        twists = self.kernel("bodies_motion")(self._own(state).coordinates, state.rates)[2]
         return twists.reshape(*state.batch, len(self.bodies), 6)
 
     def tool_pose(self, state: State) -> np.ndarray:
@@ -303,7 +305,7 @@ class Robot:
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...) [m, rad], redundant rows included."""
-        return self._closure_step(self._own(state).coordinates)[1][..., 0]
+        return self.kernel("closure_step")(self._own(state).coordinates)[1][..., 0]
 
     # Simulation
 
@@ -341,12 +343,9 @@ class Robot:
 
     # Kernels
 
-    def kernel(self, name: str) -> Kernel:
-        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ..."""
-        return self._kernel(name)
-
     @cached_property
-    def _kernel(self):
+    def kernel(self) -> Callable[[str], Kernel]:
+        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ..."""
         return lru_cache(maxsize=None)(lambda name: compile_function(getattr(functions, name)(self.equations)))
 
     @cached_property
@@ -372,13 +371,6 @@ class Robot:
 
         return Assembler(evaluate, self.joints, self._angular, self.equations.rows.names, self.planar)
 
-    def _closure_step(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        next_q, gap = self._kernel("closure_step")(q)
-        return next_q, gap
-
-    def _joints_motion(self, q: np.ndarray, v: np.ndarray, v_dot: np.ndarray) -> tuple[np.ndarray, ...]:
-        return self._kernel("joints_motion")(q, v, v_dot)
-
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
         self._require_tool()
@@ -394,13 +386,13 @@ class Robot:
 
     def _state(self, q: np.ndarray, v: np.ndarray) -> State:
         q = np.ascontiguousarray(q)
-        positions = self._joints_motion(q, v, 0 * v)[0]
+        positions = self.kernel("joints_motion")(q, v, 0 * v)[0]
         return State(positions, np.ascontiguousarray(v), q, self.joints, self.actuators)
 
     def _own(self, state: State) -> State:
         if getattr(state, "joints", None) is not self.joints:
             checks.refuse_foreign(state, self.joints, self.actuators)
-            gap = float(self._closure_step(state.coordinates)[1].max(initial=0.0))
+            gap = float(self.kernel("closure_step")(state.coordinates)[1].max(initial=0.0))
             if gap > OPEN_LOOPS:
                 raise LinkworkError(
                     f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
@@ -424,7 +416,7 @@ class Robot:
             raise LinkworkError(
                 "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
             )
-        raise checks.singular(self, state, pivot)
+        raise checks.singular(self, pivot)
 
     def _require_tool(self) -> None:
         if not self.mechanism.tools:

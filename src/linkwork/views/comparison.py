@@ -20,6 +20,7 @@ from linkwork import engines
 from linkwork.equations.algebra import rotation_matrix
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot
+from linkwork.robot.assembly import wrapped
 from linkwork.simulation import Run, Sampled, Signal, as_signal
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def compare(robot: Robot, motion: Motion, asked: Sequence[str], step: float = 5e
     time, start = motion.time[::2], motion.state.at(0)
     signal = as_signal(Sampled(time, forces[::2]))
     spline_error = np.abs(signal(motion.time[1::2]) - forces[1::2]).max(axis=0)
-    positions, tool = robot.unwrapped(motion.positions), robot.tool_pose(motion.state)
+    positions, tool = motion.positions, robot.tool_pose(motion.state)
     prescribed = Curve(PRESCRIBED, "Prescribed", positions[::2], motion.accelerations[::2], tool[::2])
     curves, failures = [prescribed, by_noc(robot, motion, signal, time)], {}
     for name in asked:
@@ -188,7 +189,7 @@ def tool_poses(robot: Robot, poses: np.ndarray) -> np.ndarray:
 def tool_differences(robot: Robot, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance (K,) [m] and the angle (K,) [rad] between two series of tool poses."""
     if robot.planar:
-        turn = (a[:, 2] - b[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        turn = wrapped(a[:, 2] - b[:, 2])
         return np.linalg.norm(a[:, :2] - b[:, :2], axis=1), np.abs(turn)
     from scipy.spatial.transform import Rotation
 
