@@ -1,10 +1,10 @@
-"""Run the benchmarks: `python -m benchmarks [names...]`; all of them write the tables in `benchmarks/results`."""
+"""Run the benchmarks: `python -m benchmarks [names...]`; a page of them writes its tables in `benchmarks/results`."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -12,52 +12,66 @@ from rich.console import Console
 
 from linkwork.kernels.machine import this_machine
 
-from benchmarks import accuracy, kernel, machine, others, work_precision
-from benchmarks.table import Section, markdown, terminal
+from benchmarks import accuracy, catalogue, kernel, ladder, linkages, machine, others, stewart, work_precision
+from benchmarks.table import Page, Section, markdown, terminal
 
 RESULTS = Path(__file__).parent / "results"
 COMMAND = "python -m benchmarks"
+Sections = Mapping[str, Callable[[machine.Machine], Section]]
+PAGES: Mapping[str, Sections] = {
+    "foundation": {
+        "kernel": kernel.run,
+        "others": lambda _: others.run(),
+        "work_precision": lambda _: work_precision.run(),
+        "accuracy": lambda _: accuracy.run(),
+    },
+    "mechanisms": {
+        "stewart": stewart.run,
+        "ladder": lambda _: ladder.run(),
+        "linkages": lambda _: linkages.run(),
+        "catalogue": lambda _: catalogue.run(),
+    },
+}
 
 
 def main(names: Sequence[str]) -> int:
-    """Run the named sections, or all; print them, and write the results where all were run."""
+    """Run the named sections and pages, or all; print them, and write the results of each whole page."""
     console = Console(width=80)
-    host = machine.describe(this_machine().lanes)
-    sections: dict[str, Callable[[], Section]] = {
-        "kernel": lambda: kernel.run(host),
-        "others": others.run,
-        "work_precision": work_precision.run,
-        "accuracy": accuracy.run,
-    }
-    if unknown := [name for name in names if name not in sections]:
-        console.print(f"there is no benchmark {unknown[0]!r}; the benchmarks are {', '.join(sections)}")
+    known = [*PAGES, *(name for sections in PAGES.values() for name in sections)]
+    if unknown := [name for name in names if name not in known]:
+        console.print(f"there is no benchmark {unknown[0]!r}; the benchmarks are {', '.join(known)}")
         return 2
+    host = machine.describe(this_machine().lanes)
     for title, line in host.lines().items():
         console.print(f"{title}: {line}", highlight=False)
-    start, done = perf_counter(), []
-    for name in names or sections:
-        console.print()
-        done.append(sections[name]())
-        console.print(terminal(done[-1]))
-    if not names:
-        write(done, host, perf_counter() - start)
+    command = " ".join([COMMAND, *names])
+    for page, sections in PAGES.items():
+        whole = not names or page in names
+        start, done = perf_counter(), []
+        for name, run in sections.items():
+            if whole or name in names:
+                console.print()
+                done.append(run(host))
+                console.print(terminal(done[-1]))
+        if whole:
+            write(Page(page.capitalize(), page, done), host, command, perf_counter() - start)
     return 0
 
 
-def write(sections: Sequence[Section], host: machine.Machine, seconds: float) -> None:
-    """Write the table, the raw numbers and the pictures of one run of all sections."""
+def write(page: Page, host: machine.Machine, command: str, seconds: float) -> None:
+    """Write the tables, the raw numbers and the pictures of one run of a page."""
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "foundation.md").write_text(markdown(sections, host, COMMAND, seconds))
+    (RESULTS / f"{page.name}.md").write_text(markdown(page, host, command, seconds))
     raw = {
         "machine": host.as_dict(),
         "seconds": seconds,
         "sections": {
             section.title: {"figures": [vars(figure) for figure in section.figures], "raw": section.raw}
-            for section in sections
+            for section in page.sections
         },
     }
-    (RESULTS / "foundation.json").write_text(json.dumps(raw, indent=1) + "\n")
-    for section in sections:
+    (RESULTS / f"{page.name}.json").write_text(json.dumps(raw, indent=1) + "\n")
+    for section in page.sections:
         for name, picture in section.pictures.items():
             (RESULTS / name).write_text(picture)
 

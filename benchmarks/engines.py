@@ -26,26 +26,16 @@ def pinocchio(robot: lw.Robot) -> PinocchioEngine:
     return engine
 
 
-def tree_states(engine: TreeEngine, robot: lw.Robot, states: lw.State) -> tuple[np.ndarray, ...]:
-    """Return the coordinates and rates (count, nv) of an engine's own tree."""
-    return states.positions[:, engine.columns], robot.joint_rates(states)[:, engine.columns]
-
-
 def pinocchio_evaluations(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> Contender:
     """Return `constraintDynamics` in a tight loop of Python over prepared states; nothing else is in the loop."""
     engine = pinocchio(robot)
-    q, v = tree_states(engine, robot, states)
-    tau = np.zeros_like(v)
-    tau[:, engine.drives] = forces
-    rows = list(zip(q, v, tau, strict=True))
-    model, data, settings = engine.model, engine.data, engine.proximal
-    constraints, constraint_data, evaluate = engine.constraints, engine.constraint_data, pin.constraintDynamics
+    calls = [engine.evaluation(*row) for row in zip(states.positions, robot.joint_rates(states), forces, strict=True)]
 
     def call() -> None:
-        for q, v, tau in rows:
-            evaluate(model, data, q, v, tau, constraints, constraint_data, settings)
+        for evaluate in calls:
+            evaluate()
 
-    return Contender(call, len(rows))
+    return Contender(call, len(calls))
 
 
 def pinocchio_call() -> Contender:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 import tempfile
@@ -12,24 +11,15 @@ from time import perf_counter
 import numpy as np
 
 import linkwork as lw
-from linkwork.equations import functions
-from linkwork.kernels import Kernel
-from linkwork.kernels import machine as targets
-from linkwork.kernels.compile import assembly
-from linkwork.kernels.emit import module_text
-from linkwork.kernels.program import trace
-from linkwork.kernels.simplify import simplify
 from linkwork.robots import prr3
 
 from benchmarks import native, runs
 from benchmarks.machine import Machine
+from benchmarks.size import size
 from benchmarks.table import Figure, Section
 from benchmarks.tasks import second_of_motion, second_of_pushing, workspace_states
-from benchmarks.timing import Contender, interleaved, summary
+from benchmarks.timing import Contender, best, interleaved, ns, summary, us
 
-AVX512 = targets.Machine(
-    "x86_64-unknown-linux-gnu", "sapphirerapids", "+avx2,+fma,+avx512f,+avx512dq,+avx512vl,+avx512bw"
-)
 PROCESSES = 3
 RTOL = 1e-8
 COMPILE = """
@@ -48,16 +38,15 @@ print(perf_counter() - start, kernel.from_cache)
 def run(machine: Machine, rounds: int = 100) -> Section:
     """Measure the kernel's size, speed and cost of compiling, and one simulated second."""
     robot = lw.Robot(prr3())
-    kernel = robot.kernel("motion")
     times = interleaved(contenders(robot), rounds)
     cold, warm = compile_times(PROCESSES)
     info = info_times(PROCESSES)
     tasks = {"moving": second_of_motion(robot), "pushed": second_of_pushing(robot)}
     nfev = {name: runs.integrated(robot, task, RTOL).nfev for name, task in tasks.items()}
-    flops = floating_point_operations(kernel.assembly(vector=True))
+    code = size(robot.equations)
     figures = [
-        *size(robot, kernel),
-        *speed(machine, times, flops),
+        *code.figures(520),
+        *speed(machine, times, code.flops),
         Figure("one Python call of robot.forward_dynamics", us(times["Python"]), "µs", 5.0),
         Figure("one Python call of the kernel on arrays", us(times["kernel call"]), "µs"),
         Figure("compiling the kernel, cache empty", float(np.median(cold)), "s", 0.5),
@@ -74,7 +63,7 @@ def run(machine: Machine, rounds: int = 100) -> Section:
         "seconds": {name: summary(values) for name, values in times.items()},
         "compile": {"cold": cold, "cached": warm},
         "info": info,
-        "flops": flops,
+        "flops": code.flops,
     }
     return Section("Kernel", METHOD, figures, raw)
 
@@ -88,35 +77,6 @@ METHOD = f"""
     `compile_function`. Simulated seconds: 0.5 N on the first slider from rest, and the task of the work-precision plot;
     the compiled loop is all of a run but the checks of its arguments.
     """
-
-
-def size(robot: lw.Robot, kernel: Kernel) -> list[Figure]:
-    """Return the counts of operations and of machine instructions."""
-    traced = functions.motion(robot.equations)
-    program = simplify(trace(traced))
-    wide = assembly(module_text(program, AVX512), AVX512)
-    return [
-        Figure(
-            "instructions of the traced function, inputs and outputs included", float(traced.n_instructions()), "", 520
-        ),
-        Figure("arithmetic operations compiled", float(kernel.operations)),
-        Figure("machine instructions, one lane", float(kernel.instruction_count(vector=False))),
-        Figure(f"machine instructions, {kernel.lanes} lanes", float(kernel.instruction_count(vector=True))),
-        Figure("machine instructions, 8 lanes, emitted for AVX-512, not run", float(instructions(wide, "batch"))),
-    ]
-
-
-def instructions(text: str, function: str) -> int:
-    """Return the number of machine instructions of one function in an assembly listing."""
-    body = re.search(rf"^{function}:.*?(?=^\s*\.size)", text, re.MULTILINE | re.DOTALL)
-    return len(re.findall(r"^\t[a-z]\w*", body.group() if body else "", re.MULTILINE))
-
-
-def floating_point_operations(text: str) -> int:
-    """Return the floating-point operations of each lane in a listing: an FMA counts two."""
-    fused = len(re.findall(r"\bvfn?m(?:add|sub)\w*[ps]d\b", text))
-    plain = len(re.findall(r"\bv?(?:add|sub|mul|div|sqrt|min|max)[ps]d\b", text))
-    return 2 * fused + plain
 
 
 def speed(machine: Machine, times: dict[str, np.ndarray], flops: int) -> list[Figure]:
@@ -148,7 +108,7 @@ def contenders(robot: lw.Robot) -> dict[str, Contender]:
         "chained": native.one_after_another(kernel, x, rates),
         "independent": native.one_by_one(kernel, x),
         "Python": Contender(lambda: robot.forward_dynamics(one, u)),
-        "kernel call": Contender(lambda: kernel(one.coordinates, one.rates, u)),
+        "kernel call": Contender(lambda: kernel(one.q, one.rates, u)),
         "pushed": Contender(runs.compiled_loop(robot, pushed, RTOL)),
         "moving": Contender(runs.compiled_loop(robot, moving, RTOL)),
         "integrate": Contender(lambda: runs.integrated(robot, moving, RTOL)),
@@ -165,7 +125,7 @@ def inputs(robot: lw.Robot, count: int) -> tuple[lw.State, np.ndarray]:
     random = np.random.default_rng(11)
     states = poses.at(np.arange(count) % 100).with_rates(random.normal(size=(count, robot.mobility)))
     forces = random.normal(size=(count, robot.mobility))
-    return states, np.ascontiguousarray(np.hstack([states.coordinates, states.rates, forces]))
+    return states, np.ascontiguousarray(np.hstack([states.q, states.rates, forces]))
 
 
 def compile_times(processes: int) -> tuple[list[float], list[float]]:
@@ -196,15 +156,3 @@ def python(*arguments: str, **environment: str) -> str:
         [sys.executable, *arguments], env=os.environ | environment, check=True, capture_output=True, text=True
     )
     return result.stdout
-
-
-def ns(seconds: np.ndarray) -> float:
-    return 1e9 * float(np.median(seconds))
-
-
-def us(seconds: np.ndarray) -> float:
-    return 1e6 * float(np.median(seconds))
-
-
-def best(seconds: np.ndarray) -> str:
-    return f"best {1e9 * seconds.min():.1f} ns"

@@ -99,6 +99,14 @@ def one_after_another(kernel: Kernel, x: np.ndarray, rates: int) -> Contender:
     return Contender(lambda: evaluate_chained(kernel.address, x, rates, 0.0, y, out), len(x))
 
 
+def evaluations(kernel: Kernel, q: np.ndarray, states: int) -> dict[str, Contender]:
+    """Return the kernel (q, v, u) -> (q', v', ...) in both loops, at one configuration with random rates and forces."""
+    (_, nq), (_, nv), (_, nu) = kernel.inputs
+    random = np.random.default_rng(3)
+    x = np.hstack([np.tile(q, (states, 1)), random.normal(size=(states, nv + nu))])
+    return {"batches": in_batches(kernel, x), "one by one": one_after_another(kernel, x, nq + nv)}
+
+
 def aligned(values: np.ndarray) -> np.ndarray:
     """Return a flat copy that begins at a multiple of 64 bytes."""
     buffer = np.empty(values.size + ALIGNMENT // 8)

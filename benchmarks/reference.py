@@ -36,6 +36,7 @@ OPERATIONS: dict[str, Callable] = {
     "fabs": abs,
     "fmin": min,
     "fmax": max,
+    "copysign": np.copysign,
 }
 Derivative = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -56,7 +57,7 @@ class Reference:
 
 def reference(robot: lw.Robot, task: Task) -> Reference:
     """Compute the end of the task, and how far other ways end from it."""
-    joints = [robot.joints.index(f"{kind}_{i}") for kind in ("slide", "pivot") for i in (1, 2, 3)]
+    joints = [robot.coordinates.index(f"{kind}_{i}") for kind in ("slide", "pivot") for i in (1, 2, 3)]
 
     def ended(q: np.ndarray) -> np.ndarray:
         nothing = np.zeros(robot.mobility)
@@ -80,7 +81,7 @@ def extrapolated(robot: lw.Robot, task: Task, columns: int) -> np.ndarray:
     """Return the tree's coordinates at the end, in long doubles."""
     derivative, close = walked(functions.motion(robot.equations)), walked(functions.closure_step(robot.equations))
     nq = robot.equations.nq
-    q = task.start.coordinates.astype(np.longdouble)
+    q = task.start.q.astype(np.longdouble)
     for _ in range(3):
         q = close(q)[:nq]
     y = np.concatenate([q, task.start.rates.astype(np.longdouble)])
@@ -147,7 +148,7 @@ def walked(function: ca.Function) -> Callable[[np.ndarray], np.ndarray]:
 def by_other_integrator(robot: lw.Robot, task: Task) -> np.ndarray:
     """Return the tree's coordinates at the end by SciPy's DOP853 in doubles, piece by piece, on the compiled kernel."""
     kernel, nq = robot.kernel("motion"), robot.equations.nq
-    y = np.concatenate([task.start.coordinates, task.start.rates])
+    y = np.concatenate([task.start.q, task.start.rates])
     for begin, end, c in pieces(task.signal, task.duration):
 
         def f(s: float, y: np.ndarray, c: np.ndarray = c) -> np.ndarray:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from inspect import signature
 from unittest.mock import patch
 
 import numpy as np
 
 import linkwork as lw
+from linkwork.robot.charts import CompiledChart
 from linkwork.simulation import Run, Trajectory, integrate, native
 
 from benchmarks.tasks import Task
@@ -16,13 +18,22 @@ from benchmarks.tasks import Task
 ATOL = 1e-2  # absolute tolerances, relative to the relative ones
 
 
+@cache
+def chart(robot: lw.Robot, task: Task) -> CompiledChart:
+    """Return the home chart with its pivots counted positive where the task starts, as runs need it."""
+    return robot.chart.facing(task.start.q)
+
+
 def integrated(robot: lw.Robot, task: Task, tolerance: float) -> Trajectory:
     """Return the trajectory, its end saved: the compiled loop with the checks around it."""
-    return integrate(
-        robot.kernel("motion").address, robot.kernel("closure_step").address,
-        task.start.coordinates, task.start.rates, task.signal,
+    kernel = chart(robot, task).kernel
+    trajectory = integrate(
+        kernel("motion").address, kernel("closure_step").address,
+        task.start.q, task.start.rates, task.signal,
         duration=task.duration, rtol=tolerance, atol=ATOL * tolerance, save_at=[task.duration],
     )  # fmt: skip
+    assert trajectory.status is lw.Status.FINISHED, trajectory.message
+    return trajectory
 
 
 def recorded(robot: lw.Robot, task: Task, tolerance: float) -> Run:
@@ -45,7 +56,7 @@ def compiled_loop(robot: lw.Robot, task: Task, tolerance: float) -> Callable[[],
     with patch.object(native, "integrate", wraps=native.integrate) as spy:
         integrated(robot, task, tolerance)
     arguments, loop = spy.call_args.args, native.integrate
-    start = np.concatenate([task.start.coordinates, task.start.rates])
+    start = np.concatenate([task.start.q, task.start.rates])
     state = arguments[list(signature(loop.py_func).parameters).index("y")]
 
     def call() -> np.ndarray:

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
 from benchmarks.machine import Machine
 
 SIGNS = {"at most": "≤", "at least": "≥"}
+STYLES = {"yes": "green", "NO": "red"}
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,20 @@ class Figure:
         measured = "not measurable here" if self.value is None else quantity(self.value, self.unit, self.digits)
         return self.what, promised, measured, {True: "yes", False: "NO", None: ""}[self.met]
 
+    @property
+    def noted(self) -> tuple[str, str, str, str]:
+        """Return the same texts with the note beside what."""
+        what, promised, measured, met = self.cells
+        return (f"{what} ({self.note})" if self.note else what), promised, measured, met
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Hold a table of many numbers of a kind: its column titles and its rows, all of them texts."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
 
 @dataclass(frozen=True)
 class Section:
@@ -55,9 +72,25 @@ class Section:
 
     title: str
     method: str
-    figures: Sequence[Figure]
+    figures: Sequence[Figure] = ()
     raw: dict[str, Any] = field(default_factory=dict)
     pictures: dict[str, str] = field(default_factory=dict)
+    listing: Listing | None = None
+
+    def tables(self, notes: bool) -> list[Listing]:
+        """Return the figures, with their notes or without, and the listing, as far as there are any."""
+        rows = [figure.noted if notes else figure.cells for figure in self.figures]
+        found = [Listing(("figure", "promised", "measured", "met"), rows)] if rows else []
+        return found if self.listing is None else [*found, self.listing]
+
+
+@dataclass(frozen=True)
+class Page:
+    """Hold sections that are written together: a title, the name of the files, the sections."""
+
+    title: str
+    name: str
+    sections: Sequence[Section]
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
@@ -75,34 +108,35 @@ def paragraphs(text: str) -> list[str]:
     return [line for part in found for line in (part, "")]
 
 
-def terminal(section: Section) -> Table:
-    """Return a section as a table for a terminal of 80 columns."""
-    table = Table(title=section.title, title_justify="left", width=80)
-    for name in ("figure", "promised", "measured", "met"):
-        table.add_column(name, justify="left" if name == "figure" else "right", overflow="fold")
-    for figure in section.figures:
-        style = {True: "green", False: "red", None: ""}[figure.met]
-        table.add_row(*figure.cells, style=style)
-    return table
+def terminal(section: Section) -> Group:
+    """Return a section as tables for a terminal of 80 columns."""
+    tables = []
+    for listing in section.tables(notes=False):
+        table = Table(title=section.title, title_justify="left", width=80, collapse_padding=True, pad_edge=False)
+        first, *others = map(Text, listing.columns)
+        table.add_column(first, overflow="fold", no_wrap=listing is section.listing)
+        for name in others:
+            table.add_column(name, justify="right", overflow="fold")
+        for row in listing.rows:
+            table.add_row(*map(Text, row), style=STYLES.get(row[-1], ""))
+        tables.append(table)
+    return Group(*tables)
 
 
-def markdown(sections: Sequence[Section], machine: Machine, command: str, seconds: float) -> str:
-    """Return all sections as one page, with the machine and the command that made it."""
+def markdown(page: Page, machine: Machine, command: str, seconds: float) -> str:
+    """Return all sections of a page, with the machine and the command that made it."""
     lines = [
-        "# Foundation: what was promised and what was measured",
+        f"# {page.title}: what was promised and what was measured",
         "",
         f"Written by `{command}` on {machine.date}, in {seconds:.0f} s. How the figures are measured and what they mean:",
-        "[benchmarks](../../docs/benchmarks.md). Raw numbers: `foundation.json`.",
+        f"[benchmarks](../../docs/benchmarks.md). Raw numbers: `{page.name}.json`.",
         "",
         *(f"- {name}: {value}" for name, value in machine.lines().items()),
         "",
     ]
-    for section in sections:
-        lines += [f"## {section.title}", "", *paragraphs(section.method), "| figure | promised | measured | met |"]
-        lines += ["| --- | --- | --- | --- |"]
-        for figure in section.figures:
-            what, promised, measured, met = figure.cells
-            what = f"{what} ({figure.note})" if figure.note else what
-            lines.append(f"| {what} | {promised} | {measured} | {met} |")
-        lines.append("")
+    for section in page.sections:
+        lines += [f"## {section.title}", "", *paragraphs(section.method)]
+        for listing in section.tables(notes=True):
+            rows = (listing.columns, ["---"] * len(listing.columns), *listing.rows)
+            lines += [*(f"| {' | '.join(row)} |" for row in rows), ""]
     return "\n".join(lines)

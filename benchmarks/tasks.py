@@ -42,7 +42,7 @@ def across_rails(pose: np.ndarray) -> np.ndarray:
 
 def pivot(robot: lw.Robot, pose: np.ndarray) -> float:
     """Return the smallest relative pivot of the elimination at a pose: 1 far from singular poses, 0 in one."""
-    return float(robot.kernel("maps")(robot.assemble(tool=pose).coordinates)[-1][0])
+    return abs(float(robot.kernel("maps")(robot.assemble(tool=pose).q)[-1][0]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Mapping
+import os
+import tempfile
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from random import Random
 from time import perf_counter
+from typing import TypeVar
+from unittest.mock import patch
 
 import numpy as np
+
+Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -18,8 +26,8 @@ class Contender:
     items: int = 1
 
 
-def interleaved(contenders: Mapping[str, Contender], rounds: int = 60, block: float = 2e-3) -> dict[str, np.ndarray]:
-    """Time the contenders in turn, a block each, over and over.
+def interleaved(contenders: Mapping[Name, Contender], rounds: int = 60, block: float = 2e-3) -> dict[Name, np.ndarray]:
+    """Time the contenders in turn, a block each, over and over, in an order that changes from turn to turn.
 
     Args:
         contenders: by name.
@@ -33,17 +41,19 @@ def interleaved(contenders: Mapping[str, Contender], rounds: int = 60, block: fl
     """
     counts = {name: calls_in(contender, block) for name, contender in contenders.items()}
     seconds = {name: np.empty(rounds) for name in contenders}
+    order, shuffle = list(contenders), Random(1).shuffle
     gc.disable()
     try:
         for i in range(rounds):
-            for name, contender in contenders.items():
-                call, repeats = contender.call, range(counts[name])
+            shuffle(order)
+            for name in order:
+                call, repeats = contenders[name].call, range(counts[name])
                 if counts[name] > 1:
                     call()
                 start = perf_counter()
                 for _ in repeats:
                     call()
-                seconds[name][i] = (perf_counter() - start) / (counts[name] * contender.items)
+                seconds[name][i] = (perf_counter() - start) / (counts[name] * contenders[name].items)
     finally:
         gc.enable()
     return seconds
@@ -66,3 +76,29 @@ def calls_in(contender: Contender, block: float) -> int:
 def summary(seconds: np.ndarray) -> dict[str, float]:
     """Return the median and the best of many blocks [s]."""
     return {"median": float(np.median(seconds)), "best": float(seconds.min())}
+
+
+def ns(seconds: np.ndarray) -> float:
+    """Return the median in nanoseconds."""
+    return 1e9 * float(np.median(seconds))
+
+
+def us(seconds: np.ndarray) -> float:
+    """Return the median in microseconds."""
+    return 1e6 * float(np.median(seconds))
+
+
+def best(seconds: np.ndarray) -> str:
+    """Say how long the quickest block took, in ns, µs or ms."""
+    least = float(seconds.min())
+    scale, unit = next(
+        pair for pair in ((1e9, "ns"), (1e6, "µs"), (1e3, "ms")) if least * pair[0] < 1e3 or pair[1] == "ms"
+    )
+    return f"best {scale * least:.3g} {unit}"
+
+
+@contextmanager
+def empty_cache() -> Iterator[None]:
+    """Let kernels be compiled anew: a folder of its own, empty at first, takes the place of the user's cache."""
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, LINKWORK_CACHE_DIR=folder):
+        yield

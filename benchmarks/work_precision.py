@@ -163,7 +163,7 @@ def contenders(robot: lw.Robot, task: Task, grid: Grid) -> dict[str, list[tuple[
     pinocchio, mujoco = engines.pinocchio(robot), engines.MujocoEngine(robot.mechanism)
     q, v = task.start.positions, robot.joint_rates(task.start)
     tree = [robot.equations.tree.coordinates.index(name) for name in JOINTS]
-    columns = [robot.joints.index(name) for name in JOINTS]
+    columns = [robot.coordinates.index(name) for name in JOINTS]
 
     def loop(tolerance: float) -> Runner:
         call = runs.compiled_loop(robot, task, tolerance)
@@ -177,7 +177,7 @@ def contenders(robot: lw.Robot, task: Task, grid: Grid) -> dict[str, list[tuple[
 
     def stepping(engine: engines.TreeEngine, acceleration: engines.Acceleration) -> Callable[[int], Runner]:
         places = [list(engine.columns).index(column) for column in columns]
-        start = q[engine.columns], v[engine.columns]
+        start = engine.plan.state(q, v)
 
         def prepared(steps: int) -> Runner:
             forces = list(task.signal(np.linspace(0.0, task.duration, 2 * steps + 1)))
@@ -203,7 +203,7 @@ def contenders(robot: lw.Robot, task: Task, grid: Grid) -> dict[str, list[tuple[
 def exudyn(robot: lw.Robot, task: Task, exact: Reference, grid: Grid) -> Curve:
     """Return Exudyn's curve; the time is that of its solver, once for each number of steps."""
     engine, forces = ExudynEngine(robot.mechanism), by_hand.Lookup(task.signal)
-    columns = [robot.joints.index(name) for name in JOINTS]
+    columns = [robot.coordinates.index(name) for name in JOINTS]
     done = [
         engine.simulate(
             task.start.positions, robot.joint_rates(task.start), forces, task.duration, task.duration / steps

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import linkwork as lw
+from linkwork.kernels import cache
 from linkwork.robots import prr3
 
-from benchmarks import accuracy, by_hand, kernel, native, reference, runs, table, tasks, timing
+from benchmarks import accuracy, by_hand, kernel, native, reference, runs, size, table, tasks, timing
 from benchmarks.machine import Machine, describe
 
 
@@ -134,7 +136,7 @@ def test_time_at_equal_error_is_interpolated():
 def test_floating_point_operations_are_counted():
     names = ("vfmadd213pd", "vfnmsub231sd", "vaddpd", "vmovapd", "vdivsd", "vpaddq")
     listing = "".join(f"\t{name}\t%ymm1, %ymm2, %ymm3\n" for name in names)
-    assert kernel.floating_point_operations(listing) == 2 + 2 + 1 + 0 + 1 + 0
+    assert size.floating_point_operations(listing) == 2 + 2 + 1 + 0 + 1 + 0
 
 
 def test_figures_know_whether_they_are_met():
@@ -146,10 +148,24 @@ def test_figures_know_whether_they_are_met():
     assert table.quantity(14123.4, "µs") == "14123 µs"
 
 
+def test_tables_hold_listings_beside_figures():
+    listing = table.Listing(("robot", "batch [ns]"), [("pendulum", "1")])
+    section = table.Section("Catalogue", "All.", [table.Figure("a", 3.0, note="so")], listing=listing)
+    page = table.markdown(table.Page("Mechanisms", "mechanisms", [section]), describe(lanes=2), "", 1.0)
+    assert "# Mechanisms: what" in page and "`mechanisms.json`" in page
+    assert "| robot | batch [ns] |\n| --- | --- |\n| pendulum | 1 |" in page
+    assert "| a (so) |  | 3 |  |" in page
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(table.terminal(section))
+    shown = capture.get()
+    assert "pendulum" in shown and "batch [ns]" in shown and "figure" in shown
+
+
 def test_tables_name_machine_command_and_figures():
     machine = describe(lanes=2)
     section = table.Section("Speed", "One way.\n\nAnother.", [table.Figure("a", 3.0, "ns", 4.0, note="so")])
-    page = table.markdown([section], machine, "python -m benchmarks", 12.3)
+    page = table.markdown(table.Page("Speed", "speed", [section]), machine, "python -m benchmarks", 12.3)
     assert "| a (so) | ≤ 4 ns | 3 ns | yes |" in page
     assert machine.cpu in page and "python -m benchmarks" in page and "GFLOP/s" in page
 
@@ -160,3 +176,16 @@ def test_the_machine_is_measured():
     assert 0.5 < machine.clock < 10
     assert machine.peak > machine.clock
     assert "numpy" in machine.packages
+
+
+def test_an_empty_cache_is_empty_and_leaves_the_usual_one_in_place():
+    usual = cache.folder()
+    with timing.empty_cache():
+        assert cache.folder() != usual and not list(cache.folder().iterdir())
+    assert cache.folder() == usual
+
+
+def test_times_are_said_in_their_unit():
+    assert timing.best(np.array([2.5e-8, 3e-8])) == "best 25 ns"
+    assert timing.best(np.array([2.5e-5])) == "best 25 µs"
+    assert timing.best(np.array([2.5])) == "best 2.5e+03 ms"

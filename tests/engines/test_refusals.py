@@ -9,12 +9,14 @@ import pytest
 
 from linkwork import engines
 from linkwork.engines import EngineError
-from linkwork.engines.common import load_engine, planar_loop, spanning_tree
+from linkwork.engines.interface import load_engine
+from linkwork.engines.tree import planar_loop, spanning_tree
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Body, Mechanism, RevoluteJoint
-from linkwork.robots import prr3
+from linkwork.mechanism import Body, Mechanism, RevoluteJoint, ScrewJoint
+from linkwork.robots import prr3, stewart
 
 from tests.engines.test_accelerations import bennett, wedge
+from tests.oracle.random_joints import random_loops
 
 NAMES = ("pinocchio", "mujoco", "exudyn")
 
@@ -58,18 +60,11 @@ def test_wrong_shapes_and_times(model):
         model.simulate(q, q, lambda _: np.zeros(2), 1.0, 0.1)
 
 
-def test_actuated_joints_that_close_a_loop():
-    mechanism = bennett()
-    driven = mechanism.model_copy(update={"actuators": tuple(mechanism.joints)})
-    with pytest.raises(EngineError, match=r"actuators: '.*' closes a loop of actuated joints"):
-        spanning_tree(driven)
-
-
 def test_a_body_without_mass_in_mujoco():
     pytest.importorskip("mujoco", reason="the optional engine mujoco is not installed")
     hinge = RevoluteJoint(connects=("ground", "ghost"))
     mechanism = Mechanism(name="ghost", bodies={"ghost": Body(mass=0)}, joints={"hinge": hinge}, actuators=("hinge",))
-    with pytest.raises(EngineError, match=r"MuJoCo refuses 'ghost': .*positive.* 'body ghost'"):
+    with pytest.raises(EngineError, match=r"MuJoCo refuses 'ghost': .*mass and inertia.* 'body ghost'"):
         engines.build("mujoco", mechanism)
 
 
@@ -81,3 +76,37 @@ def test_the_spanning_tree_cuts_revolute_joints_and_tells_planar_loops():
     spatial = spanning_tree(bennett())
     assert not planar_loop(spatial, spatial.cuts[0])
     assert spanning_tree(wedge(0.5)).cuts[0].kind == "prismatic"
+
+
+def test_a_body_without_inertia_in_pinocchio():
+    pytest.importorskip("pinocchio", reason="the optional engine pinocchio is not installed")
+    hinge = RevoluteJoint(connects=("ground", "ghost"))
+    mechanism = Mechanism(name="ghost", bodies={"ghost": Body(mass=0)}, joints={"hinge": hinge}, actuators=("hinge",))
+    with pytest.raises(EngineError, match=r"ghost: Pinocchio finds no accelerations; .* without inertia"):
+        engines.build("pinocchio", mechanism).accelerations(np.zeros(1), np.zeros(1), np.ones(1))
+
+
+def test_a_loop_of_screws_in_exudyn():
+    pytest.importorskip("exudyn", reason="the optional engine exudyn is not installed")
+    screw = ScrewJoint(connects=("ground", "nut"), pitch=0.01)
+    mechanism = Mechanism(bodies={"nut": Body(mass=1)}, joints={"left": screw, "right": screw})
+    with pytest.raises(EngineError, match=r"joints\.right: closes a loop of screws"):
+        engines.build("exudyn", mechanism)
+
+
+def test_bodies_that_nothing_but_rods_reaches_have_no_tree():
+    mechanism = random_loops(0, 1, platform="bare")
+    with pytest.raises(EngineError, match=r"bodies\.body_.*: nothing but rods reaches it; add a free joint to ground"):
+        spanning_tree(mechanism)
+
+
+def test_actuated_joints_that_close_a_loop_are_carried():
+    mechanism = bennett()
+    tree = spanning_tree(mechanism.model_copy(update={"actuators": tuple(mechanism.joints)}))
+    assert [cut.joint for cut in tree.cuts] == list(tree.carried) and len(tree.carried) == 1
+    assert not spanning_tree(mechanism).carried
+
+
+def test_joints_of_little_use_in_the_tree_are_cut():
+    tree = spanning_tree(stewart())
+    assert {cut.kind for cut in tree.cuts} == {"spherical", "free"} and not tree.carried

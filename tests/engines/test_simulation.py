@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from linkwork import engines
-from linkwork.engines.common import BodyMotion, along_tree, spanning_tree
+from linkwork.engines.motion import along_tree, read_joints
+from linkwork.engines.tree import spanning_tree
 from linkwork.robots import prr3
 
 from tests.engines.test_accelerations import bennett
@@ -101,17 +104,21 @@ def test_poses_are_those_the_engines_compute():
     mechanism = spatial_loops(2, loops=2)
     positions, speeds = random_state(mechanism, np.random.default_rng(1))
     rates = LagrangeOracle(mechanism).all_rates(positions, speeds)
-    poses, twists = along_tree(mechanism, spanning_tree(mechanism), positions, rates)
+    motion = along_tree(mechanism, spanning_tree(mechanism), positions, rates)
     first, second = PinocchioEngine(mechanism), MujocoEngine(mechanism)
     pin.forwardKinematics(first.model, first.data, positions[first.columns], rates[first.columns])
     second.evaluation(positions, rates, np.zeros(len(speeds)))()
     for index, name in enumerate(mechanism.bodies):
         joint, seat = first.seats[name]
-        np.testing.assert_allclose((first.data.oMi[joint] * seat).homogeneous, poses[index], atol=1e-12)
-        body, twist = second.data.body(f"body {name}"), np.zeros(6)
-        np.testing.assert_allclose(body.xpos, poses[index, :3, 3], atol=1e-12)
+        np.testing.assert_allclose((first.data.oMi[joint] * seat).homogeneous, motion.poses[index], atol=1e-12)
+        label, pose = second.seats[name]
+        body, twist = second.data.body(label), np.zeros(6)
+        rotation = body.xmat.reshape(3, 3)
+        np.testing.assert_allclose(rotation @ pose[:3, :3], motion.poses[index, :3, :3], atol=1e-12)
+        np.testing.assert_allclose(body.xpos + rotation @ pose[:3, 3], motion.poses[index, :3, 3], atol=1e-12)
         mujoco.mj_objectVelocity(second.model, second.data, mujoco.mjtObj.mjOBJ_XBODY, body.id, twist, 0)
-        np.testing.assert_allclose(twist, twists[index], atol=1e-12)
+        twist[3:] += np.cross(twist[:3], rotation @ pose[:3, 3])
+        np.testing.assert_allclose(twist, motion.twists[index], atol=1e-12)
 
 
 def test_joints_are_read_off_the_bodies():
@@ -120,33 +127,15 @@ def test_joints_are_read_off_the_bodies():
     oracle = LagrangeOracle(mechanism)
     positions, speeds = random_state(mechanism, np.random.default_rng(2))
     rates = oracle.all_rates(positions, speeds)
-    poses, twists = along_tree(mechanism, spanning_tree(mechanism), positions[None], rates[None])
+    motion = along_tree(mechanism, spanning_tree(mechanism), positions[None], rates[None])
     turned = positions + 2 * np.pi * np.array([0, 0, 0, 1, 0, -1, 0, 2, 0])
-    joints = BodyMotion(mechanism, poses, twists, np.zeros_like(twists)).joints(turned)
+    joints = read_joints(mechanism, motion, turned)
     np.testing.assert_allclose(joints.positions[0], turned, atol=1e-12)
     np.testing.assert_allclose(joints.rates[0], rates, atol=1e-12)
     assert joints.closure_error < 1e-12 and joints.alignment_error < 1e-12
-    torn = poses.copy()
+    torn = motion.poses.copy()
     torn[:, -1, 1, 3] += 1e-3
-    assert BodyMotion(mechanism, torn, twists, np.zeros_like(twists)).joints(turned).closure_error == pytest.approx(
-        1e-3
-    )
-
-
-def test_relative_motion_across_joints_differentiates():
-    """Along a motion that opens the loops, so that no component of the relative motion is zero by constraint."""
-    mechanism = spatial_loops(2, loops=2)
-    tree, rng = spanning_tree(mechanism), np.random.default_rng(4)
-    start, rates, bend = rng.normal(size=(3, len(mechanism.joints)))
-    h = 1e-4
-    time = h * np.arange(-2, 3)[:, None]
-    poses, twists = along_tree(mechanism, tree, start + rates * time + bend * time**2 / 2, rates + bend * time)
-    motion = BodyMotion(mechanism, poses, twists, np.gradient(twists, h, axis=0, edge_order=2))
-    for cut in tree.cuts:
-        pose, twist, change = motion.across(cut)
-        np.testing.assert_allclose(np.gradient(pose[:, :3, 3], h, axis=0)[2], twist[2, 3:], atol=1e-5)
-        np.testing.assert_allclose(np.gradient(twist, h, axis=0)[2], change[2], atol=1e-4)
-        assert np.all(abs(change[2]) > 1e-2)
+    assert read_joints(mechanism, replace(motion, poses=torn), turned).closure_error == pytest.approx(1e-3)
 
 
 def test_recorded_accelerations_are_those_of_the_recorded_states(engine):

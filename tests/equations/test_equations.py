@@ -1,138 +1,101 @@
-"""The derived equations against an independent formulation (Lagrange multipliers) on random mechanisms, and identities."""
+"""Mechanisms of one-freedom joints against Lagrange's equations with multipliers in joint coordinates, and identities."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from linkwork.equations import derive, functions
 from linkwork.robots import prr3
 
+from tests.equations.evaluation import close, values
+from tests.oracle.closed_forms import DoublePendulum, SliderCrank
 from tests.oracle.lagrange import LagrangeOracle
 from tests.oracle.random_mechanisms import open_tree, planar_loops, random_state, spatial_loops
 
 CASES = {
-    "3-PRR": prr3(),
     "3-PRR in a vertical plane": prr3(gravity=(0.0, -9.81, 0.0)),
-    **{f"tree {seed}": open_tree(seed) for seed in range(3)},
+    "tree": open_tree(1),
     "planar tree": open_tree(5, planar=True),
-    **{f"planar loops {seed}": planar_loops(seed, loops=1 + seed % 3, freedoms=1 + seed % 2) for seed in range(5)},
-    **{f"spatial loops {seed}": spatial_loops(seed, loops=1 + seed % 2, freedoms=1 + seed % 2) for seed in range(4)},
+    "planar loop": planar_loops(1, loops=1, freedoms=2),
+    "planar loops": planar_loops(2, loops=3),
+    "spatial loop": spatial_loops(2),
+    "spatial loops": spatial_loops(3, loops=2, freedoms=2),
 }
 
 
 @pytest.fixture(params=CASES, scope="module")
 def case(request):
+    """Return a mechanism, its equations, the oracle, and a closed state: all coordinates, the tree's, independent rates."""
     mechanism = CASES[request.param]
-    return mechanism, derive(mechanism), LagrangeOracle(mechanism)
-
-
-def closed_state(mechanism, equations):
-    """Return a random closed state: all joint coordinates, the tree's, independent rates."""
+    equations = derive(mechanism)
     q_all, v = random_state(mechanism, np.random.default_rng(7))
-    names = [name for name, joint in mechanism.joints.items() if joint.type != "fixed"]
-    return q_all, np.array([q_all[names.index(name)] for name in equations.tree.coordinates]), v
-
-
-def call(function, *arguments):
-    return [
-        np.array(value).squeeze(-1) if value.shape[1] == 1 else np.array(value) for value in function.call(arguments)
-    ]
-
-
-def close_to(found, expected, tolerance=1e-10):
-    scale = max(1.0, float(np.abs(expected).max(initial=0)))
-    assert np.abs(found - expected).max(initial=0) < tolerance * scale
+    q = np.array([q_all[mechanism.coordinates.index(label)] for label in equations.tree.coordinates])
+    return equations, LagrangeOracle(mechanism), q_all, q, v
 
 
 def test_forward_and_inverse_dynamics(case):
-    mechanism, equations, oracle = case
-    q_all, q, v = closed_state(mechanism, equations)
+    equations, oracle, q_all, q, v = case
     u = np.random.default_rng(1).normal(size=v.size)
-    rates, v_dot, _ = call(functions.motion(equations), q, v, u)
-    close_to(v_dot, oracle.forward_dynamics(q_all, v, u))
-    forces, _ = call(functions.inverse_dynamics(equations), q, v, v_dot)
-    close_to(forces, u)
-    close_to(forces, oracle.inverse_dynamics(q_all, v, v_dot))
-    assert rates.size == q.size
+    v_dot = values(functions.motion(equations), q, v, u)["accelerations"]
+    close(v_dot, oracle.forward_dynamics(q_all, v, u), 1e-10)
+    forces = values(functions.inverse_dynamics(equations), q, v, v_dot)["forces"]
+    close(forces, u, 1e-10)
+    close(forces, oracle.inverse_dynamics(q_all, v, v_dot), 1e-10)
 
 
 def test_terms(case):
-    mechanism, equations, oracle = case
-    q_all, q, v = closed_state(mechanism, equations)
-    M, Cv, G, _ = call(functions.terms(equations), q, v)
-    close_to(M, oracle.mass_matrix(q_all))
-    close_to(Cv, oracle.coriolis(q_all, v))
-    close_to(G, oracle.gravity(q_all))
+    equations, oracle, q_all, q, v = case
+    terms = values(functions.terms(equations), q, v)
+    M = terms["M"].reshape(v.size, v.size)
+    close(M, oracle.mass_matrix(q_all), 1e-10)
+    close(terms["Cv"], oracle.coriolis(q_all, v), 1e-10)
+    close(terms["G"], oracle.gravity(q_all), 1e-10)
+    assert not terms["f"].any()
     assert (M == M.T).all()
     assert np.linalg.eigvalsh(M).min() > 0
 
 
 def test_all_joints(case):
-    mechanism, equations, oracle = case
-    q_all, q, v = closed_state(mechanism, equations)
+    equations, oracle, q_all, q, v = case
     v_dot = np.random.default_rng(2).normal(size=v.size)
-    positions, rates, accelerations = call(functions.joints_motion(equations), q, v, v_dot)
-    turns = (positions - q_all) / (2 * np.pi)
-    close_to(turns - np.round(turns), 0 * turns)
-    close_to(rates, oracle.all_rates(q_all, v))
-    close_to(accelerations, oracle.all_accelerations(q_all, v, v_dot), 1e-9)
-
-
-def test_twists_and_energy(case):
-    mechanism, equations, oracle = case
-    q_all, q, v = closed_state(mechanism, equations)
-    _, T, _ = functions.maps(equations)(q)
-    twists = np.array(T) @ v
-    by_body = oracle.twists(q_all, v)
-    expected = np.concatenate([by_body[name] for name in mechanism.bodies])
-    close_to(twists, expected)
-    M = call(functions.terms(equations), q, v)[0]
-    kinetic, _ = functions.energy(equations)(q, v)
-    close_to(float(kinetic), 0.5 * v @ M @ v)
-
-
-def test_power_balance(case):
-    """Along a motion the energy changes by the actuators' power: d(T + V)/dt = u . v (central differences)."""
-    mechanism, equations, _ = case
-    _, q, v = closed_state(mechanism, equations)
-    u = np.random.default_rng(3).normal(size=v.size)
-    motion, energy = functions.motion(equations), functions.energy(equations)
-    rates, v_dot, _ = call(motion, q, v, u)
-    h = 1e-6
-
-    def total(t):
-        return sum(float(part) for part in energy(q + t * rates, v + t * v_dot))
-
-    slope = (total(h) - total(-h)) / (2 * h)
-    assert abs(slope - u @ v) < 1e-6 * max(1.0, abs(u @ v), abs(total(0)))
+    motion = values(functions.joints_motion(equations), q, v, v_dot)
+    turns = (motion["positions"] - q_all) / (2 * np.pi)
+    close(turns - np.round(turns), 0 * turns, 1e-12)
+    close(motion["rates"], oracle.all_rates(q_all, v), 1e-10)
+    close(motion["accelerations"], oracle.all_accelerations(q_all, v, v_dot), 1e-9)
 
 
 def test_closure_step_closes_the_loops_quadratically(case):
-    mechanism, equations, _ = case
-    _, q, _ = closed_state(mechanism, equations)
-    dependent = list(equations.chart.dependent)
+    equations, _, _, q, _ = case
+    q, dependent = q.copy(), list(equations.chart.dependent)
     q[dependent] += 1e-3 * np.random.default_rng(4).normal(size=len(dependent))
     gaps = []
     for _ in range(5):
-        q, gap = call(functions.closure_step(equations), q)
-        gaps.append(float(gap[0]))
+        step = values(functions.closure_step(equations), q)
+        q, gaps = step["q_next"], [*gaps, float(step["residual"][0])]
     assert gaps[-1] < 1e-13
     assert gaps[2] < 1e-6
 
 
 def test_jacobian_is_the_derivative_of_the_rows(case):
     """Phi is built from geometry; on closed configurations it must equal the derivative of phi."""
-    mechanism, equations, _ = case
-    _, q, v = closed_state(mechanism, equations)
-    out = functions.assembly(equations, None)
-    values = dict(zip(out.name_out(), out(q, 0 * q), strict=True))
-    import casadi as ca
-
-    Phi = np.array(ca.Function("Phi", [equations.tree.q], [equations.rows.Phi])(q))
-    close_to(Phi, np.array(values["Phi"]))
-    L = np.array(functions.maps(equations)(q)[0])
-    assert L.shape == (len([j for j in mechanism.joints.values() if j.type != "fixed"]), v.size)
+    equations, _, _, q, _ = case
+    exact = ca.Function("exact", [equations.tree.q], [ca.jacobian(equations.rows.phi, equations.tree.q)])
+    close(values(functions.constraints(equations), q)["Phi"].reshape(-1, q.size), np.array(exact(q)), 1e-10)
 
 
-def test_mobility_counts_freedoms():
-    assert derive(prr3()).mobility == 3
-    assert derive(planar_loops(3, loops=1, freedoms=2)).mobility == 3
+@pytest.mark.parametrize("form", [DoublePendulum(), SliderCrank()], ids=["double pendulum", "slider-crank"])
+def test_closed_forms(form):
+    mechanism = form.mechanism()
+    equations = derive(mechanism)
+    inverse, random = functions.inverse_dynamics(equations), np.random.default_rng(1)
+    for _ in range(5):
+        v, a = random.normal(size=(2, equations.mobility))
+        if equations.mobility == 1:
+            theta = random.uniform(-1, 1)
+            q_all = dict(zip(mechanism.coordinates, form.coordinates(theta), strict=True))
+            q, expected = [q_all[label] for label in equations.tree.coordinates], [form.force(theta, v[0], a[0])]
+        else:
+            q = random.normal(size=2)
+            expected = form.force(q, v, a)
+        close(values(inverse, q, v, a)["forces"], expected, 1e-11)

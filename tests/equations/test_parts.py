@@ -1,4 +1,4 @@
-"""The parts of the derivation: topology, orientations, rows, charts, redundancy."""
+"""The parts of the derivation: topology, orientations, elimination, welded bodies."""
 
 import casadi as ca
 import numpy as np
@@ -7,27 +7,47 @@ from scipy.spatial.transform import Rotation
 
 from linkwork.equations import derive, functions
 from linkwork.equations.algebra import SX
+from linkwork.equations.chart import choose_chart, choose_independent, independent_rows, solve, weakest
 from linkwork.equations.orientation import Orientation
 from linkwork.equations.topology import span
 from linkwork.mechanism import Body, FixedJoint, Frame, Inertia, Mechanism, PrismaticJoint, RevoluteJoint
-from linkwork.robots import prr3
+from linkwork.robots import prr3, stewart
 
-from tests.oracle.closed_forms import DoublePendulum, SliderCrank
+from tests.equations.evaluation import close, values
 from tests.oracle.lagrange import LagrangeOracle
+from tests.oracle.random_joints import random_loops
 
 BAR = Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=Inertia(xx=0.01, yy=0.1, zz=0.1))
+
+
+def chain(topology, body):
+    """Return the joints from ground to a body."""
+    by_body = {branch.body: branch for branch in topology.branches}
+    return [*chain(topology, by_body[body].parent), by_body[body].joint] if body in by_body else []
 
 
 def test_the_tree_of_the_paper_has_short_chains_and_cuts_two_wrists():
     topology = span(prr3())
     assert topology.cuts == ("wrist_2", "wrist_3")
-    assert [branch.joint for branch in topology.chain("platform")] == ["slide_1", "pivot_1", "wrist_1"]
+    assert chain(topology, "platform") == ["slide_1", "pivot_1", "wrist_1"]
     assert topology.loops == 2
 
 
-def test_every_joint_is_used_once():
-    topology = span(prr3())
-    assert sorted([branch.joint for branch in topology.branches] + list(topology.cuts)) == sorted(prr3().joints)
+@pytest.mark.parametrize("mechanism", [prr3(), stewart(), random_loops(2, gears=1, rods=1, platform="bare")])
+def test_every_joint_is_used_once(mechanism):
+    topology = span(mechanism)
+    used = sorted([branch.joint for branch in topology.branches] + list(topology.cuts))
+    assert used == sorted([*mechanism.pairs, *topology.added])
+    assert sorted(branch.body for branch in topology.branches) == sorted(mechanism.bodies)
+    assert len(mechanism.pairs) - len(mechanism.bodies) == topology.loops
+
+
+def test_a_body_on_rods_alone_and_a_platform_on_ball_joints_hang_on_free_joints():
+    assert list(span(random_loops(2, 1, platform="bare")).added) == ["body_6"]
+    topology = span(stewart())
+    hung = {branch.body: branch.joint for branch in topology.branches}
+    assert hung["platform"] == "pose"  # described already: nothing is added
+    assert not topology.added
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -62,88 +82,76 @@ def test_parallel_axes_add_their_angles():
     assert operations.count(ca.OP_COS) == 1
 
 
-def test_a_planar_mechanism_loses_its_rows_out_of_the_plane_symbolically():
-    equations = derive(prr3())
-    assert len(equations.rows.names) == 4
-    assert all("position across the axis" in name for name in equations.rows.names)
-
-
-def parallelogram(cranks=3):
-    """Return a coupler on parallel cranks of equal length: one freedom, and one row too many for each crank beyond two."""
-    bodies = {f"crank_{i}": BAR for i in range(cranks)} | {"coupler": BAR}
-    joints, reference = {}, {}
-    for i in range(cranks):
-        joints[f"base_{i}"] = RevoluteJoint(connects=("ground", f"crank_{i}"), frames=(Frame.planar(0.7 * i), Frame()))
-        joints[f"top_{i}"] = RevoluteJoint(
-            connects=(f"crank_{i}", "coupler"), frames=(Frame.planar(1), Frame.planar(0.7 * i))
-        )
-        reference |= {f"base_{i}": 1.0, f"top_{i}": -1.0}
-    return Mechanism(bodies=bodies, joints=joints, actuators=("base_0",), reference=reference)
-
-
-def test_redundant_rows_are_found_and_named():
-    equations = derive(parallelogram())
-    assert equations.mobility == 1
-    assert len(equations.redundant) == 1
-    assert equations.redundant[0].startswith("top_")
-    q, v = equations.reference, np.array([0.4])
-    _, acceleration, _ = functions.motion(equations)(q, v, [0.3])
-    oracle = LagrangeOracle(parallelogram())
-    expected = oracle.forward_dynamics(oracle.reference, v, np.array([0.3]))
-    assert np.allclose(np.array(acceleration).ravel(), expected, atol=1e-11)
-
-
-def test_a_spatial_description_of_a_planar_loop_has_no_row_too_many():
-    """The same parallelogram tilted in space: out-of-plane rows do not vanish symbolically, and are found redundant."""
-    tilt = Frame(rotation=(0.3, -0.5, 0.2))
-    joints = dict(parallelogram(2).joints)
-    joints["stand"] = FixedJoint(connects=("ground", "stand"), frames=(tilt, Frame()))
-    for name in ("base_0", "base_1"):
-        joints[name] = joints[name].model_copy(update={"connects": ("stand", joints[name].connects[1])})
-    flat = parallelogram(2)
-    mechanism = flat.model_copy(
-        update={"joints": joints, "bodies": dict(flat.bodies) | {"stand": Body(mass=1)}, "gravity": (0, 0, 0)}
-    )
-    flat = flat.model_copy(update={"gravity": (0, 0, 0)})
-    tilted, plain = derive(mechanism), derive(flat)
-    assert tilted.mobility == plain.mobility == 1
-    found = functions.motion(tilted)(tilted.reference, [0.4], [0.3])[1]
-    expected = functions.motion(plain)(plain.reference, [0.4], [0.3])[1]
-    assert np.allclose(float(found), float(expected), atol=1e-11)
-
-
-@pytest.mark.parametrize("form", [DoublePendulum(), SliderCrank()], ids=["double pendulum", "slider-crank"])
-def test_closed_forms(form):
-    equations = derive(form.mechanism())
-    inverse = functions.inverse_dynamics(equations)
-    n = equations.mobility
-    random = np.random.default_rng(1)
-    for _ in range(5):
-        v, a = random.normal(size=(2, n))
-        if n == 1:
-            theta = random.uniform(-1, 1)
-            all_joints = form.coordinates(theta)
-            names = [name for name, joint in form.mechanism().joints.items() if joint.type != "fixed"]
-            q = np.array([all_joints[names.index(name)] for name in equations.tree.coordinates])
-            expected = form.force(theta, v[0], a[0])
-        else:
-            q = random.normal(size=n)
-            expected = form.force(q, v, a)
-        assert np.allclose(np.array(inverse(q, v, a)[0]).ravel(), expected, rtol=1e-11, atol=1e-11)
-
-
 def test_elimination_divides_by_lengths_not_by_sines():
     """A leg's link may stand along either axis of the ground without a weak pivot: the rows are written in its own axes."""
     equations = derive(prr3())
     assert sorted(len(block.rows) for block in equations.chart.blocks) == [1, 1, 2]
-    closure, maps = functions.closure_step(equations), functions.maps(equations)
     for pivot in (0.0, np.pi / 2):
         q = equations.reference.copy()
         q[equations.tree.coordinates.index("pivot_2")] = pivot - 2 * np.pi / 3
-        L, _, smallest = maps(q)
-        assert np.isfinite(np.array(L)).all()
-        assert float(smallest) > 0
-    assert closure.n_out() == 2
+        maps = values(functions.maps(equations), q)
+        assert np.isfinite(maps["L"]).all()
+        assert abs(maps["pivot"][0]) > 0.1
+
+
+def random_system(seed, rows, columns, density=0.4, constants=0.3):
+    """Return a sparse matrix of full rank, some of its entries constants, as an expression, its symbols and numbers."""
+    random = np.random.default_rng(seed)
+    while True:
+        A = random.normal(size=(rows, columns)) * (random.random((rows, columns)) < density)
+        if np.linalg.matrix_rank(A, tol=0.1) == rows:
+            break
+    fixed = random.random(A.shape) < constants
+    places = [(r, c) for r, c in np.argwhere(A) if not fixed[r, c]]
+    x, expression = SX.sym("x", len(places)), SX(ca.sparsify(ca.DM(np.where(fixed, A, 0))))
+    for k, (r, c) in enumerate(places):
+        expression[int(r), int(c)] = x[k]
+    return expression, x, A, np.array([A[r, c] for r, c in places])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_elimination_solves_and_its_pivots_are_one_where_it_was_chosen(seed):
+    """Phi_u X = right against NumPy's solver, for sparse systems with blocks of all sizes; then for other numbers."""
+    Phi, x, A, numbers = random_system(seed, 7, 9)
+    random = np.random.default_rng(seed)
+    independent = choose_independent(A, ())
+    chart = choose_chart(Phi, [A], tuple(range(7)), independent)
+    right = random.normal(size=(7, 2))
+    X, pivots = solve(chart, Phi, SX(right))
+    X = ca.vertcat(*[X[c] for c in chart.dependent])
+    evaluate = ca.Function("solve", [x], [X, ca.vertcat(*pivots), Phi])
+    there, pivots, _ = map(np.array, evaluate(numbers))
+    close(there, np.linalg.solve(A[:, chart.dependent], right), 1e-10)
+    close(pivots, np.ones_like(pivots), 1e-12)
+    elsewhere, _, B = map(np.array, evaluate(numbers + 0.1 * random.normal(size=numbers.size)))
+    close(elsewhere, np.linalg.solve(B[:, chart.dependent], right), 1e-8)
+
+
+def test_the_sign_of_a_pivot_tells_the_side_of_a_singular_configuration():
+    x = SX.sym("x")
+    Phi = ca.blockcat([[x, 1, 0.5], [1, x, 0.25]])  # det = x^2 - 1: singular at 1
+    chart = choose_chart(Phi, [np.array([[2.0, 1, 0.5], [1, 2.0, 0.25]])], (0, 1), (2,))
+    pivot = ca.Function("pivot", [x], [weakest(solve(chart, Phi, SX.zeros(2, 1))[1])])
+    assert np.sign([float(pivot(2.0)), float(pivot(0.5))]).tolist() == [1, -1]
+
+
+def test_independent_rates_are_the_preferred_ones_as_far_as_they_determine_the_motion():
+    Phi = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])  # w_0 = w_1, w_2 = w_3
+    assert choose_independent(Phi, (1, 0)) in [(1, 2), (1, 3)]
+    assert choose_independent(Phi, (3, 0)) == (3, 0)
+    assert choose_independent(np.array([[1.0, 0.0]]), (0,)) == (1,)  # a locked rate is none
+
+
+def test_dependent_rows_are_left_out():
+    a, b = np.array([1.0, 2.0, 0.0, 1.0]), np.array([0.0, 1.0, 1.0, 0.0])
+    assert independent_rows([np.array([a, 2 * a, b, a + b])]) == (0, 2)
+    accident = np.array([a, a, b])  # dependent in one configuration, not in the next
+    assert independent_rows([accident, np.array([a, a + b / 10, b + a[::-1]])]) == (0, 1, 2)
+    assert len(independent_rows([np.array([a, 2 * a, b, a + b])], 2)) == 2
+
+
+def test_a_chart_says_what_it_solves():
+    assert derive(prr3()).chart.description == "2 single pivots, blocks of [2]"
 
 
 def test_welded_bodies_move_as_one():
@@ -158,5 +166,4 @@ def test_welded_bodies_move_as_one():
     )
     oracle, equations = LagrangeOracle(mechanism), derive(mechanism)
     q, v, u = np.array([0.3, 0.2]), np.array([1.0, -0.5]), np.array([0.1, 0.2])
-    found = np.array(functions.motion(equations)(q, v, u)[1]).ravel()
-    assert np.allclose(found, oracle.forward_dynamics(q, v, u), atol=1e-12)
+    close(values(functions.motion(equations), q, v, u)["accelerations"], oracle.forward_dynamics(q, v, u), 1e-12)

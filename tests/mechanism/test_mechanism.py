@@ -27,10 +27,10 @@ def changed(path, value):
         (
             "bodies.link_1.mass",
             -0.5,
-            "bodies.link_1.mass: -0.5 is not accepted: input should be greater than or equal to 0",
+            "bodies.link_1.mass: -0.5 is below 0; expected mass [kg], zero or more",
         ),
-        ("bodies.link_1.mass", math.nan, "bodies.link_1.mass: nan is not accepted: input should be a finite number"),
-        ("bodies.link_1.mass", "heavy", "bodies.link_1.mass: 'heavy' is not accepted: input should be a valid number"),
+        ("bodies.link_1.mass", math.nan, "bodies.link_1.mass: nan is not a finite number"),
+        ("bodies.link_1.mass", "heavy", "bodies.link_1.mass: 'heavy' is not a number; expected mass"),
         ("bodies.link_1.weight", 1.0, "bodies.link_1.weight: is not a known field; the fields here are mass,"),
         (
             "bodies.link_1.inertia",
@@ -42,11 +42,11 @@ def changed(path, value):
         ("bodies.extra", {"mass": 1.0}, "bodies.extra: no chain of joints connects it to ground; add a joint"),
         ("bodies.ground", {"mass": 1.0}, "bodies.ground: 'ground' is the fixed frame and cannot be described"),
         ("joints.slide_1.axis", (0, 0, 0), "joints.slide_1.axis: axis [0.0, 0.0, 0.0] has no length; give a direction"),
-        ("joints.slide_1.axis", (0, 1), "joints.slide_1.axis.2: is missing; give a value"),
+        ("joints.slide_1.axis", (0, 1), "joints.slide_1.axis: give 3 numbers, not 2; expected unit axis"),
         (
             "joints.slide_1.type",
-            "screw",
-            "joints.slide_1.type: 'screw' is not one of the types fixed, revolute, prismatic",
+            "slider",
+            "joints.slide_1.type: 'slider' is not a type; the types are fixed, revolute, prismatic, screw,",
         ),
         (
             "joints.slide_1.connects",

@@ -34,10 +34,27 @@ def test_a_pendulum_through_every_method():
     assert np.ptp(energy) < 1e-9
 
 
-def test_turns_between_samples_far_apart_are_counted():
+def test_turns_of_a_tree_joint_between_samples_far_apart_are_counted():
     robot = lw.Robot(pendulum().model_copy(update={"gravity": (0, 0, 0)}))
     run = robot.simulate(robot.home.with_rates([20.0]), duration=1.0, save_at=[0, 0.5, 1.0])
     assert np.allclose(run.dataset["joint_position"].values[:, 0], [0, 10, 20], atol=1e-7)
+
+
+def test_turns_of_a_joint_that_closes_a_loop_do_not_depend_on_the_times_that_are_saved():
+    """The short coupler turns all round between crank and rocker; all angles add up to the same at every time."""
+    mechanism = lw.robots.four_bar(ground=0.5, crank=0.6, coupler=0.3, rocker=0.7, gravity=(0, 0, 0))
+    reference = {"crank_pivot": 1.0, "crank_pin": 0.3, "rocker_pivot": 1.5, "rocker_pin": 2.0}
+    robot = lw.Robot(mechanism.model_copy(update={"reference": reference, "actuators": ("crank_pin",)}))
+    start = robot.home.with_rates([20.0])
+    ends = []
+    for times in (None, [0.0, 1.0]):
+        run = robot.simulate(start, duration=1.0, save_at=times)
+        named = dict(zip(robot.coordinates, run.dataset["joint_position"].values.T, strict=True))
+        total = named["crank_pivot"] + named["crank_pin"] - named["rocker_pivot"] + named["rocker_pin"]
+        assert np.abs(total - total[0]).max() < 1e-9
+        ends.append(run.dataset["joint_position"].values[-1])
+    assert ends[0][1] > 12
+    assert np.abs(ends[1] - ends[0]).max() < 1e-6
 
 
 @pytest.mark.parametrize(("rotation", "angle"), [((np.pi, 0, 0), 0.3), ((0, 0, 1.0), 1.3)])
@@ -89,10 +106,10 @@ def test_following_a_path_that_turns_in_space():
     robot = lw.Robot(arm())
     start = robot.tool_pose(robot.home)
     path = lw.paths.line(start, np.add(start, [0.02, 0.05, -0.03, 0.3, -0.2, 0.4]))
-    motion = robot.follow(path, duration=1.0, samples=401)
+    motion = robot.follow(path, duration=1.0, samples=201)
     h = motion.time[1]
-    assert np.abs(np.gradient(motion.positions, h, axis=0) - motion.joint_rates)[2:-2].max() < 1e-3
-    assert np.abs(np.gradient(motion.joint_rates, h, axis=0) - motion.joint_accelerations)[2:-2].max() < 1e-2
+    assert np.abs(np.gradient(motion.positions, h, axis=0) - motion.joint_rates)[2:-2].max() < 4e-3
+    assert np.abs(np.gradient(motion.joint_rates, h, axis=0) - motion.joint_accelerations)[2:-2].max() < 4e-2
     forces = robot.inverse_dynamics(motion)
     run = robot.simulate(motion.state.at(0), forces, duration=1.0, rtol=1e-9, atol=1e-11, save_at=[1.0])
     assert np.allclose(run.dataset["tool_pose"].values[-1], motion.tool[-1], atol=1e-6)
@@ -102,39 +119,3 @@ def test_angles_are_asked_for_the_short_way_round():
     robot = lw.Robot(lw.robots.prr3())
     again = robot.assemble({"pivot_1": robot.home["pivot_1"] + 2 * np.pi, "slide_1": robot.home["slide_1"]})
     assert np.allclose(again.positions, robot.home.positions, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("sentence", "action"),
-    [
-        ("has mobility 0", lambda: lw.Robot(fixed())),
-        ("names no tool; add one", lambda: lw.Robot(lw.robots.bricard()).assemble(tool=[1, 2, 3])),
-        ("rates [nan] do not fit", lambda: lw.Robot(pendulum()).home.with_rates([np.nan])),
-        ("rates [1.0, 2.0] do not fit", lambda: lw.Robot(pendulum()).home.with_rates([1.0, 2.0])),
-        ("the generalised inertia is singular", lambda: massless()),
-        ("its loops are open by", lambda: lw.Robot(lw.robots.prr3()).gravity(lw.Robot(lw.robots.prr3(l1=0.35)).home)),
-        ("its rates are those of pivot_1", lambda: lw.Robot(lw.robots.prr3()).gravity(other_actuators().home)),
-        (
-            "the end is [0.5, 0.3, nan]; give 3 finite numbers",
-            lambda: lw.Robot(lw.robots.prr3()).follow(lw.paths.line([0.5, 0.3, 0.5], [0.5, 0.3, np.nan]), 1.0),
-        ),
-    ],
-)
-def test_refusals(sentence, action):
-    with pytest.raises(lw.LinkworkError) as refusal:
-        action()
-    assert sentence in str(refusal.value)
-    assert "\n" not in str(refusal.value)
-
-
-def fixed():
-    return lw.Mechanism(bodies={"a": ROD}, joints={"weld": lw.FixedJoint(connects=("ground", "a"))})
-
-
-def massless():
-    robot = lw.Robot(pendulum().model_copy(update={"bodies": {"rod": lw.Body(mass=0)}}))
-    return robot.forward_dynamics(robot.home, [1.0])
-
-
-def other_actuators():
-    return lw.Robot(lw.robots.prr3().model_copy(update={"actuators": ("pivot_1", "slide_2", "slide_3")}))

@@ -8,8 +8,6 @@ from linkwork.robot import Robot
 from linkwork.robots import prr3
 from linkwork.textbook import Textbook
 
-from tests.oracle.random_mechanisms import planar_loops, spatial_loops
-
 
 @pytest.fixture(scope="module")
 def robot():
@@ -18,22 +16,18 @@ def robot():
 
 @pytest.fixture(scope="module")
 def states(robot):
-    """200 random states over the workspace, away from its edge and its singular poses, with random rates."""
-    return workspace_states(robot, 200)
+    """60 random states over the workspace, away from its edge and its singular poses, with random rates."""
+    return workspace_states(robot, 60)
 
 
 def workspace_states(robot, count, seed=3):
     random = np.random.default_rng(seed)
-    poses = []
-    while len(poses) < count:
-        pose = [0.5, np.sqrt(3) / 6, 0.8] + random.uniform(-1, 1, 3) * [0.25, 0.25, 1.0]
-        if np.abs(across_rails(pose)).max() < 0.29 and relative_pivot(robot, pose) > 0.5:
-            poses.append(pose)
-    return robot.assemble(tool=poses).with_rates(random.normal(size=(count, 3)))
-
-
-def relative_pivot(robot, pose):
-    return robot.kernel("maps")(robot.assemble(tool=pose).coordinates)[-1][0]
+    poses = [0.5, np.sqrt(3) / 6, 0.8] + random.uniform(-1, 1, (8 * count, 3)) * [0.25, 0.25, 1.0]
+    poses = poses[[np.abs(across_rails(pose)).max() < 0.29 for pose in poses]]
+    reached = robot.assemble(tool=poses)
+    regular = np.flatnonzero(np.abs(robot.kernel("maps")(reached.q)[-1][:, 0]) > 0.5)[:count]
+    assert regular.size == count
+    return reached.at(regular).with_rates(random.normal(size=(count, 3)))
 
 
 def across_rails(pose):
@@ -49,7 +43,9 @@ def test_names_and_sizes(robot):
     assert robot.joints == tuple(f"{kind}_{i}" for kind in ("slide", "pivot", "wrist") for i in (1, 2, 3))
     assert robot.actuators == ("slide_1", "slide_2", "slide_3")
     assert robot.bodies == (*(f"{kind}_{i}" for kind in ("slider", "link") for i in (1, 2, 3)), "platform")
-    assert robot.redundant == ()
+    assert robot.coordinates == robot.rates == robot.joints
+    assert robot.independent == robot.actuators
+    assert robot.redundant == robot.idle == ()
 
 
 def test_inverse_kinematics_puts_the_tool_there(robot):
@@ -89,7 +85,7 @@ def test_state_round_trip(robot, states):
     again = robot.state(states.positions, states.rates)
     assert np.abs(again.positions - states.positions).max() < 1e-13
     by_name = robot.state(
-        dict(zip(robot.joints, states.positions[0], strict=True)), {"slide_1": 1, "slide_2": 2, "slide_3": 3}
+        dict(zip(robot.coordinates, states.positions[0], strict=True)), {"slide_1": 1, "slide_2": 2, "slide_3": 3}
     )
     assert np.allclose(by_name.positions, states.positions[0], atol=1e-13)
     assert by_name.rates.tolist() == [1, 2, 3]
@@ -106,12 +102,12 @@ def test_a_slightly_open_state_is_closed(robot):
 def test_textbook_and_compiled_path_agree(robot, states):
     """The method twice: the paper's matrices and the kernels, to 1e-11 relative on random states."""
     textbook = Textbook(robot.mechanism)
-    u = np.random.default_rng(8).normal(size=(40, 3))
-    some = states.at(slice(0, 40))
+    u = np.random.default_rng(8).normal(size=(12, 3))
+    some = states.at(slice(0, 12))
     M, Cv, L, T = robot.mass_matrix(some), robot.coriolis(some), robot.rate_map(some), robot.twist_map(some)
     v_dot = robot.forward_dynamics(some, u)
     back = robot.inverse_dynamics(some, v_dot)
-    for k in range(40):
+    for k in range(12):
         q, v = some.positions[k], some.rates[k]
         for found, expected in (
             (M[k], textbook.M(q)),
@@ -125,13 +121,13 @@ def test_textbook_and_compiled_path_agree(robot, states):
 
 
 def test_forward_after_inverse_is_the_identity(robot, states):
-    wanted = np.random.default_rng(9).normal(size=(200, 3))
+    wanted = np.random.default_rng(9).normal(size=(60, 3))
     found = robot.forward_dynamics(states, robot.inverse_dynamics(states, wanted))
     assert np.abs(found - wanted).max() < 1e-11
 
 
 def test_batches_give_the_numbers_of_single_states(robot, states):
-    u = np.random.default_rng(10).normal(size=(200, 3))
+    u = np.random.default_rng(10).normal(size=(60, 3))
     stacked = [
         robot.forward_dynamics(states, u),
         robot.inverse_dynamics(states, u),
@@ -145,7 +141,7 @@ def test_batches_give_the_numbers_of_single_states(robot, states):
         robot.twists(states),
         robot.closure_error(states),
     ]
-    for k in (0, 7, 199):
+    for k in (0, 7, 59):
         one = states.at(k)
         single = [
             robot.forward_dynamics(one, u[k]),
@@ -166,10 +162,10 @@ def test_batches_give_the_numbers_of_single_states(robot, states):
 
 
 def test_leading_dimensions(robot, states):
-    grid = robot.state(states.positions.reshape(10, 20, 9), states.rates.reshape(10, 20, 3))
-    assert robot.mass_matrix(grid).shape == (10, 20, 3, 3)
-    assert robot.twist_map(grid).shape == (10, 20, 42, 3)
-    assert robot.forward_dynamics(grid, [0, 0, 0]).shape == (10, 20, 3)
+    grid = robot.state(states.positions.reshape(5, 12, 9), states.rates.reshape(5, 12, 3))
+    assert robot.mass_matrix(grid).shape == (5, 12, 3, 3)
+    assert robot.twist_map(grid).shape == (5, 12, 42, 3)
+    assert robot.forward_dynamics(grid, [0, 0, 0]).shape == (5, 12, 3)
 
 
 def test_power_equals_the_forces_on_the_tool(robot, states):
@@ -182,19 +178,19 @@ def test_power_equals_the_forces_on_the_tool(robot, states):
 
 def test_follow_gives_consistent_rates_and_accelerations(robot):
     path = lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2))
-    motion = robot.follow(path, duration=1.0, samples=801)
+    motion = robot.follow(path, duration=1.0, samples=401)
     h = motion.time[1]
     numeric = np.gradient(motion.positions, h, axis=0, edge_order=2)
-    assert np.abs(numeric - motion.joint_rates)[2:-2].max() < 5e-4
+    assert np.abs(numeric - motion.joint_rates)[2:-2].max() < 2e-3
     numeric = np.gradient(motion.joint_rates, h, axis=0, edge_order=2)
-    assert np.abs(numeric - motion.joint_accelerations)[2:-2].max() < 2e-2
+    assert np.abs(numeric - motion.joint_accelerations)[2:-2].max() < 8e-2
     assert np.abs(robot.tool_pose(motion.state) - motion.tool).max() < 1e-13
     assert np.abs(motion.joint_rates[:, :3] - motion.rates).max() == 0
 
 
 def test_simulation_returns_to_the_prescribed_motion(robot):
     path = lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2))
-    motion = robot.follow(path, duration=1.0, samples=1001)
+    motion = robot.follow(path, duration=1.0, samples=501)
     forces = robot.inverse_dynamics(motion)
     run = robot.simulate(motion.state.at(0), forces, duration=1.0, rtol=1e-10, atol=1e-12, save_at=motion.time)
     assert run.status is lw.Status.FINISHED
@@ -207,7 +203,7 @@ def test_simulation_returns_to_the_prescribed_motion(robot):
 def test_energy_of_force_free_runs(robot):
     """Free motion of 1 s that stays clear of singular poses keeps its energy to 1e-10 at rtol 1e-10, the loops to 1e-12."""
     random = np.random.default_rng(5)
-    for _ in range(20):
+    for _ in range(8):
         pose = [0.5, np.sqrt(3) / 6, 1.4] + random.uniform(-1, 1, 3) * [0.05, 0.05, 0.2]
         start = robot.assemble(tool=pose).with_rates(0.03 * random.normal(size=3))
         run = robot.simulate(start, duration=1.0, rtol=1e-10, atol=1e-12)
@@ -215,19 +211,6 @@ def test_energy_of_force_free_runs(robot):
         energy = run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
         assert np.abs(energy - energy[0]).max() < 1e-10 * abs(energy[0])
         assert run.closure_error < 1e-12
-
-
-@pytest.mark.parametrize(
-    "mechanism", [planar_loops(1), planar_loops(2, loops=3), spatial_loops(0)], ids=lambda m: m.name
-)
-def test_random_mechanisms_simulate(mechanism):
-    robot = Robot(mechanism)
-    start = robot.home.with_rates(np.full(robot.mobility, 0.1))
-    run = robot.simulate(start, duration=0.2, rtol=1e-10, atol=1e-12)
-    assert run.status is lw.Status.FINISHED
-    energy = (run.dataset["kinetic_energy"] + run.dataset["potential_energy"]).values
-    assert np.abs(energy - energy[0]).max() < 1e-8 * max(1, abs(energy[0]))
-    assert run.closure_error < 1e-12
 
 
 def test_file_and_catalogue_describe_the_same_robot(robot, tmp_path):

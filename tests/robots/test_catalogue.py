@@ -58,7 +58,7 @@ def test_n_four_bar_swings_as_the_benchmark_says_until_the_singular_pose():
     reference = solve_ivp(
         lambda t, y: [y[1], -3.5 * 9.81 * np.cos(y[0]) / 3], (0, 0.4), [np.pi / 2, -1], rtol=1e-12, atol=1e-13
     )
-    assert np.isclose(run.dataset["joint_position"].sel(joint="pivot_0").values[-1], reference.y[0, -1], atol=1e-8)
+    assert np.isclose(run.dataset["joint_position"].sel(coordinate="pivot_0").values[-1], reference.y[0, -1], atol=1e-8)
 
 
 def test_five_bar_tool_in_closed_form():

@@ -8,7 +8,9 @@ import pytest
 import linkwork as lw
 from linkwork import engines
 from linkwork.views import overlays
-from linkwork.views.comparison import NOC, PRESCRIBED, compare, largest_differences
+from linkwork.views.comparison import NOC, PRESCRIBED, compare, largest_differences, position_differences
+
+from tests.catalogue import built
 
 BOUNDS = {"exudyn": (2e-5, 2e-3), "pinocchio": (5e-9, 5e-8), "mujoco": (5e-8, 5e-6)}
 """Of positions [m] and of accelerations [m/s^2], at steps of 1 ms."""
@@ -43,8 +45,8 @@ def test_engines_agree_with_linkwork(comparison, name):
 def test_differences_are_the_largest_over_time_by_unit(comparison):
     robot, curve = comparison.robot, comparison[NOC]
     positions, accelerations, tool = curve.positions.copy(), curve.accelerations.copy(), curve.tool.copy()
-    positions[7, robot.joints.index("slide_2")] += 0.25
-    positions[9, robot.joints.index("wrist_1")] -= 0.5
+    positions[7, robot.coordinates.index("slide_2")] += 0.25
+    positions[9, robot.coordinates.index("wrist_1")] -= 0.5
     accelerations[3, 2] += 4.0
     tool[5] += [0.3, 0.4, 2 * np.pi - 0.01]
     other = dataclasses.replace(curve, positions=positions, accelerations=accelerations, tool=tool)
@@ -56,6 +58,16 @@ def test_differences_are_the_largest_over_time_by_unit(comparison):
         ("tool", "rad"): 0.01,
     }
     assert largest_differences(robot, other, curve) == pytest.approx(expected)
+
+
+def test_quaternions_differ_by_the_angle_between_their_turns():
+    robot = built("spatial_slider_crank")
+    turn = np.array([np.cos(0.35), 0, np.sin(0.35), 0])  # by 0.7 rad
+    a, b = np.zeros((2, 8)), np.zeros((2, 8))
+    a[:, 4:], b[:, 4:] = (1, 0, 0, 0), (turn, -turn)
+    differences = list(position_differences(robot, a, b))
+    assert [unit for unit, _ in differences] == ["rad", "m", "rad", "rad", "rad"]
+    np.testing.assert_allclose(differences[-1][1], 0.7)
 
 
 def test_data_hold_all_curves_with_names_and_units(comparison):

@@ -8,7 +8,10 @@ import xarray
 
 import linkwork as lw
 from linkwork.views import plot_run
+from linkwork.views.plots import WIDTH
 from linkwork.views.style import COLOURS, svg
+
+from tests.catalogue import built
 
 
 def units(figure):
@@ -26,13 +29,45 @@ def test_curves_are_the_runs_numbers_by_name(run):
     names = [line.get_label() for line in axes.lines]
     assert names == ["pivot_1", "pivot_2", "pivot_3", "wrist_1", "wrist_2", "wrist_3"]
     for name, line in zip(names, axes.lines, strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), run.dataset["joint_position"].sel(joint=name))
+        np.testing.assert_array_equal(line.get_ydata(), run.dataset["joint_position"].sel(coordinate=name))
         np.testing.assert_array_equal(line.get_xdata(), run.dataset["time"])
 
 
 def test_torques_and_scalars_have_their_own_units(arm):
     run = arm.simulate(arm.home, [4.0, 1.0], duration=0.1)
     assert units(plot_run(run, ["actuator_force", "kinetic_energy", "joint_acceleration"])) == ["N m", "J", "rad/s^2"]
+
+
+def test_joints_of_many_freedoms_have_units_of_lengths_angles_and_quaternions():
+    robot = built("spatial_slider_crank")
+    run = robot.simulate(robot.home, [1.0], duration=0.02)
+    figure = plot_run(run, ["joint_position", "joint_rate", "joint_acceleration", "actuator_force"])
+    assert units(figure) == ["rad", "m", "1", "rad/s", "m/s", "rad/s^2", "m/s^2", "N m"]
+    assert [line.get_label() for line in figure.axes[2].lines] == ["ball.qw", "ball.qx", "ball.qy", "ball.qz"]
+    assert [line.get_label() for line in figure.axes[3].lines][-3:] == ["ball.wx", "ball.wy", "ball.wz"]
+
+
+def test_one_quantity_may_be_named_by_itself(run):
+    assert units(plot_run(run, "joint_rate")) == units(plot_run(run, ["joint_rate"]))
+    assert units(run.plot("tool_pose")) == ["m", "rad"]
+    with pytest.raises(lw.LinkworkError, match="the run holds no 'heat' over time"):
+        plot_run(run, "heat")
+
+
+def test_a_run_of_which_nothing_was_saved_is_drawn_empty(robot):
+    run = robot.simulate(robot.home, duration=0.01, save_at=[])
+    figure = plot_run(run)
+    assert len(figure.axes) == 7
+    assert all(line.get_xydata().shape == (0, 2) for axes in figure.axes for line in axes.lines)
+    svg(figure)
+
+
+def test_many_names_widen_the_figure(robot):
+    run = built("stewart").simulate(built("stewart").home, duration=0.001, save_at=[0, 0.001])
+    figure = plot_run(run, "joint_position")
+    svg(figure)
+    assert min(axes.get_position().width * figure.get_figwidth() for axes in figure.axes) > 4.0
+    assert plot_run(run, "actuator_force").get_figwidth() == WIDTH
 
 
 def test_quantities_that_the_run_does_not_hold_are_refused(run):

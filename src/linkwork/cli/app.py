@@ -55,6 +55,11 @@ class Reading(StrEnum):
     hold = "hold"
 
 
+class OnSingular(StrEnum):
+    stop = "stop"
+    step_over = "step_over"
+
+
 RobotName = Annotated[
     str, typer.Argument(metavar="ROBOT", help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.")
 ]
@@ -84,7 +89,7 @@ def info(
     robot: RobotName,
     json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
 ) -> None:
-    """Show a robot: mobility, joints, loops, redundant rows, chart, sizes of the compiled functions."""
+    """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled functions."""
     from linkwork.cli.info import show
 
     show(robot, json)
@@ -111,6 +116,23 @@ def export(
 
 
 @app.command()
+def convert(
+    source: Annotated[
+        str, typer.Argument(metavar="A", help="A model file (.xml or .mjcf, .urdf, .yaml) or a robot of the catalogue.")
+    ],
+    target: Annotated[Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Turn a model file into another format: MJCF or URDF into a mechanism file, that into MJCF.
+
+    What the other format does not hold is said, sentence by sentence.
+    """
+    from linkwork.cli.convert import convert
+
+    convert(source, target, overwrite)
+
+
+@app.command()
 def simulate(
     robot: RobotName,
     duration: Annotated[float, typer.Option(metavar="T", help="Length of the run, s.")],
@@ -132,15 +154,23 @@ def simulate(
     joints: Annotated[
         str | None,
         typer.Option(
-            metavar="VALUES", help="Start at 'slide_1=0.2,...', m or rad; with --tool they choose the branch."
+            metavar="VALUES",
+            help="Start at 'slide_1=0.2,cylinder.angle=1,...', m or rad; with --tool they choose the branch.",
         ),
     ] = None,
     rates: Annotated[
-        str | None, typer.Option(metavar="VALUES", help="Rates of the actuated joints at the start, m/s or rad/s.")
+        str | None,
+        typer.Option(
+            metavar="VALUES",
+            help="Rates at the start, m/s or rad/s: 'slide_1=0.1' of independent ones (others zero), or as many of others.",
+        ),
     ] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the local error.")] = 1e-8,
     atol: Annotated[float, typer.Option(help="Absolute tolerance of the local error, m and rad.")] = 1e-10,
     samples: Annotated[int, typer.Option(help="Number of equally spaced times to save.")] = 101,
+    on_singular: Annotated[
+        OnSingular, typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation.")
+    ] = OnSingular.stop,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -152,7 +182,7 @@ def simulate(
 
     start = command.Start(tool, joints, rates)
     load = command.Load(forces, forces_csv, kind.value)
-    settings = command.Settings(duration, rtol, atol, samples)
+    settings = command.Settings(duration, rtol, atol, samples, on_singular.value)
     if not command.simulate(robot, start, load, settings, command.Target(out, overwrite)):
         raise typer.Exit(1)
 

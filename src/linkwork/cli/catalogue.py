@@ -1,7 +1,6 @@
 """Robots by name: the catalogue and mechanism files."""
 
 from pathlib import Path
-from sys import modules
 
 from linkwork import robots
 from linkwork.cli.terminal import console, table
@@ -9,6 +8,7 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 
 SUFFIXES = (".yaml", ".yml")
+OTHERS = (".xml", ".mjcf", ".urdf")
 
 
 def find(name: str) -> Mechanism:
@@ -19,21 +19,27 @@ def find(name: str) -> Mechanism:
     """
     if name in robots.__all__:
         return getattr(robots, name)()
+    if Path(name).suffix.lower() in OTHERS:
+        from linkwork import formats
+
+        return formats.load(Path(name)).mechanism
     if Path(name).suffix.lower() in SUFFIXES or Path(name).is_file():
         return Mechanism.load(name)
     raise LinkworkError(
-        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file (.yaml)"
+        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file (.yaml, .xml, .urdf)"
     )
 
 
 def show() -> None:
-    """Print the catalogue: each robot's name and the first line of its module."""
-    rows = [(name, first_line(modules[getattr(robots, name).__module__].__doc__)) for name in robots.__all__]
+    """Print the catalogue: each robot's name and what its function describes, by the first line of its docstring."""
+    rows = [(name, subject(getattr(robots, name).__doc__)) for name in robots.__all__]
     console().print(table(("robot", "description"), rows))
 
 
-def first_line(text: str | None) -> str:
-    return (text or "").strip().partition("\n")[0]
+def subject(text: str | None) -> str:
+    """Return the first line without its "Describe": "Describe a planar four-bar." gives "A planar four-bar."."""
+    line = (text or "").strip().partition("\n")[0].removeprefix("Describe ")
+    return line[:1].upper() + line[1:]
 
 
 def export(name: str, file: Path, overwrite: bool) -> None:

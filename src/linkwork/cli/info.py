@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 from linkwork.cli.catalogue import find
 from linkwork.cli.terminal import console, facts, patience, table
-from linkwork.mechanism import GROUND
+from linkwork.mechanism import GROUND, GearJoint, Joint, Limits
+from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot
 
 KERNELS = ("motion", "inverse_dynamics", "terms", "closure_step")
@@ -25,38 +27,59 @@ def show(name: str, as_json: bool) -> None:
 
 
 def gather(robot: Robot) -> dict[str, Any]:
-    """Return the facts as plain data.
+    """Return the facts as plain data: those of `structure`, and the kernels.
 
-    Keys: name, mobility, planar, actuators, bodies, joints (name, type, connects, role "tree" or "cut", actuated),
-    loops, redundant (rows that depend on others), chart (independent joints, kept rows, elimination), kernels (name,
-    inputs, outputs, operations, instructions of the machine code that evaluates `lanes` states at a time).
+    kernels: name, inputs, outputs, operations, instructions of the machine code that evaluates `lanes` states at a time.
     """
-    equations = robot.equations
-    cut = equations.topology.cuts
+    return structure(robot) | {"kernels": [kernel_facts(robot, name) for name in KERNELS]}
+
+
+def structure(robot: Robot) -> dict[str, Any]:
+    """Return the facts that are known before anything is compiled, as plain data.
+
+    Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators, bodies, joints (name, type,
+    connects two bodies, couples coordinates by ratios, role "tree", "cut" or "gear", actuated rates, limits, spring
+    stiffness by freedom), springs (between points: name, connects, stiffness), loops, redundant (rows that depend on
+    others), idle (freedoms that move one member only), chart (independent rates, kept rows, elimination).
+    """
+    equations, mechanism = robot.equations, robot.mechanism
     return {
-        "name": robot.mechanism.name,
+        "name": mechanism.name,
         "mobility": robot.mobility,
+        "gruebler": robot.gruebler,
         "planar": robot.planar,
         "actuators": list(robot.actuators),
         "bodies": list(robot.bodies),
-        "joints": [
-            {
-                "name": joint,
-                "type": described.type,
-                "connects": list(described.connects),
-                "role": "cut" if joint in cut else "tree",
-                "actuated": joint in robot.actuators,
-            }
-            for joint, described in robot.mechanism.joints.items()
+        "joints": [joint_facts(robot, name, joint) for name, joint in mechanism.joints.items()],
+        "springs": [
+            {"name": name, "connects": list(spring.connects), "stiffness": spring.stiffness}
+            for name, spring in mechanism.springs.items()
         ],
         "loops": equations.topology.loops,
         "redundant": list(robot.redundant),
+        "idle": list(robot.idle),
         "chart": {
-            "independent": [equations.tree.coordinates[index] for index in equations.chart.independent],
+            "independent": list(robot.independent),
             "rows": [equations.rows.names[index] for index in equations.chart.rows],
             "elimination": equations.chart.description,
         },
-        "kernels": [kernel_facts(robot, name) for name in KERNELS],
+    }
+
+
+def joint_facts(robot: Robot, name: str, joint: Joint) -> dict[str, Any]:
+    gear = isinstance(joint, GearJoint)
+    effects = joint.effects().items()
+    return {
+        "name": name,
+        "type": joint.type,
+        "connects": [] if gear else list(joint.connects),
+        "couples": dict(joint.ratios) if gear else {},
+        "role": "gear" if gear else "cut" if name in robot.equations.topology.cuts else "tree",
+        "actuated": [rate for rate in joint.rates(name) if rate in robot.actuators],
+        "limits": {
+            freedom: [limits.lower, limits.upper] for freedom, (_, _, limits, _) in effects if limits != Limits()
+        },
+        "stiffness": {freedom: spring.stiffness for freedom, (_, spring, _, _) in effects if spring.stiffness},
     }
 
 
@@ -72,23 +95,28 @@ def kernel_facts(robot: Robot, name: str) -> dict[str, Any]:
     }
 
 
+# For people
+
+
 def print_tables(found: dict[str, Any]) -> None:
     chart = found["chart"]
     out = console()
     rows = [
         ("robot", found["name"]),
-        ("mobility", f"{found['mobility']}, {'planar' if found['planar'] else 'spatial'}"),
+        ("mobility", mobility(found)),
         ("bodies", f"{len(found['bodies'])} and {GROUND}: {', '.join(found['bodies'])}"),
         ("loops", str(found["loops"])),
-        ("redundant rows", ", ".join(found["redundant"]) or "none"),
+        ("redundant rows", "; ".join(found["redundant"]) or "none"),
+        ("idle freedoms", "; ".join(found["idle"]) or "none"),
+        ("limits", "; ".join(limits(found["joints"])) or "none"),
+        ("springs", "; ".join(springs(found)) or "none"),
         ("independent", ", ".join(chart["independent"])),
         ("elimination", f"{len(chart['rows'])} rows: {chart['elimination']}"),
     ]
     out.print(facts(rows))
     out.print()
     joints = [
-        (joint["name"], joint["type"], " - ".join(joint["connects"]), joint["role"], "yes" if joint["actuated"] else "")
-        for joint in found["joints"]
+        (joint["name"], joint["type"], between(joint), joint["role"], actuated(joint)) for joint in found["joints"]
     ]
     out.print(table(("joint", "type", "connects", "role", "actuated"), joints))
     out.print()
@@ -103,6 +131,50 @@ def print_tables(found: dict[str, Any]) -> None:
         for item in found["kernels"]
     ]
     out.print(table(("function", "inputs", "outputs", "operations", "instructions"), kernels, numbers=(3, 4)))
+
+
+def mobility(found: dict[str, Any]) -> str:
+    """Return the mobility, and what Gruebler's formula makes of it."""
+    n, counted, named = found["mobility"], found["gruebler"], len(found["redundant"])
+    told = f"{n}, {'planar' if found['planar'] else 'spatial'}; Gruebler's formula gives {counted}"
+    if n == counted:
+        return told
+    dependent = n - counted
+    vanish = dependent - named
+    parts = [f"{named} named below"] * (named > 0) + [f"{vanish} that the geometry makes vanish"] * (vanish > 0)
+    rows = "one closure row depends" if dependent == 1 else f"{dependent} closure rows depend"
+    return f"{told}, because {rows} on the others: {' and '.join(parts)}"
+
+
+def between(joint: dict[str, Any]) -> str:
+    """Return the bodies that a joint connects, or the sum that a gear keeps."""
+    return " - ".join(joint["connects"]) or " + ".join(f"{ratio:g} {name}" for name, ratio in joint["couples"].items())
+
+
+def actuated(joint: dict[str, Any]) -> str:
+    """Return what is actuated of a joint: yes, or the rates by what follows the joint's name."""
+    names = [rate.removeprefix(f"{joint['name']}.") for rate in joint["actuated"]]
+    return "yes" if names == [joint["name"]] else ", ".join(names)
+
+
+def limits(joints: list[dict[str, Any]]) -> Iterator[str]:
+    for joint in joints:
+        for freedom, (lower, upper) in joint["limits"].items():
+            bounds = [f"{word} {bound:g}" for word, bound in (("from", lower), ("to", upper)) if bound is not None]
+            yield f"{freedom_name(joint, freedom)} {' '.join(bounds)} {'m' if freedom in SLIDES else 'rad'}"
+
+
+def springs(found: dict[str, Any]) -> Iterator[str]:
+    for joint in found["joints"]:
+        for freedom, stiffness in joint["stiffness"].items():
+            yield f"{freedom_name(joint, freedom)} {stiffness:g} {'N/m' if freedom in SLIDES else 'N m/rad'}"
+    for spring in found["springs"]:
+        yield f"{spring['name']} ({' - '.join(spring['connects'])}) {spring['stiffness']:g} N/m"
+
+
+def freedom_name(joint: dict[str, Any], freedom: str) -> str:
+    """Return a freedom by the joint's name; the one of a joint that has no other by that alone."""
+    return joint["name"] if joint["type"] in ("revolute", "prismatic", "screw") else f"{joint['name']}.{freedom}"
 
 
 def signature(sizes: dict[str, int]) -> str:

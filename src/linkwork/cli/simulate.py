@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Literal
 
 import numpy as np
@@ -13,14 +15,16 @@ from linkwork.cli.entries import by_name, numbers, read_columns
 from linkwork.cli.terminal import console, facts, patience
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
+from linkwork.robot.recording import passed_limits
 from linkwork.simulation import Run, Sampled
 
 FORMATS = (".nc", ".csv")
+FEW = 12  # joint coordinates that are all printed; of more those of the actuated joints
 
 
 @dataclass(frozen=True)
 class Start:
-    """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given), rates."""
+    """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given), rates of joints."""
 
     tool: str | None
     joints: str | None
@@ -30,13 +34,19 @@ class Start:
         """Return the state [m, rad, m/s, rad/s]; the robot's reference pose at rest where nothing is said."""
         state = robot.home
         if self.joints is not None:
-            state = robot.assemble(by_name(self.joints, robot.joints, "--joints"))
+            state = robot.assemble(by_name(self.joints, robot.coordinates, "--joints"))
         if self.tool is not None:
             state = robot.assemble(tool=numbers(self.tool, "--tool"), guess=state)
         if self.rates is not None:
-            rates = by_name(self.rates, robot.actuators, "--rates")
-            state = state.with_rates([rates.get(name, 0.0) for name in robot.actuators])
+            state = robot.state(state.positions, self.started(robot, self.rates))
         return state
+
+    def started(self, robot: Robot, text: str) -> dict[str, float]:
+        """Return rates by name: the independent ones, those left out at zero, or as many of other joints."""
+        names = robot.rates if "=" in text else robot.independent
+        rates = by_name(text, names, "--rates")
+        rest = dict.fromkeys(robot.independent, 0.0)
+        return rest | rates if set(rates) <= set(rest) else rates
 
 
 @dataclass(frozen=True)
@@ -74,17 +84,27 @@ class Target:
             )
         if not self.file.parent.is_dir():
             raise LinkworkError(f"--out {self.file}: there is no folder '{self.file.parent}'")
+        if self.file.is_dir():
+            raise LinkworkError(f"--out {self.file}: is a folder; name a file in it")
         refuse_existing(self.file, self.overwrite)
+        try:
+            TemporaryFile(dir=self.file.parent).close()
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise LinkworkError(
+                f"--out {self.file}: nothing can be written into '{self.file.parent}': {reason}"
+            ) from None
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Say how long a run lasts [s], how accurate it is, and how many times are saved."""
+    """Say how long a run lasts [s], how accurate it is, how many times are saved, what to do at a bifurcation."""
 
     duration: float
     rtol: float
     atol: float
     samples: int
+    on_singular: Literal["stop", "step_over"] = "stop"
 
     def check(self) -> None:
         if not 0 < self.duration < np.inf:
@@ -108,34 +128,38 @@ def simulate(name: str, start: Start, load: Load, settings: Settings, target: Ta
             rtol=settings.rtol,
             atol=settings.atol,
             save_at=np.linspace(0, settings.duration, settings.samples),
+            on_singular=settings.on_singular,
         )
-    print_ending(run)
+    print_ending(robot, run)
     if target.file is not None:
         run.save(target.file)
         console().print(f"{target.file} written", soft_wrap=True)
     return run.success
 
 
-def print_ending(run: Run) -> None:
-    """Print how a run ended and where."""
+def print_ending(robot: Robot, run: Run) -> None:
+    """Print how a run ended and where, in which charts it went, and which limits it passed."""
     statistics = run.statistics
     rows = [
         ("status", f"{run.status.name.lower()}: {run.message}"),
         ("steps", f"{run.steps} accepted, {run.rejected} rejected"),
         ("evaluations", f"{run.nfev} of the equations of motion, {statistics.projections} projections"),
+        ("independent", str(run.attrs["charts"])),
         ("closure error", f"{run.closure_error:.2g} (m, rad)"),
         ("smallest pivot", f"{statistics.pivot:.3g} at {statistics.pivot_time:.4g} s"),
+        ("limits passed", "; ".join(passed_limits(robot, run)) or "none"),
     ]
     variables, time = run.variables, run.coords["time"].values
     if len(time):
         place = f"at {time[-1]:.6g} s"
-        rows.append((f"joints {place}", last(run, "joint_position", "joint")))
+        shown = robot.coordinates if len(robot.coordinates) <= FEW else robot.actuators
+        rows.append((f"joints {place}", last(run, "joint_position", "coordinate", shown)))
         if "tool_pose" in variables:
             rows.append((f"tool {place}", last(run, "tool_pose", "pose")))
     console().print(facts(rows))
 
 
-def last(run: Run, quantity: str, dim: str) -> str:
-    """Return the last values of a quantity by name."""
-    names, values = run.coords[dim].values, run.variables[quantity].values[-1]
-    return ", ".join(f"{name} {value:.6g}" for name, value in zip(names, values, strict=True))
+def last(run: Run, quantity: str, dim: str, shown: Collection[str] | None = None) -> str:
+    """Return the last values of a quantity by name, of all components or of those shown."""
+    values = zip(run.coords[dim].values, run.variables[quantity].values[-1], strict=True)
+    return ", ".join(f"{name} {value:.6g}" for name, value in values if shown is None or name in shown)

@@ -5,11 +5,14 @@ They check this package's equations and are what it is timed against; nothing he
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 
-from linkwork.engines.common import Engine, EngineError, EngineRun
+import numpy as np
+
+from linkwork.engines.interface import Engine, EngineError, EngineRun
 from linkwork.mechanism import Mechanism
 
 __all__ = ["Engine", "EngineError", "EngineRun", "available", "build", "versions"]
@@ -28,16 +31,19 @@ def versions() -> dict[str, str]:
     return {name: version(DISTRIBUTIONS[name]) for name in available()}
 
 
-def build(name: str, mechanism: Mechanism) -> Engine:
+def build(name: str, mechanism: Mechanism, guess: Mapping[str, np.ndarray] | None = None) -> Engine:
     """Return the mechanism in the engine of that name.
 
     Args:
         name: "pinocchio", "mujoco" or "exudyn".
-        mechanism: any mechanism of fixed, revolute and prismatic joints, with or without loops.
+        mechanism: any mechanism. MuJoCo holds all of it; Pinocchio has no gears; Exudyn has gears of two coordinates
+            only, and no rotors on free turns.
+        guess: approximate poses X_GB (4, 4) of bodies that nothing but rods reaches, whose pose no joint coordinate
+            tells; the ground's frame where left out.
 
     Raises:
         EngineError: there is no such engine, it is not installed, or it cannot hold this mechanism.
     """
     if name not in CLASSES:
         raise EngineError(f"there is no engine {name!r}; the engines are {', '.join(CLASSES)}")
-    return getattr(import_module(f"linkwork.engines.{name}"), CLASSES[name])(mechanism)
+    return getattr(import_module(f"linkwork.engines.{name}"), CLASSES[name])(mechanism, guess=guess)

@@ -55,3 +55,34 @@ def dot(a: ca.SX, b: ca.SX) -> ca.SX:
 def spin(omega: ca.SX, r: ca.SX) -> ca.SX:
     """Return omega x (omega x r) = omega (omega . r) - (omega . omega) r."""
     return omega * dot(omega, r) - dot(omega, omega) * r
+
+
+def quaternion_matrix(p: ca.SX) -> ca.SX:
+    """Return R of a unit quaternion p = (w, x, y, z): R = 1 + 2 w [u x] + 2 [u x]^2, u = (x, y, z)."""
+    w, x, y, z = (p[i] for i in range(4))
+    X, Y, Z = 2 * x, 2 * y, 2 * z
+    xX, yY, zZ, xY, xZ, yZ, wX, wY, wZ = (x * X, y * Y, z * Z, x * Y, x * Z, y * Z, w * X, w * Y, w * Z)
+    rows = ((1 - (yY + zZ), xY - wZ, xZ + wY), (xY + wZ, 1 - (xX + zZ), yZ - wX), (xZ - wY, yZ + wX, 1 - (xX + yY)))
+    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
+
+
+def matrix_quaternion(R: ca.SX) -> ca.SX:
+    """Return the unit quaternion (w, x, y, z), w >= 0, of a rotation matrix.
+
+    Every column of the symmetric matrix 4 p p', whose elements are linear in R, is along p; the longest is taken.
+    """
+    d = [
+        1 + R[0, 0] + R[1, 1] + R[2, 2],
+        1 + R[0, 0] - R[1, 1] - R[2, 2],
+        1 - R[0, 0] + R[1, 1] - R[2, 2],
+        1 - R[0, 0] - R[1, 1] + R[2, 2],
+    ]
+    wx, wy, wz = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    xy, xz, yz = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    columns = [(d[0], wx, wy, wz), (wx, d[1], xy, xz), (wy, xy, d[2], yz), (wz, xz, yz, d[3])]
+    longest = ca.fmax(ca.fmax(d[0], d[1]), ca.fmax(d[2], d[3]))
+    p = ca.vertcat(*columns[3])
+    for column, diagonal in zip(columns[:3], d[:3], strict=True):
+        p = ca.if_else(diagonal >= longest, ca.vertcat(*column), p)
+    p = p / ca.sqrt(ca.sumsqr(p))
+    return ca.if_else(p[0] < 0, -p, p)

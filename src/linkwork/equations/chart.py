@@ -1,21 +1,22 @@
 """Chart: which rates are independent, which rows are kept, and the elimination that gives L.
 
-    Phi q' = 0,  q' = (v, q_u'):      Phi_u q_u' = -Phi_a v          q' = L v
-    Phi q'' + gamma = 0:              Phi_u q_u'' = -Phi_a v' - gamma    q'' = L v' + b
+    Phi w = 0,  w = (v, w_u):      Phi_u w_u = -Phi_a v               w = L v
+    Phi w' + gamma = 0:            Phi_u w_u' = -Phi_a v' - gamma     w' = L v' + b
 
 The order of elimination is chosen once, on numbers, and then traced without a branch. Pivots that are constants
 (lengths) are taken first: they cannot become weak. What remains falls into coupled blocks; a block of up to three
 unknowns is solved by cofactors, which fail only where the block itself is singular, not where some pivot order is; of
 a larger block the strongest pivots are eliminated until three unknowns are left. The smallest relative pivot, a pivot
-or determinant over its value at the reference configuration, is an output: it goes to zero at an actuator-singular
-pose.
+or determinant over its value where the chart was chosen, is an output; its sign changes where one of them passes zero.
+It goes to zero where the independent rates do not determine the others any more.
 Source: the paper, Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold pivoting).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import networkx as nx
@@ -28,12 +29,16 @@ WEAK_PIVOT = 0.1
 COFACTOR_SIZE = 3
 
 
-def independent_rows(samples: Sequence[np.ndarray]) -> tuple[int, ...]:
-    """Return the rows of Phi to keep: those of the first sample at which the rank is largest.
+def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) -> tuple[int, ...]:
+    """Return the rows of Phi to keep.
 
     Args:
-        samples: Phi (rows x nq) at closed configurations, the reference configuration first.
+        samples: Phi (rows x nv) at closed configurations, the reference configuration first.
+        count: number of rows, if known: those that are least dependent at the first sample are taken; if not, those of
+            the first sample at which the rank is largest.
     """
+    if count is not None:
+        return tuple(sorted(largest_rows(samples[0], count)))
     return max((rows_of_full_rank(Phi) for Phi in samples), key=len)
 
 
@@ -51,6 +56,42 @@ def rows_of_full_rank(Phi: np.ndarray) -> tuple[int, ...]:
     return tuple(kept)
 
 
+def largest_rows(A: np.ndarray, count: int) -> list[int]:
+    """Return `count` rows of A, each the longest of what the ones before it leave of the rows (QR with pivoting)."""
+    rest, chosen = A.copy(), []
+    for _ in range(count):
+        lengths = np.linalg.norm(rest, axis=1)
+        lengths[chosen] = -1
+        chosen.append(int(np.argmax(lengths)))
+        direction = rest[chosen[-1]] / max(lengths[chosen[-1]], 1e-300)
+        rest = rest - np.outer(rest @ direction, direction)
+    return chosen
+
+
+def choose_independent(Phi: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW) -> tuple[int, ...]:
+    """Return n = nv - rank rates that determine the others: the preferred ones first, as far as they are independent.
+
+    Args:
+        Phi: kept rows of the constraint Jacobian (rows x nv), of full rank.
+        preferred: rates in the order of preference.
+        share: least part of a preferred rate's motion that is no motion of the rates taken before it.
+    """
+    n = Phi.shape[1] - Phi.shape[0]
+    motions = np.linalg.qr(Phi.T, mode="complete")[0][:, Phi.shape[0] :]  # nv x n, orthonormal columns
+    chosen: list[int] = []
+    rest = motions.copy()
+    for k in preferred:
+        if (
+            len(chosen) < n
+            and k not in chosen
+            and np.linalg.norm(rest[k]) > share * max(np.linalg.norm(motions[k]), share)
+        ):
+            chosen.append(k)
+            direction = rest[k] / np.linalg.norm(rest[k])
+            rest -= np.outer(rest @ direction, direction)
+    return (*chosen, *(int(k) for k in largest_rows(rest, n - len(chosen))))
+
+
 @dataclass(frozen=True)
 class Block:
     """Solve the unknowns `columns` from the rows `rows` together; one row and column is an ordinary pivot."""
@@ -60,14 +101,36 @@ class Block:
 
 
 @dataclass(frozen=True)
+class Stage:
+    """Hold the blocks of one stage of the block triangular form, in the order of elimination, and their scales.
+
+    scales: value of each block's pivot (or determinant) where the chart was chosen
+    """
+
+    blocks: tuple[Block, ...]
+    scales: tuple[float, ...]
+
+    @property
+    def rows(self) -> list[int]:
+        return [r for block in self.blocks for r in block.rows]
+
+    @property
+    def columns(self) -> list[int]:
+        return [c for block in self.blocks for c in block.columns]
+
+
+@dataclass(frozen=True)
 class Chart:
-    """Hold the independent and dependent coordinates, the kept rows of Phi and the order of elimination."""
+    """Hold the independent and dependent rates, the kept rows of Phi and the stages of the elimination."""
 
     independent: tuple[int, ...]
     dependent: tuple[int, ...]
     rows: tuple[int, ...]
-    blocks: tuple[Block, ...]
-    scales: tuple[float, ...]
+    stages: tuple[Stage, ...]
+
+    @property
+    def blocks(self) -> list[Block]:
+        return [block for stage in self.stages for block in stage.blocks]
 
     @property
     def description(self) -> str:
@@ -75,55 +138,98 @@ class Chart:
         return f"{sizes.count(1)} single pivots, blocks of {[s for s in sizes if s > 1] or 'none'}"
 
 
+Values = dict[int, dict[int, np.ndarray]]
+Entries = dict[int, dict[int, ca.SX]]
+
+
+def entries(Phi: ca.SX) -> Entries:
+    """Return the elements of a matrix that are not zero, by row and column."""
+    found: Entries = {r: {} for r in range(Phi.shape[0])}
+    for r, c in zip(*Phi.sparsity().get_triplet(), strict=True):
+        value = Phi[r, c]
+        if not value.is_zero():
+            found[r][c] = value
+    return found
+
+
 def choose_chart(
     Phi: ca.SX, samples: Sequence[np.ndarray], rows: tuple[int, ...], independent: tuple[int, ...]
 ) -> Chart:
-    """Choose the order of elimination for given independent coordinates.
+    """Choose the order of elimination for given independent rates.
 
     Args:
-        Phi: constraint Jacobian as an expression (all rows x nq).
+        Phi: constraint Jacobian as an expression (all rows x nv).
         samples: its values at closed configurations, the reference configuration first.
-        rows: the kept rows, as many as there are dependent coordinates.
-        independent: indices of the independent coordinates.
+        rows: the kept rows, as many as there are dependent rates.
+        independent: indices of the independent rates.
     """
     dependent = tuple(j for j in range(Phi.shape[1]) if j not in independent)
-    values = {r: {c: np.array([s[r, c] for s in samples]) for c in dependent if not Phi[r, c].is_zero()} for r in rows}
-    constant = {(r, c) for r in rows for c in values[r] if Phi[r, c].is_constant()}
+    expressions = entries(Phi)
+    pattern = {r: [c for c in expressions[r] if c not in independent] for r in rows}
+    stages = []
+    for stage_rows, columns in triangular(pattern):
+        values = {r: {c: np.array([s[r, c] for s in samples]) for c in pattern[r] if c in columns} for r in stage_rows}
+        constant = {(r, c) for r in stage_rows for c in values[r] if expressions[r][c].is_constant()}
+        stages.append(choose_stage(values, constant, len(samples)))
+    return Chart(tuple(independent), dependent, rows, tuple(stages))
+
+
+def choose_stage(values: Values, constant: set[tuple[int, int]], samples: int) -> Stage:
+    """Choose the order of elimination within a stage, on the numbers of its rows and columns."""
     blocks: list[Block] = []
     scales: list[float] = []
     while values:
         block = next_block(values, constant)
-        matrix = np.array([[values[r].get(c, np.zeros(len(samples))) for c in block.columns] for r in block.rows])
-        scales.append(max(abs(float(np.linalg.det(matrix[:, :, 0]))), 1e-300))
+        determinant = float(np.linalg.det(block_values(values, block, samples)[:, :, 0]))
+        scales.append(determinant if abs(determinant) > 1e-300 else 1e-300)
         eliminate_values(values, constant, block)
         blocks.append(block)
-    return Chart(tuple(independent), dependent, rows, tuple(blocks), tuple(scales))
+    return Stage(tuple(blocks), tuple(scales))
 
 
-Values = dict[int, dict[int, np.ndarray]]
+def block_values(values: Values, block: Block, samples: int) -> np.ndarray:
+    return np.array([[values[r].get(c, np.zeros(samples)) for c in block.columns] for r in block.rows])
+
+
+def triangular(pattern: Mapping[int, Sequence[int]]) -> list[tuple[tuple[int, ...], set[int]]]:
+    """Return the stages (rows, columns) of the block triangular form: each holds columns of its own and of stages before.
+
+    Rows are matched with columns; a row leads to the rows matched with its columns; what leads back is one stage.
+
+    Args:
+        pattern: the columns that each row holds.
+    """
+    graph = nx.Graph()
+    graph.add_nodes_from(("row", r) for r in sorted(pattern))
+    graph.add_edges_from((("row", r), ("column", c)) for r in sorted(pattern) for c in pattern[r])
+    matching = nx.bipartite.hopcroft_karp_matching(graph, [("row", r) for r in pattern])
+    leads = nx.DiGraph()
+    leads.add_nodes_from(sorted(pattern))
+    leads.add_edges_from((matching[("column", c)][1], r) for r in pattern for c in pattern[r])
+    order = nx.condensation(leads)
+    stages = [sorted(order.nodes[part]["members"]) for part in nx.lexicographical_topological_sort(order)]
+    return [(tuple(stage), {matching[("row", r)][1] for r in stage}) for stage in stages]
 
 
 def next_block(values: Values, constant: set[tuple[int, int]]) -> Block:
     """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else a strong entry."""
-    uses = {c: sum(c in row for row in values.values()) for row in values.values() for c in row}
-    entries = [(r, c) for r, row in values.items() for c in row]
+    uses = Counter(c for row in values.values() for c in row)
+    held = [(r, c) for r, row in values.items() for c in row]
 
     def fill(entry: tuple[int, int]) -> tuple[int, int, int]:
         r, c = entry
         return (len(values[r]) - 1) * (uses[c] - 1), *entry
 
-    solid = [(r, c) for r, c in entries if (r, c) in constant and strength(values, r, c) > WEAK_PIVOT]
+    solid = [(r, c) for r, c in held if (r, c) in constant and strength(values, r, c) > WEAK_PIVOT]
     if solid:
         r, c = min(solid, key=fill)
         return Block((r,), (c,))
-    graph = nx.Graph((("row", r), ("column", c)) for r, c in entries)
-    for part in nx.connected_components(graph):
-        rows = tuple(sorted(index for kind, index in part if kind == "row"))
-        columns = tuple(sorted(index for kind, index in part if kind == "column"))
-        if len(rows) == len(columns) <= COFACTOR_SIZE:
-            return Block(rows, columns)
-    strong = [entry for entry in entries if strength(values, *entry) > WEAK_PIVOT]
-    r, c = min(strong or [max(entries, key=lambda entry: strength(values, *entry))], key=fill)
+    rows, columns = triangular({r: list(row) for r, row in values.items()})[0]
+    if len(rows) <= COFACTOR_SIZE:
+        return Block(rows, tuple(sorted(columns)))
+    held = [(r, c) for r in rows for c in values[r]]
+    strong = [entry for entry in held if strength(values, *entry) > WEAK_PIVOT]
+    r, c = min(strong or [max(held, key=lambda entry: strength(values, *entry))], key=fill)
     return Block((r,), (c,))
 
 
@@ -137,7 +243,10 @@ def eliminate_values(values: Values, constant: set[tuple[int, int]], block: Bloc
     """Eliminate a block from the numbers, as `solve` does from the expressions."""
     pivots = {r: values.pop(r) for r in block.rows}
     if len(block.rows) > 1:
-        return  # a block is closed: no other row holds its columns
+        for row in values.values():
+            for c in block.columns:
+                row.pop(c, None)
+        return
     (c,), (pivot_row,) = block.columns, pivots.values()
     for i, row in values.items():
         if c not in row:
@@ -149,22 +258,43 @@ def eliminate_values(values: Values, constant: set[tuple[int, int]], block: Bloc
                 constant.discard((i, k))
 
 
-def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], ca.SX]:
-    """Solve Phi_u X = right for the dependent coordinates by the chart's elimination.
+def faced(chart: Chart, signs: Sequence[float]) -> Chart:
+    """Return the chart with the scales of its blocks multiplied by signs, in order."""
+    left = iter(signs)
+    stages = (replace(stage, scales=tuple(scale * next(left) for scale in stage.scales)) for stage in chart.stages)
+    return replace(chart, stages=tuple(stages))
+
+
+def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], list[ca.SX]]:
+    """Solve Phi_u X = right for the dependent rates by the chart's elimination.
 
     Args:
         chart: the order of elimination.
-        Phi: constraint Jacobian (all rows x nq); only the chart's rows and dependent columns are read.
+        Phi: constraint Jacobian (all rows x nv); only the chart's rows and dependent columns are read.
         right: right sides (all rows x any number).
 
     Returns:
-        X by coordinate (each a row), and the smallest relative pivot (1 where every pivot is a constant).
+        X by rate (each a row), and the relative pivots of the blocks, in order.
     """
-    rows = {r: {c: Phi[r, c] for c in chart.dependent if not Phi[r, c].is_zero()} for r in chart.rows}
-    rhs = {r: right[r, :] for r in chart.rows}
-    order: list[tuple[Block, dict[int, dict[int, ca.SX]]]] = []
-    smallest = SX(1)
-    for block, scale in zip(chart.blocks, chart.scales, strict=True):
+    expressions = entries(Phi)
+    X: dict[int, ca.SX] = {}
+    pivots: list[ca.SX] = []
+    for stage in chart.stages:
+        own = set(stage.columns)
+        rows = {r: {c: value for c, value in expressions[r].items() if c in own} for r in stage.rows}
+        rhs = {r: right[r, :] for r in stage.rows}
+        for r in stage.rows:
+            for c, value in expressions[r].items():
+                if c in X:
+                    rhs[r] = rhs[r] - value * X[c]
+        solve_stage(stage, rows, rhs, X, pivots)
+    return X, pivots
+
+
+def solve_stage(stage: Stage, rows: Entries, rhs: dict[int, ca.SX], X: dict[int, ca.SX], pivots: list[ca.SX]) -> None:
+    """Solve a stage by elimination and back substitution; add its unknowns to X and its relative pivots."""
+    order: list[tuple[Block, Entries]] = []
+    for block, scale in zip(stage.blocks, stage.scales, strict=True):
         taken = {r: rows.pop(r) for r in block.rows}
         if len(block.rows) == 1:
             (r,), (c,) = block.rows, block.columns
@@ -172,28 +302,37 @@ def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], ca.
             inverse = 1 / pivot
             taken[r] = {k: value * inverse for k, value in taken[r].items()}
             rhs[r] = rhs[r] * inverse
-            for i, row in rows.items():
+        else:
+            pivot = solve_block(block, taken, rhs)
+            taken = {r: {} for r in block.rows}
+        for i, row in rows.items():
+            for r, c in zip(block.rows, block.columns, strict=True):
                 if c in row:
                     factor = row.pop(c)
                     for k, value in taken[r].items():
                         row[k] = row.get(k, SX(0)) - factor * value
                     rhs[i] = rhs[i] - factor * rhs[r]
-        else:
-            pivot = solve_block(block, taken, rhs)
-            taken = {r: {} for r in block.rows}
-        if not pivot.is_constant():
-            smallest = ca.fmin(smallest, ca.fabs(pivot) * (1 / scale))
+        pivots.append(pivot * (1 / scale))
         order.append((block, taken))
-    X: dict[int, ca.SX] = {}
     for block, taken in reversed(order):
         for r, c in zip(block.rows, block.columns, strict=True):
             X[c] = rhs[r]
             for k, value in taken[r].items():
                 X[c] = X[c] - value * X[k]
-    return X, smallest
 
 
-def solve_block(block: Block, taken: dict[int, dict[int, ca.SX]], rhs: dict[int, ca.SX]) -> ca.SX:
+def weakest(pivots: Sequence[ca.SX]) -> ca.SX:
+    """Return the smallest magnitude of relative pivots, negative where any of them is; 1 where all are constant."""
+    varying = [pivot for pivot in pivots if not pivot.is_constant()]
+    if not varying:
+        return SX(1)
+    result = varying[0]
+    for pivot in varying[1:]:
+        result = ca.copysign(ca.fmin(ca.fabs(result), ca.fabs(pivot)), ca.fmin(result, pivot))
+    return result
+
+
+def solve_block(block: Block, taken: Entries, rhs: dict[int, ca.SX]) -> ca.SX:
     """Solve a coupled block by cofactors in place of its right sides; return its determinant."""
     A = ca.vertcat(*[ca.horzcat(*[taken[r].get(c, SX(0)) for c in block.columns]) for r in block.rows])
     B = ca.vertcat(*[rhs[r] for r in block.rows])

@@ -4,26 +4,28 @@ For a cut joint with frames F1, F2 the rows of its kind hold one frame's point a
 written in the axes of the side whose chain is shorter ("this" side, the other is "that"): there the last joints'
 columns are constants or near it, so that eliminating them costs little and divides by lengths, not by sines.
 
-    position row    phi = e . (p_that - p_this)     Phi q' = e . (v_that - v_this - omega_this x (p_that - p_this))
-    direction row   phi = e . f                     Phi q' = (f x e) . (omega_that - omega_this)
+    position row    phi = e . g,  g = p_that - p_this            Phi w = e . v,  v = v_that - v_this - omega_this x g
+    direction row   phi = e . f                                  Phi w = (f x e) . omega,  omega = omega_that - omega_this
+    screw row       phi = h sin(e . g / h - angle)               Phi w = e . v - h e . omega
+    distance row    phi = (g . g - l^2) / (2 l)                  Phi w = g . (v_that - v_this) / l
 
-and with q'' = 0 the second derivative of phi leaves the bias gamma, so that  Phi q'' + gamma = 0.
+and with w' = 0 the second derivative of phi leaves the bias gamma, so that  Phi w' + gamma = 0.
 Source: the paper, Eqs. (1), (2); Nikravesh 1988, ch. 6 (constraints by vectors).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, cross, dot, rotation_matrix, snap, spin, zero
-from linkwork.equations.joints import KINDS, Row, transversals
-from linkwork.equations.orientation import Orientation
-from linkwork.equations.tree import Node, Tree, in_base
-from linkwork.mechanism import Frame, Mechanism
+from linkwork.equations.joints import KINDS, Motion, Row, transversals
+from linkwork.equations.orientation import Orientation, convert
+from linkwork.equations.tree import Column, Node, Tree, in_axes, in_base
+from linkwork.mechanism import Frame, PairJoint
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,16 @@ class Side:
 
 @dataclass(frozen=True)
 class Cut:
-    """Hold a cut joint between `this` side, in whose axes its rows are written, and `that` side."""
+    """Hold a cut joint between `this` side, in whose axes its rows are written, and `that` side.
+
+    open: whether the joint lets the two origins part
+    """
 
     joint: str
     sides: tuple[Side, Side]
     swapped: bool
+    motions: tuple[Motion, ...]
     rows: tuple[Row, ...]
-    slides: bool
 
     @property
     def this(self) -> Side:
@@ -59,20 +64,23 @@ class Cut:
     def that(self) -> Side:
         return self.sides[0] if self.swapped else self.sides[1]
 
+    @property
+    def open(self) -> bool:
+        return any(motion.slides for motion in self.motions) or any(row.length is not None for row in self.rows)
 
-def cut(mechanism: Mechanism, tree: Tree, name: str) -> Cut:
+
+def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
     """Set up a cut joint: its two sides, and its rows along directions that make them sparse."""
-    joint = mechanism.joints[name]
     sides = (side(tree, joint.connects[0], joint.frames[0]), side(tree, joint.connects[1], joint.frames[1]))
     swapped = len(tree.path(sides[1].node)) < len(tree.path(sides[0].node))
     this = sides[1] if swapped else sides[0]
     kind = KINDS[joint.type]
     rows = kind.rows(joint, snap(this.R_F.T @ this.arm))
-    return Cut(name, sides, swapped, rows, any(not motion.turns for motion in kind.motions(joint)))
+    return Cut(name, sides, swapped, kind.motions(joint), tuple(row.exchanged() for row in rows) if swapped else rows)
 
 
 def side(tree: Tree, body: str, frame: Frame) -> Side:
-    node, position, R_F = tree.node(body), np.array(frame.position), rotation_matrix(frame.rotation)
+    node, position, R_F = (tree.node(body), np.array(frame.position), rotation_matrix(frame.rotation))
     arm = snap(position - node.frame_origin)
     return Side(node, arm, R_F, node.O + in_base(node.R, arm), node.R.then_constant(R_F))
 
@@ -80,115 +88,197 @@ def side(tree: Tree, body: str, frame: Frame) -> Side:
 def residuals(cut: Cut) -> list[ca.SX]:
     """Return phi of each row [m for positions, 1 for directions]."""
     gap = cut.that.P - cut.this.P
-    return [dot(in_base(cut.this.R, row.e), gap if row.f is None else in_base(cut.that.R, row.f)) for row in cut.rows]
-
-
-def shared(tree: Tree, cut: Cut) -> set[int]:
-    """Return the coordinates inward of both sides: they move the loop as a whole and enter none of its rows."""
-    chains = [{node.coordinate for node in tree.path(side.node)} for side in cut.sides]
-    return {coordinate for coordinate in chains[0] & chains[1] if coordinate is not None}
-
-
-def reaches(tree: Tree, cut: Cut) -> Iterator[tuple[int, int, Node, ca.SX]]:
-    """Yield the moving nodes of the loop: sign of their side, coordinate, node, vector to the joint's point on that side.
-
-    Where the joint slides both sides take the point of that side.
-    """
-    common = shared(tree, cut)
-    slip = cut.that.P - cut.this.P if cut.slides else zero()
-    for sign, side, extra in ((-1, cut.this, slip), (1, cut.that, zero())):
-        for node, d in tree.reaches(side.node, in_base(side.node.R, side.arm) + extra):
-            if node.coordinate is not None and node.coordinate not in common:
-                yield sign, node.coordinate, node, d
-
-
-def jacobian(tree: Tree, cut: Cut) -> ca.SX:
-    """Return the rows of Phi (rows x nq)."""
-    Phi = SX.zeros(len(cut.rows), len(tree.coordinates))
-    for sign, coordinate, node, d in reaches(tree, cut):
-        for k, row in enumerate(cut.rows):
-            Phi[k, coordinate] = sign * column(cut, row, node, d)
-    return Phi
-
-
-def column(cut: Cut, row: Row, node: Node, d: ca.SX) -> ca.SX:
-    """Return what a unit rate of one joint does to a row, up to the sign of the side it is on.
-
-    For the last joint of this side everything is constant in the body's axes, and so is the result.
-    """
-    this = cut.this
-    own = node.index == this.node.index and not (node.turns and cut.slides)
-    z = SX(node.local_z) if own else node.z
-    if row.f is not None:
-        moment = SX(snap(this.R_F @ row.moment)) if own else in_base(this.R, row.moment)
-        return dot(moment, z) if node.turns else SX(0)
-    e = SX(snap(this.R_F @ row.e)) if own else in_base(this.R, row.e)
-    return dot(e, cross(z, SX(this.arm) if own else d) if node.turns else z)
-
-
-def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
-    """Return gamma of each row: the second derivative of phi at q'' = 0, for rates q' that keep the loop closed.
-
-    What moves the loop as a whole does not enter, and is held still here.
-    """
-    rates = SX(rates)
-    for coordinate in shared(tree, cut):
-        rates[coordinate] = 0
-    omega = tree.angular_velocities(rates)
-    alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
-    this, that = cut.this, cut.that
-    i, j = this.node.index, that.node.index
-    d = in_base(that.node.R, that.arm)
-    a_that = a[j] + cross(alpha[j], d) + spin(omega[j], d)
-    turning = alpha[j] - alpha[i] - cross(omega[i], omega[j])
     result = []
     for row in cut.rows:
+        e = in_base(cut.this.R, row.e)
         if row.f is not None:
-            result.append(dot(in_base(this.R, row.moment), turning))
-            continue
-        e = in_base(this.R, row.e)
-        if cut.slides:
-            d_this = in_base(this.node.R, this.arm) + that.P - this.P
-            v = tree.velocities(omega, rates)
-            v_slide = v[j] + cross(omega[j], d) - v[i] - cross(omega[i], d_this)
-            a_this = a[i] + cross(alpha[i], d_this) + spin(omega[i], d_this) + 2 * cross(omega[i], v_slide)
-            result.append(dot(e, a_that - a_this))
+            result.append(dot(e, in_base(cut.that.R, row.f)))
+        elif row.length is not None:
+            result.append((dot(gap, gap) - row.length**2) / (2 * row.length))
+        elif row.pitch:
+            e1, e2 = transversals(row.e, np.zeros(3))
+            f1, advance = in_base(cut.that.R, e1), dot(e, gap) / row.pitch
+            s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)
+            result.append(row.pitch * (ca.sin(advance) * c - ca.cos(advance) * s))
         else:
-            to_body = this.node.R.matrix.T
-            local = cross(ca.mtimes(to_body, alpha[i]), SX(this.arm)) + spin(ca.mtimes(to_body, omega[i]), SX(this.arm))
-            result.append(dot(e, a_that - a[i]) - dot(SX(snap(this.R_F @ row.e)), local))
+            result.append(dot(e, gap))
     return result
 
 
-def coordinate(cut: Cut, axis: np.ndarray, turns: bool) -> ca.SX:
-    """Return a cut joint's coordinate [rad, m] from the pose of its second frame in its first."""
-    first, second = cut.sides
-    if not turns:
-        return dot(in_base(first.R, axis), second.P - first.P)
-    angle = second.R.angle_from(first.R)
-    if angle is not None:
-        along = float(np.dot(first.R.right @ axis, first.R.axis))
-        return angle if along > 0 else -angle
-    e1, e2 = transversals(axis, np.zeros(3))
-    f1 = in_base(second.R, e1)
-    return ca.atan2(dot(in_base(first.R, e2), f1), dot(in_base(first.R, e1), f1))
+def shared(tree: Tree, cut: Cut) -> set[int]:
+    """Return the rates inward of both sides: they move the loop as a whole and enter none of its rows."""
+    chains = [{column.rate for node in tree.path(side.node) for column in node.columns} for side in cut.sides]
+    return chains[0] & chains[1]
 
 
-def rate_row(tree: Tree, cut: Cut, axis: np.ndarray, turns: bool) -> ca.SX:
-    """Return the row (1 x nq) that gives a cut joint's rate from the tree's rates."""
-    row = SX.zeros(1, len(tree.coordinates))
-    z = in_base(cut.sides[0].R, axis)
-    for sign, coordinate, node, d in reaches(tree, cut):
-        turning, moving = (node.z, cross(node.z, d)) if node.turns else (zero(), node.z)
-        row[coordinate] += (-sign if cut.swapped else sign) * dot(z, turning if turns else moving)
-    return row
+def reaches(tree: Tree, cut: Cut) -> Iterator[tuple[int, Column, Node, ca.SX]]:
+    """Yield what moves in the loop: sign of the side, column, its node, vector to the joint's point in its `column_axes`.
+
+    Where the joint's origins part both sides take the point of that side, as if they were one body's.
+    """
+    common = shared(tree, cut)
+    slip = ca.mtimes(cut.this.node.axes.matrix.T, cut.that.P - cut.this.P) if cut.open else zero()
+    for sign, side, extra in ((-1, cut.this, slip), (1, cut.that, zero())):
+        for node, d in tree.reaches(side.node, in_axes(side.node.R, side.arm) + extra):
+            for column in node.columns:
+                if column.rate not in common:
+                    yield sign, column, node, d
+
+
+def moving(column: Column, node: Node, d: ca.SX) -> ca.SX:
+    """Return the velocity z x d + s of a point at d from the node's origin, for a unit rate, in its `column_axes`."""
+    turn = cross(column.z, d) if node.turns else zero()
+    return turn + column.s if node.slides else turn
+
+
+def jacobian(tree: Tree, cut: Cut) -> ca.SX:
+    """Return the rows of Phi (rows x nv)."""
+    Phi, near = SX(len(cut.rows), len(tree.rates)), turning_alike(tree, cut)
+    for sign, column, node, d in reaches(tree, cut):
+        for k, row in enumerate(cut.rows):
+            own = near.get(node.index) if sign < 0 and near_enough(cut, row, column, node) else None
+            value = near_effect(cut, row, column, node, *own) if own else effect(cut, row, column, node, d)
+            Phi[k, column.rate] = sign * value
+    return Phi
+
+
+def open_jacobian(tree: Tree, cut: Cut) -> ca.SX:
+    """Return the derivative of phi along the rates (rows x nv) also where the joint is open (a thread's: to first order)."""
+    J = SX(len(cut.rows), len(tree.rates))
+    for sign, column, node, d in reaches(tree, cut):
+        for k, row in enumerate(cut.rows):
+            J[k, column.rate] = sign * effect(cut, replace(row, crossing=row.f is not None), column, node, d)
+    return J
+
+
+def effect(cut: Cut, row: Row, column: Column, node: Node, d: ca.SX) -> ca.SX:
+    """Return what a unit rate does to a row, up to the sign of the side it is on."""
+    this, axes = cut.this, node.column_axes
+    if row.length is not None:
+        gap = ca.mtimes(axes.matrix.T, cut.that.P - this.P)
+        return dot(gap, moving(column, node, d)) / row.length
+    if row.f is not None:
+        moment = crossed(cut, row)[2] if row.crossing else in_axes(this.R, row.moment)
+        return dot(convert(moment, this.node.axes, axes), column.z) if node.turns else SX(0)
+    e = convert(in_axes(this.R, row.e), this.node.axes, axes)
+    return dot(e, moving(column, node, d)) - (row.pitch * dot(e, column.z) if row.pitch and node.turns else SX(0))
+
+
+def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
+    """Return, for the last nodes of this side that differ by constant rotations and slides only, C and d by index.
+
+    C: from the node's frame to that of this side's body; d: from the node's origin to the joint, in the latter.
+    """
+    this, found = cut.this.node, {}
+    d, near_r = SX(cut.this.arm), zero()
+    for node in reversed(tree.path(this)):
+        if not node.R.turns_with(this.R):
+            break
+        C = snap(this.R.right.T @ node.R.right)
+        d = d + ca.mtimes(SX(C), near_r)
+        found[node.index] = C, d
+        near_r = node.near_r
+    return found
+
+
+def near_enough(cut: Cut, row: Row, column: Column, node: Node) -> bool:
+    """Tell whether a column's effect on a row can be written in the frame of this side's body."""
+    plain = row.length is None and not row.crossing
+    return plain and column.local_z is not None and not (node.turns and cut.open)
+
+
+def near_effect(cut: Cut, row: Row, column: Column, node: Node, C: np.ndarray, d: ca.SX) -> ca.SX:
+    """Return `effect` in the frame of this side's body, where the row's directions and the column are constant."""
+    R_F = cut.this.R_F
+    z, s = (SX(snap(C @ part)) for part in (column.local_z, column.local_s))
+    if row.f is not None:
+        return dot(SX(snap(R_F @ row.moment)), z) if node.turns else SX(0)
+    e = SX(snap(R_F @ row.e))
+    return (dot(e, cross(z, d)) if node.turns else SX(0)) + (dot(e, s) if node.slides else SX(0))
+
+
+def crossed(cut: Cut, row: Row) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return e, f and f x e of a crossing row in this side's axes: e is fixed in this side alone, f in that."""
+    e, f_that = in_axes(cut.this.R, row.e), in_axes(cut.that.R, np.array(row.f))
+    f = convert(f_that, cut.that.node.axes, cut.this.node.axes)
+    return e, f, cross(f, e)
+
+
+def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
+    """Return gamma of each row: the second derivative of phi at w' = 0, for rates w that keep the loop closed.
+
+    What moves the loop as a whole does not enter, and is held still here. All is written in this side's axes.
+    """
+    free = {column.rate for _, column, *_ in reaches(tree, cut)}
+    rates = ca.vertcat(*[rates[k] if k in free else 0 for k in range(rates.numel())])
+    this, that = cut.this, cut.that
+    inward = {node.index for side in cut.sides for node in tree.path(side.node)}
+    nodes = [tree.nodes[index] for index in sorted(inward)]
+    omega = tree.angular_velocities(rates, nodes)
+    alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero(), nodes)
+    i, j = this.node.index, that.node.index
+
+    def here(x: ca.SX) -> ca.SX:
+        return convert(x, that.node.axes, this.node.axes)
+
+    d = in_axes(that.node.R, that.arm)
+    a_that = here(a[j] + cross(alpha[j], d) + spin(omega[j], d))
+    omega_j, alpha_j = here(omega[j]), here(alpha[j])
+    turning = alpha_j - alpha[i] - cross(omega[i], omega_j)
+    result = []
+    for row in cut.rows:
+        if row.crossing:
+            e, f, moment = crossed(cut, row)
+            rate = cross(cross(omega_j, f), e) + cross(f, cross(omega[i], e))
+            result.append(dot(moment, alpha_j - alpha[i]) + dot(rate, omega_j - omega[i]))
+        elif row.f is not None:
+            result.append(dot(in_axes(this.R, row.moment), turning))
+        elif cut.open:
+            v = tree.velocities(omega, rates, nodes)
+            result.append(
+                open_bias(cut, row, omega[i], alpha[i], v[i], a[i], here(v[j] + cross(omega[j], d)), a_that, turning)
+            )
+        else:
+            to_body, arm = this.node.R.near.T, SX(this.arm)
+            local = cross(ca.mtimes(to_body, alpha[i]), arm) + spin(ca.mtimes(to_body, omega[i]), arm)
+            result.append(dot(in_axes(this.R, row.e), a_that - a[i]) - dot(SX(snap(this.R_F @ row.e)), local))
+    return result
+
+
+def open_bias(
+    cut: Cut, row: Row, omega: ca.SX, alpha: ca.SX, v: ca.SX, a: ca.SX, v_that: ca.SX, a_that: ca.SX, turning: ca.SX
+) -> ca.SX:
+    """Return gamma of a row of a joint whose origins part: omega to a of this side's node, v_that and a_that of that point."""
+    this = cut.this
+    gap = ca.mtimes(this.node.axes.matrix.T, cut.that.P - this.P)
+    d = in_axes(this.node.R, this.arm)
+    if row.length is not None:
+        apart = v_that - v - cross(omega, d)
+        return (dot(apart, apart) + dot(gap, a_that - a - cross(alpha, d) - spin(omega, d))) / row.length
+    d, e = d + gap, in_axes(this.R, row.e)
+    slide = v_that - v - cross(omega, d)
+    bias = dot(e, a_that - a - cross(alpha, d) - spin(omega, d) - 2 * cross(omega, slide))
+    return bias - row.pitch * dot(e, turning) if row.pitch else bias
 
 
 def alignment(cut: Cut) -> ca.SX:
     """Return a number that is positive where the two frames agree and negative where a direction is flipped by pi.
 
-    Direction rows vanish for a flipped frame too, so Newton's method may end there; this tells the two apart.
+    Rows that hold a direction or a thread vanish for a flipped frame too, so Newton's method may end there; this tells
+    the two apart.
     """
-    agreeing = [row.f for row in cut.rows if row.f is not None]
-    products = [dot(in_base(cut.this.R, f), in_base(cut.that.R, f)) for f in agreeing]
-    return ca.mmin(ca.vertcat(*products)) if products else SX(1)
+    products = [SX(1)]
+    for row in cut.rows:
+        if row.f is not None and not row.crossing:
+            products.append(dot(in_base(cut.this.R, row.f), in_base(cut.that.R, row.f)))
+        if row.pitch:
+            gap, (e1, e2) = cut.that.P - cut.this.P, transversals(row.e, np.zeros(3))
+            f1, advance = (in_base(cut.that.R, e1), dot(in_base(cut.this.R, row.e), gap) / row.pitch)
+            s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)
+            products.append(ca.cos(advance) * c + ca.sin(advance) * s)
+    return ca.mmin(ca.vertcat(*products))
+
+
+def universal(cut: Cut) -> bool:
+    """Tell whether the joint turns about two axes, so that none of its directions has to agree."""
+    return sum(motion.turns for motion in cut.motions) == 2

@@ -1,46 +1,69 @@
-"""Inertia forces of the tree: composite inertias and Newton-Euler, with the moments regrouped by `tree`.
+"""Inertia forces of the tree: composite inertias and Newton-Euler, with the moments regrouped by `moments`.
 
     H(q)            generalised inertia of the tree, by composite moments
-    h(q, q', q'')   H q'' + velocity terms + weight, by one outward and one inward pass
+    h(q, w, w')     H w' + velocity terms + weight - applied wrenches, by one outward and one inward pass
 
-H is K' Mtot K and h(q, q', 0) is K' (Mtot K' q' + Omega Mtot K q' - w_g) of the paper for the tree's coordinates,
-organised so that neither K nor Mtot is ever formed. Both are written about the nodes' origins, in the ground's axes.
+H is K' Mtot K and h(q, w, 0) is K' (Mtot K' w + Omega Mtot K w - w_g) of the paper for the tree's rates, organised so
+that neither K nor Mtot is ever formed. Both are written about the nodes' origins, in the nodes' axes.
 Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import casadi as ca
+import numpy as np
 
 from linkwork.equations.algebra import SX, cross, dot, spin, zero
-from linkwork.equations.tree import Node, Tree, in_base
+from linkwork.equations.orientation import convert
+from linkwork.equations.tree import Column, Node, Tree, in_axes
+
+Wrenches = Mapping[int, tuple[ca.SX, ca.SX]]
 
 
-def base_moments(node: Node) -> tuple[float, ca.SX, ca.SX]:
-    """Return m, h = R h_local, I = R I_local R' of a node in the ground's axes."""
-    m, h, inertia = node.moments.m, node.moments.h, node.moments.I
-    R = node.R.matrix
-    I_base = ca.mtimes(ca.mtimes(R, SX(inertia)), R.T) if inertia.any() else SX(3, 3)
-    return m, in_base(node.R, h), ca.densify(I_base)
+def near_moments(node: Node) -> tuple[float, ca.SX, ca.SX]:
+    """Return m, h = R h_local, I = R I_local R' of a node in its axes."""
+    return node.moments.m, in_axes(node.R, node.moments.h), near_inertia(node)
+
+
+def near_inertia(node: Node) -> ca.SX:
+    """Return R I_local R' from the principal moments: I_b 1 + (I_a - I_b) a a' + (I_c - I_b) c c'.
+
+    a, c are two principal axes in the node's axes; where two moments are equal one of them is not needed.
+    """
+    inertia = node.moments.I
+    if not inertia.any():
+        return SX(3, 3)
+    if np.count_nonzero(inertia - np.diag(np.diagonal(inertia))) == 0:
+        values, axes = np.diagonal(inertia), np.eye(3)
+    else:
+        values, axes = np.linalg.eigh(inertia)
+    middle = int(np.argsort(values)[1])
+    result = values[middle] * SX.eye(3)
+    for value, axis in zip(values, axes.T, strict=True):
+        if abs(value - values[middle]) > 1e-15 * np.max(np.abs(values)):
+            a = in_axes(node.R, axis)
+            result += (value - values[middle]) * ca.mtimes(a, a.T)
+    return ca.densify(result)
 
 
 def generalised_inertia(tree: Tree) -> ca.SX:
-    """Return H (nq x nq).
+    """Return H (nv x nv).
 
     Outward to inward, composite moments (m, h, I) gather each node's own and its children's, shifted by r: h += m r,
-    I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a joint needs the
-    wrench (N, F) about O:  turn  F = z x h, N = I z;  slide  F = m z, N = h x z;  H_ij projects it on the joints
-    inward.
+    I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a rate needs the
+    wrench  F = z x h + m s,  N = I z + h x s  about O; H_ij projects it on the columns inward.
     """
-    moments = [base_moments(node) for node in tree.nodes]
-    H = SX.zeros(len(tree.coordinates), len(tree.coordinates))
+    moments = [near_moments(node) for node in tree.nodes]
+    H = SX.zeros(len(tree.rates), len(tree.rates))
     for node in reversed(tree.nodes):
         m, h, inertia = moments[node.index]
-        if node.coordinate is not None:
-            project_inward(tree, node, node.coordinate, m, h, inertia, H)
+        project_inward(tree, node, m, h, inertia, H)
         if node.parent >= 0:
             m_p, h_p, I_p = moments[node.parent]
-            r = node.r
+            r, h = node.r, convert(h, node.axes, node.before)
+            inertia = convert(convert(inertia, node.axes, node.before).T, node.axes, node.before)
             shift = 2 * dot(r, h) * SX.eye(3) - ca.mtimes(r, h.T) - ca.mtimes(h, r.T)
             if m:
                 shift += m * (dot(r, r) * SX.eye(3) - ca.mtimes(r, r.T))
@@ -48,37 +71,59 @@ def generalised_inertia(tree: Tree) -> ca.SX:
     return H
 
 
-def project_inward(tree: Tree, node: Node, i: int, m: float, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
-    """Fill row and column i of H, those of a node's coordinate."""
-    z = node.z
-    F, N = (cross(z, h), ca.mtimes(inertia, z)) if node.turns else (m * z, cross(h, z))
-    H[i, i] = dot(z, N if node.turns else F)
-    for inner in reversed(tree.path(node)[:-1]):
-        N = N + cross(node.r, F)
-        if inner.coordinate is not None:
-            H[i, inner.coordinate] = H[inner.coordinate, i] = dot(inner.z, N if inner.turns else F)
-        node = inner
+def project_inward(tree: Tree, node: Node, m: float, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
+    """Fill rows and columns of H of a node's rates, up to the rates inward of it and those of its own."""
+    axes = node.column_axes
+    h = convert(h, node.axes, axes)
+    inertia = convert(convert(inertia, node.axes, axes).T, node.axes, axes)
+    for column in node.columns:
+        F, N, i = zero(), zero(), column.rate
+        if node.turns:
+            F, N = cross(column.z, h), ca.mtimes(inertia, column.z)
+        if node.slides:
+            F, N = F + m * column.s, N + cross(h, column.s)
+        own = axes
+        for inner in reversed(tree.path(node)):
+            if inner is not node:
+                N, F, own = (convert(N, own, inner.column_axes), convert(F, own, inner.column_axes), inner.column_axes)
+            for other in inner.columns:
+                H[i, other.rate] = H[other.rate, i] = along(inner, other, N, F)
+            N, F, own = (convert(N, own, inner.before), convert(F, own, inner.before), inner.before)
+            N = N + cross(inner.r, F)
 
 
-def inertia_forces(tree: Tree, rates: ca.SX, accelerations: ca.SX, gravity: ca.SX) -> ca.SX:
-    """Return h(q, q', q'') (nq x 1): the joint forces that the motion and the weight need.
+def along(node: Node, column: Column, N: ca.SX, F: ca.SX) -> ca.SX:
+    """Return the force conjugate to a rate, z . N + s . F, of a wrench about the node's origin in its column axes."""
+    turn = dot(column.z, N) if node.turns else SX(0)
+    return turn + dot(column.s, F) if node.slides else turn
 
-    Ground is given the acceleration -g. With A = alpha x + omega x (omega x), inward:
+
+def inertia_forces(
+    tree: Tree, rates: ca.SX, accelerations: ca.SX, gravity: ca.SX, applied: Wrenches | None = None
+) -> ca.SX:
+    """Return h(q, w, w') (nv x 1): the joint forces that the motion, the weight and applied wrenches need.
+
+    applied: (moment about the node's origin, force) on nodes by index, in the nodes' axes. Ground is given the
+    acceleration -g. With A = alpha x + omega x (omega x), inward:
     F = m a_O + A h,  N = I alpha + omega x (I omega) + h x a_O  about O.
     """
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, accelerations, -gravity)
     forces, moments = [zero() for _ in tree.nodes], [zero() for _ in tree.nodes]
-    h_tree = SX.zeros(len(tree.coordinates))
+    for index, (moment, force) in (applied or {}).items():
+        moments[index], forces[index] = -moment, -force
+    h_tree = SX.zeros(len(tree.rates))
     for node in reversed(tree.nodes):
         i = node.index
-        m, h, inertia = base_moments(node)
+        m, h, inertia = near_moments(node)
         w = omega[i]
         forces[i] += m * a[i] + cross(alpha[i], h) + spin(w, h)
         moments[i] += ca.mtimes(inertia, alpha[i]) + cross(w, ca.mtimes(inertia, w)) + cross(h, a[i])
-        if node.coordinate is not None:
-            h_tree[node.coordinate] = dot(node.z, moments[i] if node.turns else forces[i])
+        N, F = (convert(x, node.axes, node.column_axes) for x in (moments[i], forces[i]))
+        for column in node.columns:
+            h_tree[column.rate] = along(node, column, N, F)
         if node.parent >= 0:
-            forces[node.parent] += forces[i]
-            moments[node.parent] += moments[i] + cross(node.r, forces[i])
+            N, F = (convert(x, node.axes, node.before) for x in (moments[i], forces[i]))
+            forces[node.parent] += F
+            moments[node.parent] += N + cross(node.r, F)
     return h_tree

@@ -1,38 +1,46 @@
 """The equations of motion of a mechanism, as expressions.
 
-    M v' + C v + G = u,    M = L' H L,    C v + G = L' (h(q, q') + H b),    q' = L v,    q'' = L v' + b
+    M v' + C v + G = S' u + f,    M = L' H L,    C v + G - f = L' (h(q, w) + H b),    w = L v,    w' = L v' + b
 
-in the rates v of the actuated joints; H and h are the tree's (`dynamics`), L and b the chart's (`chart`).
+in independent rates v; H and h are the tree's (`dynamics`), L and b the chart's (`chart`), f the forces of springs and
+friction (`effects`). S gives the actuated rates, S v; it is the unit matrix where these are the independent ones.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import dynamics
+from linkwork.equations import dynamics, effects
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import COFACTOR_SIZE, Chart, solve
+from linkwork.equations.chart import COFACTOR_SIZE, Chart, solve, weakest
 from linkwork.equations.closure import Cut
+from linkwork.equations.joint_map import JointMap
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
+
+REGULAR = (
+    0.2  # smallest singular value over that at the reference, from which a configuration is not near a singular one
+)
 
 
 @dataclass(frozen=True)
 class Rows:
     """Hold the closure rows that do not vanish symbolically.
 
-    names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nq; gamma: bias for the rates q'
+    names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nv; gamma: bias for the rates w
+    open_Phi: the derivative of phi along the rates where the loops are open, too
     alignment: positive where the frames of every cut joint agree, negative where a direction is flipped
     """
 
     names: tuple[str, ...]
     phi: ca.SX
     Phi: ca.SX
+    open_Phi: ca.SX
     rates: ca.SX
     gamma: ca.SX
     alignment: ca.SX
@@ -43,16 +51,23 @@ class Equations:
     """Hold the derivation of a mechanism: its tree, closure rows and chart, and the expressions that follow from them.
 
     reference: closed reference configuration of the tree's coordinates (nq)
+    sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), 1 where they are zero
+    smallest: smallest singular value of Phi there over its sizes
     redundant: names of the rows that depend on the others; they are left out of the elimination and watched
+    idle: names of the freedoms that move a member between two joints and nothing else
     """
 
     mechanism: Mechanism
     topology: Topology
     tree: Tree
     cuts: tuple[Cut, ...]
+    joints: JointMap
     rows: Rows
     reference: np.ndarray
+    sizes: tuple[np.ndarray, np.ndarray]
+    smallest: float
     redundant: tuple[str, ...]
+    idle: tuple[str, ...]
     chart: Chart
 
     @property
@@ -61,9 +76,36 @@ class Equations:
         return len(self.tree.coordinates)
 
     @property
+    def nv(self) -> int:
+        """Number of the tree's rates."""
+        return len(self.tree.rates)
+
+    @property
     def mobility(self) -> int:
         """Number n of independent rates."""
         return len(self.chart.independent)
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the independent rates."""
+        return tuple(self.tree.rates[k] for k in self.chart.independent)
+
+    @property
+    def constrained(self) -> bool:
+        """Tell whether the coordinates have conditions to keep to: closed loops or unit quaternions."""
+        return bool(self.rows.names or self.tree.quaternions)
+
+    def scaled(self, Phi: np.ndarray) -> np.ndarray:
+        """Return Phi over the sizes of its columns and rows at the reference: free of units."""
+        return scaled(Phi, self.sizes)
+
+    def regular(self, Phi: np.ndarray) -> bool:
+        """Tell whether a configuration is far from losing rank, compared with the reference."""
+        return smallest_singular(self.scaled(Phi), len(self.chart.rows)) > REGULAR * self.smallest
+
+    def in_chart(self, chart: Chart) -> Equations:
+        """Return the same equations in another chart."""
+        return replace(self, chart=chart)
 
     @cached_property
     def v(self) -> ca.SX:
@@ -72,33 +114,38 @@ class Equations:
 
     @cached_property
     def elimination(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return L (nq x n), the bias b (nq) of q'' = L v' + b, and the smallest relative pivot."""
+        """Return L (nv x n), the bias b (nv) of w' = L v' + b, and the weakest relative pivot."""
         Phi_a = self.rows.Phi[:, list(self.chart.independent)]
         X, _ = solve(self.chart, self.rows.Phi, -Phi_a)
         L = self.scatter(X, SX.eye(self.mobility))
         gamma = ca.substitute(self.rows.gamma, self.rows.rates, ca.mtimes(L, self.v))
-        X, pivot = solve(self.chart, self.rows.Phi, ca.horzcat(-Phi_a, -gamma))
+        X, pivots = solve(self.chart, self.rows.Phi, ca.horzcat(-Phi_a, -gamma))
         full = self.scatter(X, ca.horzcat(SX.eye(self.mobility), SX.zeros(self.mobility)))
-        return full[:, :-1], full[:, -1], pivot
+        return full[:, :-1], full[:, -1], weakest(pivots)
 
     def scatter(self, dependent: dict[int, ca.SX], independent: ca.SX) -> ca.SX:
-        """Arrange rows of dependent and independent coordinates in the tree's order."""
+        """Arrange rows of dependent and independent rates in the tree's order."""
         rows = dict(zip(self.chart.independent, ca.vertsplit(independent), strict=True)) | dependent
-        return ca.densify(ca.vertcat(*[rows[j] for j in range(self.nq)]))
+        return ca.densify(ca.vertcat(*[rows[j] for j in range(self.nv)]))
 
     @property
     def rates(self) -> ca.SX:
-        """Return q' = L v (nq), Eq. (7)."""
+        """Return w = L v (nv), Eq. (7)."""
         return ca.mtimes(self.elimination[0], self.v)
 
     @cached_property
+    def freedoms(self) -> tuple[effects.Freedom, ...]:
+        """Freedoms of joints in which friction, a spring or a rotor acts."""
+        return effects.freedoms(self.joints)
+
+    @cached_property
     def inertia(self) -> tuple[ca.SX, ca.SX]:
-        """Return M = L' H L (n x n), Eq. (10), and H_d L (k x n), the rows of H L that belong to dependent coordinates.
+        """Return M = L' H L (n x n), Eq. (10), and H_d L (k x n), the rows of H L that belong to dependent rates.
 
         With L = [1; L_d]:  M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).  M's lower triangle repeats the upper one.
         """
         L = self.elimination[0]
-        H = dynamics.generalised_inertia(self.tree)
+        H = dynamics.generalised_inertia(self.tree) + effects.rotor_inertia(self.freedoms, self.nv)
         a, d = list(self.chart.independent), list(self.chart.dependent)
         if not d:
             return ca.triu2symm(ca.triu(ca.densify(H[a, a]))), SX.zeros(0, self.mobility)
@@ -107,17 +154,47 @@ class Equations:
         M = H[a, a] + ca.mtimes(H[a, d], L_d) + ca.mtimes(L_d.T, coupling)
         return ca.triu2symm(ca.triu(ca.densify(M))), coupling
 
-    def bias_forces(self, gravity: ca.SX) -> ca.SX:
-        """Return C v + G (n) under a given gravity, Eqs. (11), (12): L' (h(q, q') + H b), where b is zero but for b_d."""
+    def tree_forces(self, accelerations: ca.SX, gravity: ca.SX, passive: bool = True) -> ca.SX:
+        """Return h (nv): the forces on the tree's rates that w' and the weight need beside springs and friction."""
+        wrenches = effects.point_wrenches(self.mechanism, self.tree, self.rates) if passive else {}
+        h = dynamics.inertia_forces(self.tree, self.rates, accelerations, gravity, wrenches)
+        h += effects.rotor_forces(self.freedoms, self.tree, self.rates, accelerations)
+        return h - effects.joint_forces(self.freedoms, self.rates) if passive else h
+
+    def bias_forces(self, gravity: ca.SX, passive: bool = True) -> ca.SX:
+        """Return C v + G - f (n) under a given gravity, Eqs. (11), (12): L' (h + H b), where b is zero but for b_d."""
         L, b, _ = self.elimination
-        h = dynamics.inertia_forces(self.tree, self.rates, SX.zeros(self.nq), gravity)
-        forces = ca.mtimes(L.T, h)
+        forces = ca.mtimes(L.T, self.tree_forces(SX.zeros(self.nv), gravity, passive))
         dependent = list(self.chart.dependent)
         return forces + ca.mtimes(self.inertia[1].T, b[dependent]) if dependent else forces
+
+    @cached_property
+    def actuation(self) -> ca.SX:
+        """Return S (actuators x n), the actuated rates S v; forces u of the actuators are S' u on the rates v."""
+        return ca.mtimes(self.joints.rate_rows(self.mechanism.actuators), self.elimination[0])
 
     @property
     def gravity(self) -> ca.SX:
         return SX(np.array(self.mechanism.gravity))
+
+
+def sizes(Phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lengths of Phi's columns, and those of its rows over these; 1 where they are zero."""
+    columns = np.linalg.norm(Phi, axis=0)
+    columns = np.where(columns > 0, columns, 1.0)
+    rows = np.linalg.norm(Phi / columns, axis=1)
+    return columns, np.where(rows > 0, rows, 1.0)
+
+
+def scaled(Phi: np.ndarray, sizes: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return Phi over the sizes of its columns and rows."""
+    columns, rows = sizes
+    return Phi / columns / rows[:, None]
+
+
+def smallest_singular(Phi: np.ndarray, rank: int) -> float:
+    """Return the singular value number `rank` of a matrix, 1 for rank 0."""
+    return float(np.linalg.svd(Phi, compute_uv=False)[rank - 1]) if rank else 1.0
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:

@@ -1,14 +1,18 @@
-"""The functions that are compiled: each a few expressions of `Equations` with named inputs and outputs."""
+"""The functions that are compiled: each a few expressions of `Equations` with named inputs and outputs.
+
+`q` are the tree's coordinates (nq), `v` the independent rates (n) of the chart, `u` the actuators' forces.
+"""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import dynamics, measures
+from linkwork.equations import effects, measures
 from linkwork.equations.algebra import SX, dot
 from linkwork.equations.chart import solve
 from linkwork.equations.equations import Equations, solve_symmetric
+from linkwork.equations.joint_map import derivative
 from linkwork.mechanism import Tool
 
 
@@ -19,98 +23,150 @@ def function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> 
 
 
 def motion(equations: Equations) -> ca.Function:
-    """Return (q, v, u) -> q', v' and the smallest relative pivot: the direct dynamics, Eq. (9)."""
-    u = SX.sym("u", equations.mobility)
-    acceleration = solve_symmetric(equations.inertia[0], u - equations.bias_forces(equations.gravity))
+    """Return (q, v, u) -> q', v' and the weakest relative pivot: the direct dynamics, Eq. (9)."""
+    u = SX.sym("u", len(equations.mechanism.actuators))
+    applied = ca.mtimes(equations.actuation.T, u)
+    acceleration = solve_symmetric(equations.inertia[0], applied - equations.bias_forces(equations.gravity))
     inputs = {"q": equations.tree.q, "v": equations.v, "u": u}
-    outputs = {"rates": equations.rates, "accelerations": acceleration, "pivot": equations.elimination[2]}
+    derivatives = equations.tree.derivatives(equations.rates)
+    outputs = {"derivatives": derivatives, "accelerations": acceleration, "pivot": equations.elimination[2]}
     return function("motion", inputs, outputs)
 
 
 def inverse_dynamics(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> actuator forces u and the smallest relative pivot."""
+    """Return (q, v, v') -> the forces on the independent rates, M v' + C v + G - f, and the weakest relative pivot."""
     dv = SX.sym("dv", equations.mobility)
     L, b, pivot = equations.elimination
-    h = dynamics.inertia_forces(equations.tree, equations.rates, ca.mtimes(L, dv) + b, equations.gravity)
+    h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
     inputs = {"q": equations.tree.q, "v": equations.v, "dv": dv}
     return function("inverse_dynamics", inputs, {"forces": ca.mtimes(L.T, h), "pivot": pivot})
 
 
+def actuation(equations: Equations) -> ca.Function:
+    """Return q -> S (actuators x n), the actuated rates S v, and the weakest relative pivot."""
+    outputs = {"S": equations.actuation, "pivot": equations.elimination[2]}
+    return function("actuation", {"q": equations.tree.q}, outputs)
+
+
 def terms(equations: Equations) -> ca.Function:
-    """Return (q, v) -> M, C v, G and the smallest relative pivot, Eqs. (10)-(12)."""
-    velocity = equations.bias_forces(SX.zeros(3))
-    at_rest = ca.substitute(equations.bias_forces(equations.gravity), equations.v, SX.zeros(equations.mobility))
-    outputs = {"M": equations.inertia[0], "Cv": velocity, "G": at_rest, "pivot": equations.elimination[2]}
+    """Return (q, v) -> M, C v, G, the forces f of springs and friction, and the weakest relative pivot, Eqs. (10)-(12)."""
+    still = SX.zeros(3)
+    velocity = equations.bias_forces(still, passive=False)
+    at_rest = ca.substitute(
+        equations.bias_forces(equations.gravity, passive=False), equations.v, SX.zeros(equations.mobility)
+    )
+    outputs = {
+        "M": equations.inertia[0],
+        "Cv": velocity,
+        "G": at_rest,
+        "f": velocity - equations.bias_forces(still),
+        "pivot": equations.elimination[2],
+    }
     return function("terms", {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
 def closure_step(equations: Equations) -> ca.Function:
-    """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi| before it."""
-    phi = equations.rows.phi
+    """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi| before it.
+
+    A quaternion is scaled by (3 - p . p) / 2, a Newton step towards length 1.
+    """
+    tree, phi = equations.tree, equations.rows.phi
     step, _ = solve(equations.chart, equations.rows.Phi, -phi)
-    full = equations.scatter(step, SX.zeros(equations.mobility, 1))
-    largest = ca.mmax(ca.fabs(phi)) if equations.rows.names else SX(0)
-    return function("closure_step", {"q": equations.tree.q}, {"q_next": equations.tree.q + full, "residual": largest})
+    q = tree.q + tree.derivatives(equations.scatter(step, SX.zeros(equations.mobility, 1)))
+    for places, _ in tree.quaternions:
+        q[list(places)] *= (3 - ca.sumsqr(tree.q[list(places)])) / 2
+    conditions = ca.vertcat(phi, *tree.norms())
+    largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
+    return function("closure_step", {"q": tree.q}, {"q_next": q, "residual": largest})
+
+
+def tree_rates(equations: Equations) -> ca.Function:
+    """Return (q, v) -> the rates w = L v of the whole tree, and the weakest relative pivot, Eq. (7)."""
+    outputs = {"w": equations.rates, "pivot": equations.elimination[2]}
+    return function("tree_rates", {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
 def maps(equations: Equations) -> ca.Function:
-    """Return q -> L for all joints (m x n), T (6r x n) and the smallest relative pivot, Eqs. (6), (7)."""
+    """Return q -> L for all joints' rates (m x n), T (6r x n) and the weakest relative pivot, Eqs. (6), (7)."""
     L, _, pivot = equations.elimination
-    joints = ca.mtimes(measures.joint_rates(equations.mechanism, equations.tree, equations.cuts), L)
     T = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), L)
-    return function("maps", {"q": equations.tree.q}, {"L": joints, "T": T, "pivot": pivot})
+    outputs = {"L": ca.mtimes(equations.joints.rate_rows(), L), "T": T, "pivot": pivot}
+    return function("maps", {"q": equations.tree.q}, outputs)
+
+
+def positions(equations: Equations) -> ca.Function:
+    """Return q -> coordinates of all joints."""
+    return function("positions", {"q": equations.tree.q}, {"positions": equations.joints.positions()})
 
 
 def joints_motion(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> positions, rates and accelerations of all joints (m each)."""
+    """Return (q, v, v') -> positions, rates and accelerations of all joints, and the weakest relative pivot."""
     dv = SX.sym("dv", equations.mobility)
-    L, b, _ = equations.elimination
-    J = measures.joint_rates(equations.mechanism, equations.tree, equations.cuts)
-    turning = ca.mtimes(measures.derivative(J, equations.tree.q, equations.rates), equations.rates)
+    L, b, pivot = equations.elimination
+    J = equations.joints.rate_rows()
+    turning = ca.mtimes(derivative(J, equations.tree, equations.rates), equations.rates)
     outputs = {
-        "positions": measures.joint_positions(equations.mechanism, equations.tree, equations.cuts),
+        "positions": equations.joints.positions(),
         "rates": ca.mtimes(J, equations.rates),
         "accelerations": ca.mtimes(J, ca.mtimes(L, dv) + b) + turning,
+        "pivot": pivot,
     }
     return function("joints_motion", {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
 
 
 def bodies_motion(equations: Equations) -> ca.Function:
-    """Return (q, v) -> origins (3r), orientations (9r, row by row) and twists (6r) of the bodies, in the ground's axes."""
+    """Return (q, v) -> origins (3r), orientations (9r, row by row), twists (6r) of the bodies in the ground's axes, and the
+    weakest relative pivot.
+    """
     origins, orientations = measures.body_poses(equations.mechanism, equations.tree)
     twists = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), equations.rates)
-    outputs = {"origins": origins, "orientations": orientations, "twists": twists}
+    outputs = {"origins": origins, "orientations": orientations, "twists": twists, "pivot": equations.elimination[2]}
     return function("bodies_motion", {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
-def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
-    """Return (q, q') -> what closes and places the mechanism, with Jacobians in q and biases at q'' = 0.
+def constraints(equations: Equations) -> ca.Function:
+    """Return q -> phi and Phi (sparse); it is asked too seldom to be compiled."""
+    outputs = [equations.rows.phi, equations.rows.Phi]
+    return ca.Function("constraints", [equations.tree.q], outputs, ["q"], ["phi", "Phi"])
 
-    Outputs: phi, its exact Jacobian, gamma; alignment; coordinates of all joints and their Jacobian; of the tool the
-    position (3), the orientation (9, row by row), the angle (where planar), the Jacobian (6 x nq) and the bias (6).
+
+def pivots(equations: Equations) -> ca.Function:
+    """Return q -> the relative pivots of the elimination, block by block."""
+    _, found = solve(equations.chart, equations.rows.Phi, SX(len(equations.rows.names), 0))
+    return function("pivots", {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)})
+
+
+def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
+    """Return (q, w) -> what closes and places the mechanism, with Jacobians in the rates and biases at w' = 0.
+
+    Outputs: phi, its derivative along the rates, gamma; alignment; the map from w to q'; coordinates of all joints and
+    the rows of their rates; of the tool the position (3), the orientation (9, row by row), the angle (where planar), the
+    Jacobian (6 x nv) and the bias (6).
     """
-    q, rates = equations.tree.q, equations.rows.rates
-    coordinates = measures.joint_positions(equations.mechanism, equations.tree, equations.cuts)
+    tree, rates = equations.tree, equations.rows.rates
     outputs = {
         "phi": equations.rows.phi,
-        "Phi": ca.jacobian(equations.rows.phi, q),
+        "Phi": equations.rows.open_Phi,
         "gamma": equations.rows.gamma,
         "alignment": equations.rows.alignment,
-        "coordinates": coordinates,
-        "J_coordinates": measures.joint_rates(equations.mechanism, equations.tree, equations.cuts),
+        "derivatives": tree.derivative_map,
+        "coordinates": equations.joints.positions(),
+        "J_coordinates": equations.joints.rate_rows(),
     }
     if tool is not None:
-        position, orientation, angle = measures.tool_pose(equations.tree, tool)
-        J, bias = measures.tool_twist(equations.tree, tool, rates)
+        position, orientation, angle = measures.tool_pose(tree, tool)
+        J, bias = measures.tool_twist(tree, tool, rates)
         outputs |= {"position": position, "orientation": orientation, "angle": angle, "J_tool": J, "bias_tool": bias}
-    return function("assembly", {"q": q, "rates": rates}, outputs)
+    return function("assembly", {"q": tree.q, "rates": rates}, outputs)
 
 
 def energy(equations: Equations) -> ca.Function:
-    """Return (q, v) -> kinetic energy v' M v / 2 and potential energy -sum m_i g . c_i [J]."""
-    tree, v = equations.tree, equations.v
+    """Return (q, v) -> kinetic energy v' M v / 2, potential energy of weight and springs [J], weakest relative pivot."""
+    tree, v, mechanism = equations.tree, equations.v, equations.mechanism
     kinetic = ca.mtimes(v.T, ca.mtimes(equations.inertia[0], v)) / 2
-    potential = SX(0)
-    for name, body in equations.mechanism.bodies.items():
+    potential = sum((freedom.potential for freedom in equations.freedoms), SX(0))
+    potential += sum((pull.potential for pull in effects.pulls(mechanism, tree)), SX(0))
+    for name, body in mechanism.bodies.items():
         potential -= body.mass * dot(equations.gravity, tree.point(tree.node(name), np.array(body.centre_of_mass)))
-    return function("energy", {"q": tree.q, "v": v}, {"kinetic": kinetic, "potential": potential})
+    outputs = {"kinetic": kinetic, "potential": potential, "pivot": equations.elimination[2]}
+    return function("energy", {"q": tree.q, "v": v}, outputs)

@@ -1,7 +1,6 @@
-"""What is read off a configuration: coordinates of all joints, poses and twists of bodies and tools.
+"""What is read off a configuration: poses and twists of bodies and tools.
 
-Joints of the tree carry their coordinates themselves; those of cut joints follow from the poses of their two sides. K
-maps the tree's rates to the bodies' twists t_i = [omega_i; v_i], v_i of the mass centre, in the ground's axes (paper,
+K maps the tree's rates to the bodies' twists t_i = [omega_i; v_i], v_i of the mass centre, in the ground's axes (paper,
 Eqs. (3), (4)).
 """
 
@@ -10,55 +9,34 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import closure
 from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, zero
-from linkwork.equations.joints import KINDS
+from linkwork.equations.closure import moving
 from linkwork.equations.orientation import Orientation
-from linkwork.equations.tree import Node, Tree, offset
+from linkwork.equations.tree import Node, Tree, near_offset, offset
 from linkwork.mechanism import Mechanism, Tool
 
 
-def joint_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the joints that have coordinates, in the order of the description, a name for each coordinate."""
-    return tuple(name for name, joint in mechanism.joints.items() for _ in KINDS[joint.type].motions(joint))
-
-
-def joint_positions(mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...]) -> ca.SX:
-    """Return the coordinates of all joints (m) [rad, m]."""
-    values = {name: tree.q[index] for index, name in enumerate(tree.coordinates)}
-    for cut in cuts:
-        for motion in KINDS[mechanism.joints[cut.joint].type].motions(mechanism.joints[cut.joint]):
-            values[cut.joint] = closure.coordinate(cut, motion.axis, motion.turns)
-    return ca.vertcat(*[values[name] for name in joint_names(mechanism)])
-
-
-def joint_rates(mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...]) -> ca.SX:
-    """Return the matrix (m x nq) that gives all joints' rates from the tree's."""
-    identity = SX.eye(len(tree.coordinates))
-    rows = {name: identity[index, :] for index, name in enumerate(tree.coordinates)}
-    for cut in cuts:
-        for motion in KINDS[mechanism.joints[cut.joint].type].motions(mechanism.joints[cut.joint]):
-            rows[cut.joint] = closure.rate_row(tree, cut, motion.axis, motion.turns)
-    return ca.densify(ca.vertcat(*[rows[name] for name in joint_names(mechanism)]))
-
-
 def jacobian(tree: Tree, node: Node, d: ca.SX) -> ca.SX:
-    """Return the 6 x nq map from rates to [omega; v of a point of the node's body], d the vector from its origin to it."""
-    J = SX.zeros(6, len(tree.coordinates))
+    """Return the 6 x nv map from rates to [omega; v of a point of the node's body], in the ground's axes.
+
+    d: the vector from the node's origin to the point, in the node's axes
+    """
+    J = SX(6, len(tree.rates))
     for inner, reach in tree.reaches(node, d):
-        if inner.coordinate is not None:
-            turn = ca.vertcat(inner.z, cross(inner.z, reach)) if inner.turns else ca.vertcat(zero(), inner.z)
-            J[:, inner.coordinate] = turn
+        for column in inner.columns:
+            A = inner.column_axes.matrix
+            turn = ca.mtimes(A, column.z) if inner.turns else zero()
+            J[:, column.rate] = ca.vertcat(turn, ca.mtimes(A, moving(column, inner, reach)))
     return J
 
 
 def body_jacobians(mechanism: Mechanism, tree: Tree) -> ca.SX:
-    """Return K (6r x nq) of the bodies' mass centres, Eq. (4) for the tree's rates."""
+    """Return K (6r x nv) of the bodies' mass centres, Eq. (4) for the tree's rates."""
     blocks = []
     for name, body in mechanism.bodies.items():
         node = tree.node(name)
-        blocks.append(jacobian(tree, node, offset(node, np.array(body.centre_of_mass))))
-    return ca.vertcat(*blocks)
+        blocks.append(jacobian(tree, node, near_offset(node, np.array(body.centre_of_mass))))
+    return ca.vertcat(SX(0, len(tree.rates)), *blocks)
 
 
 def body_poses(mechanism: Mechanism, tree: Tree) -> tuple[ca.SX, ca.SX]:
@@ -71,9 +49,13 @@ def body_poses(mechanism: Mechanism, tree: Tree) -> tuple[ca.SX, ca.SX]:
 def is_planar(tree: Tree) -> bool:
     """Tell whether every body moves parallel to the ground's xy plane, by the directions of all joint axes."""
     for node in tree.nodes:
-        across = (node.z[0], node.z[1]) if node.turns else (node.z[2],)
-        if node.coordinate is not None and not all(vanishes(component) for component in across):
-            return False
+        A = node.column_axes.matrix
+        for column in node.columns:
+            z, s = ca.mtimes(A, column.z), ca.mtimes(A, column.s)
+            across = [z[0], z[1]] if node.turns else []
+            across += [s[2]] if node.slides else []
+            if not all(vanishes(component) for component in across):
+                return False
     return True
 
 
@@ -98,15 +80,11 @@ def planar_angle(R: Orientation) -> ca.SX:
 
 
 def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return a tool's Jacobian J (6 x nq, [omega; v]) and J' q' (6), its acceleration at q'' = 0."""
+    """Return a tool's Jacobian J (6 x nv, [omega; v]) and J' w (6), its acceleration at w' = 0."""
     node = tree.node(tool.body)
-    d = offset(node, np.array(tool.frame.position))
+    d = near_offset(node, np.array(tool.frame.position))
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
-    i = node.index
-    return jacobian(tree, node, d), ca.vertcat(alpha[i], a[i] + cross(alpha[i], d) + spin(omega[i], d))
-
-
-def derivative(matrix: ca.SX, q: ca.SX, rates: ca.SX) -> ca.SX:
-    """Return the time derivative of a matrix of q, entry by entry."""
-    return ca.reshape(ca.jtimes(ca.vec(matrix), q, rates), *matrix.shape)
+    i, A = node.index, node.axes.matrix
+    point = a[i] + cross(alpha[i], d) + spin(omega[i], d)
+    return jacobian(tree, node, d), ca.vertcat(ca.mtimes(A, alpha[i]), ca.mtimes(A, point))

@@ -1,12 +1,13 @@
-"""Orientations that add the angles of parallel axes instead of multiplying their matrices.
+"""Orientations that add the angles of parallel axes, in axes that are as near as possible.
 
 Every orientation is kept in the form
 
-    R = left . Rot(axis, angle) . right
+    R_0B = A . Rot(axis, angle) . right
 
-with a constant unit axis and a constant right factor. A further turn about an axis parallel to this one only adds to
-the angle; in a planar mechanism every body then costs one sine and one cosine and no product of matrices. A turn about
-any other axis starts a new form, whose left factor is the matrix so far.
+with a constant unit axis and a constant right factor; A turns components in the node's `Axes` into the ground's. A
+further turn about a parallel axis only adds to the angle; in a planar mechanism every body then costs one sine and one
+cosine, and all vectors are written in the ground's axes. A turn about any other axis starts new axes, those of the body
+before it: there its own axis is constant, and what hangs on it again moves as in a plane.
 """
 
 from __future__ import annotations
@@ -22,56 +23,102 @@ from linkwork.equations.algebra import SX, skew, snap
 PARALLEL = 1e-12
 
 
-@dataclass(frozen=True)
-class Orientation:
-    """Represent R_0B = left Rot(axis, angle) right: left 3 x 3 (expression), axis, right constant, angle [rad]."""
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """Hold axes in which vectors are written: `turn` (3 x 3) leads from components in them to the parent's."""
 
-    left: ca.SX
+    parent: Axes | None
+    turn: ca.SX
+
+    @cached_property
+    def depth(self) -> int:
+        return 0 if self.parent is None else self.parent.depth + 1
+
+    @cached_property
+    def matrix(self) -> ca.SX:
+        """A (3 x 3): components in these axes to the ground's."""
+        return SX.eye(3) if self.parent is None else ca.mtimes(self.parent.matrix, self.turn)
+
+
+GROUND_AXES = Axes(None, SX.eye(3))
+
+
+def convert(x: ca.SX, source: Axes, target: Axes) -> ca.SX:
+    """Return components of a vector, or of the columns of a matrix, in other axes."""
+    down = []
+    while source is not target:
+        if source.depth >= target.depth and source.parent is not None:
+            x, source = ca.mtimes(source.turn, x), source.parent
+        elif target.parent is not None:
+            down.append(target.turn)
+            target = target.parent
+    for turn in reversed(down):
+        x = ca.mtimes(turn.T, x)
+    return x
+
+
+@dataclass(frozen=True, eq=False)
+class Orientation:
+    """Represent R_0B = A Rot(axis, angle) right: axes A, axis and right constant, angle [rad] an expression."""
+
+    axes: Axes
     axis: np.ndarray
     angle: ca.SX
     right: np.ndarray
 
     @classmethod
     def identity(cls) -> Orientation:
-        return cls(SX.eye(3), np.zeros(3), SX(0), np.eye(3))
+        return cls(GROUND_AXES, np.zeros(3), SX(0), np.eye(3))
 
     @cached_property
-    def matrix(self) -> ca.SX:
-        """R_0B as an expression: Rot = a a' + cos (1 - a a') + sin [a x]."""
+    def near(self) -> ca.SX:
+        """Rot(axis, angle) right: the body's axes to `axes`, with Rot = a a' + cos (1 - a a') + sin [a x]."""
         if not self.axis.any():
-            return ca.densify(ca.mtimes(self.left, SX(self.right)))
+            return SX(self.right)
         along = snap(np.outer(self.axis, self.axis))
         s, c = ca.sin(self.angle), ca.cos(self.angle)
         turn = SX(along) + c * SX(snap(np.eye(3) - along)) + s * SX(skew(self.axis))
-        return ca.densify(ca.mtimes(ca.mtimes(self.left, turn), SX(self.right)))
+        return ca.densify(ca.mtimes(turn, SX(self.right)))
+
+    @cached_property
+    def matrix(self) -> ca.SX:
+        """R_0B as an expression."""
+        return ca.densify(ca.mtimes(self.axes.matrix, self.near))
 
     def then_constant(self, rotation: np.ndarray) -> Orientation:
         """Return R_0B rotation; a constant rotation about the axis goes into the angle."""
         right = snap(self.right @ rotation)
         if self.axis.any() and np.linalg.norm(right @ self.axis - self.axis) < PARALLEL:
             offset = angle_about(self.axis, right)
-            return Orientation(self.left, self.axis, self.angle + offset, np.eye(3))
-        return Orientation(self.left, self.axis, self.angle, right)
+            return Orientation(self.axes, self.axis, self.angle + offset, np.eye(3))
+        return Orientation(self.axes, self.axis, self.angle, right)
 
     def then_turn(self, axis: np.ndarray, angle: ca.SX) -> Orientation:
         """Return R_0B Rot(axis, angle)."""
         turned = snap(self.right @ axis)
         if not self.axis.any():
-            return Orientation(self.left, turned, angle, self.right).then_constant(np.eye(3))
+            return Orientation(self.axes, turned, angle, self.right).then_constant(np.eye(3))
         for sign in (1, -1):
             if np.linalg.norm(turned - sign * self.axis) < PARALLEL:
-                return Orientation(self.left, self.axis, self.angle + sign * angle, self.right)
-        return Orientation(self.matrix, snap(axis), angle, np.eye(3))
+                return Orientation(self.axes, self.axis, self.angle + sign * angle, self.right)
+        return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
+
+    def then_matrix(self, rotation: ca.SX) -> Orientation:
+        """Return R_0B rotation for a rotation given as an expression: the start of new axes, those of the result."""
+        return Orientation(Axes(self.axes, ca.mtimes(self.near, rotation)), np.zeros(3), SX(0), np.eye(3))
+
+    def turns_with(self, other: Orientation) -> bool:
+        """Tell whether this orientation differs from another by a constant rotation, R_other' R = right_other' right."""
+        same = self.axes is other.axes and np.allclose(self.axis, other.axis, atol=PARALLEL)
+        return same and ca.is_equal(self.angle, other.angle, 10)
 
     def angle_from(self, other: Orientation) -> ca.SX | None:
         """Return the angle of this orientation relative to another, where both turn about one axis; else None.
 
-        With equal left and right factors, R_other' R = right' Rot(axis, angle - angle_other) right.
+        With equal axes and right factors, R_other' R = right' Rot(axis, angle - angle_other) right.
         """
         same = np.allclose(self.axis, other.axis, atol=PARALLEL) and np.allclose(self.right, other.right, atol=PARALLEL)
-        if same and ca.is_equal(self.left, other.left, 1):
-            return self.angle - other.angle
-        return None
+        return self.angle - other.angle if same and self.axes is other.axes else None
 
 
 def angle_about(axis: np.ndarray, rotation: np.ndarray) -> float:

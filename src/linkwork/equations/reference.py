@@ -6,13 +6,26 @@ configuration and at a few closed configurations near it, so that an accident of
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 
+import casadi as ca
+import networkx as nx
 import numpy as np
+
+from linkwork.equations.algebra import SX, quaternion_matrix, rotation_matrix, turn_matrix
+from linkwork.equations.joints import KINDS
+from linkwork.equations.topology import Topology
+from linkwork.equations.tree import Tree
+from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint, RodJoint
+from linkwork.mechanism.joints import QUATERNION, TURN
 
 CLOSED = 1e-12
 NEIGHBOURS = 4
+STARTS = 30
 SPREAD = 0.05
+
+System = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+Pose = tuple[np.ndarray, np.ndarray]
 
 
 class OpenLoopsError(ArithmeticError):
@@ -24,11 +37,12 @@ class OpenLoopsError(ArithmeticError):
         super().__init__(f"row {self.worst} stays open by {self.gap:.3g}")
 
 
-def close(system: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], q: np.ndarray, steps: int = 100) -> np.ndarray:
-    """Solve phi(q) = 0 by damped Gauss-Newton steps of least length.
+def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.ndarray:
+    """Solve phi(q) = 0 by damped Gauss-Newton steps of least length in the rates.
 
     Args:
-        system: returns phi (rows) and its Jacobian (rows x nq).
+        system: returns phi (rows), its derivative along the rates (rows x nv), and the map from rates to q' (nq x nv).
+        tree: says where unit quaternions are.
         q: start.
         steps: most steps to take.
 
@@ -38,21 +52,21 @@ def close(system: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], q: np.n
     Raises:
         OpenLoopsError: where no step reduces the residual further.
     """
-    q = np.array(q, float)
-    phi, Phi = system(q)
+    q = unit(tree, q)
+    phi, Phi, N = system(q)
     for _ in range(steps):
         size = np.abs(phi).max(initial=0.0)
         step = -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
         step *= min(1.0, 0.5 / max(np.abs(step).max(initial=0.0), 1e-300))
         for _ in range(12):
-            trial = q + step
-            phi_trial, Phi_trial = system(trial)
+            trial = unit(tree, q + N @ step)
+            phi_trial, Phi_trial, N_trial = system(trial)
             if not np.linalg.norm(phi_trial) > np.linalg.norm(phi) * (1 - 1e-4):
                 break
             step = step / 2
         else:
             break
-        q, phi, Phi = trial, phi_trial, Phi_trial
+        q, phi, Phi, N = trial, phi_trial, Phi_trial, N_trial
         if size <= CLOSED:
             break
     if not np.abs(phi).max(initial=0.0) <= CLOSED * max(1.0, np.abs(q).max(initial=0.0)):
@@ -60,13 +74,119 @@ def close(system: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], q: np.n
     return q
 
 
-def neighbours(system: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], q: np.ndarray) -> list[np.ndarray]:
+def unit(tree: Tree, q: np.ndarray) -> np.ndarray:
+    """Return a copy of q (..., nq) with its quaternions at length 1."""
+    q = np.array(q, float)
+    for places, _ in tree.quaternions:
+        q[..., list(places)] /= np.linalg.norm(q[..., list(places)], axis=-1, keepdims=True)
+    return q
+
+
+def neighbours(system: System, tree: Tree, q: np.ndarray) -> list[np.ndarray]:
     """Return closed configurations near q (fixed seed), as many of the attempts as close."""
     random = np.random.default_rng(20100)
     found = []
     for _ in range(NEIGHBOURS):
         try:
-            found.append(close(system, q + SPREAD * random.standard_normal(q.size)))
+            found.append(close(system, tree, q + SPREAD * random.standard_normal(q.size)))
         except OpenLoopsError:
             continue
     return found
+
+
+def guess(mechanism: Mechanism, topology: Topology, tree: Tree) -> np.ndarray:
+    """Return q (nq) of the description's reference."""
+    return tree_coordinates(mechanism, topology, tree, described(mechanism))
+
+
+def starts(mechanism: Mechanism, topology: Topology, tree: Tree, first: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield starts q (nq) for closing the loops: the guess, then others in the poses of bodies that only rods reach.
+
+    Nothing in the description says where these are; positions and orientations are tried at random (fixed seed).
+    """
+    yield first
+    reached = body_poses(mechanism, described(mechanism))
+    lost = [name for name in topology.added if topology.joints[name].connects[1] not in reached]
+    random = np.random.default_rng(1998)
+    size = max((joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)), default=1.0)
+    for _ in range(STARTS if lost else 0):
+        q = first.copy()
+        for name in lost:
+            place = tree.coordinates.index(f"{name}.x")
+            q[place : place + 7] = np.append(size * random.standard_normal(3), random.standard_normal(4))
+        yield q
+
+
+def tree_coordinates(mechanism: Mechanism, topology: Topology, tree: Tree, values: Mapping[str, float]) -> np.ndarray:
+    """Return q (nq) from the coordinates of all joints; free joints that the description lacks follow from the others."""
+    values = dict(values)
+    if topology.added:
+        from scipy.spatial.transform import Rotation
+
+        poses = body_poses(mechanism, values)
+        for name in topology.added:
+            joint = topology.joints[name]
+            p, R = poses.get(joint.connects[1], (np.zeros(3), np.eye(3)))
+            x, y, z, w = Rotation.from_matrix(R).as_quat(canonical=True)
+            values |= dict(zip(joint.coordinates(name), (*p, w, x, y, z), strict=True))
+    return np.array([values[label] for label in tree.coordinates])
+
+
+def described(mechanism: Mechanism) -> dict[str, float]:
+    """Return all joint coordinates of the reference, by name: zero where left out, quaternions at length 1."""
+    values = {label: mechanism.reference.get(label, 0.0) for label in mechanism.coordinates}
+    for name, joint in mechanism.joints.items():
+        if TURN not in joint.freedoms:
+            continue
+        labels = joint.coordinates(name)[-len(QUATERNION) :]
+        p = np.array([values[label] for label in labels])
+        if not any(label in mechanism.reference for label in labels):
+            p = np.array([1.0, 0.0, 0.0, 0.0])
+        length = float(np.linalg.norm(p))
+        if length < 1e-12:
+            raise MechanismError(
+                f"the quaternion of joint {name!r} has no length; give qw, qx, qy, qz of length 1", ("reference",)
+            )
+        values |= dict(zip(labels, p / length, strict=True))
+    return values
+
+
+def body_poses(mechanism: Mechanism, values: dict[str, float]) -> dict[str, Pose]:
+    """Return p_0B, R_0B of the bodies that joints other than rods reach from ground, for joint coordinates by name."""
+    graph = nx.MultiGraph(mechanism.graph())
+    for name, joint in mechanism.pairs.items():
+        if isinstance(joint, RodJoint):
+            graph.remove_edge(*joint.connects, key=name)
+    poses: dict[str, Pose] = {GROUND: (np.zeros(3), np.eye(3))}
+    for parent, body in nx.bfs_edges(graph, GROUND):
+        name = next(iter(graph[parent][body]))
+        joint = mechanism.pairs[name]
+        own = np.array([values[label] for label in joint.coordinates(name)])
+        poses[body] = across(joint, own, poses[parent], backwards=joint.connects[0] != parent)
+    return poses
+
+
+def across(joint: PairJoint, q: np.ndarray, pose: Pose, backwards: bool) -> Pose:
+    """Return the pose of a joint's outer body from that of its inner one."""
+    p_12, R_12 = displacement(joint, q)
+    inner, outer = joint.frames
+    if backwards:
+        inner, outer, p_12, R_12 = outer, inner, -R_12.T @ p_12, R_12.T
+    p, R = pose
+    R_inner, R_outer = rotation_matrix(inner.rotation), rotation_matrix(outer.rotation)
+    R_body = R @ R_inner @ R_12 @ R_outer.T
+    origin = p + R @ (np.array(inner.position) + R_inner @ p_12)
+    return origin - R_body @ np.array(outer.position), R_body
+
+
+def displacement(joint: PairJoint, q: np.ndarray) -> Pose:
+    """Return p_12, R_12 of a joint for its coordinates."""
+    p, R, numbers = np.zeros(3), np.eye(3), list(q)
+    for motion in KINDS[joint.type].motions(joint):
+        own, numbers = numbers[: motion.coordinates], numbers[motion.coordinates :]
+        if motion.ball:
+            R = R @ np.array(ca.DM(quaternion_matrix(SX(np.array(own)))))
+        else:
+            p = p + R @ (motion.slide * own[0])
+            R = R @ turn_matrix(motion.turn, own[0]) if motion.turns else R
+    return p, R

@@ -1,17 +1,24 @@
 """Topology: a spanning tree of the mechanism's graph and the joints that close its loops.
 
 The tree grows from ground by the cheapest joint at its rim (Prim): actuated joints first, so that their rates are tree
-rates; then joints of few freedoms, so that the cut joints have many and bring few rows; then those near ground, so that
-chains are short; then in the order of the description. The result is the same on every machine.
+rates; then joints whose coordinates something else needs (a gear, a spring, a thread); then joints of few freedoms, so
+that the cut joints have many and bring few rows; then those near ground, so that chains are short; then in the order of
+the description. The result is the same on every machine.
+
+A body may also hang on ground by a free joint that the description need not have, and all its joints are then cut: a
+body that only rods reach, and a platform on three or more ball joints, whose legs then meet in it without being coupled
+to each other. The free joint brings six rates and no condition, so the mechanism stays what it is.
+
+A joint that closes a loop is read off the poses of its two bodies, and its angle in space then forgets whole turns.
+Where these count it goes into the tree, to a massless end of its own, and a fixed joint closes the loop (`ended`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from linkwork.mechanism import GROUND, Mechanism
-
-FREEDOMS = {"fixed": 0, "revolute": 1, "prismatic": 1}
+from linkwork.mechanism import GROUND, FixedJoint, Frame, FreeJoint, Mechanism, PairJoint, RodJoint, ScrewJoint
 
 
 @dataclass(frozen=True)
@@ -26,43 +33,123 @@ class Branch:
 
 @dataclass(frozen=True)
 class Topology:
-    """Split the joints into the tree's branches, parents before children, and the cut joints."""
+    """Split the joints into the tree's branches, parents before children, and the joints that close loops.
+
+    joints: those of the branches by name, in the order of the description; closing: those that close loops, by name
+    added: names of the branches' free joints that are not in the description
+    """
 
     branches: tuple[Branch, ...]
-    cuts: tuple[str, ...]
+    joints: Mapping[str, PairJoint]
+    closing: Mapping[str, PairJoint]
+    added: tuple[str, ...]
+
+    @property
+    def cuts(self) -> tuple[str, ...]:
+        return tuple(self.closing)
 
     @property
     def loops(self) -> int:
-        return len(self.cuts)
-
-    def chain(self, body: str) -> tuple[Branch, ...]:
-        """Return the branches from ground to a body, in this order."""
-        by_body = {branch.body: branch for branch in self.branches}
-        chain = []
-        while body != GROUND:
-            chain.append(by_body[body])
-            body = by_body[body].parent
-        return tuple(reversed(chain))
+        return len(self.closing) - len(self.added)
 
 
 def span(mechanism: Mechanism) -> Topology:
     """Choose the spanning tree of a mechanism."""
     depth = {GROUND: 0}
     branches: list[Branch] = []
-    waiting = dict(mechanism.joints)
-    order = {name: index for index, name in enumerate(mechanism.joints)}
+    added: dict[str, PairJoint] = {}
+    waiting: dict[str, PairJoint] = dict(mechanism.pairs)
+    order = {name: index for index, name in enumerate(waiting)}
+    driven = {name.partition(".")[0] for name in mechanism.actuators}
+    needed = counting(mechanism) | {name for name, joint in waiting.items() if has_effects(joint)}
 
-    def cost(name: str) -> tuple[int, int, int, int]:
-        joint = mechanism.joints[name]
+    def cost(name: str) -> tuple[bool, bool, int, int, int]:
+        joint = waiting[name]
         rim = min(depth[body] for body in joint.connects if body in depth)
-        return (name not in mechanism.actuators, FREEDOMS[joint.type], rim, order[name])
+        return (name not in driven, name not in needed, len(joint.rates(name)), rim, order[name])
 
+    def hang(body: str) -> None:
+        described = next((name for name, joint in waiting.items() if joins(joint, body)), None)
+        name = described or (body if body not in mechanism.joints else f"{body} in ground")
+        joint = waiting.pop(name) if described else added.setdefault(name, FreeJoint(connects=(GROUND, body)))
+        branches.append(Branch(name, GROUND, body, joint.connects[0] == body))
+        depth[body] = 1
+
+    for body in platforms(mechanism):
+        hang(body)
     while len(depth) <= len(mechanism.bodies):
-        rim = [name for name, joint in waiting.items() if sum(body in depth for body in joint.connects) == 1]
+        rim = [
+            name
+            for name, joint in waiting.items()
+            if not isinstance(joint, RodJoint) and sum(body in depth for body in joint.connects) == 1
+        ]
+        if not rim:
+            hang(next(body for body in mechanism.bodies if body not in depth))
+            continue
         name = min(rim, key=cost)
         first, second = waiting.pop(name).connects
         backwards = second in depth
         parent, body = (second, first) if backwards else (first, second)
         branches.append(Branch(name, parent, body, backwards))
         depth[body] = depth[parent] + 1
-    return Topology(tuple(branches), tuple(waiting))
+    in_tree = {branch.joint for branch in branches}
+    joints = {name: joint for name, joint in (mechanism.pairs | added).items() if name in in_tree}
+    return Topology(tuple(branches), joints, waiting, tuple(added))
+
+
+def counting(mechanism: Mechanism) -> set[str]:
+    """Return the joints whose whole turns count: those of gears, of threads, and those with springs."""
+    geared = {label.partition(".")[0] for gear in mechanism.gears.values() for label in gear.ratios}
+    sprung = {
+        name
+        for name, joint in mechanism.pairs.items()
+        if isinstance(joint, ScrewJoint) or any(spring.stiffness for _, spring, _, _ in joint.effects().values())
+    }
+    return geared | sprung
+
+
+def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Topology:
+    """Return the topology with some of the loop-closing joints in the tree, each ending in a massless body of its own.
+
+    That body is then fixed to the one that the joint leads to: the joint's coordinates are the tree's, and count turns.
+    """
+    branches, joints, closing = list(topology.branches), dict(topology.joints), dict(topology.closing)
+    for name in names:
+        joint, end = closing[name], f"end of {name}"
+        first, second = joint.connects
+        branches.append(Branch(name, first, end, False))
+        joints[name] = joint.model_copy(update={"connects": (first, end), "frames": (joint.frames[0], Frame())})
+        closing[name] = FixedJoint(connects=(end, second), frames=(Frame(), joint.frames[1]))
+    order = list(mechanism.pairs)
+    ordered = {
+        name: joints[name]
+        for name in sorted(joints, key=lambda name: (name not in order, order.index(name) if name in order else 0))
+    }
+    return Topology(tuple(branches), ordered, closing, topology.added)
+
+
+def joins(joint: PairJoint, body: str) -> bool:
+    """Tell whether a joint is a free joint between ground and a body."""
+    return isinstance(joint, FreeJoint) and set(joint.connects) == {GROUND, body}
+
+
+def platforms(mechanism: Mechanism) -> list[str]:
+    """Return the bodies that three or more ball joints hold, and no joint of another type but rods and free joints."""
+    held: dict[str, list[str]] = {body: [] for body in mechanism.bodies}
+    for joint in mechanism.pairs.values():
+        for body in joint.connects:
+            if body != GROUND:
+                held[body].append(joint.type)
+    return [
+        body
+        for body, types in held.items()
+        if types.count("spherical") >= 3 and set(types) <= {"spherical", "rod", "free"}
+    ]
+
+
+def has_effects(joint: PairJoint) -> bool:
+    """Tell whether friction, a spring or a rotor acts in a joint."""
+    return any(
+        friction.viscous or friction.coulomb or spring.stiffness or spring.damping or rotor
+        for friction, spring, _, rotor in joint.effects().values()
+    )

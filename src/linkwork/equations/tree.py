@@ -1,108 +1,110 @@
-"""The spanning tree as a chain of elementary motions, and its kinematics in the ground's axes.
+"""The spanning tree as a chain of elementary motions, and its kinematics.
 
-Every joint of the tree is a sequence of turns and slides; each leads from a node to the next. A node has an origin O
-(a point of the motion's axis), an orientation R and, if it is a body, the body's inertia. With z the axis, r = O -
-O_parent:
+Vectors of a node are written in the node's axes (`orientation`): the ground's in a planar mechanism.
 
-    turn     omega = omega_p + z q'        r constant in the parent
-    slide    omega = omega_p               r = r_0 + z q
-    alpha_O and a_O of a node follow from its parent's by the rigid-body formulas, with  a = a_p + alpha_p x r +
-    omega_p x (omega_p x r)
+Every joint of the tree is a sequence of motions; each leads from a node to the next. A node has an origin O (a point of
+the motion's axis), an orientation R and, if it is a body, the body's inertia. Each rate w_k of a node turns it about
+z_k and slides it along s_k, both fixed in the parent; with r = O - O_p:
 
-Regrouping: a body that turns on its parent acts on it through its mass only as a point mass at the joint, so this mass
-is moved into the parent once and for all (numbers), and the recursions carry first and second moments alone; a body
-fixed to its parent is moved into it whole.
-Source: Featherstone 2008, ch. 4-6 (recursions); Khalil & Dombre 2002, ch. 9 (regrouping).
+    omega = omega_p + sum z_k w_k                       v = v_p + omega_p x r + sum s_k w_k
+    alpha = alpha_p + sum z_k w_k' + omega_p x sum z_k w_k
+    a = a_p + alpha_p x r + omega_p x (omega_p x r) + sum s_k w_k' + 2 omega_p x sum s_k w_k
+
+A free turn has three rates, the angular velocity omega_12 in the axes of the joint's first frame, and the unit
+quaternion p of R_12 for coordinates, with  p' = (0, omega_12) p / 2; all other coordinates have their own rates.
+
+Source: Featherstone 2008, ch. 4-6 (recursions).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, rotation_matrix, snap, spin, zero
-from linkwork.equations.joints import KINDS
-from linkwork.equations.orientation import Orientation
+from linkwork.equations.algebra import SX, cross, quaternion_matrix, rotation_matrix, snap, spin, zero
+from linkwork.equations.joints import KINDS, Motion
+from linkwork.equations.moments import Moments, regrouped
+from linkwork.equations.orientation import GROUND_AXES, Axes, Orientation, convert
 from linkwork.equations.topology import Branch, Topology
-from linkwork.mechanism import GROUND, Body, Mechanism
+from linkwork.mechanism import GROUND, Body, Mechanism, PairJoint
 
 
 @dataclass(frozen=True)
-class Moments:
-    """Hold mass m, first moment h = m c and inertia I about a node's origin, constant in the node's axes."""
+class Column:
+    """Say what one rate does to a node: it turns about z and slides along s, both fixed in the parent.
 
-    m: float
-    h: np.ndarray
-    I: np.ndarray  # noqa: E741
+    z, s: in the node's `column_axes`; local_z, local_s: in the node's own frame where they are constant there, else None
+    """
 
-    @classmethod
-    def none(cls) -> Moments:
-        return cls(0.0, np.zeros(3), np.zeros((3, 3)))
-
-    @classmethod
-    def of_body(cls, body: Body, origin: np.ndarray) -> Moments:
-        """Refer a body's inertia to a point of it (body's frame and axes): I_O = I_C + m (c.c 1 - c c')."""
-        c = np.array(body.centre_of_mass) - origin
-        return cls(body.mass, body.mass * c, body.inertia.tensor() + body.mass * steiner(c))
-
-    def __add__(self, other: Moments) -> Moments:
-        return Moments(self.m + other.m, self.h + other.h, self.I + other.I)
-
-    def moved(self, R: np.ndarray, r: np.ndarray) -> Moments:
-        """Refer to a frame in which this one's axes are R and its origin is at r, both constant."""
-        h, inertia = R @ self.h, R @ self.I @ R.T
-        cross_terms = 2 * (r @ h) * np.eye(3) - np.outer(r, h) - np.outer(h, r)
-        return Moments(self.m, h + self.m * r, inertia + cross_terms + self.m * steiner(r))
-
-
-def steiner(c: np.ndarray) -> np.ndarray:
-    return (c @ c) * np.eye(3) - np.outer(c, c)
+    rate: int
+    z: ca.SX
+    s: ca.SX
+    local_z: np.ndarray | None
+    local_s: np.ndarray | None
 
 
 @dataclass(frozen=True)
 class Node:
-    """Hold one elementary motion and the frame behind it, in the ground's axes.
+    """Hold one elementary motion and the frame behind it.
 
     index, parent: position in the tree's list, -1 for ground; joint, body: names (body None between the motions of a
     joint)
-    coordinate: index in q, None if nothing moves; turns: turn or slide; z: axis; local_z: axis in the node's own axes
-    R: orientation; O: origin; r: O - O_parent; arm: r in the parent's axes where constant, else None
-    weld: R in the parent's axes where nothing moves, else None
-    frame_origin: origin O in the body's own frame; moments: regrouped inertia in the node's axes
+    motion: None if nothing moves; columns: one for each of its rates, in `column_axes`
+    R: orientation; axes: in which its vectors are written; before: its parent's axes
+    O: origin, in the ground's axes; r: O - O_parent in the parent's axes (`before`), near_r: in the parent's own frame
+    arm: near_r where constant, else None; weld: R in the parent's frame where nothing moves, else None
+    frame_origin: origin O in the body's own frame; moments: regrouped inertia in the node's frame
     """
 
     index: int
     parent: int
     joint: str
     body: str | None
-    coordinate: int | None
-    turns: bool
-    z: ca.SX
-    local_z: np.ndarray
+    motion: Motion | None
+    columns: tuple[Column, ...]
+    column_axes: Axes
     R: Orientation
+    before: Axes
     O: ca.SX  # noqa: E741
     r: ca.SX
+    near_r: ca.SX
     arm: np.ndarray | None
     weld: np.ndarray | None
     frame_origin: np.ndarray
     moments: Moments
 
+    @property
+    def axes(self) -> Axes:
+        return self.R.axes
 
+    @property
+    def turns(self) -> bool:
+        return self.motion is not None and self.motion.turns
+
+    @property
+    def slides(self) -> bool:
+        return self.motion is not None and self.motion.slides
+
+
+MASSLESS = Body(mass=0.0)
 GROUND_NODE = Node(
     index=-1,
     parent=-1,
     joint="",
     body=GROUND,
-    coordinate=None,
-    turns=False,
-    z=zero(),
-    local_z=np.zeros(3),
+    motion=None,
+    columns=(),
+    column_axes=GROUND_AXES,
     R=Orientation.identity(),
+    before=GROUND_AXES,
     O=zero(),
     r=zero(),
+    near_r=zero(),
     arm=None,
     weld=None,
     frame_origin=np.zeros(3),
@@ -112,15 +114,26 @@ GROUND_NODE = Node(
 
 @dataclass(frozen=True)
 class Tree:
-    """Hold the nodes, parents before children, and the joint coordinates q (nq x 1) they are written in."""
+    """Hold the nodes, parents before children, and the coordinates q (nq x 1) they are written in.
+
+    coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's place in q by name
+    quaternions: the places in q and in w of each free turn
+    """
 
     q: ca.SX
     coordinates: tuple[str, ...]
+    rates: tuple[str, ...]
+    quaternions: tuple[tuple[range, range], ...]
     nodes: tuple[Node, ...]
+
+    @cached_property
+    def of_bodies(self) -> dict[str, Node]:
+        """Nodes by body."""
+        return {GROUND: GROUND_NODE} | {node.body: node for node in self.nodes if node.body is not None}
 
     def node(self, body: str) -> Node:
         """Return the node of a body."""
-        return GROUND_NODE if body == GROUND else next(node for node in self.nodes if node.body == body)
+        return self.of_bodies[body]
 
     def path(self, node: Node) -> tuple[Node, ...]:
         """Return the nodes from ground to a node, in this order."""
@@ -133,103 +146,165 @@ class Tree:
     def reaches(self, node: Node, d: ca.SX) -> Iterator[tuple[Node, ca.SX]]:
         """Yield the nodes from a node inward to ground, each with the vector from its origin to a point.
 
-        d: the vector from the first node's origin to the point. Lengths are added along the chain, so that what lies before
-        an origin neither costs an operation nor adds rounding.
+        d: the vector from the first node's origin to the point, in the node's axes; the yielded ones are in the nodes'
+        `column_axes`. Lengths are added along the chain, so that what lies before an origin neither costs an operation
+        nor adds rounding.
         """
         for inner in reversed(self.path(node)):
-            yield inner, d
-            d = d + inner.r
+            yield inner, convert(d, inner.axes, inner.column_axes)
+            d = convert(d, inner.axes, inner.before) + inner.r
 
     def point(self, node: Node, position: np.ndarray) -> ca.SX:
         """Return the ground-frame position of a point given in a body's own frame."""
         return node.O + offset(node, position)
 
-    def angular_velocities(self, rates: ca.SX) -> list[ca.SX]:
-        """Return omega of every node for the rates q'; the last element is ground's."""
+    @property
+    def single(self) -> list[tuple[int, int]]:
+        """Return the places in q and in w of the coordinates that have a rate of their own."""
+        of_balls = (
+            {place for places, _ in self.quaternions for place in places},
+            {k for _, r in self.quaternions for k in r},
+        )
+        places = [i for i in range(len(self.coordinates)) if i not in of_balls[0]]
+        return list(zip(places, (k for k in range(len(self.rates)) if k not in of_balls[1]), strict=True))
+
+    @cached_property
+    def derivative_map(self) -> ca.SX:
+        """N (nq x nv, sparse) with q' = N w: unit rows, but p' = (0, omega) p / 2 of quaternions."""
+        N = SX(len(self.coordinates), len(self.rates))
+        for place, k in self.single:
+            N[place, k] = 1
+        for places, ks in self.quaternions:
+            w, x, y, z = (self.q[i] / 2 for i in places)
+            rows = (-x, -y, -z), (w, z, -y), (-z, w, x), (y, -x, w)
+            N[list(places), list(ks)] = ca.vertcat(*[ca.horzcat(*row) for row in rows])
+        return N
+
+    def derivatives(self, rates: ca.SX) -> ca.SX:
+        """Return q' for the rates w."""
+        return ca.mtimes(self.derivative_map, rates)
+
+    def norms(self) -> list[ca.SX]:
+        """Return (p . p - 1) / 2 of every quaternion, which stays zero."""
+        return [(ca.sumsqr(self.q[list(places)]) - 1) / 2 for places, _ in self.quaternions]
+
+    def angular_velocities(self, rates: ca.SX, nodes: Sequence[Node] | None = None) -> list[ca.SX]:
+        """Return omega of every node for the rates w, in its axes; the last is ground's. Given nodes, the others rest."""
         omega = [zero()] * (len(self.nodes) + 1)
-        for node in self.nodes:
-            turn = node.z * rates[node.coordinate] if node.turns and node.coordinate is not None else zero()
-            omega[node.index] = omega[node.parent] + turn
+        for node in self.nodes if nodes is None else nodes:
+            turn = convert(turning(node, rates), node.column_axes, node.axes) if node.turns else zero()
+            omega[node.index] = convert(omega[node.parent], node.before, node.axes) + turn
         return omega
 
-    def velocities(self, omega: list[ca.SX], rates: ca.SX) -> list[ca.SX]:
-        """Return v_O of every node for the rates q'; the last element is ground's."""
+    def velocities(self, omega: list[ca.SX], rates: ca.SX, nodes: Sequence[Node] | None = None) -> list[ca.SX]:
+        """Return v_O of every node for the rates w, in its axes; the last is ground's. Given nodes, the others rest."""
         v = [zero()] * (len(self.nodes) + 1)
-        for node in self.nodes:
-            slide = node.z * rates[node.coordinate] if not node.turns and node.coordinate is not None else zero()
-            v[node.index] = v[node.parent] + cross(omega[node.parent], node.r) + slide
+        for node in self.nodes if nodes is None else nodes:
+            carried = v[node.parent] + cross(omega[node.parent], node.r)
+            slide = convert(sliding(node, rates), node.column_axes, node.axes) if node.slides else zero()
+            v[node.index] = convert(carried, node.before, node.axes) + slide
         return v
 
     def accelerations(
-        self, omega: list[ca.SX], rates: ca.SX, accelerations: ca.SX, base: ca.SX
+        self, omega: list[ca.SX], rates: ca.SX, accelerations: ca.SX, base: ca.SX, nodes: Sequence[Node] | None = None
     ) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Return alpha and a_O of every node for q'', with the acceleration `base` of ground; last elements are ground's."""
+        """Return alpha and a_O of every node for w', in its axes, with the acceleration `base` of ground.
+
+        The last elements are ground's. Given nodes, only those and the ones inward of them move.
+        """
         alpha, a = [zero()] * (len(self.nodes) + 1), [base] * (len(self.nodes) + 1)
-        for node in self.nodes:
+        for node in self.nodes if nodes is None else nodes:
             p, i = node.parent, node.index
-            alpha[i] = alpha[p]
-            a[i] = a[p] + cross(alpha[p], node.r) + spin(omega[p], node.r)
-            if node.coordinate is None:
-                continue
-            rate, acceleration = rates[node.coordinate], accelerations[node.coordinate]
+            carried = a[p] + cross(alpha[p], node.r) + spin(omega[p], node.r)
+            alpha[i], a[i] = (convert(x, node.before, node.axes) for x in (alpha[p], carried))
+            omega_p = convert(omega[p], node.before, node.column_axes)
             if node.turns:
-                alpha[i] = alpha[p] + node.z * acceleration + cross(omega[p], node.z * rate)
-            else:
-                a[i] += node.z * acceleration + 2 * cross(omega[p], node.z * rate)
+                turn = turning(node, accelerations) + cross(omega_p, turning(node, rates))
+                alpha[i] += convert(turn, node.column_axes, node.axes)
+            if node.slides:
+                slide = sliding(node, accelerations) + 2 * cross(omega_p, sliding(node, rates))
+                a[i] += convert(slide, node.column_axes, node.axes)
         return alpha, a
 
 
+def turning(node: Node, rates: ca.SX) -> ca.SX:
+    return sum((column.z * rates[column.rate] for column in node.columns), zero())
+
+
+def sliding(node: Node, rates: ca.SX) -> ca.SX:
+    return sum((column.s * rates[column.rate] for column in node.columns), zero())
+
+
 def offset(node: Node, position: np.ndarray) -> ca.SX:
-    """Return R (position - frame_origin): the vector from a node's origin to a point given in the body's own frame."""
+    """Return the vector from a node's origin to a point given in the body's own frame, in the ground's axes."""
     return in_base(node.R, position - node.frame_origin)
 
 
+def near_offset(node: Node, position: np.ndarray) -> ca.SX:
+    """Return the vector from a node's origin to a point given in the body's own frame, in the node's axes."""
+    return in_axes(node.R, position - node.frame_origin)
+
+
 def grow(mechanism: Mechanism, topology: Topology) -> Tree:
-    """Build the tree's nodes from the mechanism's numbers and the symbols q, in the joints' order."""
-    in_tree = {branch.joint for branch in topology.branches}
-    coordinates = tuple(
-        name for name, joint in mechanism.joints.items() if name in in_tree for _ in KINDS[joint.type].motions(joint)
+    """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the joints."""
+    coordinates, rates, quaternions = [], [], []
+    for name, joint in topology.joints.items():
+        for motion in KINDS[joint.type].motions(joint):
+            if motion.ball:
+                places = len(coordinates), len(rates)
+                quaternions.append((range(places[0], places[0] + 4), range(places[1], places[1] + 3)))
+            coordinates += [name] * motion.coordinates
+            rates += [name] * motion.rates
+    labels = (joint.coordinates(name) for name, joint in topology.joints.items())
+    rate_labels = (joint.rates(name) for name, joint in topology.joints.items())
+    tree = Tree(
+        SX.sym("q", len(coordinates)), tuple(chain(*labels)), tuple(chain(*rate_labels)), tuple(quaternions), ()
     )
-    tree = Tree(SX.sym("q", len(coordinates)), coordinates, ())
     for branch in topology.branches:
-        tree = replace(tree, nodes=tree.nodes + tuple(branch_nodes(mechanism, tree, branch)))
+        joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
+        start = coordinates.index(branch.joint) if branch.joint in coordinates else 0
+        first_rate = rates.index(branch.joint) if branch.joint in rates else 0
+        tree = replace(tree, nodes=tree.nodes + tuple(branch_nodes(joint, body, tree, branch, start, first_rate)))
     return replace(tree, nodes=regroup(tree.nodes))
 
 
-def branch_nodes(mechanism: Mechanism, tree: Tree, branch: Branch) -> Iterator[Node]:
-    """Yield the nodes that one joint adds, the last one being the body; a joint without motion adds one all the same."""
-    joint, body = mechanism.joints[branch.joint], mechanism.bodies[branch.body]
+def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start: int, rate: int) -> Iterator[Node]:
+    """Yield the nodes that one joint adds, the last one being the body; a joint without motion adds one all the same.
+
+    start, rate: places of the joint's first coordinate in q and first rate in w
+    """
     inner, outer = reversed(joint.frames) if branch.reversed else joint.frames
-    motions = KINDS[joint.type].motions(joint)
+    steps = list(placed(KINDS[joint.type].motions(joint), start, rate))
     if branch.reversed:
-        motions = tuple(motion.reversed() for motion in reversed(motions))
-    origin, R_outer = np.array(outer.position), rotation_matrix(outer.rotation)
+        steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
+    origin, own = np.array(outer.position), rotation_matrix(outer.rotation).T
     parent = tree.node(branch.parent)
-    arm, turned = snap(np.array(inner.position) - parent.frame_origin), rotation_matrix(inner.rotation)
+    arm, turned = (snap(np.array(inner.position) - parent.frame_origin), rotation_matrix(inner.rotation))
     first = len(tree.nodes)
-    for index, motion in enumerate(motions or (None,), start=first):
-        last = index == first + max(len(motions), 1) - 1
-        R, z, r = parent.R.then_constant(turned), zero(), in_base(parent.R, arm)
-        coordinate = tree.coordinates.index(branch.joint) + index - first if motion else None
-        if motion and coordinate is not None:
-            z = in_base(R, motion.axis)
-            R = R.then_turn(motion.axis, tree.q[coordinate]) if motion.turns else R
-            r = r if motion.turns else r + z * tree.q[coordinate]
-        own = R_outer.T if last else np.eye(3)
+    for index, (motion, places, rates) in enumerate(steps or [(None, range(0), range(0))], start=first):
+        last = index == first + max(len(steps), 1) - 1
+        after = own if last else np.eye(3)
+        coordinate = tree.q[list(places)]
+        R = moved(parent.R.then_constant(turned), motion, coordinate, branch.reversed)
+        slide = SX(snap(turned @ motion.slide)) * coordinate if motion and motion.slides else zero()
+        near_r = SX(arm) + slide
+        r = ca.mtimes(parent.R.near, near_r)
+        column_axes = parent.axes if motion and motion.ball and not branch.reversed else R.axes
         parent = Node(
             index=index,
             parent=parent.index,
             joint=branch.joint,
             body=branch.body if last else None,
-            coordinate=coordinate,
-            turns=bool(motion and motion.turns),
-            z=z,
-            local_z=snap(own.T @ motion.axis) if motion else np.zeros(3),
-            R=R.then_constant(own),
-            O=parent.O + r,
+            motion=motion,
+            columns=columns(parent.R.then_constant(turned), R, motion, rates, branch.reversed, after) if motion else (),
+            column_axes=column_axes,
+            R=R.then_constant(after),
+            before=parent.axes,
+            O=parent.O + ca.mtimes(parent.axes.matrix, r),
             r=r,
-            arm=arm if motion is None or motion.turns else None,
-            weld=turned @ own if motion is None else None,
+            near_r=near_r,
+            arm=arm if motion is None or not motion.slides else None,
+            weld=turned @ after if motion is None else None,
             frame_origin=origin if last else np.zeros(3),
             moments=Moments.of_body(body, origin) if last else Moments.none(),
         )
@@ -237,25 +312,52 @@ def branch_nodes(mechanism: Mechanism, tree: Tree, branch: Branch) -> Iterator[N
         arm, turned = np.zeros(3), np.eye(3)
 
 
+def placed(motions: tuple[Motion, ...], start: int, rate: int) -> Iterator[tuple[Motion, range, range]]:
+    """Yield a joint's motions with the places of their coordinates in q and of their rates in w."""
+    for motion in motions:
+        yield (motion, range(start, start + motion.coordinates), range(rate, rate + motion.rates))
+        start, rate = start + motion.coordinates, rate + motion.rates
+
+
+def moved(R: Orientation, motion: Motion | None, q: ca.SX, backwards: bool) -> Orientation:
+    """Return the orientation behind a motion; a ball's quaternion may be read backwards."""
+    if motion is not None and motion.ball:
+        matrix = quaternion_matrix(q)
+        return R.then_matrix(matrix.T if backwards else matrix)
+    return R.then_turn(motion.turn, q) if motion is not None and motion.turns else R
+
+
+def columns(
+    inner: Orientation, outer: Orientation, motion: Motion, rates: range, backwards: bool, own: np.ndarray
+) -> tuple[Column, ...]:
+    """Return what each rate of a motion does: a ball's are the angular velocity in the axes of the first frame.
+
+    own: the body's frame in the frame behind the motion
+    """
+    if not motion.ball:
+        local = snap(own.T @ motion.turn), snap(own.T @ motion.slide)
+        near = inner if inner.axes is outer.axes else outer  # the axis is the same before and behind the motion
+        return (Column(rates[0], in_axes(near, motion.turn), in_axes(near, motion.slide), *local),)
+    if backwards:
+        return tuple(
+            Column(k, in_axes(outer, -e), zero(), snap(own.T @ -e), np.zeros(3))
+            for k, e in zip(rates, np.eye(3), strict=True)
+        )
+    return tuple(Column(k, in_axes(inner, e), zero(), None, None) for k, e in zip(rates, np.eye(3), strict=True))
+
+
+def in_axes(R: Orientation, local: np.ndarray) -> ca.SX:
+    """Return a constant local vector in the orientation's axes."""
+    local = snap(local)
+    return ca.mtimes(R.near, SX(local)) if local.any() else zero()
+
+
 def in_base(R: Orientation, local: np.ndarray) -> ca.SX:
     """Return a constant local vector in the ground's axes."""
-    local = snap(local)
-    return ca.mtimes(R.matrix, SX(local)) if local.any() else zero()
+    return ca.mtimes(R.axes.matrix, in_axes(R, local))
 
 
 def regroup(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """Move masses into parents: a turning node's as a point at the joint, a fixed node's moments whole."""
-    moments = [node.moments for node in nodes]
-    for node in reversed(nodes):
-        if node.arm is None:
-            continue
-        own = moments[node.index]
-        if node.weld is not None:
-            passed, kept = own.moved(node.weld, node.arm), Moments.none()
-        else:
-            point = Moments(own.m, np.zeros(3), np.zeros((3, 3)))
-            passed, kept = point.moved(np.eye(3), node.arm), Moments(0.0, own.h, own.I)
-        moments[node.index] = kept
-        if node.parent >= 0:
-            moments[node.parent] = moments[node.parent] + passed
-    return tuple(replace(node, moments=moments[node.index]) for node in nodes)
+    """Move masses into parents (`moments`)."""
+    links = [(node.moments, node.parent, node.arm, node.weld) for node in nodes]
+    return tuple(replace(node, moments=own) for node, own in zip(nodes, regrouped(links), strict=True))

@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from linkwork.errors import LinkworkError
 
-class KernelError(ValueError):
+
+class KernelError(LinkworkError):
     """Refuse a function that cannot be compiled, or an argument that does not fit, in one sentence."""
 
 

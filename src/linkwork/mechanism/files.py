@@ -6,35 +6,98 @@ The first key is `linkwork: 1`, the version of the format. Numbers are SI and ra
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from linkwork.mechanism.document import EMPTY, NUMBER, TRUTH, Node, read_document
+from linkwork.mechanism.json_schema import FORMAT_VERSION
 from linkwork.mechanism.mechanism import Mechanism
-from linkwork.mechanism.record import MechanismError
+from linkwork.mechanism.record import Record
+from linkwork.mechanism.refusal import MechanismError, shown
 
-FORMAT_VERSION = 1
-
-
-class Loader(yaml.SafeLoader):
-    """Read plain data only, and refuse a key that is given twice."""
+MAX_BYTES = 20_000_000
 
 
-def _mapping(loader: Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
-    for index, key in enumerate(keys):
-        if key in keys[:index]:
-            line = node.value[index][0].start_mark.line + 1
-            raise MechanismError(f"line {line}: the key {key!r} is given twice; keep one of them")
-    return yaml.SafeLoader.construct_mapping(loader, node, deep=True)
+def read_yaml(path: Path) -> Mechanism:
+    """Read a mechanism; every refusal begins with the file's name, and the line where there is one."""
+    try:
+        return _mechanism(read_document(_text(path)))
+    except MechanismError as error:
+        place = f"{path}: {error.place}" if error.place else str(path)
+        raise MechanismError(error.what, error.where, place) from None
 
 
-Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+def write_yaml(mechanism: Mechanism, path: Path) -> None:
+    """Write a mechanism, atomically."""
+    fields = {"linkwork": FORMAT_VERSION} | _plain(mechanism)
+    text = yaml.dump(fields, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=120)
+    temporary = path.parent / f".{path.name}.{os.getpid()}"
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except (OSError, ValueError) as error:
+        with suppress(OSError, ValueError):
+            temporary.unlink()
+        raise MechanismError(f"cannot be written: {_reason(error)}", place=str(path)) from None
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return (getattr(error, "strerror", None) or str(error)).lower()
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise MechanismError(f"cannot be read: {_reason(error)}") from None
+    if len(content) > MAX_BYTES:
+        raise MechanismError(f"is larger than {MAX_BYTES // 10**6} MB; a mechanism file is far smaller")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise MechanismError("is not UTF-8 text; a mechanism file is YAML text", place=f"line {line}") from None
+
+
+def _mechanism(root: Node) -> Mechanism:
+    first_line = f"the first line should be 'linkwork: {FORMAT_VERSION}'"
+    if not isinstance(root.data, dict):
+        raise MechanismError(f"holds no mechanism; {first_line}", place=f"line {root.line}")
+    fields = dict(root.data)
+    version = fields.pop("linkwork", None)
+    try:
+        if version is None:
+            raise MechanismError(f"is missing; {first_line}", ("linkwork",))
+        if version != FORMAT_VERSION:
+            raise MechanismError(f"{shown(version)} is not a format version this program reads; give 1", ("linkwork",))
+        return Mechanism(**fields)
+    except MechanismError as error:
+        raise MechanismError(error.what, error.where, f"line {root.line_of(error.where)}") from None
+
+
+def _plain(value: Any) -> Any:
+    """Turn records into dicts, the type first and without the fields at their defaults, and tuples into lists."""
+    if isinstance(value, Record):
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        kind = {"type": fields.pop("type")} if "type" in fields else {}
+        return kind | {name: _plain(item) for name, item in fields.items() if not _is_default(value, name, item)}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _is_default(record: Record, name: str, value: Any) -> bool:
+    field = type(record).model_fields[name]
+    return not field.is_required() and value == field.get_default(call_default_factory=True)
 
 
 class Dumper(yaml.SafeDumper):
-    """Write vectors and small records on one line."""
+    """Write vectors and small records on one line, and in quotes the text that would be read as something else."""
 
 
 def _flat(value: Any) -> bool:
@@ -43,49 +106,16 @@ def _flat(value: Any) -> bool:
 
 
 Dumper.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        "tag:yaml.org,2002:str", text, style=None if text.isprintable() else '"'
+    ),
+)
+Dumper.add_representer(
     list, lambda dumper, data: dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=_flat(data))
 )
 Dumper.add_representer(
     dict, lambda dumper, data: dumper.represent_mapping("tag:yaml.org,2002:map", data.items(), flow_style=_flat(data))
 )
-
-
-def read_yaml(path: Path) -> Mechanism:
-    """Read a mechanism; every refusal begins with the file's name."""
-    try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader)
-    except OSError as error:
-        raise MechanismError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
-    except UnicodeDecodeError:
-        raise MechanismError(f"{path}: is not UTF-8 text; a mechanism file is YAML text") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}: " if mark else ""
-        raise MechanismError(f"{path}: {line}is not YAML: {getattr(error, 'problem', None) or error}") from None
-    except MechanismError as error:
-        raise MechanismError(f"{path}: {error}") from None
-    if not isinstance(data, dict):
-        raise MechanismError(f"{path}: holds no mechanism; the first line should be 'linkwork: {FORMAT_VERSION}'")
-    version = data.pop("linkwork", None)
-    if version != FORMAT_VERSION:
-        raise MechanismError(f"{path}: linkwork: {version!r} is not a format version this program reads; give 1")
-    try:
-        return Mechanism(**{str(key): value for key, value in data.items()})
-    except MechanismError as error:
-        raise MechanismError(f"{path}: {error}") from None
-
-
-def write_yaml(mechanism: Mechanism, path: Path) -> None:
-    """Write a mechanism, atomically."""
-    fields = mechanism.model_dump(mode="json", exclude_defaults=True)
-    for name, joint in mechanism.joints.items():
-        fields["joints"][name] = {"type": joint.type} | fields["joints"][name]
-    text = yaml.dump(
-        {"linkwork": FORMAT_VERSION} | fields, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=120
-    )
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        raise MechanismError(f"{path}: cannot be written: {(error.strerror or str(error)).lower()}") from None
+for pattern, meaning in ((NUMBER, "float"), (TRUTH, "bool"), (EMPTY, "null")):
+    Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{meaning}", pattern, None)

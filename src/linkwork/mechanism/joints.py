@@ -3,17 +3,29 @@
 A joint connects a first to a second body (`connects`) and has a frame on each (`frames`). Its coordinates measure the
 second frame's motion relative to the first; at zero the two coincide. Any joint may close a loop: nothing here knows
 of trees.
+
+A joint's motion is made of `freedoms`. Each is a turn or a slide of one coordinate and one rate, except "turn": the
+free turning of a spherical joint, whose coordinates are the unit quaternion (qw, qx, qy, qz) of R_12 and whose rates
+(wx, wy, wz) [rad/s] are the angular velocity of F2 relative to F1 in F1's axes. A joint of one such freedom names its
+coordinate and rate like itself; the others add the freedom: "cylinder.slide", "ball.qw", "ball.wx".
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 
+from linkwork.mechanism.effects import Friction, Limits, Spring
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.record import Name, Record, Vector3
+from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
+
+TURN = "turn"
+SLIDES = ("slide", "x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+ANGULAR_VELOCITY = ("wx", "wy", "wz")
 
 
 def unit_axis(axis: Vector3) -> Vector3:
@@ -29,6 +41,33 @@ Axis = Annotated[Vector3, AfterValidator(unit_axis)]
 
 
 class JointBase(Record):
+    """Say what all joint types share: the freedoms, by name, and the coordinates and rates these bring."""
+
+    freedoms: ClassVar[tuple[str, ...]] = ()
+    type: str
+
+    def coordinates(self, name: str) -> tuple[str, ...]:
+        """Return the names of the coordinates of a joint of this type called `name`."""
+        return self._names(name, QUATERNION)
+
+    def rates(self, name: str) -> tuple[str, ...]:
+        """Return the names of the rates of a joint of this type called `name`."""
+        return self._names(name, ANGULAR_VELOCITY)
+
+    def angles(self, name: str) -> tuple[str, ...]:
+        """Return the names of the coordinates that are angles [rad] of a joint of this type called `name`."""
+        labels = zip(self.freedoms, self._names(name, (TURN,)), strict=True)
+        return tuple(label for freedom, label in labels if freedom not in (*SLIDES, TURN))
+
+    def _names(self, name: str, turning: tuple[str, ...]) -> tuple[str, ...]:
+        if len(self.freedoms) == 1 and self.freedoms != (TURN,):
+            return (name,)
+        return tuple(
+            f"{name}.{part}" for freedom in self.freedoms for part in (turning if freedom == TURN else (freedom,))
+        )
+
+
+class PairJoint(JointBase):
     """Connect the first body's frame F1 to the second body's frame F2."""
 
     connects: tuple[Name, Name] = Field(description="names of the first and the second body")
@@ -36,25 +75,195 @@ class JointBase(Record):
         default=(Frame(), Frame()), description="joint frame in the first and in the second body"
     )
 
+    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
+        """Return friction, spring, limits and rotor inertia by freedom: nothing where there is none."""
+        return {}
 
-class FixedJoint(JointBase):
+
+class OneFreedom(PairJoint):
+    """Give a joint's one freedom friction, a spring, limits and a rotor."""
+
+    friction: Friction = Field(default=Friction(), description="resists the joint's rate")
+    spring: Spring = Field(default=Spring(), description="pulls the joint's coordinate towards its rest")
+    limits: Limits = Field(default=Limits(), description="range of the joint's coordinate; passing it is reported")
+    rotor_inertia: NonNegativeFloat = Field(
+        default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"
+    )
+
+    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
+        """Return friction, spring, limits and rotor inertia by freedom."""
+        return {self.freedoms[0]: (self.friction, self.spring, self.limits, self.rotor_inertia)}
+
+
+class ManyFreedoms(PairJoint):
+    """Give a joint's freedoms friction, springs, limits and rotors, each by the name of the freedom."""
+
+    friction: Mapping[Name, Friction] = Field(default_factory=dict, description="by freedom; resists its rate")
+    spring: Mapping[Name, Spring] = Field(default_factory=dict, description="by freedom; pulls towards its rest")
+    limits: Mapping[Name, Limits] = Field(default_factory=dict, description="by freedom; passing them is reported")
+    rotor_inertia: Mapping[Name, NonNegativeFloat] = Field(
+        default_factory=dict, description="by freedom; inertia that moves with its rate [kg m^2; kg for a slide]"
+    )
+
+    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
+        """Return friction, spring, limits and rotor inertia by freedom."""
+        return {
+            freedom: (
+                self.friction.get(freedom, Friction()),
+                self.spring.get(freedom, Spring()),
+                self.limits.get(freedom, Limits()),
+                self.rotor_inertia.get(freedom, 0.0),
+            )
+            for freedom in self.freedoms
+        }
+
+    @model_validator(mode="after")
+    def _known_freedoms(self):
+        for field in ("friction", "spring", "limits", "rotor_inertia"):
+            for freedom in getattr(self, field):
+                if freedom not in self.freedoms:
+                    raise MechanismError(
+                        f"there is no freedom {freedom!r}; the freedoms of a {self.type} joint are "
+                        f"{', '.join(self.freedoms)}",
+                        (field,),
+                    )
+        turn = self.spring.get(TURN, Spring())
+        if turn.rest:
+            raise MechanismError(
+                f"the spring of a free turn rests where the two frames agree, not at {turn.rest}; turn a frame instead",
+                ("spring", TURN, "rest"),
+            )
+        if self.limits.get(TURN, Limits()).lower is not None:
+            raise MechanismError(
+                "a free turn has no lower limit; give upper, the largest angle between the two frames",
+                ("limits", TURN, "lower"),
+            )
+        return self
+
+
+class FixedJoint(PairJoint):
     """Weld the two frames together: no coordinate."""
 
     type: Literal["fixed"] = "fixed"
 
 
-class RevoluteJoint(JointBase):
+class RevoluteJoint(OneFreedom):
     """Let F2 turn by q [rad] about `axis` (the same components in F1 and F2): R_12 = Rot(axis, q), p_12 = 0."""
 
+    freedoms: ClassVar = ("angle",)
     type: Literal["revolute"] = "revolute"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
 
 
-class PrismaticJoint(JointBase):
+class PrismaticJoint(OneFreedom):
     """Let F2 slide by q [m] along `axis` (the same components in F1 and F2): R_12 = 1, p_12 = q axis."""
 
+    freedoms: ClassVar = ("slide",)
     type: Literal["prismatic"] = "prismatic"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
 
 
-Joint = Annotated[FixedJoint | RevoluteJoint | PrismaticJoint, Field(discriminator="type")]
+class ScrewJoint(OneFreedom):
+    """Let F2 turn by q [rad] about `axis` and advance along it: R_12 = Rot(axis, q), p_12 = pitch q axis."""
+
+    freedoms: ClassVar = ("angle",)
+    type: Literal["screw"] = "screw"
+    axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
+    pitch: Real = Field(description="advance along the axis per radian [m/rad]; a lead of one turn is 2 pi times this")
+
+
+class CylindricalJoint(ManyFreedoms):
+    """Let F2 turn about and slide along `axis`: R_12 = Rot(axis, angle), p_12 = slide axis."""
+
+    freedoms: ClassVar = ("angle", "slide")
+    type: Literal["cylindrical"] = "cylindrical"
+    axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
+
+
+class UniversalJoint(ManyFreedoms):
+    """Let F2 turn about two crossing axes: R_12 = Rot(axes[0], angle_1) Rot(axes[1], angle_2), p_12 = 0.
+
+    The first axis is fixed in F1, the second in F2; they are perpendicular.
+    """
+
+    freedoms: ClassVar = ("angle_1", "angle_2")
+    type: Literal["universal"] = "universal"
+    axes: tuple[Axis, Axis] = Field(
+        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), description="unit axes, the first in F1 and the second in F2"
+    )
+
+    @model_validator(mode="after")
+    def _perpendicular(self):
+        cosine = sum(x * y for x, y in zip(*self.axes, strict=True))
+        if abs(cosine) > 1e-9:
+            raise MechanismError(
+                f"the axes {list(self.axes[0])} and {list(self.axes[1])} of a universal joint are not perpendicular; "
+                "turn one of them, or use two revolute joints",
+                ("axes",),
+            )
+        return self
+
+
+class SphericalJoint(ManyFreedoms):
+    """Let F2 turn freely about the common origin: p_12 = 0, R_12 by its unit quaternion."""
+
+    freedoms: ClassVar = (TURN,)
+    type: Literal["spherical"] = "spherical"
+
+
+class PlanarJoint(ManyFreedoms):
+    """Let F2 slide in the xy plane of F1 and turn about its z axis: p_12 = (x, y, 0), R_12 = Rot(z, angle)."""
+
+    freedoms: ClassVar = ("x", "y", "angle")
+    type: Literal["planar"] = "planar"
+
+
+class FreeJoint(ManyFreedoms):
+    """Let F2 move freely: p_12 = (x, y, z), R_12 by its unit quaternion. It says nothing but where a body starts."""
+
+    freedoms: ClassVar = ("x", "y", "z", TURN)
+    type: Literal["free"] = "free"
+
+
+class RodJoint(PairJoint):
+    """Keep the origins of F1 and F2 at the distance `length` [m], as a massless rod between two ball joints does."""
+
+    type: Literal["rod"] = "rod"
+    length: PositiveFloat = Field(description="distance between the two frames' origins [m]")
+
+
+class GearJoint(JointBase):
+    """Couple joint coordinates linearly: the sum of ratio_i q_i keeps the value `offset`.
+
+    Two wheels of radii r_1, r_2 in outer mesh on one carrier: ratios r_1 and r_2 (they turn against each other).
+    """
+
+    type: Literal["gear"] = "gear"
+    ratios: Mapping[PathName, Real] = Field(description="ratio by coordinate, at least two [1; m/rad between kinds]")
+    offset: Real = Field(default=0.0, description="value that the sum keeps [unit of ratio times coordinate]")
+
+    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
+        """Return nothing: a gear has no coordinate."""
+        return {}
+
+    @model_validator(mode="after")
+    def _couples(self):
+        if sum(ratio != 0 for ratio in self.ratios.values()) < 2:
+            raise MechanismError("a gear couples at least two coordinates by ratios other than zero", ("ratios",))
+        return self
+
+
+Joint = Annotated[
+    FixedJoint
+    | RevoluteJoint
+    | PrismaticJoint
+    | ScrewJoint
+    | CylindricalJoint
+    | UniversalJoint
+    | SphericalJoint
+    | PlanarJoint
+    | FreeJoint
+    | RodJoint
+    | GearJoint,
+    Field(discriminator="type"),
+]

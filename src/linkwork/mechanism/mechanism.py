@@ -14,9 +14,10 @@ import networkx as nx
 from pydantic import Field, model_validator
 
 from linkwork.mechanism.body import Body
+from linkwork.mechanism.effects import PointSpring
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.joints import Joint
-from linkwork.mechanism.record import MechanismError, Name, Real, Record, Vector3
+from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
+from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 
 GROUND = "ground"
 
@@ -29,10 +30,11 @@ class Tool(Record):
 
 
 class Mechanism(Record):
-    """Describe a mechanism: bodies, joints between them, actuated joints, tools.
+    """Describe a mechanism: bodies, joints between them, point springs, actuated joints, tools.
 
-    `reference` holds approximate joint coordinates [m, rad] of a typical configuration; joints it leaves out are at
-    zero. The loops are closed from there, and every choice that needs numbers is made there.
+    An actuator is named by the rate it drives: the joint's name, or joint.freedom where a joint has several.
+    `reference` holds approximate joint coordinates [m, rad] of a typical configuration; those it leaves out are at
+    zero (quaternions at 1, 0, 0, 0). The loops are closed from there, and every choice that needs numbers is made there.
 
     Raises:
         MechanismError: one sentence that names the element, the value and what would be accepted.
@@ -44,9 +46,32 @@ class Mechanism(Record):
     )
     bodies: Mapping[Name, Body] = Field(description="the bodies by name, without ground")
     joints: Mapping[Name, Joint] = Field(description="the joints by name")
-    actuators: tuple[Name, ...] = Field(default=(), description="names of the actuated joints")
+    springs: Mapping[Name, PointSpring] = Field(default_factory=dict, description="springs between points, by name")
+    actuators: tuple[PathName, ...] = Field(default=(), description="the actuated joints' rates")
     tools: Mapping[Name, Tool] = Field(default_factory=dict, description="the tools by name; the first is the default")
-    reference: Mapping[Name, Real] = Field(default_factory=dict, description="approximate joint coordinates [m, rad]")
+    reference: Mapping[PathName, Real] = Field(
+        default_factory=dict, description="approximate joint coordinates [m, rad]"
+    )
+
+    @property
+    def pairs(self) -> dict[str, PairJoint]:
+        """Return the joints that connect two bodies: all but the gears."""
+        return {name: joint for name, joint in self.joints.items() if isinstance(joint, PairJoint)}
+
+    @property
+    def gears(self) -> dict[str, GearJoint]:
+        """Return the gears, which connect coordinates."""
+        return {name: joint for name, joint in self.joints.items() if isinstance(joint, GearJoint)}
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Return the names of all joint coordinates, in the order of the joints."""
+        return tuple(label for name, joint in self.joints.items() for label in joint.coordinates(name))
+
+    @property
+    def rates(self) -> tuple[str, ...]:
+        """Return the names of all joint rates, in the order of the joints."""
+        return tuple(label for name, joint in self.joints.items() for label in joint.rates(name))
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -54,21 +79,28 @@ class Mechanism(Record):
             raise MechanismError(
                 "'ground' is the fixed frame and cannot be described; rename the body", ("bodies", GROUND)
             )
-        for name, joint in self.joints.items():
-            for body in joint.connects:
-                require(body, (GROUND, *self.bodies), "body", ("joints", name, "connects"))
-            if joint.connects[0] == joint.connects[1]:
-                raise MechanismError(f"connects {joint.connects[0]!r} to itself; name two bodies", ("joints", name))
+        pairs = {("joints", name): joint for name, joint in self.pairs.items()}
+        for where, pair in (pairs | {("springs", name): spring for name, spring in self.springs.items()}).items():
+            for body in pair.connects:
+                require(body, (GROUND, *self.bodies), "body", (*where, "connects"))
+            if pair.connects[0] == pair.connects[1]:
+                raise MechanismError(f"connects {pair.connects[0]!r} to itself; name two bodies", where)
+        for name, gear in self.gears.items():
+            for label in gear.ratios:
+                require(label, self.coordinates, "coordinate", ("joints", name, "ratios"))
+                if label.rpartition(".")[2] in QUATERNION and label not in self.joints:
+                    raise MechanismError(
+                        f"{label!r} is part of a quaternion and cannot be geared; name an angle or a slide",
+                        ("joints", name, "ratios"),
+                    )
         for name in self.actuators:
-            require(name, self.joints, "joint", ("actuators",))
-            if self.joints[name].type == "fixed":
-                raise MechanismError(f"{name!r} is a fixed joint and cannot be actuated", ("actuators",))
+            self._require_rate(name)
             if self.actuators.count(name) > 1:
                 raise MechanismError(f"{name!r} is named twice; name each actuated joint once", ("actuators",))
         for name, tool in self.tools.items():
             require(tool.body, self.bodies, "body", ("tools", name, "body"))
         for name in self.reference:
-            require(name, self.joints, "joint", ("reference",))
+            require(name, self.coordinates, "joint", ("reference",))
         loose = set(self.bodies) - set(nx.node_connected_component(self.graph(), GROUND))
         if loose:
             first = next(name for name in self.bodies if name in loose)
@@ -76,12 +108,20 @@ class Mechanism(Record):
         return self
 
     def graph(self) -> nx.MultiGraph:
-        """Return the graph: nodes are `ground` and the bodies, edges the joints (key: the joint's name)."""
+        """Return the graph: nodes are `ground` and the bodies, edges the joints but the gears (key: the joint's name)."""
         graph = nx.MultiGraph()
         graph.add_nodes_from((GROUND, *self.bodies))
-        for name, joint in self.joints.items():
+        for name, joint in self.pairs.items():
             graph.add_edge(*joint.connects, key=name)
         return graph
+
+    def _require_rate(self, name: str) -> None:
+        joint = self.joints.get(name)
+        if joint is not None and name not in self.rates:
+            rates = joint.rates(name)
+            cure = f"actuate one of its rates {', '.join(rates)}" if rates else "actuate another joint"
+            raise MechanismError(f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}", ("actuators",))
+        require(name, self.rates, "joint", ("actuators",))
 
     def save(self, path: str | Path) -> None:
         """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back."""

@@ -1,56 +1,97 @@
 """Assembly: find closed configurations from tool poses or joint coordinates, and follow tool paths.
 
-Unknowns are the tree's coordinates q. Gauss-Newton steps of least length solve  phi(q) = 0  together with what is
-asked: q_i = given for joints, p(q) = p_0 and R(q) = R_0 for a tool. They start from a guess and stay on its branch
-when it is near. Along a path, rates and accelerations follow from the same rows:
+Unknowns are the tree's coordinates q. Gauss-Newton steps of least length in the rates solve  phi(q) = 0  together with
+what is asked: q_i = given for joints, p(q) = p_0 and R(q) = R_0 for a tool. They start from a guess and stay on its
+branch when it is near. Along a path, the tree's rates w and accelerations follow from the same rows:
 
-    [Phi; J] q' = [0; x'],    [Phi; J] q'' = [-gamma; x'' - J' q'].
+    [Phi; J] w = [0; x'],    [Phi; J] w' = [-gamma; x'' - J' w].
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import skew
-from linkwork.equations.reference import OpenLoopsError, close
+from linkwork.equations.reference import OpenLoopsError, close, unit
+from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
 
 LEG_SINGULAR = 1e-9
+MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
 
 
 class UnreachableError(LinkworkError):
     """Refuse a pose or joint coordinates at which the loops cannot be closed."""
 
 
+@dataclass(frozen=True, eq=False)
+class AssemblyKernel:
+    """Evaluate `functions.assembly`, compiled when first needed; planar: whether poses are (x, y, angle)."""
+
+    function: ca.Function
+    planar: bool
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        return compile_function(self.function)
+
+    @cached_property
+    def _shapes(self) -> dict[str, tuple[int, int]]:
+        return {name: self.function.size_out(name) for name in self.function.name_out()}
+
+    def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as such."""
+        named = zip(self._shapes.items(), self.kernel(q, rates), strict=True)
+        return {name: value.reshape(shape, order="F") if name in MATRICES else value for (name, shape), value in named}
+
+    def tool_poses(self, q: np.ndarray) -> np.ndarray:
+        """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space, for q (..., nq)."""
+        values = self.kernel(q, np.zeros(self.function.numel_in("rates")))
+        out = dict(zip(self._shapes, values, strict=True))
+        if self.planar:
+            return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
+        from scipy.spatial.transform import Rotation
+
+        turns = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)).as_rotvec()
+        return np.concatenate([out["position"], turns.reshape(out["position"].shape)], axis=-1)
+
+
 @dataclass(frozen=True)
 class Assembler:
     """Solve for configurations of one mechanism with one tool.
 
-    evaluate: maps (q, q') to the outputs of `functions.assembly` by name
-    joints: names of all joints' coordinates; angular: which are angles
+    evaluate: maps (q, w) to the outputs of `functions.assembly` by name
+    coordinates, rate_names: names of all joints' coordinates and rates; angular: which coordinates are angles
     rows: names of the closure rows; planar: whether poses are (x, y, angle)
     """
 
     evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
-    joints: tuple[str, ...]
+    tree: Tree
+    coordinates: tuple[str, ...]
+    rate_names: tuple[str, ...]
     angular: np.ndarray
     rows: tuple[str, ...]
     planar: bool
 
     def at_joints(self, targets: dict[str, float], guess: np.ndarray) -> np.ndarray:
         """Return q with the given joint coordinates [m, rad], from a guess of q."""
-        indices = [self.joints.index(name) for name in targets]
+        indices = [self.coordinates.index(name) for name in targets]
+        rates = [self._rate_index(name) for name in targets]
         values = np.array(list(targets.values()))
         names = (*self.rows, *(f"{name}: coordinate" for name in targets))
 
-        def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            out = self.evaluate(q, 0 * q)
+        def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            out = self.still(q)
             error = out["coordinates"][indices] - values
             error = np.where(self.angular[indices], wrapped(error), error)
-            return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], out["J_coordinates"][indices]])
+            J = np.vstack([out["Phi"], out["J_coordinates"][rates]])
+            return np.concatenate([out["phi"], error]), J, out["derivatives"]
 
         asked = ", ".join(f"{name} = {value:g}" for name, value in targets.items())
         return self._solve(system, guess, names, f"with {asked}")
@@ -59,29 +100,45 @@ class Assembler:
         """Return q with the tool at a pose: (x, y[, angle]) in the plane, (x, y, z[, rotation vector]) in space."""
         names = (*self.rows, *self.pose_names(pose.size))
 
-        def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            out = self.evaluate(q, 0 * q)
+        def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            out = self.still(q)
             error, J = self._pose_rows(out, pose)
-            return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], J])
+            return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], J]), out["derivatives"]
 
         return self._solve(system, guess, names, f"with the tool at {np.round(pose, 6).tolist()}")
 
     def rates(
         self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return q', q'' for a pose and its first and second time derivatives, in the coordinates of the pose."""
+        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of the pose."""
         if pose.size == 6:
             omega, alpha = turning(pose[3:], velocity[3:], acceleration[3:])
             velocity = np.append(velocity[:3], omega)
             acceleration = np.append(acceleration[:3], alpha)
-        out = self.evaluate(q, 0 * q)
+        out = self.still(q)
         rows = self._pose_indices(velocity.size)
         A = np.vstack([out["Phi"], out["J_tool"][rows]])
         self._refuse_leg_singular(A)
-        dq = np.linalg.lstsq(A, np.concatenate([0 * out["phi"], velocity]), rcond=None)[0]
-        out = self.evaluate(q, dq)
+        w = np.linalg.lstsq(A, np.concatenate([0 * out["phi"], velocity]), rcond=None)[0]
+        out = self.evaluate(q, w)
         right = np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]])
-        return dq, np.linalg.lstsq(A, right, rcond=None)[0]
+        return w, np.linalg.lstsq(A, right, rcond=None)[0]
+
+    def _rate_index(self, coordinate: str) -> int:
+        if coordinate not in self.rate_names:
+            raise LinkworkError(
+                f"{coordinate!r} is part of a quaternion and cannot be asked for alone; give angles and slides, or the tool's "
+                "pose"
+            )
+        return self.rate_names.index(coordinate)
+
+    def still(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs of `evaluate` at rest."""
+        return self.evaluate(q, np.zeros(len(self.tree.rates)))
+
+    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return q after a step of the tree's rates times a time, its quaternions at length 1."""
+        return unit(self.tree, q + self.still(q)["derivatives"] @ step) if step.any() else q
 
     def pose_names(self, size: int) -> tuple[str, ...]:
         names = ("x", "y", "angle") if self.planar else ("x", "y", "z", "rotation x", "rotation y", "rotation z")
@@ -112,14 +169,14 @@ class Assembler:
 
     def _solve(self, system, guess: np.ndarray, names: tuple[str, ...], asked: str) -> np.ndarray:
         try:
-            q = close(system, guess)
+            q = close(system, self.tree, guess)
         except OpenLoopsError as error:
             element, _, what = names[error.worst].partition(": ")
             raise UnreachableError(
                 f"the mechanism cannot be assembled {asked} from this guess: {element} ({what}) stays off by "
                 f"{error.gap:.3g}; choose a pose within reach or a nearer guess"
             ) from None
-        if self.evaluate(q, 0 * q)["alignment"][0] < 0:
+        if self.still(q)["alignment"][0] < 0:
             raise UnreachableError(
                 f"the mechanism closes {asked} only with a joint's frames facing opposite ways; start from a nearer guess"
             )

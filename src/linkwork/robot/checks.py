@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.joints import TURN
 from linkwork.robot.assembly import wrapped
-
-if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
-
+from linkwork.robot.state import State
 
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
 
@@ -36,15 +35,41 @@ def finite(values: ArrayLike, what: str) -> np.ndarray:
     return array
 
 
-def positive(value: float, what: str) -> None:
-    if not 0 < value < np.inf:
+def number(value: object, what: str) -> float:
+    """Return one number; refuse what is none, or not finite."""
+    array = finite(value, what)  # pyright: ignore[reportArgumentType]
+    if array.ndim:
+        raise LinkworkError(f"{what} is {value!r}; give one number")
+    return float(array)
+
+
+def positive(value: object, what: str) -> None:
+    if not number(value, what) > 0:
         raise LinkworkError(f"{what} is {value}; give a positive number")
+
+
+def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the common leading dimensions of stacks; refuse stacks of different length."""
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError:
+        lengths = " and ".join(map(str, shapes))
+        raise LinkworkError(
+            f"stacks of the shapes {lengths} do not fit together; give equal ones, or one of each"
+        ) from None
+
+
+def names(values: object, what: str) -> tuple[str, ...]:
+    """Return a sequence of names; refuse what is none."""
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise LinkworkError(f"{what} is {values!r}; give a list of names")
+    return tuple(str(value) for value in values)
 
 
 def known(names: Iterable[str], allowed: Sequence[str], kind: str) -> None:
     for name in names:
         if name not in allowed:
-            raise LinkworkError(f"there is no {kind} {name!r}; the {kind}s are {', '.join(allowed)}")
+            raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(allowed) or 'none'}")
 
 
 def values_by_name(values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], what: str) -> np.ndarray:
@@ -55,7 +80,8 @@ def values_by_name(values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[
         if missing:
             raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}")
         parts = [finite(values[name], f"{what}[{name!r}]") for name in names]
-        return np.stack(np.broadcast_arrays(*parts), axis=-1)
+        batch = together(*(part.shape for part in parts))
+        return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1)
     array = finite(values, what)
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
@@ -68,17 +94,16 @@ def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn
     )
 
 
-def refuse_foreign(state: object, joints: Sequence[str], actuators: Sequence[str]) -> None:
+def refuse_foreign(state: object, coordinates: Sequence[str], charts: Iterable[tuple[str, ...]]) -> None:
     """Refuse what is not a state of this robot; states of an equal robot (the same joints) are accepted."""
-    found = getattr(state, "joints", None)
-    if found is None:
+    if not isinstance(state, State):
         raise LinkworkError(f"a state is needed, not {type(state).__name__}; make one by robot.state or robot.assemble")
-    if state.actuators != actuators:  # pyright: ignore[reportAttributeAccessIssue]
-        raise LinkworkError(f"the state belongs to another robot: its rates are those of {', '.join(state.actuators)}")  # pyright: ignore
-    if found != joints:
-        raise LinkworkError(
-            f"the state belongs to another robot: its joints are {', '.join(found)}, not {', '.join(joints)}"
-        )
+    if state.independent not in charts:
+        rates = ", ".join(state.independent)
+        raise LinkworkError(f"the state belongs to another robot: its rates are those of {rates}")
+    if state.coordinates != coordinates:
+        found = ", ".join(state.coordinates)
+        raise LinkworkError(f"the state belongs to another robot: its joints are {found}, not {', '.join(coordinates)}")
 
 
 def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, ...]], str]) -> None:
@@ -94,9 +119,19 @@ def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, 
 
 
 def require_consistent(
-    closed: np.ndarray, given: np.ndarray, joints: Sequence[str], angular: np.ndarray, tolerance: float
+    closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, angular: np.ndarray, tolerance: float
 ) -> None:
-    """Refuse coordinates that contradict the closed configuration; angles may differ by whole turns."""
+    """Refuse coordinates that contradict the closed configuration; angles may differ by whole turns.
+
+    A quaternion may be given at any length and with either sign.
+    """
+    joints, given = mechanism.coordinates, given.copy()
+    for name, joint in mechanism.joints.items():
+        if TURN in joint.freedoms:
+            places = [joints.index(label) for label in joint.coordinates(name)[-4:]]
+            length = np.linalg.norm(given[..., places], axis=-1, keepdims=True)
+            sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
+            given[..., places] *= sign / length
     error = given - closed
     error = np.where(angular, wrapped(error), error)
     if not (np.abs(error) > 10 * tolerance).any():
@@ -116,12 +151,12 @@ def at(place: str) -> Iterator[None]:
         raise type(error)(f"{place}{error}") from None
 
 
-def singular(robot: Robot, pivot: np.ndarray) -> SingularError:
-    """Return the refusal of a singular configuration, with its kind."""
-    weakest = np.unravel_index(int(np.argmin(np.nan_to_num(pivot[..., 0], nan=-1.0))), pivot.shape[:-1])
+def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:
+    """Return the refusal of a configuration where the independent rates do not determine the motion."""
+    weakest = np.unravel_index(int(np.argmin(np.nan_to_num(np.abs(pivot[..., 0]), nan=-1.0))), pivot.shape[:-1])
     which = f" of state {', '.join(str(int(i)) for i in weakest)}" if weakest else ""
     return SingularError(
-        f"the configuration{which} is actuator-singular (smallest relative pivot {float(pivot[(*weakest, 0)]):.2g}): with "
-        f"{', '.join(robot.actuators)} locked the mechanism can still move, so their forces do not determine the motion; "
-        "choose another configuration"
+        f"the configuration{which} is singular (smallest relative pivot {abs(float(pivot[(*weakest, 0)])):.2g}): with "
+        f"{', '.join(independent)} locked the mechanism can still move (where they are the actuators: it is "
+        "actuator-singular); choose another configuration, or other independent rates by robot.in_chart"
     )

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import isfinite
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.equations import Equations, derive, functions, measures
+from linkwork.equations import Equations, derive, functions, measures, mobility
+from linkwork.equations.reference import tree_coordinates, unit
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
-from linkwork.robot import checks
-from linkwork.robot.assembly import Assembler
+from linkwork.robot import actuation, checks, limits
+from linkwork.robot.assembly import Assembler, AssemblyKernel
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.labels import Labels
 from linkwork.robot.state import Motion, State
 
 if TYPE_CHECKING:
@@ -26,35 +29,58 @@ if TYPE_CHECKING:
 
 OPEN_LOOPS = 1e-6
 CLOSED = 1e-12
-MATRICES = ("Phi", "J_coordinates", "J_tool")
+SMALLEST = 1e-4  # length below which rounding is not followed [m]
 
 
 class Robot:
-    """Derive, compile and evaluate the exact equations of motion of a mechanism in the rates of its actuated joints.
+    """Derive, compile and evaluate the exact equations of motion of a mechanism in independent rates v.
 
-        M(q) v' + C(q, v) v + G(q) = u,    q' = L(q) v                         (paper, Eqs. (7), (9)-(12))
+        M(q) v' + C(q, v) v + G(q) = S' u + f,    q' = L(q) v                  (paper, Eqs. (7), (9)-(12))
 
-    Everything is in SI units and radians. Independent coordinates, and so the order of M, accelerations and forces,
-    are the actuated joints in the order of `actuators`; joint coordinates are in the order of `joints`. Methods take
-    one state or a stack of states with leading dimensions, and return arrays with the same leading dimensions. Kernels
-    are compiled when they are first needed and kept in the user's cache folder.
+    Everything is in SI units and radians. The independent rates, and so the order of M and of accelerations, are those
+    named by `independent`: the actuated ones in the order of `actuators` (S = 1) where these determine the motion;
+    else as many of them as are independent, and others. f are the forces of springs and friction. Joint coordinates
+    are in the order of `coordinates`, their rates in that of `rates`. Methods take one state or a stack of states with
+    leading dimensions, and return arrays with the same leading dimensions. Kernels are compiled when they are first
+    needed and kept in the user's cache folder.
 
     Args:
         mechanism: the description, from `linkwork.robots`, a file (`Robot.from_file`) or code.
+        independent: rates that should be the independent ones, by name, as far as they determine the motion.
+
+    Attributes:
+        mobility: number n of independent rates; gruebler: what Gruebler's formula gives for it
+        redundant: closure rows that depend on the others, by joint and direction; they are left out and watched
+        idle: freedoms that turn a member about its own axis and move nothing else, by name
 
     Raises:
-        MechanismError: a description that cannot be assembled or actuated, in one sentence.
+        MechanismError: a description that cannot be assembled or has no motion, in one sentence.
     """
 
-    def __init__(self, mechanism: Mechanism):
+    def __init__(self, mechanism: Mechanism, independent: Sequence[str] = ()):
+        if not isinstance(mechanism, Mechanism):
+            raise LinkworkError(
+                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, or Robot.from_file"
+            )
         self.mechanism = mechanism
-        self.equations: Equations = derive(mechanism)
-        self.joints: tuple[str, ...] = measures.joint_names(mechanism)
+        wanted = checks.names(independent, "independent")
+        self.equations: Equations = derive(mechanism, wanted)
+        self.chart = CompiledChart(self.equations)
+        self.labels = Labels(self.equations)
+        checks.known(wanted, self.equations.tree.rates, "rate of the tree")
+        self.independent: tuple[str, ...] = self.equations.independent
+        self.coordinates: tuple[str, ...] = mechanism.coordinates
+        self.rates: tuple[str, ...] = mechanism.rates
+        self.joints: tuple[str, ...] = tuple(mechanism.joints)
         self.actuators: tuple[str, ...] = mechanism.actuators
         self.bodies: tuple[str, ...] = tuple(mechanism.bodies)
         self.redundant: tuple[str, ...] = self.equations.redundant
+        self.idle: tuple[str, ...] = self.equations.idle
         self.mobility: int = self.equations.mobility
         self.planar: bool = measures.is_planar(self.equations.tree)
+        self.gruebler: int = mobility.gruebler(mechanism, self.planar)
+        self.charts: dict[tuple[str, ...], CompiledChart] = {self.independent: self.chart}
+        self.run_charts: dict[tuple[object, ...], CompiledChart] = {self.chart.key: self.chart}
 
     @classmethod
     def from_file(cls, path: str | FilePath) -> Robot:
@@ -62,7 +88,8 @@ class Robot:
         return cls(Mechanism.load(path))
 
     def __repr__(self) -> str:
-        return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {len(self.bodies)} bodies, {len(self.joints)} joints)"
+        size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
+        return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
 
     # States
 
@@ -81,8 +108,8 @@ class Robot:
         """Make a state from the coordinates of all joints.
 
         Args:
-            positions: q of all joints (..., m) [m, rad] in the order of `joints`, or by name.
-            rates: v of the actuated joints (..., n) [m/s, rad/s] in the order of `actuators`, or by name; zero if left
+            positions: q of all joints (..., m) [m, rad] in the order of `coordinates`, or by name.
+            rates: v (..., n) [m/s, rad/s] in the order of `independent`, or n rates of any joints by name; zero if left
             out.
             tolerance: largest gap [m, rad] of a loop; what is open by less is closed exactly by moving the dependent
             joints.
@@ -90,11 +117,9 @@ class Robot:
         Raises:
             LinkworkError: wrong shapes or names, numbers that are not finite, loops that are open.
         """
-        q_all = checks.values_by_name(positions, self.joints, "positions")
-        v = np.zeros(self.mobility) if rates is None else checks.values_by_name(rates, self.actuators, "rates")
-        batch = np.broadcast_shapes(q_all.shape[:-1], v.shape[:-1])
-        q_all = np.broadcast_to(q_all, (*batch, q_all.shape[-1]))
-        q = q_all[..., self._tree_in_joints]
+        q_all = checks.values_by_name(positions, self.coordinates, "positions")
+        checks.positive(tolerance, "the tolerance")
+        q = unit(self.equations.tree, self._tree_coordinates(q_all))
         next_q, gap = self.kernel("closure_step")(q)
         checks.require_closed(gap[..., 0], tolerance, lambda index: self._open_row(q[index]))
         for _ in range(3):
@@ -102,8 +127,11 @@ class Robot:
                 break
             q, (next_q, gap) = next_q, self.kernel("closure_step")(next_q)
         checks.require_closed(gap[..., 0], OPEN_LOOPS, lambda index: self._open_row(q[index]))
-        state = self._state(q, np.broadcast_to(v, (*batch, self.mobility)))
-        checks.require_consistent(state.positions, q_all, self.joints, self._angular, tolerance)
+        v = self._rates(rates, q)
+        batch = checks.together(q.shape[:-1], v.shape[:-1])
+        state = self._state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, self.mobility)))
+        q_all = np.broadcast_to(q_all, (*batch, q_all.shape[-1]))
+        checks.require_consistent(state.positions, q_all, self.mechanism, self.labels.angular, tolerance)
         return state
 
     def assemble(
@@ -117,31 +145,33 @@ class Robot:
         """Close the loops at given joint coordinates (direct kinematics) or at a tool pose (inverse kinematics).
 
         Args:
-            joints: coordinates of some joints by name [m, rad].
+            joints: some joint coordinates by name [m, rad].
             tool: pose of the tool (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6) in space: x, y, z[, rotation
                 vector] [m, rad]. Leading dimensions give a stack of states, each from the same guess.
-            rates: v of the actuated joints (n); zero if left out.
+            rates: v (n) in the order of `independent`, or n rates of any joints by name; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
 
         Raises:
             UnreachableError: what is asked is out of reach, or not reachable from this guess.
         """
-        start = (self.home if guess is None else self._own(guess)).coordinates
+        start = (self.home if guess is None else self._own(guess)).q
         if start.ndim != 1:
             raise LinkworkError("the guess is a stack of states; give one of them")
-        if joints is not None and tool is None:
-            targets = {name: float(checks.finite(value, f"joint {name!r}")) for name, value in joints.items()}
-            checks.known(targets, self.joints, "joint")
+        if isinstance(joints, Mapping) and tool is None:
+            targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
+            checks.known(targets, self.coordinates, "joint")
             q = self._assembler.at_joints(targets, start)
         elif tool is not None and joints is None:
             self._require_tool()
             poses = np.atleast_1d(checks.finite(tool, "tool"))
+            self._assembler.pose_names(poses.shape[-1])
             flat = [self._assembler.at_pose(pose, start) for pose in poses.reshape(-1, poses.shape[-1])]
-            q = np.array(flat).reshape(*poses.shape[:-1], -1)
+            q = np.array(flat).reshape(*poses.shape[:-1], start.size)
         else:
             raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
-        v = np.zeros(self.mobility) if rates is None else checks.values_by_name(rates, self.actuators, "rates")
-        return self._state(q, np.broadcast_to(v, (*q.shape[:-1], self.mobility)))
+        v = self._rates(rates, q)
+        batch = checks.together(q.shape[:-1], v.shape[:-1])
+        return self._state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, self.mobility)))
 
     def follow(self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None) -> Motion:
         """Lead the tool along a path: positions, rates and accelerations of all joints.
@@ -156,83 +186,161 @@ class Robot:
             UnreachableError: with the time and pose at which the path leaves the workspace.
         """
         checks.positive(duration, "the duration")
-        if samples < 2:
-            raise LinkworkError(f"a motion needs at least 2 samples, not {samples}")
+        if not isinstance(samples, int) or samples < 2:
+            raise LinkworkError(f"a motion needs a whole number of samples, at least 2, not {samples!r}")
+        if not isinstance(path, Path):
+            raise LinkworkError(f"the path is {path!r}; give one made by linkwork.paths")
         time = np.linspace(0, duration, samples)
         self._require_tool()
         poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
         self._require_full_pose(poses.shape[1])
-        q = (self.home if guess is None else self._own(guess)).coordinates
-        dq = np.zeros_like(q)
-        tree = np.empty((3, samples, q.size))
+        q = (self.home if guess is None else self._own(guess)).q
+        if q.ndim != 1:
+            raise LinkworkError("the guess is a stack of states; give one of them")
+        w = np.zeros(self.equations.nv)
+        along, v, v_dot = (
+            np.empty((samples, q.size)),
+            np.empty((samples, self.mobility)),
+            np.empty((samples, self.mobility)),
+        )
         for k in range(samples):
             with checks.at(f"at t = {time[k]:.6g} s: "):
-                q = self._assembler.at_pose(poses[k], q + dq * (duration / (samples - 1)))
-                dq, ddq = self._assembler.rates(q, poses[k], velocities[k], accelerations[k])
-            tree[:, k] = q, dq, ddq
-        independent = list(self.equations.chart.independent)
-        state = self._state(tree[0], tree[1][:, independent])
-        v_dot = tree[2][:, independent]
-        positions, joint_rates, joint_accelerations = self.kernel("joints_motion")(
-            state.coordinates, state.rates, v_dot
-        )
-        state = replace(state, positions=self.unwrapped(positions))
+                q = self._assembler.at_pose(poses[k], self._assembler.moved(q, w * (duration / (samples - 1))))
+                w, dw = self._assembler.rates(q, poses[k], velocities[k], accelerations[k])
+            along[k], v[k], v_dot[k] = q, self.chart.from_tree(w), self.chart.from_tree(dw)
+        state = self._state(along, v)
+        positions, joint_rates, joint_accelerations, _ = self.kernel("joints_motion")(state.q, state.rates, v_dot)
+        state = replace(state, positions=self.labels.unwrapped(time, positions, joint_rates))
         return Motion(time, state, v_dot, joint_rates, joint_accelerations, poses)
+
+    # Charts
+
+    def in_chart(self, state: State, independent: Sequence[str]) -> State:
+        """Return the same state with other independent rates, read off the rates of all joints.
+
+        Args:
+            independent: n rates of the tree's joints by name (`equations.tree.rates`); M, accelerations and all else that
+                a state gives are then in these.
+
+        Raises:
+            LinkworkError: names that are no rates of the tree; rates that do not determine the motion there.
+        """
+        names, tree = checks.names(independent, "independent"), self.equations.tree.rates
+        checks.known(names, tree, "rate of the tree")
+        w = self._chart(self._own(state)).tree_rates(state.q, state.rates)
+        if names not in self.charts:
+            q = state.q.reshape(-1, state.q.shape[-1])[0]
+            chart = self.chart.better(q, tuple(tree.index(name) for name in names))
+            if set(chart.independent) != set(names):
+                raise LinkworkError(
+                    f"the rates {', '.join(names)} do not determine the motion here; {', '.join(chart.independent)} do"
+                )
+            self.charts[chart.independent] = chart
+            names = chart.independent
+        chart = self.charts[names]
+        return replace(state, rates=chart.from_tree(w), independent=chart.independent)
+
+    def _chart(self, state: State) -> CompiledChart:
+        return self.charts[state.independent]
 
     # Equations of motion
 
     def forward_dynamics(self, state: State, forces: ArrayLike) -> np.ndarray:
-        """Return the accelerations of the actuated joints, v' = M^-1 (u - C v - G) (paper, Eq. (9)).
+        """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G) (paper, Eq. (9)).
 
         Args:
             state: configuration and rates.
-            forces: u of the actuators (..., n) [N, N m], in the order of `actuators`.
+            forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`.
 
         Returns:
-            v' (..., n) [m/s^2, rad/s^2].
+            v' (..., n) [m/s^2, rad/s^2], in the order of the state's `independent`.
 
         Raises:
-            LinkworkError: wrong shape, numbers that are not finite, an actuator-singular configuration.
+            LinkworkError: wrong shape, numbers that are not finite, a configuration where these rates do not
+                determine the motion.
         """
-        return self._dynamics("motion", state, forces, "forces")
+        return self._dynamics("motion", state, self._vector(forces, "forces", self.actuators), "forces")
 
-    def inverse_dynamics(self, motion: State | Motion, accelerations: ArrayLike | None = None) -> np.ndarray | Sampled:
-        """Return the actuator forces that a state and accelerations, or a whole motion, need: u = M v' + C v + G.
+    def inverse_dynamics(
+        self, motion: State | Motion, accelerations: ArrayLike | None = None, *, weights: ArrayLike | None = None
+    ) -> np.ndarray | Sampled:
+        """Return the actuator forces that a state and accelerations, or a whole motion, need: S' u = M v' + C v + G - f.
+
+        With more actuators than freedoms these are the forces of least  sum weight_i u_i^2  (`internal_forces` may be
+        added); with fewer they are not defined.
 
         Args:
             motion: a state, or a `Motion` (whose own accelerations are then taken).
-            accelerations: v' of the actuated joints (..., n) [m/s^2, rad/s^2], with a state.
+            accelerations: v' (..., n) [m/s^2, rad/s^2] in the order of the state's `independent`, with a state.
+            weights: of the actuators (positive); all 1 if left out.
 
         Returns:
-            u (..., n) [N, N m]; for a motion a `Sampled` signal over its times, to simulate with.
+            u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate with.
+
+        Raises:
+            LinkworkError: directions that no actuator drives, by name; an actuator-singular configuration.
         """
         if isinstance(motion, Motion):
             from linkwork.simulation import Sampled
 
-            return Sampled(
-                motion.time, self._dynamics("inverse_dynamics", motion.state, motion.accelerations, "accelerations")
-            )
+            forces = self._actuator_forces(motion.state, motion.accelerations, weights)
+            return Sampled(motion.time, forces)
         if accelerations is None:
-            raise LinkworkError("give the accelerations of the actuated joints with a state")
-        return self._dynamics("inverse_dynamics", motion, accelerations, "accelerations")
+            raise LinkworkError("give the accelerations of the independent rates with a state")
+        return self._actuator_forces(motion, accelerations, weights)
 
-    def _dynamics(self, name: str, state: State, given: ArrayLike, what: str) -> np.ndarray:
+    def _actuator_forces(self, state: State, accelerations: ArrayLike, weights: ArrayLike | None) -> np.ndarray:
+        v_dot = self._vector(accelerations, "accelerations", self._own(state).independent)
+        f = self._dynamics("inverse_dynamics", state, v_dot, "accelerations")
+        W = None if weights is None else checks.values_by_name(weights, self.actuators, "weights")
+        if W is not None and not (W.ndim == 1 and (W > 0).all()):
+            raise LinkworkError(f"weights {W.tolist()} do not fit; give one positive number per actuator")
+        if state.independent == self.actuators:
+            return f
+        S = self.actuation(state)
+        if self.idle:
+            f = actuation.idle_left(S, self.mass_matrix(state), f, len(self.idle))
+        u = actuation.least_forces(S, f, W)
+        actuation.require_driven(S, f, u, state.independent, len(self.idle))
+        return u
+
+    def actuation(self, state: State) -> np.ndarray:
+        """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators act as S' u on v."""
+        if not self.actuators:
+            return np.zeros((*self._own(state).batch, 0, len(state.independent)))
+        S, pivot = self._chart(self._own(state)).kernel("actuation")(state.q)
+        S = np.swapaxes(S.reshape(*state.batch, len(state.independent), len(self.actuators)), -1, -2)
+        self._require_regular(state, pivot, S, state.rates, "rates")
+        return S
+
+    def internal_forces(self, state: State) -> np.ndarray:
+        """Return an orthonormal basis (actuators, k) of the actuator forces that do not act on the motion, S' u = 0.
+
+        There are k = actuators - n of them where the robot has more actuators than freedoms, none otherwise.
+        """
+        if self._own(state).batch:
+            raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
+        return actuation.internal_forces(self.actuation(state))
+
+    def _dynamics(self, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
         """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
-        values, kernel, q = self._vector(given, what, self.actuators), self.kernel(name), self._own(state).coordinates
+        kernel, q = self._chart(self._own(state)).kernel(name), state.q
+        n = len(state.independent)
         if values.ndim == 1 and q.ndim == 1:
             y = np.empty(kernel.n_out)
             kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
             numbers = y.tolist()
-            if numbers[-1] > checks.PIVOT_BOUND and isfinite(sum(numbers)):
-                return y[-1 - self.mobility : -1]
-            result, pivot = y[-1 - self.mobility : -1], y[-1:]
+            if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
+                return y[-1 - n : -1]
+            result, pivot = y[-1 - n : -1], y[-1:]
         else:
+            checks.together(state.batch, values.shape[:-1])
             *_, result, pivot = kernel(q, state.rates, values)
         self._require_regular(state, pivot, result, values, what)
         return result
 
     def mass_matrix(self, state: State) -> np.ndarray:
-        """Return the generalised inertia M (..., n, n) in the actuated coordinates (paper, Eq. (10))."""
+        """Return the generalised inertia M (..., n, n) in the independent rates (paper, Eq. (10))."""
         return self._terms(state)[0]
 
     def coriolis(self, state: State) -> np.ndarray:
@@ -243,13 +351,18 @@ class Robot:
         """Return the forces G (..., n) [N, N m] that hold the weight (paper, Eq. (12))."""
         return self._terms(state)[2]
 
-    def _terms(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        M, Cv, G, pivot = self.kernel("terms")(self._own(state).coordinates, state.rates)
+    def passive_forces(self, state: State) -> np.ndarray:
+        """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent rates."""
+        return self._terms(state)[3]
+
+    def _terms(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        M, Cv, G, f, pivot = self._chart(self._own(state)).kernel("terms")(state.q, state.rates)
         self._require_regular(state, pivot, Cv, state.rates, "rates")
-        return M.reshape(*state.batch, self.mobility, self.mobility), Cv, G
+        n = len(state.independent)
+        return M.reshape(*state.batch, n, n), Cv, G, f
 
     def rate_map(self, state: State) -> np.ndarray:
-        """Return L (..., m, n): rates of all joints from those of the actuated ones, q' = L v (paper, Eq. (7))."""
+        """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent ones (paper, Eq. (7))."""
         return self._maps(state)[0]
 
     def twist_map(self, state: State) -> np.ndarray:
@@ -257,55 +370,62 @@ class Robot:
         return self._maps(state)[1]
 
     def _maps(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        L, T, pivot = self.kernel("maps")(self._own(state).coordinates)
+        L, T, pivot = self._chart(self._own(state)).kernel("maps")(state.q)
         self._require_regular(state, pivot, L, state.rates, "rates")
-        n = self.mobility
-        return tuple(np.swapaxes(X.reshape(*state.batch, n, -1), -1, -2) for X in (L, T))  # pyright: ignore
+        n, m, r = len(state.independent), len(self.rates), 6 * len(self.bodies)
+        L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
+        return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return the kinetic energy v' M v / 2 and the potential energy -sum m g . c of the weight (...) [J]."""
-        kinetic, potential = self.kernel("energy")(self._own(state).coordinates, state.rates)
+        """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...) [J]."""
+        kinetic, potential, pivot = self._chart(self._own(state)).kernel("energy")(state.q, state.rates)
+        self._require_regular(state, pivot, kinetic, state.rates, "rates")
         return kinetic[..., 0], potential[..., 0]
 
     # Kinematics
 
     def joint_rates(self, state: State) -> np.ndarray:
-        """Return the rates of all joints (..., m) [m/s, rad/s]."""
-        return self.kernel("joints_motion")(self._own(state).coordinates, state.rates, 0 * state.rates)[1]
+        """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
+        return self._joints_motion(state, 0 * self._own(state).rates)[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
-        """Return the accelerations of all joints (..., m) for those of the actuated ones, q'' = L v' + L' v."""
-        v_dot = self._vector(accelerations, "accelerations", self.actuators)
-        return self.kernel("joints_motion")(self._own(state).coordinates, state.rates, v_dot)[2]
+        """Return the accelerations of all joints (..., m) for those of the independent rates, L v' + L' v."""
+        return self._joints_motion(state, self._vector(accelerations, "accelerations", self._own(state).independent))[2]
+
+    def _joints_motion(self, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
+        checks.together(state.batch, v_dot.shape[:-1])
+        *motion, pivot = self._chart(state).kernel("joints_motion")(state.q, state.rates, v_dot)
+        self._require_regular(state, pivot, motion[1], v_dot, "accelerations")
+        return motion
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame, by name."""
-        origins, orientations, _ = self.kernel("bodies_motion")(self._own(state).coordinates, state.rates)
+        origins, orientations, *_ = self.kernel("bodies_motion")(self._own(state).q, np.zeros(self.mobility))
         p = origins.reshape(*state.batch, len(self.bodies), 3)
         R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
         return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
 
     def twists(self, state: State) -> np.ndarray:
         """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the ground's axes."""
-        twists = self.kernel("bodies_motion")(self._own(state).coordinates, state.rates)[2]
+        *_, twists, pivot = self._chart(self._own(state)).kernel("bodies_motion")(state.q, state.rates)
+        self._require_regular(state, pivot, twists, state.rates, "rates")
         return twists.reshape(*state.batch, len(self.bodies), 6)
 
     def tool_pose(self, state: State) -> np.ndarray:
         """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector (..., 6) in space [m, rad]."""
-        return self.tool_poses(self._own(state).coordinates)
+        return self.tool_poses(self._own(state).q)
 
-    def unit(self, joint: str) -> str:
-        """Return the unit of a joint's coordinate: m or rad."""
-        return "rad" if self.mechanism.joints[joint].type == "revolute" else "m"
-
-    def unwrapped(self, positions: np.ndarray) -> np.ndarray:
-        """Return coordinates of all joints over time (K, m) without the jumps of 2 pi that cut joints' angles may have."""
-        cut = [name in self.equations.topology.cuts for name in self.joints]
-        return np.where(self._angular & cut, np.unwrap(positions, axis=0), positions)
+    def unit(self, label: str) -> str:
+        """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a part of a quaternion."""
+        return self.labels.unit(label)
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...) [m, rad], redundant rows included."""
-        return self.kernel("closure_step")(self._own(state).coordinates)[1][..., 0]
+        return self.kernel("closure_step")(self._own(state).q)[1][..., 0]
+
+    def limits_passed(self, state: State) -> tuple[str, ...]:
+        """Return one sentence for each joint coordinate that lies outside its limits in a state."""
+        return limits.passed(self.mechanism, self.coordinates, self._own(state).positions)
 
     # Simulation
 
@@ -320,10 +440,13 @@ class Robot:
         save_at: ArrayLike | None = None,
         max_step: float = np.inf,
         max_steps: int = 1_000_000,
+        on_singular: Literal["stop", "step_over"] = "stop",
     ) -> Run:
         """Integrate the equations of motion from a state under actuator forces (paper, algorithm of forward dynamics).
 
-        Adaptive Dormand-Prince 5(4); after each step the loops are closed exactly by projection on phi = 0.
+        Adaptive Dormand-Prince 5(4); after each step the loops are closed exactly by projection on phi = 0. Where the
+        independent rates become a weak choice the run goes on in better ones. Where no rates determine the motion (a
+        bifurcation: branches of motion meet) it stops, or steps over to the smooth continuation.
 
         Args:
             state: where to start.
@@ -333,66 +456,85 @@ class Robot:
             save_at: times to save [s]; every accepted step if left out.
             max_step: largest step [s].
             max_steps: most steps to take.
+            on_singular: what to do at a bifurcation.
 
         Returns:
             A `Run`: its `status` and `message` say how it ended; `dataset` holds what was computed until then.
         """
         from linkwork.robot.recording import simulate
 
-        return simulate(self, self._own(state), forces, duration, rtol, atol, save_at, max_step, max_steps)
+        for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
+            checks.positive(value, name)
+        if max_step != np.inf:
+            checks.positive(max_step, "max_step")
+        options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
+        return simulate(self, self._own(state), forces, duration, save_at, on_singular, options)
 
     # Kernels
 
-    @cached_property
+    @property
     def kernel(self) -> Callable[[str], Kernel]:
-        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ..."""
-        return lru_cache(maxsize=None)(lambda name: compile_function(getattr(functions, name)(self.equations)))
+        """Return a compiled kernel of the home chart by name: motion, inverse_dynamics, terms, maps, closure_step ..."""
+        return self.chart.kernel
 
     @cached_property
-    def _assembly_function(self):
+    def run_chart(self) -> CompiledChart:
+        """Return the chart that runs start in: of the home chart and that of free bodies' own rates the shorter one."""
+        free = self._free_rates
+        if not free or set(free) == set(self.independent):
+            return self.chart
+        candidate = self.chart.better(self.equations.reference, free)
+        counts = [functions.motion(chart.equations).n_instructions() for chart in (self.chart, candidate)]
+        if counts[1] >= counts[0]:
+            return self.chart
+        return self.charts.setdefault(candidate.independent, candidate)
+
+    @cached_property
+    def _assembly(self) -> AssemblyKernel:
         tool = next(iter(self.mechanism.tools.values()), None)
-        return functions.assembly(self.equations, tool)
-
-    @cached_property
-    def _assembly_kernel(self) -> Kernel:
-        return compile_function(self._assembly_function)
+        return AssemblyKernel(functions.assembly(self.equations, tool), self.planar)
 
     @cached_property
     def _assembler(self) -> Assembler:
-        shapes = {name: self._assembly_function.size_out(name) for name in self._assembly_function.name_out()}
-
-        def evaluate(q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
-            values = self._assembly_kernel(q, rates)
-            named = zip(shapes.items(), values, strict=True)
-            return {
-                name: value.reshape(rows, columns, order="F") if name in MATRICES else value
-                for (name, (rows, columns)), value in named
-            }
-
-        return Assembler(evaluate, self.joints, self._angular, self.equations.rows.names, self.planar)
+        tree, rows = self.equations.tree, self.equations.rows.names
+        evaluate = self._assembly.evaluate
+        return Assembler(evaluate, tree, self.coordinates, self.rates, self.labels.angular, rows, self.planar)
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
         self._require_tool()
-        out = dict(zip(self._assembly_function.name_out(), self._assembly_kernel(q, 0 * q), strict=True))
-        if self.planar:
-            return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
-        from scipy.spatial.transform import Rotation
-
-        turns = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)).as_rotvec()
-        return np.concatenate([out["position"], turns.reshape(out["position"].shape)], axis=-1)
+        return self._assembly.tool_poses(q)
 
     # Checks
 
     def _state(self, q: np.ndarray, v: np.ndarray) -> State:
         q = np.ascontiguousarray(q)
-        positions = self.kernel("joints_motion")(q, v, 0 * v)[0]
-        return State(positions, np.ascontiguousarray(v), q, self.joints, self.actuators)
+        (positions,) = self.kernel("positions")(q)
+        return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
+
+    def _rates(self, rates: ArrayLike | Mapping[str, ArrayLike] | None, q: np.ndarray) -> np.ndarray:
+        """Return v (..., n) from an array, from the independent rates by name, or from n rates of any joints by name."""
+        if rates is None:
+            return np.zeros(self.mobility)
+        if not isinstance(rates, Mapping) or set(rates) <= set(self.independent):
+            return checks.values_by_name(rates, self.independent, "rates")
+        checks.known(rates, self.rates, "rate")
+        if len(rates) != self.mobility:
+            raise LinkworkError(
+                f"{len(rates)} rates are given; give {self.mobility}, for instance {', '.join(self.independent)}"
+            )
+        L = self.kernel("maps")(q)[0].reshape(*q.shape[:-1], self.mobility, -1)
+        A = np.swapaxes(L[..., [self.rates.index(name) for name in rates]], -1, -2)
+        given = checks.values_by_name(rates, tuple(rates), "rates")
+        checks.together(given.shape[:-1], A.shape[:-2])
+        if np.linalg.cond(A).max(initial=0.0) > 1 / checks.PIVOT_BOUND**2:
+            raise LinkworkError(f"the rates {', '.join(rates)} do not determine the motion here; give others")
+        return np.linalg.solve(A, given[..., None])[..., 0]
 
     def _own(self, state: State) -> State:
-        if getattr(state, "joints", None) is not self.joints:
-            checks.refuse_foreign(state, self.joints, self.actuators)
-            gap = float(self.kernel("closure_step")(state.coordinates)[1].max(initial=0.0))
+        if getattr(state, "coordinates", None) is not self.coordinates:
+            checks.refuse_foreign(state, self.coordinates, self.charts)
+            gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
             if gap > OPEN_LOOPS:
                 raise LinkworkError(
                     f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
@@ -400,23 +542,31 @@ class Robot:
         return state
 
     def _vector(self, values: ArrayLike, what: str, names: Sequence[str]) -> np.ndarray:
-        array = np.asarray(values, float)
-        if array.ndim == 0 or array.shape[-1] != len(names):
+        if isinstance(values, np.ndarray) and values.dtype == float and values.shape[-1:] == (len(names),):
+            return values
+        if isinstance(values, Mapping):
+            return checks.values_by_name(values, names, what)
+        try:
+            array = np.asarray(values, float)
+        except (TypeError, ValueError):
+            raise LinkworkError(f"{what} is {values!r}; give {len(names)} numbers: {', '.join(names)}") from None
+        if array.shape[-1:] != (len(names),):
             checks.refuse_shape(array, what, names)
         return array
 
     def _require_regular(
         self, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
     ) -> None:
-        if pivot.min(initial=np.inf) > checks.PIVOT_BOUND and np.isfinite(result).all():
+        weakest = np.abs(pivot).min(initial=np.inf)
+        if weakest > checks.PIVOT_BOUND and np.isfinite(result).all():
             return
         checks.finite(given, what)
         checks.finite(state.rates, "the state's rates")
-        if pivot.min(initial=np.inf) > checks.PIVOT_BOUND:
+        if weakest > checks.PIVOT_BOUND:
             raise LinkworkError(
                 "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
             )
-        raise checks.singular(self, pivot)
+        raise checks.singular(state.independent, pivot)
 
     def _require_tool(self) -> None:
         if not self.mechanism.tools:
@@ -424,26 +574,43 @@ class Robot:
 
     def _require_full_pose(self, size: int) -> None:
         self._assembler.pose_names(size)
-        if size != self.mobility:
+        needed = self.mobility - len(self.idle)
+        if size != needed:
+            besides = " besides idle freedoms" if self.idle else ""
             raise LinkworkError(
-                f"the path prescribes {size} coordinates of the tool, but the mobility is {self.mobility}; "
-                f"prescribe {self.mobility}"
+                f"the path prescribes {size} coordinates of the tool, but the mobility is {needed}{besides}; "
+                f"prescribe {needed}"
             )
 
     @cached_property
     def size(self) -> float:
-        """Return the largest length in the description [m], at least 1: rounding in the closure rows grows with it."""
-        frames = [frame for joint in self.mechanism.joints.values() for frame in joint.frames]
-        return max(1.0, *(abs(x) for frame in frames for x in frame.position), *np.abs(self.home.coordinates).tolist())
+        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
+        frames = [frame for joint in self.mechanism.pairs.values() for frame in joint.frames]
+        lengths = [abs(x) for frame in frames for x in frame.position]
+        lengths += [
+            abs(x) for x, label in zip(self.home.positions, self.coordinates, strict=True) if self.unit(label) == "m"
+        ]
+        rows = [row for cut in self.equations.cuts for row in cut.rows]
+        unitless = bool(self.equations.tree.quaternions) or any(row.f is not None for row in rows)
+        return max(*lengths, 1.0 if unitless and not self.planar else SMALLEST) * max(1.0, *np.abs(self.home.q))
+
+    def _tree_coordinates(self, positions: np.ndarray) -> np.ndarray:
+        """Return q (..., nq) from the coordinates of all joints (..., m)."""
+        tree, topology = self.equations.tree, self.equations.topology
+        if not topology.added:
+            return positions[..., [self.coordinates.index(label) for label in tree.coordinates]]
+        flat = positions.reshape(-1, positions.shape[-1])
+        values = (dict(zip(self.coordinates, row, strict=True)) for row in flat)
+        q = [tree_coordinates(self.mechanism, topology, tree, value) for value in values]
+        return np.array(q).reshape(*positions.shape[:-1], -1)
 
     @cached_property
-    def _tree_in_joints(self) -> np.ndarray:
-        return np.array([self.joints.index(name) for name in self.equations.tree.coordinates], int)
-
-    @cached_property
-    def _angular(self) -> np.ndarray:
-        return np.array([self.unit(name) == "rad" for name in self.joints])
+    def _free_rates(self) -> tuple[int, ...]:
+        """Return the rates of the free joints in the tree."""
+        joints = self.equations.topology.joints
+        labels = [label for name, joint in joints.items() if joint.type == "free" for label in joint.rates(name)]
+        return tuple(sorted(self.equations.tree.rates.index(label) for label in labels))
 
     def _open_row(self, q: np.ndarray) -> str:
-        out = self._assembler.evaluate(q, 0 * q)
-        return self.equations.rows.names[int(np.argmax(np.abs(out["phi"])))]
+        phi = self.chart.residuals(q)
+        return self.equations.rows.names[int(np.argmax(np.abs(phi)))]

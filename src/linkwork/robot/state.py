@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 
@@ -13,51 +15,61 @@ from linkwork.errors import LinkworkError
 class State:
     """Hold a closed configuration and its independent rates; leading dimensions stack states.
 
-    positions: coordinates of all joints (..., m) [m, rad], in the order of `joints`
-    rates: rates of the actuated joints (..., n) [m/s, rad/s], in the order of `actuators`
-    coordinates: the tree's coordinates (..., nq), of which all the others are functions
+    positions: coordinates of all joints (..., m) [m, rad; 1 of quaternions], in the order of `coordinates`
+    rates: independent rates v (..., n) [m/s, rad/s], in the order of `independent`
+    q: the tree's coordinates (..., nq), of which all the others are functions
+    coordinates, independent: names
     """
 
     positions: np.ndarray
     rates: np.ndarray
-    coordinates: np.ndarray
-    joints: tuple[str, ...]
-    actuators: tuple[str, ...]
+    q: np.ndarray
+    coordinates: tuple[str, ...]
+    independent: tuple[str, ...]
 
-    def __getitem__(self, joint: str) -> np.ndarray:
-        """Return the coordinate (...) of one joint [m, rad]."""
-        if joint not in self.joints:
-            raise LinkworkError(f"there is no joint {joint!r}; the joints are {', '.join(self.joints)}")
-        return self.positions[..., self.joints.index(joint)]
+    def __getitem__(self, coordinate: str) -> np.ndarray:
+        """Return one joint coordinate (...) [m, rad]."""
+        if coordinate not in self.coordinates:
+            raise LinkworkError(f"there is no joint {coordinate!r}; the joints are {', '.join(self.coordinates)}")
+        return self.positions[..., self.coordinates.index(coordinate)]
 
     @property
     def batch(self) -> tuple[int, ...]:
         """Return the leading dimensions: () for one state."""
-        return self.coordinates.shape[:-1]
+        return self.q.shape[:-1]
 
-    def with_rates(self, rates: np.ndarray | list[float]) -> State:
-        """Return the same configuration with other independent rates (..., n) [m/s, rad/s]."""
-        values = np.asarray(rates, float)
-        shape = (*self.batch, len(self.actuators))
+    def with_rates(self, rates: ArrayLike | Mapping[str, float]) -> State:
+        """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or rates by name."""
+        n, names = len(self.independent), ", ".join(self.independent)
+        if isinstance(rates, Mapping):
+            if set(rates) != set(self.independent):
+                raise LinkworkError(f"rates of {', '.join(map(str, rates))} do not fit; give all of {names}")
+            rates = [rates[name] for name in self.independent]
+        try:
+            values = np.asarray(rates, float)
+        except (TypeError, ValueError):
+            raise LinkworkError(f"rates {rates!r} are no numbers; give {n}: {names}") from None
+        shape = (*self.batch, n)
         if values.shape not in (shape, shape[-1:]) or not np.isfinite(values).all():
-            raise LinkworkError(
-                f"rates {values.tolist()} do not fit; give {shape[-1]} finite numbers: {', '.join(self.actuators)}"
-            )
+            raise LinkworkError(f"rates {values.tolist()} do not fit; give {n} finite numbers: {names}")
         return replace(self, rates=np.broadcast_to(values, shape).copy())
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states."""
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
-        return replace(
-            self, positions=self.positions[index], rates=self.rates[index], coordinates=self.coordinates[index]
-        )
+        try:
+            return replace(self, positions=self.positions[index], rates=self.rates[index], q=self.q[index])
+        except IndexError:
+            raise LinkworkError(f"index {index!r} does not fit a stack of states of the shape {self.batch}") from None
 
     def __repr__(self) -> str:
         if self.batch:
-            return f"State(stack of shape {self.batch}, joints: {', '.join(self.joints)})"
-        positions = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.joints, self.positions, strict=True))
-        rates = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.actuators, self.rates, strict=True))
+            return f"State(stack of shape {self.batch}, coordinates: {', '.join(self.coordinates)})"
+        positions = ", ".join(
+            f"{name}={value:.6g}" for name, value in zip(self.coordinates, self.positions, strict=True)
+        )
+        rates = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.independent, self.rates, strict=True))
         return f"State({positions}; rates: {rates})"
 
 
@@ -65,8 +77,8 @@ class State:
 class Motion:
     """Hold a motion of the whole mechanism over time (K samples).
 
-    time: (K,) [s]; state: the K states; rates and joint_accelerations of all joints (K, m); accelerations of the
-    actuated joints (K, n); tool: the tool's pose along the way (K, 3 planar or 6 spatial) [m, rad].
+    time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n); joint_rates and
+    joint_accelerations: of all joints (K, m); tool: the tool's pose along the way (K, 3 planar or 6 spatial) [m, rad].
     """
 
     time: np.ndarray
@@ -83,5 +95,5 @@ class Motion:
 
     @property
     def rates(self) -> np.ndarray:
-        """Return the rates of the actuated joints (K, n) [m/s, rad/s]."""
+        """Return the independent rates (K, n) [m/s, rad/s]."""
         return self.state.rates

@@ -1,5 +1,6 @@
 """Compile a function by Numba once per machine: kept in a cache folder, and announced while it happens."""
 
+import pickle
 import sys
 import time
 import warnings
@@ -33,7 +34,16 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     except RuntimeError:  # Numba found no folder that it may write to
         return None
     try:
-        dispatcher.compile(signature)
+        try:
+            dispatcher.compile(signature)
+        except (
+            AttributeError,
+            ImportError,
+            EOFError,
+            pickle.UnpicklingError,
+        ):  # written by another version of the file
+            dispatcher._cache.flush()  # pyright: ignore[reportAttributeAccessIssue]
+            dispatcher.compile(signature)
     except OSError:  # the folder failed while being read or written
         return None
     return dispatcher

@@ -23,7 +23,7 @@ from linkwork.textbook.kinematics import Configuration, Motion, crossing, joint_
 
 def loop_poses(at: Configuration, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return both poses of a closing joint's second frame: by its first body (X*) and by the tree (X)."""
-    joint = at.tree.mechanism.joints[name]
+    joint = at.tree.mechanism.pairs[name]
     first, second = joint.connects
     X_1F, X_2F = at.tree.frames[name]
     return at.X[first] @ X_1F @ joint_motion(joint, at.coordinates[name]), at.X[second] @ X_2F
@@ -31,7 +31,7 @@ def loop_poses(at: Configuration, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def loop_paths(at: Configuration, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the signs of the two paths to a closing joint's second frame, each (m,)."""
-    first, second = at.tree.mechanism.joints[name].connects
+    first, second = at.tree.mechanism.pairs[name].connects
     return at.tree.path[first] + crossing(at.tree.moving, name), at.tree.path[second]
 
 
@@ -65,7 +65,7 @@ def loop_jacobian_rate(during: Motion) -> np.ndarray:
     rows = [np.zeros((0, len(at.tree.moving)))]
     for name in at.tree.closing:
         o = loop_poses(at, name)[1][:3, 3]
-        o_rate = during.twist(at.tree.mechanism.joints[name].connects[1], o)[3:]
+        o_rate = during.twist(at.tree.mechanism.pairs[name].connects[1], o)[3:]
         s_star, s = loop_paths(at, name)
         twists_rate = during.unit_twists_rate(o, o_rate) * (s_star - s)
         rows += [twists_rate[3:], twists_rate[:3]]

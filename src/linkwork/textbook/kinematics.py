@@ -24,7 +24,7 @@ import networkx as nx
 import numpy as np
 
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import GROUND, FixedJoint, Joint, Mechanism, PrismaticJoint, RevoluteJoint
+from linkwork.mechanism import GROUND, FixedJoint, Mechanism, PairJoint, PrismaticJoint, RevoluteJoint
 from linkwork.textbook.geometry import cross_matrix, frame_transform, inverse, point, shift, turn
 
 
@@ -46,14 +46,14 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     Raises:
         LinkworkError: a joint is neither revolute nor prismatic nor fixed.
     """
-    for name, joint in mechanism.joints.items():
+    for name, joint in mechanism.pairs.items():
         if not isinstance(joint, RevoluteJoint | PrismaticJoint | FixedJoint):
             raise LinkworkError(
                 f"joints.{name}: the textbook formulation has no {joint.type} joint; "
                 "build it from revolute, prismatic and fixed joints"
             )
     graph = mechanism.graph()
-    moving = tuple(name for name, joint in mechanism.joints.items() if not isinstance(joint, FixedJoint))
+    moving = tuple(name for name, joint in mechanism.pairs.items() if not isinstance(joint, FixedJoint))
     parent: dict[str, tuple[str, str]] = {}
     path = {GROUND: np.zeros(len(moving))}
     for body, nodes in nx.single_source_shortest_path(graph, GROUND).items():
@@ -61,12 +61,10 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
             continue
         joint = next(iter(graph[nodes[-2]][body]))
         parent[body] = (nodes[-2], joint)
-        path[body] = path[nodes[-2]] + crossing(moving, joint, forwards=mechanism.joints[joint].connects[1] == body)
+        path[body] = path[nodes[-2]] + crossing(moving, joint, forwards=mechanism.pairs[joint].connects[1] == body)
     tree_joints = {joint for _, joint in parent.values()}
-    closing = tuple(name for name in mechanism.joints if name not in tree_joints)
-    frames = {
-        name: (frame_transform(j.frames[0]), frame_transform(j.frames[1])) for name, j in mechanism.joints.items()
-    }
+    closing = tuple(name for name in mechanism.pairs if name not in tree_joints)
+    frames = {name: (frame_transform(j.frames[0]), frame_transform(j.frames[1])) for name, j in mechanism.pairs.items()}
     return SpanningTree(mechanism, moving, parent, path, closing, frames)
 
 
@@ -75,7 +73,7 @@ def crossing(moving: tuple[str, ...], joint: str, forwards: bool = True) -> np.n
     return np.array([float(name == joint) for name in moving]) * (1 if forwards else -1)
 
 
-def joint_motion(joint: Joint, q: float) -> np.ndarray:
+def joint_motion(joint: PairJoint, q: float) -> np.ndarray:
     """Return X_12 of the second joint frame in the first at the coordinate q [rad, m]."""
     match joint:
         case RevoluteJoint():
@@ -86,7 +84,7 @@ def joint_motion(joint: Joint, q: float) -> np.ndarray:
             return np.eye(4)
 
 
-def unit_twist(joint: Joint, X_F: np.ndarray) -> np.ndarray:
+def unit_twist(joint: PairJoint, X_F: np.ndarray) -> np.ndarray:
     """Return S of a joint (6,) whose first frame has the pose X_F."""
     match joint:
         case RevoluteJoint():
@@ -118,7 +116,7 @@ class Configuration:
 
 def configuration(tree: SpanningTree, q: np.ndarray) -> Configuration:
     """Place all bodies and joint axes at the joint coordinates q, by the tree."""
-    joints = tree.mechanism.joints
+    joints = tree.mechanism.pairs
     coordinates = dict.fromkeys(joints, 0.0) | {name: float(x) for name, x in zip(tree.moving, q, strict=True)}
     X = {GROUND: np.eye(4)}
     for body, (before, name) in tree.parent.items():
@@ -151,7 +149,7 @@ def motion(at: Configuration, rates: np.ndarray) -> Motion:
     """Let each joint's unit twist move with its first body."""
     S_rate = np.zeros_like(at.S)
     for j, name in enumerate(at.tree.moving):
-        first = at.tree.path[at.tree.mechanism.joints[name].connects[0]]
+        first = at.tree.path[at.tree.mechanism.pairs[name].connects[0]]
         omega, v = map(cross_matrix, np.split(at.S @ (first * rates), 2))
         omega_j, v_j = np.split(at.S[:, j], 2)
         S_rate[:, j] = np.concatenate([omega @ omega_j, omega @ v_j + v @ omega_j])

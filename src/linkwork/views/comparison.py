@@ -8,7 +8,7 @@ simulations, and the samples in between measure how well the spline holds the fo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -38,7 +38,8 @@ class Curve:
 
     Attributes:
         source, title: its name in data and in pictures.
-        positions: of all joints (K, m) [m, rad]; accelerations: of the actuated joints (K, n) [m/s^2, rad/s^2].
+        positions: coordinates of all joints (K, m) [m, rad; 1 of quaternions].
+        accelerations: of the actuated joints (K, n) [m/s^2, rad/s^2].
         tool: pose of the tool (K, 3 planar or 6 spatial) [m, rad].
         closure_error: largest gap of a loop over the run [m]; none for the prescribed motion.
         steps: number of steps taken; seconds: wall time of the run [s]; none for the prescribed motion.
@@ -82,7 +83,7 @@ class Comparison:
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """Return all curves as an `xarray.Dataset` over source, time, joint, actuator and pose."""
+        """Return all curves as an `xarray.Dataset` over source, time, coordinate, actuator and pose."""
         return as_dataset(self)
 
 
@@ -105,7 +106,8 @@ def compare(robot: Robot, motion: Motion, asked: Sequence[str], step: float = 5e
     signal = as_signal(Sampled(time, forces[::2]))
     spline_error = np.abs(signal(motion.time[1::2]) - forces[1::2]).max(axis=0)
     positions, tool = motion.positions, robot.tool_pose(motion.state)
-    prescribed = Curve(PRESCRIBED, "Prescribed", positions[::2], motion.accelerations[::2], tool[::2])
+    accelerations = motion.joint_accelerations[::2, actuated(robot)]
+    prescribed = Curve(PRESCRIBED, "Prescribed", positions[::2], accelerations, tool[::2])
     curves, failures = [prescribed, by_noc(robot, motion, signal, time)], {}
     for name in asked:
         try:
@@ -129,17 +131,21 @@ def by_noc(robot: Robot, motion: Motion, signal: Signal, time: np.ndarray) -> Cu
     if not run.success:
         raise LinkworkError(f"the motion cannot be computed again from its forces: {run.message}")
     variables = {name: variable.values for name, variable in run.variables.items()}
-    actuated = [robot.joints.index(name) for name in robot.actuators]
     return Curve(
         NOC,
         "Linkwork (NOC)",
         variables["joint_position"],
-        variables["joint_acceleration"][:, actuated],
+        variables["joint_acceleration"][:, actuated(robot)],
         variables["tool_pose"],
         run.closure_error,
         run.steps,
         min(seconds for seconds, _ in runs),
     )
+
+
+def actuated(robot: Robot) -> list[int]:
+    """Return where the actuated rates stand among all rates."""
+    return [robot.rates.index(name) for name in robot.actuators]
 
 
 def by_engine(
@@ -203,16 +209,34 @@ def largest_differences(robot: Robot, a: Curve, b: Curve) -> dict[tuple[str, str
     Quantities: joint position (of all joints, lengths and angles apart), acceleration (of the actuated joints), tool.
     """
     found: dict[tuple[str, str], float] = {}
-    series = (
-        ("joint position", robot.joints, np.abs(a.positions - b.positions), ("m", "rad")),
-        ("acceleration", robot.actuators, np.abs(a.accelerations - b.accelerations), ("m/s²", "rad/s²")),
-    )
-    for quantity, names, values, units in series:
-        for name, column in zip(names, values.T, strict=True):
-            key = quantity, units[robot.unit(name) == "rad"]
-            found[key] = max(found.get(key, 0.0), float(column.max()))
+    units = {"m": "m/s²", "rad": "rad/s²"}
+    accelerations = np.abs(a.accelerations - b.accelerations).T
+    series = [
+        ("joint position", unit, values) for unit, values in position_differences(robot, a.positions, b.positions)
+    ]
+    series += [
+        ("acceleration", units[robot.unit(name)], values)
+        for name, values in zip(robot.actuators, accelerations, strict=True)
+    ]
+    for quantity, unit, values in series:
+        found[quantity, unit] = max(found.get((quantity, unit), 0.0), float(values.max()))
     distance, angle = tool_differences(robot, a.tool, b.tool)
     return found | {("tool", "m"): float(distance.max()), ("tool", "rad"): float(angle.max())}
+
+
+def position_differences(robot: Robot, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield unit and difference (K,) of each joint coordinate, of a quaternion the angle between the two turns.
+
+    Unit quaternions p, q of turns that differ by the angle t:  |p -+ q| = 2 sin(t / 4).
+    """
+    parts = [index for index, name in enumerate(robot.coordinates) if robot.unit(name) == "1"]
+    for index, name in enumerate(robot.coordinates):
+        if index not in parts:
+            yield robot.unit(name), np.abs(a[:, index] - b[:, index])
+    for first in parts[::4]:
+        p, q = a[:, first : first + 4], b[:, first : first + 4]
+        chord = np.minimum(np.linalg.norm(p - q, axis=1), np.linalg.norm(p + q, axis=1))
+        yield "rad", 4 * np.arcsin(chord / 2)
 
 
 def as_dataset(comparison: Comparison) -> xarray.Dataset:
@@ -226,12 +250,12 @@ def as_dataset(comparison: Comparison) -> xarray.Dataset:
     def numbers(field: str) -> np.ndarray:
         return np.array([np.nan if (value := getattr(curve, field)) is None else value for curve in curves], float)
 
-    joints = {"unit_of_each": ", ".join(robot.unit(name) for name in robot.joints)}
+    coordinates = {"unit_of_each": ", ".join(robot.unit(name) for name in robot.coordinates)}
     pose = ["x", "y", "angle"] if robot.planar else ["x", "y", "z", "rx", "ry", "rz"]
     seconds = "s, wall time of the run (Linkwork: the shortest of a few)"
     return xarray.Dataset(
         {
-            "joint_position": (("source", "time", "joint"), stacked("positions"), {"units": "m, rad"}),
+            "joint_position": (("source", "time", "coordinate"), stacked("positions"), {"units": "m, rad"}),
             "actuator_acceleration": (
                 ("source", "time", "actuator"),
                 stacked("accelerations"),
@@ -248,7 +272,7 @@ def as_dataset(comparison: Comparison) -> xarray.Dataset:
             "source": ("source", [curve.source for curve in curves]),
             "title": ("source", [curve.title for curve in curves]),
             "time": ("time", comparison.time, {"units": "s"}),
-            "joint": ("joint", list(robot.joints), joints),
+            "coordinate": ("coordinate", list(robot.coordinates), coordinates),
             "actuator": ("actuator", list(robot.actuators)),
             "pose": ("pose", pose),
         },

@@ -1,60 +1,107 @@
-"""Draw a mechanism in a pose: ground, bodies between their joints, joints by kind, the tool's frame.
+"""Draw a mechanism in a pose: ground, bodies between their joints, joints by kind, springs, the tool's frame.
 
-A planar mechanism is drawn in the xy plane, a spatial one in three dimensions. A stack of states is drawn as a
-stroboscopic picture: the last pose in full, the earlier ones the paler the longer ago.
+A planar mechanism is drawn in the xy plane (`plane`), a spatial one in three dimensions (`space`). A stack of states is
+drawn as a stroboscopic picture: the last pose in full, the earlier ones the paler the longer ago. Driven joints are orange.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
-from linkwork.views.skeleton import JointPlace, Skeleton, hull, skeleton
-from linkwork.views.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, VERMILION, new_figure, styled
+from linkwork.views import plane, space
+from linkwork.views.canvas import Canvas
+from linkwork.views.names import write_names
+from linkwork.views.shapes import hull, zigzag
+from linkwork.views.skeleton import Skeleton, skeleton
+from linkwork.views.style import EDGE, GREY, INK, LINK, ORANGE, PLATE, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SIDE = 5.0  # of the picture [in]
-EDGE, LINK, PLATE = INK, "#aab4be", "#8fc1e3"
 OLDEST, LAST_BUT_ONE = 0.12, 0.45  # how strong earlier poses are drawn
-SLIDER = np.array([0.075, 0.042])  # length and width, relative to the mechanism
-TRIAD = 0.09  # length of the tool's axes, relative to the mechanism
-OVERHANG = 0.07  # of a rail beyond what the slider uses, relative to the mechanism
-HATCH = 0.018  # length of a stroke that marks the ground, relative to the mechanism
+BAR, ROD, TUBE = 4.2, 2.0, 6.5  # widths [pt]
+COIL = 0.05  # width of a spring, relative to the mechanism
+TUBED = 0.55  # part of a telescope's length that is its tube
 
 
-def plot_mechanism(robot: Robot, state: State, ax: Axes | None = None, *, names: bool = False) -> Axes:
+def plot_mechanism(robot: Robot, state: State, ax: Axes | None = None, *, names: bool | Sequence[str] = False) -> Axes:
     """Draw a robot in a state, or in a stack of states.
 
     Args:
         robot: the robot.
         state: one state, or a stack (K,) in the order of time.
         ax: where to draw, three-dimensional for a spatial robot; left out: axes of a new figure.
-        names: write the joints' names beside them.
+        names: write the joints' names beside them: of all joints, or of these.
 
     Returns:
         The axes; `axes.figure` is the figure.
 
     Raises:
-        LinkworkError: a stack of more than one dimension, or axes that do not fit.
+        LinkworkError: a stack of more than one dimension or of no states, axes that do not fit, a name that is no joint's.
     """
-    if len(state.batch) > 1:
+    if len(state.batch) > 1 or 0 in state.batch:
         raise LinkworkError(f"a stack of states of shape {state.batch} is no sequence of poses; give one dimension")
     if ax is not None and hasattr(ax, "get_zlim") == robot.planar:
         raise LinkworkError(f"this robot is drawn in {'two' if robot.planar else 'three'} dimensions; give such axes")
+    shown = named(robot, names)
     poses = [skeleton(robot, state)] if not state.batch else [skeleton(robot, state.at(k)) for k in range(*state.batch)]
+    points = np.concatenate([pose.points for pose in poses])
     with styled():
-        axes: Any = ax
-        if axes is None:
-            axes = new_figure(SIDE, SIDE).add_subplot(projection=None if robot.planar else "3d")
-        (draw_planar if robot.planar else draw_spatial)(axes, poses)
-        if names:
-            write_names(axes, poses[-1], 2 if robot.planar else 3)
+        axes: Any = new_axes(points, robot.planar) if ax is None else ax
+        draw(Canvas.on(axes, points), poses, shown)
+        if ax is None and not robot.planar:
+            space.fit(axes)
     return axes
+
+
+def new_axes(points: np.ndarray, planar: bool) -> Any:
+    """Return axes of a new figure in two dimensions, or in three from where the points are seen well apart."""
+    figure = new_figure(SIDE, SIDE)
+    if planar:
+        return figure.add_subplot()
+    elevation, azimuth = space.viewpoint(points)
+    return figure.add_subplot(projection="3d", elev=elevation, azim=azimuth)
+
+
+def named(robot: Robot, names: bool | Sequence[str]) -> tuple[str, ...]:
+    """Return the joints whose names are written."""
+    if isinstance(names, bool):
+        return robot.joints if names else ()
+    for name in names:
+        if name not in robot.joints:
+            raise LinkworkError(f"there is no joint {name!r}; the joints are {', '.join(robot.joints)}")
+    return tuple(names)
+
+
+def draw(canvas: Canvas, poses: Sequence[Skeleton], names: Sequence[str] = ()) -> None:
+    """Draw a mechanism in poses in the order of time; the joints only in the last one."""
+    symbols = plane if canvas.flat else space
+    last = poses[-1]
+    symbols.draw_base(canvas, last.joints)
+    for places in zip(*(pose.joints for pose in poses), strict=True):
+        if places[-1].grounded:
+            symbols.draw_ground(canvas, places)
+    for place in last.anchors:
+        symbols.draw_stand(canvas, place)
+    for level, (pose, strength) in enumerate(zip(poses, strengths(len(poses)), strict=True)):
+        draw_members(canvas.at(strength, 2 + level / len(poses)), pose)
+    for joints in last.gears.values():
+        canvas.line(np.stack([joint.far for joint in joints]), 3.2, color=GREY, lw=1.2, linestyle=(0, (3, 2)))
+    for place in last.masses.values():
+        canvas.dot(place, 3.4, ms=15, mfc=EDGE, mec=EDGE)
+    for joint in last.joints:
+        if joint.type != "rod" and not joint.tubed:
+            symbols.draw_joint(canvas, joint)
+    for tool in last.tools.values():
+        symbols.draw_frame(canvas, *tool)
+    write_names(canvas, last, names)
+    symbols.finish(canvas)
 
 
 def strengths(count: int) -> list[float]:
@@ -62,159 +109,29 @@ def strengths(count: int) -> list[float]:
     return [*np.linspace(OLDEST, LAST_BUT_ONE, count - 1), 1.0] if count > 1 else [1.0]
 
 
-def mixed(colour: str, strength: float) -> tuple[float, ...]:
-    """Return a colour mixed with white."""
-    from matplotlib.colors import to_rgb
-
-    return tuple(1 - strength * (1 - part) for part in to_rgb(colour))
+# Members
 
 
-def size_of(poses: list[Skeleton]) -> float:
-    """Return the largest extent of the mechanism [m]."""
-    points = np.concatenate([pose.points for pose in poses])
-    return float(np.ptp(points, axis=0).max()) or 1.0
-
-
-# In the plane
-
-
-def draw_planar(axes: Any, poses: list[Skeleton]) -> None:
-    size = size_of(poses)
-    for joint in zip(*(pose.joints for pose in poses), strict=True):
-        draw_ground(axes, joint, size)
-    for level, (pose, strength) in enumerate(zip(poses, strengths(len(poses)), strict=True)):
-        draw_bodies(axes, pose, strength, 2 + level / len(poses))
-    for joint in poses[-1].joints:
-        draw_joint(axes, joint, size)
-    for origin, directions in poses[-1].tools.values():
-        for column, colour in ((0, VERMILION), (1, GREEN)):
-            tip = origin + TRIAD * size * directions[:, column]
-            arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-            axes.annotate("", tip[:2], origin[:2], arrowprops=arrow, zorder=6)
-            axes.plot(*tip[:2], alpha=0)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.06)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-
-
-def draw_bodies(axes: Any, pose: Skeleton, strength: float, level: float) -> None:
-    """Draw bodies as plates or bars; those with a single joint are shown by the joint."""
-    from matplotlib.patches import Polygon
-
+def draw_members(canvas: Canvas, pose: Skeleton) -> None:
+    """Draw bodies as plates, bars or arcs (those with a single point are shown by their joint), rods, telescopes, springs."""
     for points in pose.bodies.values():
-        face = hull(points)[0][:, :2]
-        edge = mixed(EDGE, strength)
-        if len(face) > 2:
-            axes.add_patch(
-                Polygon(face, fc=mixed(PLATE, strength), ec=edge, lw=1.3, joinstyle="round", zorder=level + 0.01)
-            )
-        elif len(face) == 2:
-            axes.plot(*face.T, color=edge, lw=6.5, zorder=level)
-            axes.plot(*face.T, color=mixed(LINK, strength), lw=4.2, zorder=level)
-
-
-def draw_joint(axes: Any, joint: JointPlace, size: float) -> None:
-    """Draw a revolute joint as a circle, a prismatic one as a slider along its axis, a fixed one as a square."""
-    from matplotlib.patches import Polygon
-
-    x, y = joint.far[:2]
-    if joint.type == "prismatic":
-        along = joint.axis[:2]
-        across = np.array([-along[1], along[0]])
-        corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) / 2 * SLIDER * size
-        axes.add_patch(
-            Polygon((x, y) + corners @ [along, across], fc=ORANGE, ec=EDGE, lw=1.2, joinstyle="round", zorder=4)
-        )
-        if not joint.grounded:
-            axes.plot(*np.stack([joint.near, joint.far])[:, :2].T, color=GREY, lw=1.2, zorder=3.5)
-    else:
-        axes.plot(x, y, "o" if joint.type == "revolute" else "s", ms=6.5, mfc="white", mec=EDGE, mew=1.3, zorder=5)
-
-
-def draw_ground(axes: Any, joint: tuple[JointPlace, ...], size: float) -> None:
-    """Draw what is fixed of a joint to the ground, over all poses: a rail, or a bearing."""
-    if not joint[-1].grounded:
-        return
-    anchor, travel, axis = fixed_side(joint)
-    if joint[-1].type == "prismatic":
-        low, high = min(0.0, *travel) - OVERHANG * size, max(0.0, *travel) + OVERHANG * size
-        start, along, length = anchor + low * axis, axis[:2], high - low
-        below = -np.array([-along[1], along[0]])
-        start = start[:2] + SLIDER[1] / 2 * size * below
-    else:
-        start, along, length = anchor[:2] - (0.045 * size, 0.045 * size), np.array([1.0, 0.0]), 0.09 * size
-        below = np.array([0.0, -1.0])
-        legs = np.array([start + 0.01 * size * along, anchor[:2], start + (length - 0.01 * size) * along])
-        axes.plot(*legs.T, color=GREY, lw=1.2, zorder=1)
-    stop = start + length * along
-    axes.plot(*np.stack([start, stop]).T, color=GREY, lw=1.2, zorder=1, solid_capstyle="butt")
-    stroke = HATCH * size * (below - along)
-    places = start + np.arange(HATCH * size, length, HATCH * size)[:, None] * along
-    strokes = np.stack([places, places + stroke, np.full_like(places, np.nan)], axis=1).reshape(-1, 2)
-    axes.plot(*strokes.T, color=PALE, lw=0.9, zorder=1)
-
-
-def fixed_side(joint: tuple[JointPlace, ...]) -> tuple[np.ndarray, list[float], np.ndarray]:
-    """Return the origin of the joint's frame on the ground, the travel of the other body along the axis, and the axis."""
-    near = np.stack([place.near for place in joint])
-    far = np.stack([place.far for place in joint])
-    anchor, moving = (near, far) if np.ptp(near, axis=0).max() <= np.ptp(far, axis=0).max() else (far, near)
-    axis = joint[-1].axis
-    return anchor[0], [float(d @ axis) for d in moving - anchor], axis
-
-
-# In space
-
-
-def draw_spatial(axes: Any, poses: list[Skeleton]) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    size = size_of(poses)
-    for pose, strength in zip(poses, strengths(len(poses)), strict=True):
-        for points in pose.bodies.values():
-            faces = hull(points)
-            if len(faces[0]) > 2:
-                inside, edge = mixed(PLATE, strength), mixed(EDGE, strength)
-                axes.add_collection3d(Poly3DCollection(faces, alpha=0.55, lw=0.7, facecolor=inside, edgecolor=edge))
-            elif len(faces[0]) == 2:
-                axes.plot(*faces[0].T, color=mixed(BLUE, strength), lw=3)
-    for joint in poses[-1].joints:
-        draw_spatial_joint(axes, joint, size)
-    for origin, directions in poses[-1].tools.values():
-        for column, colour in ((0, VERMILION), (1, GREEN), (2, BLUE)):
-            axes.plot(*np.stack([origin, origin + TRIAD * size * directions[:, column]]).T, color=colour, lw=1.6)
-    points = np.concatenate([pose.points for pose in poses])
-    middle, reach = (points.min(axis=0) + points.max(axis=0)) / 2, 0.55 * np.ptp(points, axis=0)
-    reach = np.maximum(reach, 0.1 * size)
-    for letter, centre, half in zip("xyz", middle, reach, strict=True):
-        getattr(axes, f"set_{letter}lim")(centre - half, centre + half)
-        getattr(axes, f"set_{letter}label")(f"{letter} [m]")
-    axes.set_box_aspect(reach, zoom=0.86)  # leaves room for the labels
-
-
-def draw_spatial_joint(axes: Any, joint: JointPlace, size: float) -> None:
-    """Draw a joint as a point, with a stretch of its axis; a prismatic joint along the way it has slid."""
-    reach = 0.05 * size * joint.axis
-    line = [joint.near, joint.far] if joint.type == "prismatic" else [joint.far - reach, joint.far + reach]
-    if joint.type != "fixed":
-        colour = ORANGE if joint.type == "prismatic" else EDGE
-        axes.plot(*np.stack(line).T, color=colour, lw=2.4)
-    marker = "^" if joint.grounded else "o"
-    axes.plot(*joint.far[:, None], marker, ms=5, mfc="white", mec=EDGE)
-
-
-def write_names(axes: Any, pose: Skeleton, dimensions: int) -> None:
-    """Write the joints' names a little outside of the joints; names at the same place stand one below the other."""
-    size, middle = size_of([pose]), pose.points.mean(axis=0)
-    places: dict[tuple[float, ...], list[str]] = {}
+        faces = hull(points * (1, 1, 0) if canvas.flat else points)
+        if len(faces[0]) > 2:
+            look = {"lw": 1.3} if canvas.flat else {"lw": 0.8, "alpha": 0.6}
+            canvas.faces(faces, PLATE, EDGE, 0.01, **look)
+        elif len(faces[0]) == 2:
+            canvas.bar(faces[0], BAR, LINK)
+    for points in pose.arcs.values():
+        canvas.bar(points, BAR, LINK)
     for joint in pose.joints:
-        places.setdefault(tuple(np.round(joint.far / size, 3)), []).append(joint.name)
-    for place, names in places.items():
-        outwards = np.array(place) * size - middle
-        outwards *= 0.06 * size / (np.linalg.norm(outwards) or 1.0)
-        side = "left" if outwards[0] > 0 else "right"
-        spot = np.array(place) * size + outwards
-        ground = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1.0}
-        style = {"ha": side, "va": "center", "fontsize": 8, "linespacing": 1.1, "zorder": 7}
-        axes.text(*spot[:dimensions], "\n".join(names), bbox=ground, **style)
+        if joint.type == "rod":
+            canvas.bar(np.stack([joint.near, joint.far]), ROD, LINK, gid=joint.name)
+            for end in (joint.near, joint.far):
+                canvas.dot(end, 0.5, ms=4, mfc="white", mec=EDGE, mew=1.0)
+        elif joint.tubed:
+            middle = joint.near + TUBED * (joint.far - joint.near)
+            canvas.bar(np.stack([middle, joint.far]), ROD + 0.8, LINK)
+            canvas.bar(np.stack([joint.near, middle]), TUBE, ORANGE if joint.driven else LINK, gid=joint.name)
+    for start, end in pose.springs.values():
+        aside = np.cross((0.0, 0.0, 1.0) if canvas.flat else canvas.towards, end - start)
+        canvas.line(zigzag(start, end, COIL * canvas.size, aside), 0.6, color=INK, lw=1.2, solid_joinstyle="round")

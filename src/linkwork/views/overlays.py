@@ -76,21 +76,22 @@ def series_figure(comparison: Comparison, field: str, quantity: str, linear: str
     field: "positions" or "accelerations" of a `Curve`; linear, angular: the units for lengths and for angles.
     """
     robot, (every, time) = comparison.robot, thinned(comparison)
-    n = len(robot.actuators)
-    columns = min(n, COLUMNS)
-    blocks = -(-n // columns)
+    names = drawn(comparison, field)
+    columns = min(max(len(names), 1), COLUMNS)
+    blocks = -(-len(names) // columns)
     with styled():
         figure = new_figure(3.2 * columns, 4.0 * blocks)
         grid = figure.subplots(2 * blocks, columns, sharex=True, squeeze=False)
-        for index, name in enumerate(robot.actuators):
+        for index, name in enumerate(names):
             block, column = divmod(index, columns)
             above, below = grid[2 * block, column], grid[2 * block + 1, column]
             unit = angular if robot.unit(name) == "rad" else linear
             for curve in comparison.curves:
-                above.plot(time, values_of(comparison, curve, field)[every, index], **look(curve))
+                above.plot(time, values_of(comparison, curve, field, name)[every], **look(curve))
+            reference = values_of(comparison, comparison[NOC], field, name)
             for curve in others(comparison):
-                difference = np.abs(values_of(comparison, curve, field) - values_of(comparison, comparison[NOC], field))
-                below.semilogy(time, visible(difference[every, index]), **look(curve) | THIN)
+                difference = np.abs(values_of(comparison, curve, field, name) - reference)
+                below.semilogy(time, visible(difference[every]), **look(curve) | THIN)
             above.set_title(name)
             label_time(below, time)
             if column == 0:
@@ -115,9 +116,10 @@ def summary_figure(comparison: Comparison) -> Figure:
         for index, (name, colour) in enumerate(zip(robot.actuators, COLOURS, strict=False)):
             grid[0, 0].plot(time, comparison.forces[every, index], color=colour, label=name)
             for axes, field in ((grid[1, 0], "accelerations"), (grid[1, 1], "positions")):
-                axes.plot(time, values_of(comparison, comparison[NOC], field)[every, index], color=colour, lw=2.2)
-                for curve in curves:
-                    axes.plot(time, values_of(comparison, curve, field)[every, index], **OVER)
+                if name in drawn(comparison, field):
+                    axes.plot(time, values_of(comparison, comparison[NOC], field, name)[every], color=colour, lw=2.2)
+                    for curve in curves:
+                        axes.plot(time, values_of(comparison, curve, field, name)[every], **OVER)
         grid[0, 1].plot(*comparison[NOC].tool[every, :2].T, color=BLUE, lw=2.2)
         for curve in curves:
             grid[0, 1].plot(*curve.tool[every, :2].T, **OVER)
@@ -176,12 +178,18 @@ def others(comparison: Comparison) -> list[Curve]:
     return [curve for curve in comparison.curves if curve.source != NOC]
 
 
-def values_of(comparison: Comparison, curve: Curve, field: str) -> np.ndarray:
-    """Return a field (K, n) of the actuated joints."""
-    if field == "accelerations":
-        return curve.accelerations
+def drawn(comparison: Comparison, field: str) -> list[str]:
+    """Return the actuated joints that a field is drawn of; a free turn has rates, but no coordinates that belong to them."""
     robot = comparison.robot
-    return curve.positions[:, [robot.joints.index(name) for name in robot.actuators]]
+    return [name for name in robot.actuators if field == "accelerations" or name in robot.coordinates]
+
+
+def values_of(comparison: Comparison, curve: Curve, field: str, name: str) -> np.ndarray:
+    """Return a field (K,) of an actuated joint."""
+    robot = comparison.robot
+    if field == "accelerations":
+        return curve.accelerations[:, robot.actuators.index(name)]
+    return curve.positions[:, robot.coordinates.index(name)]
 
 
 def thinned(comparison: Comparison) -> tuple[slice, np.ndarray]:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 TIME = "time"
 USUAL = ("tool_pose", "joint_position", "joint_rate", "actuator_force")
 ANGLES = ("angle", "rx", "ry", "rz")
-WIDTH, HEIGHT = 7.2, 2.1  # of a panel [in]
+WIDTH, HEIGHT = 7.2, 2.1  # of a panel and its legend [in]
+CURVES, DASH, LETTER = 5.6, 0.5, 0.068  # widths of what a panel and its legend are made of [in]
 LEGEND_ROWS = 9
 
 
@@ -33,14 +34,24 @@ class Panel:
     names: tuple[str, ...]
     values: np.ndarray
 
+    @property
+    def legend_columns(self) -> int:
+        """Return how many columns the names take."""
+        return -(-len(self.names) // LEGEND_ROWS)
 
-def plot_run(run: Run, quantities: Sequence[str] | None = None) -> Figure:
+    @property
+    def width(self) -> float:
+        """Return the width of curves and legend [in]."""
+        return CURVES + self.legend_columns * (DASH + LETTER * max(map(len, self.names)))
+
+
+def plot_run(run: Run, quantities: str | Sequence[str] | None = None) -> Figure:
     """Draw quantities of a run over time.
 
     Args:
         run: the run.
-        quantities: names of variables of `run.dataset`; left out: the tool's pose, joint positions and rates, and
-            actuator forces.
+        quantities: name of a variable of `run.dataset`, or several; left out: the tool's pose, joint positions and
+            rates, and actuator forces.
 
     Returns:
         A matplotlib figure with one panel for each quantity and unit.
@@ -50,15 +61,16 @@ def plot_run(run: Run, quantities: Sequence[str] | None = None) -> Figure:
     """
     dataset = run.dataset
     moving = [str(name) for name, variable in dataset.data_vars.items() if TIME in variable.dims]
-    wanted = [name for name in USUAL if name in moving] if quantities is None else list(quantities)
+    usual = [name for name in USUAL if name in moving]
+    wanted = usual if quantities is None else [quantities] if isinstance(quantities, str) else list(quantities)
     for name in wanted:
         if name not in moving:
             raise LinkworkError(f"the run holds no {name!r} over time; it holds {', '.join(moving)}")
-    if not wanted:
-        raise LinkworkError(f"there is nothing to draw; name some of {', '.join(moving)}")
     shown = [panel for name in wanted for panel in panels(dataset, name)]
+    if not shown:
+        raise LinkworkError(f"there is nothing to draw; name some of {', '.join(moving)}")
     with styled():
-        figure = new_figure(WIDTH, HEIGHT * len(shown))
+        figure = new_figure(max(WIDTH, *(panel.width for panel in shown)), HEIGHT * len(shown))
         grid = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axes, panel in zip(grid, shown, strict=True):
             draw(axes, dataset[TIME].values, panel)
@@ -72,38 +84,43 @@ def draw(axes, time: np.ndarray, panel: Panel) -> None:
         axes.plot(time, panel.values[:, index], label=name or None, **look(index))
     axes.set_ylabel(f"{panel.quantity.replace('_', ' ')}\n[{panel.unit}]")
     if panel.names != ("",):
-        columns = -(-len(panel.names) // LEGEND_ROWS)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.03), borderaxespad=0, labelspacing=0.3, ncols=columns)
+        place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.03), "borderaxespad": 0}
+        axes.legend(labelspacing=0.3, ncols=panel.legend_columns, **place)
 
 
 def panels(dataset: xarray.Dataset, name: str) -> Iterator[Panel]:
     """Divide a quantity over time by the units of its components."""
     array = dataset[name].transpose(TIME, ...)
-    values = array.values.reshape(len(array[TIME]), -1)
     if array.ndim == 1:
-        yield Panel(name, units_of(dataset, name, ("",))[0], ("",), values)
+        yield Panel(name, units_of(dataset, name, ("",))[0], ("",), array.values[:, None])
         return
     labels = [str(label) for label in array[array.dims[1]].values]
     units = units_of(dataset, name, labels)
     for unit in dict.fromkeys(units):
         columns = [index for index, found in enumerate(units) if found == unit]
-        yield Panel(name, unit, tuple(labels[index] for index in columns), values[:, columns])
+        yield Panel(name, unit, tuple(labels[index] for index in columns), array.values[:, columns])
 
 
 def units_of(dataset: xarray.Dataset, name: str, labels: Sequence[str]) -> list[str]:
-    """Return the unit of each component: of two ("m/s, rad/s") the first holds for lengths, the second for angles."""
+    """Return the unit of each component: of two ("m/s, rad/s") the first holds for lengths, the second for angles.
+
+    Parts of quaternions have the unit 1.
+    """
     stated = str(dataset[name].attrs.get("units", "1"))
     linear, _, angular = stated.partition(", ")
     if not angular:
         return [stated] * len(labels)
     if dataset[name].ndim == 1:
         return [f"{linear} or {angular}"]
-    turning = ANGLES if "pose" in dataset[name].dims else turning_joints(dataset)
-    return [angular if label in turning else linear for label in labels]
+    units = {"m": linear, "rad": angular, "1": "1"}
+    kinds: dict[str, str] = dict.fromkeys(ANGLES, "rad") if "pose" in dataset[name].dims else kinds_of_joints(dataset)
+    return [units[kinds.get(label, "m")] for label in labels]
 
 
-def turning_joints(dataset: xarray.Dataset) -> set[str]:
-    """Return the names of the joints whose coordinate is an angle."""
-    joints = dataset["joint"]
-    units = str(joints.attrs.get("unit_of_each", "")).split(", ")
-    return {str(joint) for joint, unit in zip(joints.values, units, strict=False) if unit == "rad"}
+def kinds_of_joints(dataset: xarray.Dataset) -> dict[str, str]:
+    """Return m, rad or 1 for each joint coordinate and rate by name."""
+    kinds = {}
+    for axis in ("coordinate", "rate"):
+        units = str(dataset[axis].attrs.get("unit_of_each", "")).split(", ")
+        kinds |= {str(label): unit.partition("/")[0] for label, unit in zip(dataset[axis].values, units, strict=False)}
+    return kinds

@@ -25,9 +25,8 @@ from linkwork.robot import Motion, Robot, State
 from linkwork.robots import prr3
 from linkwork.views import overlays
 from linkwork.views.comparison import NOC, PRESCRIBED, RTOL, TITLES, Comparison, Curve, compare, largest_differences
-from linkwork.views.drawing import draw_planar
+from linkwork.views.drawing import plot_mechanism
 from linkwork.views.report import Table, duration, page, picture, short
-from linkwork.views.skeleton import skeleton
 from linkwork.views.style import BLUE, new_figure, styled, svg
 
 if TYPE_CHECKING:
@@ -97,8 +96,7 @@ def robot_figure(comparison: Comparison) -> Figure:
     with styled():
         figure = new_figure(5.4, 5.0)
         axes = figure.subplots()
-        states = poses_along(comparison.robot, comparison[PRESCRIBED])
-        draw_planar(axes, [skeleton(comparison.robot, states.at(k)) for k in range(*states.batch)])
+        plot_mechanism(comparison.robot, poses_along(comparison.robot, comparison[PRESCRIBED]), axes)
         axes.plot(*path[:: overlays.POINTS // 50].T, color="white", lw=3, zorder=5)
         axes.plot(*path[:: overlays.POINTS // 50].T, color=BLUE, lw=1.3, zorder=5)
     return figure

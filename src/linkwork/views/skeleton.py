@@ -1,89 +1,233 @@
-"""The points of a mechanism in a pose that are worth drawing: joint origins and axes, seen from the ground.
+"""The points of a mechanism in a pose that are worth drawing, seen from the ground.
 
-A body is the set of points where its joints and tools sit; their convex hull is drawn. How many dimensions the hull has
-(point, line, polygon, polyhedron) is found from the singular values of the points.
+A body is the set of points where its joints, springs and tools sit; their convex hull is drawn. The mass centre is added
+where these would not show the body: on a body that hangs on one joint, and where the mass is nearly a point.
+
+Links whose hinges' axes all meet in one point have all their joints there. But a hinge may stand anywhere on its axis: it
+is moved to the foot of the mass centres of the two bodies it joins, and a link between two such hinges is an arc about
+the point.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
-from linkwork.mechanism import GROUND, Frame
+from linkwork.mechanism import GROUND, Frame, Mechanism, PairJoint
 from linkwork.robot import Robot, State
+from linkwork.views.shapes import arc, hull
 
-FLAT = 1e-6  # extent of points in a direction, relative to the largest, below which they have none
+TOGETHER = 1e-9  # distance of points, relative to the mechanism, below which they are one
+APART = 0.1  # distance of points, relative to the mechanism, above which they are seen apart
+POINT_MASS = 0.2  # radius of gyration over the distance to the farthest joint, below which a mass is nearly a point
+
+Pose = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
 class JointPlace:
-    """Place a joint: its type, its frame's origins on the first and the second body, and its axis, each (..., 3) [m].
+    """Place a joint: its type, its bodies, its frame's origins on the first and the second body (3) [m], its axes (k, 3).
 
-    grounded: one of its two bodies is the ground.
+    axes: what it turns about or slides along: one, two of a universal joint, the normal of a planar one, else none
+    coordinates: their names; driven: whether one of its rates is actuated
+    tubed: whether it slides as a rod in a tube: between moving bodies, on one of which all joints stand at its end
     """
 
     name: str
     type: str
+    connects: tuple[str, str]
     near: np.ndarray
     far: np.ndarray
-    axis: np.ndarray
-    grounded: bool
+    axes: np.ndarray
+    coordinates: tuple[str, ...]
+    driven: bool
+    tubed: bool = False
+
+    @property
+    def grounded(self) -> bool:
+        """Tell whether one of the two bodies is the ground."""
+        return GROUND in self.connects
+
+    @property
+    def ends(self) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:
+        """Return the origins by body."""
+        return (self.connects[0], self.near), (self.connects[1], self.far)
 
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Hold what is drawn of a mechanism in one pose or a stack of poses, in the ground's axes [m].
+    """Hold what is drawn of a mechanism in one pose, in the ground's axes [m].
 
-    bodies: points (..., k, 3) of each body that has any; joints; tools: origin (..., 3) and axes (..., 3, 3), in columns
+    bodies: the points (k, 3) of each body
+    arcs: the polylines of bodies that are arcs between two hinges
+    joints: all that connect bodies, but no free joints
+    gears: the two or more joints that a gear couples, by its name
+    springs: their two ends (2, 3); anchors: those of them that are on the ground (k, 3)
+    masses: the places (3) of masses that are nearly points, by body
+    tools: origin (3) and axes (3, 3), in columns
     """
 
     bodies: dict[str, np.ndarray]
+    arcs: dict[str, np.ndarray]
     joints: tuple[JointPlace, ...]
-    tools: dict[str, tuple[np.ndarray, np.ndarray]]
+    gears: dict[str, tuple[JointPlace, ...]]
+    springs: dict[str, np.ndarray]
+    anchors: np.ndarray
+    masses: dict[str, np.ndarray]
+    tools: dict[str, Pose]
 
     @property
     def points(self) -> np.ndarray:
         """Return all points (N, 3)."""
-        clouds = [*self.bodies.values(), *(p for joint in self.joints for p in (joint.near, joint.far))]
-        return np.concatenate([cloud.reshape(-1, 3) for cloud in clouds])
+        ends = [np.stack([joint.near, joint.far]) for joint in self.joints]
+        return np.concatenate([*self.bodies.values(), *self.arcs.values(), *ends, *self.springs.values()])
+
+    @property
+    def outline(self) -> np.ndarray:
+        """Return points (N, 3) close together along all lines that are drawn."""
+        lines = [face for points in self.bodies.values() for face in hull(points)]
+        lines += [*self.arcs.values(), *self.springs.values(), *(np.stack([j.near, j.far]) for j in self.joints)]
+        t = np.linspace(0, 1, 13)[:, None]
+        return np.concatenate(
+            [a + t * (b - a) for line in lines for a, b in zip(line, np.roll(line, -1, axis=0), strict=True)]
+        )
 
 
 def skeleton(robot: Robot, state: State) -> Skeleton:
-    """Return the joint origins, axes and tools of a robot in a state (or a stack of states)."""
-    mechanism, batch = robot.mechanism, state.batch
-    poses = {**robot.body_poses(state), GROUND: (np.zeros((*batch, 3)), np.broadcast_to(np.eye(3), (*batch, 3, 3)))}
+    """Return the points, axes and tools of a robot in one state."""
+    mechanism = robot.mechanism
+    poses = {GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)
+    centres = {
+        name: placed(poses[name], body.centre_of_mass) for name, body in mechanism.bodies.items() if body.mass > 0
+    }
+    joints, meeting = joint_places(robot, poses, centres)
+    springs = {
+        name: np.stack([placed(poses[body], p) for body, p in zip(spring.connects, spring.points, strict=True)])
+        for name, spring in mechanism.springs.items()
+    }
+    tools = {name: frame_pose(poses[tool.body], tool.frame) for name, tool in mechanism.tools.items()}
+    hung = [
+        end for name, spring in mechanism.springs.items() for end in zip(spring.connects, springs[name], strict=True)
+    ]
+    anchors = np.array([p for body, p in hung if body == GROUND]).reshape(-1, 3)
+    ends = [*hung, *(end for joint in joints for end in joint.ends)]
+    ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
+    points = {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
+    masses = {name: centres[name] for name in point_masses(mechanism, points, centres) if name not in meeting}
+    for name, own in points.items():
+        if name in masses or (name in centres and len(own) < 2):
+            own.append(centres[name])
+        elif not own:
+            own.append(poses[name][0])
+    arcs = {name: arc(meeting[name], *points[name]) for name in meeting if len(points[name]) == 2}
+    bodies = {name: np.stack(found) for name, found in points.items() if name not in arcs}
+    gears = {
+        name: tuple(joint for joint in joints if not gear.ratios.keys().isdisjoint(joint.coordinates))
+        for name, gear in mechanism.gears.items()
+    }
+    return Skeleton(bodies, arcs, joints, gears, springs, anchors, masses, tools)
 
-    def place(body: str, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        p, R = poses[body]
-        return p + R @ np.array(frame.position), R @ rotation_matrix(frame.rotation)
 
-    joints, points = [], {body: [] for body in mechanism.bodies}
-    for name, joint in mechanism.joints.items():
-        (near, R), (far, _) = (place(body, frame) for body, frame in zip(joint.connects, joint.frames, strict=True))
-        axis = R @ np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)))
-        joints.append(JointPlace(name, joint.type, near, far, axis, GROUND in joint.connects))
-        for body, point in zip(joint.connects, (near, far), strict=True):
-            if body != GROUND:
-                points[body].append(point)
-    tools = {name: place(tool.body, tool.frame) for name, tool in mechanism.tools.items()}
-    for name, tool in mechanism.tools.items():
-        points[tool.body].append(tools[name][0])
-    return Skeleton({body: np.stack(found, axis=-2) for body, found in points.items()}, tuple(joints), tools)
+def placed(pose: Pose, point: Sequence[float]) -> np.ndarray:
+    """Return a body's point in the ground's axes."""
+    return pose[0] + pose[1] @ np.asarray(point, float)
 
 
-def hull(points: np.ndarray) -> list[np.ndarray]:
-    """Return the faces of the convex hull of points (k, 3): a point (1, 3), a line (2, 3), a polygon or triangles (., 3)."""
-    centred = points - points.mean(axis=0)
-    _, extents, directions = np.linalg.svd(centred, full_matrices=False)
-    dimensions = int((extents > FLAT * max(extents[0], FLAT)).sum()) if len(points) > 1 else 0
-    if dimensions == 0:
-        return [points[:1]]
-    flat = centred @ directions[:dimensions].T
-    if dimensions == 1:
-        return [points[[int(flat[:, 0].argmin()), int(flat[:, 0].argmax())]]]
-    from scipy.spatial import ConvexHull
+def frame_pose(pose: Pose, frame: Frame) -> Pose:
+    return placed(pose, frame.position), pose[1] @ rotation_matrix(frame.rotation)
 
-    found = ConvexHull(flat)
-    return [points[found.vertices]] if dimensions == 2 else [points[face] for face in found.simplices]
+
+def joint_places(
+    robot: Robot, poses: Mapping[str, Pose], centres: Mapping[str, np.ndarray]
+) -> tuple[tuple[JointPlace, ...], dict[str, np.ndarray]]:
+    """Return the joints' places, and the points where all hinges of a body meet, by body."""
+    joints = [
+        joint_place(name, joint, poses, not set(joint.rates(name)).isdisjoint(robot.actuators))
+        for name, joint in robot.mechanism.pairs.items()
+        if joint.type != "free"
+    ]
+    meeting = meeting_points(joints, robot.bodies)
+    moved = [moved_out(joint, meeting, centres) for joint in joints]
+    return tuple(replace(joint, tubed=is_tubed(joint, moved)) for joint in moved), meeting
+
+
+def joint_place(name: str, joint: PairJoint, poses: Mapping[str, Pose], driven: bool) -> JointPlace:
+    """Place a joint by the poses of its two bodies."""
+    (near, R_1), (far, R_2) = (
+        frame_pose(poses[body], frame) for body, frame in zip(joint.connects, joint.frames, strict=True)
+    )
+    if joint.type == "universal":
+        axes = [R_1 @ np.array(joint.axes[0]), R_2 @ np.array(joint.axes[1])]  # pyright: ignore
+    elif joint.type == "planar":
+        axes = [R_1[:, 2]]
+    else:
+        axes = [R_1 @ np.array(joint.axis)] if hasattr(joint, "axis") else []  # pyright: ignore
+    return JointPlace(
+        name, joint.type, joint.connects, near, far, np.array(axes).reshape(-1, 3), joint.coordinates(name), driven
+    )
+
+
+def is_tubed(joint: JointPlace, joints: Sequence[JointPlace]) -> bool:
+    """Tell whether a joint slides as a rod in a tube, far enough to be seen."""
+    points = [p for other in joints for _, p in other.ends]
+    size = float(np.ptp(points, axis=0).max())
+    if joint.type != "prismatic" or joint.grounded or np.linalg.norm(joint.far - joint.near) < APART * size:
+        return False
+    for body, end in joint.ends:
+        own = np.array([p for other in joints for name, p in other.ends if name == body])
+        if len(own) > 1 and np.abs(own - end).max() < TOGETHER * size:
+            return True
+    return False
+
+
+# Hinges that meet
+
+
+def meeting_points(joints: Sequence[JointPlace], bodies: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return the point where all joints of a body stand, for the bodies with two hinges or more and nothing else."""
+    size = max((float(np.abs(p).max()) for joint in joints for p in (joint.near, joint.far)), default=0.0)
+    found = {}
+    for name in bodies:
+        own = [(joint.type, p) for joint in joints for body, p in joint.ends if body == name]
+        places = np.array([p for _, p in own])
+        if (
+            len(own) > 1
+            and {kind for kind, _ in own} == {"revolute"}
+            and np.ptp(places, axis=0).max() <= TOGETHER * size
+        ):
+            found[name] = places[0]
+    return found
+
+
+def moved_out(joint: JointPlace, meeting: Mapping[str, np.ndarray], centres: Mapping[str, np.ndarray]) -> JointPlace:
+    """Move a hinge of a body whose hinges meet along its axis, to the foot of its bodies' mass centres."""
+    reach = [
+        (centres[body] - joint.near) @ joint.axes[0] for body in joint.connects if body in centres and len(joint.axes)
+    ]
+    if not reach or set(joint.connects).isdisjoint(meeting):
+        return joint
+    way = np.mean(reach) * joint.axes[0]
+    return replace(joint, near=joint.near + way, far=joint.far + way)
+
+
+# Masses
+
+
+def point_masses(
+    mechanism: Mechanism, points: Mapping[str, Sequence[np.ndarray]], centres: Mapping[str, np.ndarray]
+) -> list[str]:
+    """Name the bodies whose mass is a point, or nearly one on a body that hangs on one joint, away from a joint."""
+    everything = np.array([*centres.values(), *(p for own in points.values() for p in own)]).reshape(-1, 3)
+    size = float(np.ptp(everything, axis=0).max()) if len(everything) else 0.0
+    found = []
+    for name, centre in centres.items():
+        body, far = mechanism.bodies[name], max((float(np.linalg.norm(p - centre)) for p in points[name]), default=0.0)
+        hangs = sum(name in joint.connects for joint in mechanism.pairs.values()) == 1
+        radius = sqrt(body.inertia.tensor().diagonal().max() / body.mass)
+        if far > APART * size and radius <= (POINT_MASS * far if hangs else 0.0):
+            found.append(name)
+    return found

@@ -23,6 +23,7 @@ BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW = (
     "#f0e442",
 )
 INK, GREY, PALE = "#1f2933", "#7b8794", "#d5dbe1"
+EDGE, LINK, PLATE = INK, "#aab4be", "#8fc1e3"  # of bodies: their edges, bars, plates
 COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, INK)
 """The colours of Okabe and Ito (2008), the darker ones first."""
 DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
@@ -76,11 +77,15 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def svg(figure: Figure) -> str:
-    """Return a figure as SVG: text as text, the same bytes every time, no date and no other metadata."""
+def svg(figure: Figure, *, cropped: bool = False) -> str:
+    """Return a figure as SVG: text as text, the same bytes every time, no date and no other metadata.
+
+    cropped: leave out the empty margins.
+    """
     buffer = io.StringIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with styled():
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        figure.savefig(buffer, format="svg", metadata=nothing, bbox_inches="tight" if cropped else None)
     return buffer.getvalue()
 
 

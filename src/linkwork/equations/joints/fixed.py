@@ -11,20 +11,21 @@ import numpy as np
 from linkwork.equations.joints.kind import Kind, Motion, Row
 from linkwork.mechanism import FixedJoint
 
+X, Y, Z = np.eye(3)
+
 
 def motions(joint: FixedJoint) -> tuple[Motion, ...]:
     return ()
 
 
 def rows(joint: FixedJoint, preferred: np.ndarray) -> tuple[Row, ...]:
-    x, y, z = np.eye(3)
     return (
-        Row("position along x", x),
-        Row("position along y", y),
-        Row("position along z", z),
-        Row("turn about y", x, z),
-        Row("turn about x", y, z),
-        Row("turn about z", x, y),
+        Row("position along x", X),
+        Row("position along y", Y),
+        Row("position along z", Z),
+        Row("turn about y", X, Z),
+        Row("turn about x", Y, Z),
+        Row("turn about z", X, Y),
     )
 
 

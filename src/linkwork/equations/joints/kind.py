@@ -1,9 +1,9 @@
-"""What a joint kind consists of."""
+"""What a joint kind consists of: its motions and its closure rows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,38 +11,90 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Motion:
-    """Describe an elementary motion: a turn about (`turns`) or a slide along a constant unit axis."""
+    """Describe an elementary motion: turn about and slide along constant axes, or turn freely (`ball`).
 
-    turns: bool
-    axis: np.ndarray
+    A unit rate turns about `turn` (unit or zero) and slides by `slide`, both fixed in the inner and in the outer frame; a
+    ball has three rates, the angular velocity in the axes of the description's first frame, and four coordinates.
+    """
+
+    turn: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    slide: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    ball: bool = False
+
+    @property
+    def turns(self) -> bool:
+        return self.ball or bool(self.turn.any())
+
+    @property
+    def slides(self) -> bool:
+        return bool(self.slide.any())
+
+    @property
+    def coordinates(self) -> int:
+        return 4 if self.ball else 1
+
+    @property
+    def rates(self) -> int:
+        return 3 if self.ball else 1
 
     def reversed(self) -> Motion:
-        return Motion(self.turns, -self.axis)
+        """Return the motion of the inner frame seen from the outer one, for the same coordinate."""
+        return self if self.ball else Motion(-self.turn, -self.slide)
 
 
 @dataclass(frozen=True)
 class Row:
-    """Describe one closure row: e . (p_2 - p_1) = 0 where f is None, else e . f = 0; `name` says what it holds."""
+    """Describe one closure row; `name` says what it holds.
+
+    position row    e . (p_2 - p_1)                   where f is None
+    direction row   e . f                             where f is given; f has the same components in F1 and F2 but for
+                                                      a `crossing` row, where e is fixed in F1 alone and f in F2
+    screw row       e . (p_2 - p_1) - pitch angle     where pitch is given; e is the axis
+    distance row    (|p_2 - p_1|^2 - l^2) / (2 l)     where length is given; e is not used
+    """
 
     name: str
     e: np.ndarray
     f: np.ndarray | None = None
+    pitch: float | None = None
+    length: float | None = None
+    crossing: bool = False
 
     @property
     def moment(self) -> np.ndarray:
-        """Return f x e, the direction about which a direction row allows no turn (zero for a position row)."""
+        """Return f x e, the direction about which a direction row allows no turn (zero for the other rows)."""
         return np.zeros(3) if self.f is None else np.cross(self.f, self.e)
+
+    def exchanged(self) -> Row:
+        """Return the row with e in F2 and f in F1."""
+        return replace(self, e=self.f, f=self.e) if self.crossing else self
 
 
 @dataclass(frozen=True)
 class Kind:
     """Describe a joint kind by functions of the joint's data.
 
-    `rows` takes the joint and a preferred first direction; rows may be taken with F1 and F2 exchanged.
+    motions: from F1 to F2, in order
+    rows: takes the joint and a preferred first direction; `exchanged` gives the rows with F1 and F2 exchanged
     """
 
     motions: Callable[[Any], tuple[Motion, ...]]
     rows: Callable[[Any, np.ndarray], tuple[Row, ...]]
+
+
+def turn(axis: object) -> Motion:
+    return Motion(turn=np.array(axis, float))
+
+
+def slide(axis: object) -> Motion:
+    return Motion(slide=np.array(axis, float))
+
+
+def coincident(preferred: np.ndarray) -> tuple[Row, ...]:
+    """Return the three position rows of a common origin, along directions of which the first is preferred."""
+    axis = np.eye(3)[int(np.argmin(np.abs(preferred)))]
+    e1, e2 = transversals(axis, preferred)
+    return tuple(Row(f"position {number}", e) for number, e in enumerate((e1, e2, axis), start=1))
 
 
 def transversals(axis: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, transversals
+from linkwork.equations.joints.kind import Kind, Motion, Row, slide, transversals
 from linkwork.mechanism import PrismaticJoint
 
 
 def motions(joint: PrismaticJoint) -> tuple[Motion, ...]:
-    return (Motion(False, np.array(joint.axis)),)
+    return (slide(joint.axis),)
 
 
 def rows(joint: PrismaticJoint, preferred: np.ndarray) -> tuple[Row, ...]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, transversals
+from linkwork.equations.joints.kind import Kind, Motion, Row, transversals, turn
 from linkwork.mechanism import RevoluteJoint
 
 
 def motions(joint: RevoluteJoint) -> tuple[Motion, ...]:
-    return (Motion(True, np.array(joint.axis)),)
+    return (turn(joint.axis),)
 
 
 def rows(joint: RevoluteJoint, preferred: np.ndarray) -> tuple[Row, ...]:

@@ -1,0 +1,80 @@
+"""Every robot of the catalogue: how large its forward dynamics is, how quick, and what it takes to get it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+
+import casadi as ca
+
+import linkwork as lw
+from linkwork import robots
+from linkwork.equations import functions
+from linkwork.kernels import Kernel, compile_function
+
+from benchmarks import native
+from benchmarks.table import Listing, Section, quantity
+from benchmarks.timing import empty_cache, interleaved, ns, summary, us
+
+STATES = 128
+COLUMNS = ("robot", "freedoms", "instructions", "batch [ns]", "one [µs]", "derived [s]", "compiled [s]")
+METHOD = f"""
+    Forward dynamics of all robots in `lw.robots`, with their default data, in the chart that runs start in. Instructions: of
+    the traced function, inputs and outputs included. Batch: time per state in batches on one core; one: state by state, each
+    waiting for the one before. Both over {STATES} states at the reference configuration with random rates and forces, medians
+    of blocks of 2 ms in which all robots take turns. Derived: from the description to the traced function; compiled: with an
+    empty cache of kernels.
+    """
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Hold a robot, its traced forward dynamics, and the seconds that deriving and tracing took."""
+
+    robot: lw.Robot
+    motion: ca.Function
+    derived: float
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """Return the kernel, compiled anew."""
+        with empty_cache():
+            return compile_function(self.motion)
+
+
+def entry(name: str) -> Entry:
+    """Derive and trace a robot of the catalogue."""
+    start = perf_counter()
+    robot = lw.Robot(getattr(robots, name)())
+    motion = functions.motion(robot.run_chart.equations)
+    return Entry(robot, motion, perf_counter() - start)
+
+
+def run(names: Sequence[str] = tuple(robots.__all__), rounds: int = 30) -> Section:
+    """Derive and compile all robots, then time all kernels in turn."""
+    entries = {name: entry(name) for name in names}
+    contenders = {
+        (name, how): contender
+        for name, one in entries.items()
+        for how, contender in native.evaluations(one.kernel, one.robot.home.q, STATES).items()
+    }
+    seconds = interleaved(contenders, rounds)
+    rows = [
+        (
+            name,
+            str(one.robot.mobility),
+            str(one.motion.n_instructions()),
+            quantity(ns(seconds[name, "batches"]), ""),
+            quantity(us(seconds[name, "one by one"]), ""),
+            quantity(one.derived, "", 2),
+            quantity(one.kernel.compile_seconds, "", 2),
+        )
+        for name, one in entries.items()
+    ]
+    raw = {
+        name: {"batches": summary(seconds[name, "batches"]), "one by one": summary(seconds[name, "one by one"])}
+        for name in names
+    }
+    return Section("Catalogue", METHOD, raw=raw, listing=Listing(COLUMNS, rows))

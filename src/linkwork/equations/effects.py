@@ -1,0 +1,141 @@
+"""What acts besides actuators and weight: friction, springs and rotors in joints, springs between points.
+
+A freedom of a joint has a displacement x and rates w; for a turn or slide both are one number, for a free turn x is the
+rotation vector of R_12 (the short way) and w the relative angular velocity, both in F1's axes:
+
+    force      -k (x - rest) - d w - (viscous + coulomb / sqrt(w . w + r^2)) w
+    potential  k (x - rest) . (x - rest) / 2
+    rotor      kinetic energy J w . w / 2:  J adds to the tree's inertia, by the rows that give w from the tree's rates
+
+A spring between points at the distance l pulls with the tension  k (l - l_0) + d l'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations.algebra import SX, cross, dot, zero
+from linkwork.equations.joint_map import JointMap, derivative
+from linkwork.equations.tree import Node, Tree, near_offset
+from linkwork.mechanism import Friction, GearJoint, Mechanism, PointSpring, Spring
+from linkwork.mechanism.joints import TURN
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J w_tree, and what acts."""
+
+    x: ca.SX
+    J: ca.SX
+    friction: Friction
+    spring: Spring
+    rotor: float
+
+    def force(self, w: ca.SX) -> ca.SX:
+        """Return the force of spring and friction on the freedom."""
+        resistance = self.friction.viscous + self.spring.damping
+        if self.friction.coulomb:
+            resistance += self.friction.coulomb / ca.sqrt(ca.sumsqr(w) + self.friction.coulomb_rate**2)
+        return -self.spring.stiffness * (self.x - self.spring.rest) - resistance * w
+
+    @property
+    def potential(self) -> ca.SX:
+        return self.spring.stiffness * ca.sumsqr(self.x - self.spring.rest) / 2
+
+
+def freedoms(joints: JointMap) -> tuple[Freedom, ...]:
+    """Return the freedoms in which something acts."""
+    found = []
+    for name, joint in joints.mechanism.joints.items():
+        if isinstance(joint, GearJoint):
+            continue
+        labels, rates = iter(joint.coordinates(name)), iter(joint.rates(name))
+        for freedom, (friction, spring, _, rotor) in joint.effects().items():
+            free = freedom == TURN
+            own, own_rates = (list(islice(labels, 4 if free else 1)), list(islice(rates, 3 if free else 1)))
+            if any((friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor)):
+                x = ca.vertcat(*[joints.position(label) for label in own])
+                J = joints.rate_rows(own_rates)
+                found.append(Freedom(rotation_vector(x) if free else x, J, friction, spring, rotor))
+    return tuple(found)
+
+
+def rotation_vector(p: ca.SX) -> ca.SX:
+    """Return the rotation vector of a unit quaternion (w, x, y, z), of length at most pi: 2 atan2(|u|, w) u / |u|."""
+    w, u = p[0], p[1:]
+    length = ca.sqrt(ca.sumsqr(u) + 1e-300)
+    return 2 * ca.atan2(length, ca.fabs(w)) / length * ca.if_else(w < 0, -u, u)
+
+
+def joint_forces(freedoms: tuple[Freedom, ...], rates: ca.SX) -> ca.SX:
+    """Return the forces (nv) of friction and springs in joints on the tree's rates."""
+    return sum((ca.mtimes(f.J.T, f.force(ca.mtimes(f.J, rates))) for f in freedoms), SX.zeros(rates.numel()))
+
+
+def rotor_inertia(freedoms: tuple[Freedom, ...], nv: int) -> ca.SX:
+    """Return what rotors add to the tree's generalised inertia, J' J_rotor J."""
+    return sum((f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if f.rotor), SX.zeros(nv, nv))
+
+
+def rotor_forces(freedoms: tuple[Freedom, ...], tree: Tree, rates: ca.SX, accelerations: ca.SX) -> ca.SX:
+    """Return what rotors add to the inertia forces, J' J_rotor (J w' + (dJ/dt) w)."""
+    total = SX.zeros(rates.numel())
+    for f in freedoms:
+        if f.rotor:
+            turning = ca.mtimes(derivative(f.J, tree, rates), rates)
+            total += f.rotor * ca.mtimes(f.J.T, ca.mtimes(f.J, accelerations) + turning)
+    return total
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Hold a spring between two points: nodes, vectors from their origins in their axes, direction and length.
+
+    direction: from the first to the second point, in the ground's axes
+    """
+
+    spring: PointSpring
+    nodes: tuple[Node, Node]
+    arms: tuple[ca.SX, ca.SX]
+    direction: ca.SX
+    length: ca.SX
+
+    @property
+    def potential(self) -> ca.SX:
+        return self.spring.stiffness * (self.length - self.spring.rest_length) ** 2 / 2
+
+
+def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
+    """Yield the springs between points."""
+    for spring in mechanism.springs.values():
+        first, second = (tree.node(body) for body in spring.connects)
+        near, far = (np.array(point) for point in spring.points)
+        gap = tree.point(second, far) - tree.point(first, near)
+        length = ca.sqrt(ca.sumsqr(gap))
+        arms = near_offset(first, near), near_offset(second, far)
+        yield Pull(spring, (first, second), arms, gap / length, length)
+
+
+def point_wrenches(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> dict[int, tuple[ca.SX, ca.SX]]:
+    """Return the wrenches (moment about the node's origin, force) of springs between points, by node in its axes."""
+    wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+    omega = tree.angular_velocities(rates) if mechanism.springs else []
+    v = tree.velocities(omega, rates) if mechanism.springs else []
+    for pull in pulls(mechanism, tree):
+        first, second = (
+            ca.mtimes(node.axes.matrix, v[node.index] + cross(omega[node.index], arm))
+            for node, arm in zip(pull.nodes, pull.arms, strict=True)
+        )
+        rate = dot(pull.direction, second - first)
+        tension = pull.spring.stiffness * (pull.length - pull.spring.rest_length) + pull.spring.damping * rate
+        for sign, node, arm in zip((1, -1), pull.nodes, pull.arms, strict=True):
+            if node.index >= 0:
+                force = ca.mtimes(node.axes.matrix.T, sign * tension * pull.direction)
+                moment, total = wrenches.get(node.index, (zero(), zero()))
+                wrenches[node.index] = (moment + cross(arm, force), total + force)
+    return wrenches

@@ -1,0 +1,34 @@
+"""Screw joint: F2 turns about the axis a and advances along it by the pitch h [m/rad].
+
+R_12 = Rot(a, q),  p_12 = h q a                  motion subspace  S = [a; h a]
+closure rows, with e_1, e_2 transversal to a:    e_1 . p_12 = 0,    e_2 . p_12 = 0                 (two positions)
+                                                 e_1 . R_12 a = 0,  e_2 . R_12 a = 0               (two directions)
+                                                 a . p_12 - h q = 0                                (the thread)
+The thread's row is written as h sin(a . p_12 / h - q): the advance counts the turns, the orientation cannot.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linkwork.equations.joints.kind import Kind, Motion, Row, transversals
+from linkwork.mechanism import ScrewJoint
+
+
+def motions(joint: ScrewJoint) -> tuple[Motion, ...]:
+    return (Motion(turn=np.array(joint.axis), slide=joint.pitch * np.array(joint.axis)),)
+
+
+def rows(joint: ScrewJoint, preferred: np.ndarray) -> tuple[Row, ...]:
+    a = np.array(joint.axis)
+    e1, e2 = transversals(a, preferred)
+    return (
+        Row("position across the axis, 1", e1),
+        Row("position across the axis, 2", e2),
+        Row("thread", a, pitch=joint.pitch),
+        Row("direction of the axis, 1", e1, a),
+        Row("direction of the axis, 2", e2, a),
+    )
+
+
+KIND = Kind(motions, rows)

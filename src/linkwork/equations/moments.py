@@ -1,0 +1,73 @@
+"""Moments of mass of order 0, 1 and 2 about a node's origin, and their regrouping along a tree.
+
+A body that turns on its parent acts on it through its mass only as a point mass at the joint, so this mass is moved into
+the parent once and for all (numbers), and the recursions carry first and second moments alone; a body fixed to its
+parent is moved into it whole.
+Source: Khalil & Dombre 2002, ch. 9 (regrouping).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from linkwork.mechanism import Body
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Hold mass m, first moment h = m c and inertia I about a node's origin, constant in the node's axes."""
+
+    m: float
+    h: np.ndarray
+    I: np.ndarray  # noqa: E741
+
+    @classmethod
+    def none(cls) -> Moments:
+        return cls(0.0, np.zeros(3), np.zeros((3, 3)))
+
+    @classmethod
+    def of_body(cls, body: Body, origin: np.ndarray) -> Moments:
+        """Refer a body's inertia to a point of it (body's frame and axes): I_O = I_C + m (c.c 1 - c c')."""
+        c = np.array(body.centre_of_mass) - origin
+        return cls(body.mass, body.mass * c, body.inertia.tensor() + body.mass * steiner(c))
+
+    def __add__(self, other: Moments) -> Moments:
+        return Moments(self.m + other.m, self.h + other.h, self.I + other.I)
+
+    def moved(self, R: np.ndarray, r: np.ndarray) -> Moments:
+        """Refer to a frame in which this one's axes are R and its origin is at r, both constant."""
+        h, inertia = R @ self.h, R @ self.I @ R.T
+        cross_terms = 2 * (r @ h) * np.eye(3) - np.outer(r, h) - np.outer(h, r)
+        return Moments(self.m, h + self.m * r, inertia + cross_terms + self.m * steiner(r))
+
+
+def steiner(c: np.ndarray) -> np.ndarray:
+    return (c @ c) * np.eye(3) - np.outer(c, c)
+
+
+Link = tuple[Moments, int, np.ndarray | None, np.ndarray | None]
+
+
+def regrouped(links: Sequence[Link]) -> list[Moments]:
+    """Move masses into parents: a turning link's as a point at the joint, a fixed link's moments whole.
+
+    links: moments, index of the parent (-1: ground), position in the parent where constant, orientation where fixed
+    """
+    moments = [own for own, *_ in links]
+    for index in reversed(range(len(links))):
+        _, parent, arm, weld = links[index]
+        if arm is None:
+            continue
+        own = moments[index]
+        if weld is not None:
+            passed, kept = own.moved(weld, arm), Moments.none()
+        else:
+            point = Moments(own.m, np.zeros(3), np.zeros((3, 3)))
+            passed, kept = point.moved(np.eye(3), arm), Moments(0.0, own.h, own.I)
+        moments[index] = kept
+        if parent >= 0:
+            moments[parent] = moments[parent] + passed
+    return moments

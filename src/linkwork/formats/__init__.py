@@ -1,0 +1,9 @@
+"""Model files: mechanisms read from MJCF, URDF and the native YAML, and written as MJCF and YAML.
+
+imported = load("robot.xml")        Imported(mechanism, notes)
+notes = save(imported.mechanism, "robot.yaml")
+"""
+
+from linkwork.formats.models import Imported, load, save
+
+__all__ = ["Imported", "load", "save"]

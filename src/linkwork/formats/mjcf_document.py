@@ -1,0 +1,218 @@
+"""An MJCF document as its author means it: files included, defaults applied, angles and orientations understood.
+
+Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (elements, attributes and their defaults).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import radians
+from pathlib import Path
+
+import numpy as np
+
+from linkwork.formats import poses, xml
+from linkwork.formats.xml import Element
+from linkwork.mechanism import MechanismError
+
+ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+ACTUATORS = (
+    "motor", "general", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "cylinder", "muscle",
+    "adhesion", "dcmotor", "plugin",
+)  # fmt: skip
+EQUALITIES = ("connect", "weld", "joint", "tendon", "flex", "flexstrain", "flexvert")
+INCLUDES = 50
+MAIN = "main"
+
+Defaults = dict[str, dict[str, dict[str, str]]]  # class -> kind of element -> attributes
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """Hold how numbers are to be read.
+
+    Attributes:
+        degrees: angles are in degrees.
+        euler: order of the axes of Euler angles; small letters turn about the moving axes, capitals about the fixed ones.
+        autolimits: a range alone makes a limit.
+        from_geoms: "true", "false", or "auto" where the geoms give the inertia of bodies without <inertial>.
+        groups: first and last group of geoms that have mass.
+        least_mass, least_inertia: smaller ones of moving bodies are raised to these [kg, kg m^2].
+        total_mass: all masses are scaled to this sum, if positive [kg].
+        balance: moments of inertia that no rigid body has are replaced by their mean.
+    """
+
+    degrees: bool = True
+    euler: str = "xyz"
+    autolimits: bool = True
+    from_geoms: str = "auto"
+    groups: tuple[int, int] = (0, 5)
+    least_mass: float = 0.0
+    least_inertia: float = 0.0
+    total_mass: float = -1.0
+    balance: bool = False
+
+    def angle(self, value: float) -> float:
+        """Return an angle of the file in radians."""
+        return radians(value) if self.degrees else value
+
+    def updated(self, section: Element) -> Compiler:
+        """Return the settings after one <compiler> section."""
+        if section.attributes.get("coordinate", "local") != "local":
+            raise section.refusal("coordinate must be 'local'; global coordinates are not part of MJCF any more")
+        euler = section.attributes.get("eulerseq", self.euler)
+        if len(euler) != 3 or set(euler.lower()) - set("xyz"):
+            raise section.refusal(f"eulerseq {xml.shortened(euler)} is not three letters of x, y, z")
+        low, high = section.numbers("inertiagrouprange", (2,), tuple(map(float, self.groups)))
+        return Compiler(
+            degrees=section.choice("angle", ("degree", "radian"), "degree" if self.degrees else "radian") == "degree",
+            euler=euler,
+            autolimits=flag(section, "autolimits", self.autolimits),
+            from_geoms=section.choice("inertiafromgeom", ("false", "true", "auto"), self.from_geoms),
+            groups=(int(low), int(high)),
+            least_mass=section.number("boundmass", self.least_mass),
+            least_inertia=section.number("boundinertia", self.least_inertia),
+            total_mass=section.number("settotalmass", self.total_mass),
+            balance=flag(section, "balanceinertia", self.balance),
+        )
+
+
+def flag(element: Element, name: str, default: bool) -> bool:
+    """Return an attribute that is true or false."""
+    return element.choice(name, ("true", "false"), "true" if default else "false") == "true"
+
+
+@dataclass(frozen=True)
+class Document:
+    """Hold the root element with all files included, the compiler's settings and the defaults by class."""
+
+    root: Element
+    compiler: Compiler
+    defaults: Defaults
+
+    @classmethod
+    def read(cls, root: Element) -> Document:
+        """Complete a document whose root is <mujoco>."""
+        root = _Including(root.file).complete(root)
+        compiler, defaults = Compiler(), {MAIN: {}}
+        for section in root.each("compiler"):
+            compiler = compiler.updated(section)
+        for section in root.each("default"):
+            defaults[section.attributes.get("class", MAIN)] = defaults[MAIN]
+            _read_defaults(section, MAIN, defaults)
+        return cls(root, compiler, defaults)
+
+    def each(self, section: str, *tags: str) -> Iterator[Element]:
+        """Yield the elements of some tags in all sections of a name."""
+        return (
+            element for part in self.root.each(section) for element in part.children if not tags or element.tag in tags
+        )
+
+    def resolved(self, element: Element, kind: str, childclass: str = MAIN) -> Element:
+        """Return an element with the defaults of its class, or of the class its body gives to its children.
+
+        Args:
+            kind: what defaults call the element; all actuators share one entry, as do all equalities and all tendons.
+        """
+        name = element.attributes.get("class", childclass)
+        if name not in self.defaults:
+            raise element.refusal(f"there is no default class {name!r}")
+        known = self.defaults[name].get(kind, {})
+        own = element.attributes
+        if any(form in own for form in ORIENTATIONS):
+            known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
+        return element.with_attributes({**known, **own})
+
+    def pose(self, element: Element) -> np.ndarray:
+        """Return the pose that pos and one form of orientation give."""
+        return poses.pose(element.vector("pos", (0.0, 0.0, 0.0)), self.rotation(element))
+
+    def rotation(self, element: Element) -> np.ndarray:
+        """Return the rotation matrix of quat, axisangle, euler, xyaxes or zaxis."""
+        given = [form for form in ORIENTATIONS if form in element.attributes]
+        if len(given) > 1:
+            raise element.refusal(f"gives its orientation as {' and '.join(given)}; keep one of them")
+        if not given:
+            return np.eye(3)
+        (form,) = given
+        count = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}[form]
+        numbers = np.array(element.numbers(form, (count,)))
+        heads = {
+            "quat": [numbers],
+            "axisangle": [numbers[:3]],
+            "xyaxes": [numbers[:3], numbers[3:]],
+            "zaxis": [numbers],
+        }
+        if any(np.linalg.norm(head) < 1e-12 for head in heads.get(form, [])):
+            raise element.refusal(f"{form} '{element.attributes[form]}' has no length; give a direction")
+        match form:
+            case "quat":
+                return poses.from_quaternion(*numbers)
+            case "axisangle":
+                return poses.turn(poses.unit(numbers[:3]), self.compiler.angle(numbers[3]))[:3, :3]
+            case "euler":
+                return self._euler(numbers)
+            case "zaxis":
+                return poses.from_z(numbers)
+        x = poses.unit(numbers[:3])
+        y = numbers[3:] - (numbers[3:] @ x) * x
+        if np.linalg.norm(y) < 1e-12:
+            raise element.refusal("xyaxes gives two parallel axes; turn one of them")
+        y = poses.unit(y)
+        return np.column_stack([x, y, np.cross(x, y)])
+
+    def _euler(self, angles: np.ndarray) -> np.ndarray:
+        R = np.eye(3)
+        for letter, angle in zip(self.compiler.euler, angles, strict=True):
+            turn = poses.turn(np.eye(3)["xyz".index(letter.lower())], self.compiler.angle(angle))[:3, :3]
+            R = R @ turn if letter.islower() else turn @ R
+        return R
+
+
+def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
+    """Add a class: its own settings first, then its subclasses, which begin with them."""
+    table = defaults[name]
+    for element in section.children:
+        if element.tag != "default":
+            kind = "actuator" if element.tag in ACTUATORS else element.tag
+            known = table.get(kind, {})
+            if any(form in element.attributes for form in ORIENTATIONS):
+                known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
+            table[kind] = {**known, **element.attributes}
+    for subclass in section.each("default"):
+        child = subclass.text("class")
+        defaults[child] = {tag: dict(attributes) for tag, attributes in table.items()}
+        _read_defaults(subclass, child, defaults)
+
+
+class _Including:
+    """Put the contents of files in the place of <include file="...">; they lie in the model's own folder."""
+
+    def __init__(self, main: Path):
+        self.folder = main.parent.resolve()
+        self.seen = {main.resolve()}
+
+    def complete(self, element: Element) -> Element:
+        children: list[Element] = []
+        for child in element.children:
+            children += self._included(child) if child.tag == "include" else [self.complete(child)]
+        return replace(element, children=children)
+
+    def _included(self, element: Element) -> list[Element]:
+        name = element.text("file")
+        try:
+            path = (self.folder / name).resolve()
+        except (OSError, ValueError):
+            raise element.refusal(f"file {xml.shortened(name)} is no path") from None
+        if not path.is_relative_to(self.folder):
+            raise element.refusal(f"file {xml.shortened(name)} lies outside the model's folder and is not opened")
+        if path in self.seen:
+            raise element.refusal(f"file {xml.shortened(name)} is included twice; include it once")
+        if len(self.seen) > INCLUDES:
+            raise element.refusal(f"more than {INCLUDES} files are included; that is refused")
+        self.seen.add(path)
+        try:
+            return self.complete(xml.read(path)).children
+        except MechanismError as error:
+            raise MechanismError(f"{element.file}: line {element.line}: {error}") from None

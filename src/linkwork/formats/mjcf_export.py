@@ -1,0 +1,397 @@
+"""A mechanism written as MJCF, the model format of MuJoCo.
+
+Names survive: a joint of several freedoms becomes hinges and slides named "joint.freedom". qpos0 is the home
+configuration, where the loops are closed, and hinges and slides have the mechanism's own coordinates (`ref`).
+
+MuJoCo's equality constraints are soft: at a closed state the accelerations differ from those of rigid loops by about
+(1 - d)/d of what the constraint forces do, with the impedance d = 0.9999, the greatest that MuJoCo takes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from linkwork.formats import poses, xml
+from linkwork.formats.mjcf_plan import ADVANCE, Home, Move, Plan, Seat, Tie, plan
+from linkwork.formats.mjcf_tree import UNLIMITED, WORLD
+from linkwork.formats.notes import Notes
+from linkwork.mechanism import (
+    GROUND,
+    Body,
+    FreeJoint,
+    Limits,
+    Mechanism,
+    MechanismError,
+    PairJoint,
+    ScrewJoint,
+    SphericalJoint,
+)
+
+STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+OPTION = {"timestep": "0.001", "integrator": "RK4", "solver": "Newton", "tolerance": "1e-12", "iterations": "100"}
+POINT_RADIUS = 1e-4  # radius of gyration given to bodies without inertia, which MuJoCo refuses [m]
+POINT_MASS = 1e-8  # mass given to bodies without it, as part of the mechanism's mass
+FLAT = 1e-10  # what is added to flat bodies, as part of their greatest moment: MuJoCo has no tolerance for a + b >= c
+ARM = 0.2  # distance of the two points that hold a revolute joint's axis, as part of the mechanism's size
+STROKE = 0.01  # radius of what is drawn, as part of the mechanism's size
+
+
+def write_mjcf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
+    """Write a mechanism as an MJCF file with its loops closed; return notes on what MuJoCo takes otherwise.
+
+    Raises:
+        MechanismError: MJCF cannot hold the mechanism, its loops cannot be closed, or the file cannot be written.
+    """
+    text, notes = to_mjcf(mechanism, home_of(mechanism))
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise MechanismError(f"{path}: cannot be written: {(error.strerror or str(error)).lower()}") from None
+    return notes
+
+
+def home_of(mechanism: Mechanism) -> Home:
+    """Close the loops of a mechanism from its reference."""
+    from linkwork.robot import Robot
+
+    robot = Robot(mechanism)
+    placed = {body: poses.pose(p, R) for body, (p, R) in robot.body_poses(robot.home).items()}
+    coordinates = dict(zip(robot.home.coordinates, map(float, robot.home.positions), strict=True))
+    return Home({GROUND: np.eye(4), **placed}, coordinates)
+
+
+def to_mjcf(mechanism: Mechanism, home: Home) -> tuple[str, tuple[str, ...]]:
+    """Return the text of an MJCF file and notes.
+
+    Args:
+        home: a configuration in which the loops are closed.
+    """
+    notes = Notes()
+    size = _size(mechanism, home)
+    return _Writer(mechanism, home, plan(mechanism, home, ARM * size), size, notes).text(), notes.sentences()
+
+
+def _size(mechanism: Mechanism, home: Home) -> float:
+    """Return the largest distance of a joint from the first one [m], or 1 where all are in one place."""
+    points = [X[:3, 3] for joint in mechanism.pairs.values() for X in home.frames(joint)]
+    reach = max((float(np.linalg.norm(point - points[0])) for point in points), default=0.0)
+    return reach if reach > 1e-9 else 1.0
+
+
+class _Writer:
+    def __init__(self, mechanism: Mechanism, home: Home, plan: Plan, size: float, notes: Notes):
+        self.mechanism, self.home, self.plan, self.size, self.notes = mechanism, home, plan, size, notes
+        self.elements: dict[str, ET.Element] = {}
+        self.root = ET.Element("mujoco", model=mechanism.name)
+        self.moves = {move.name: move for seat in plan.seats.values() for move in seat.moves}
+
+    def text(self) -> str:
+        ET.SubElement(self.root, "compiler", angle="radian", inertiafromgeom="false")
+        ET.SubElement(self.root, "option", attrib={"gravity": numbers(self.mechanism.gravity)} | OPTION)
+        default = ET.SubElement(self.root, "default")
+        ET.SubElement(default, "equality", attrib=STIFF)
+        ET.SubElement(default, "geom", contype="0", conaffinity="0", group="1", rgba="0.4 0.5 0.6 1")
+        self.elements[GROUND] = ET.SubElement(self.root, "worldbody")
+        self.sections = {name: ET.Element(name) for name in ("tendon", "equality", "actuator", "keyframe")}
+        self._check()
+        for seat in self.plan.seats.values():
+            self._body(seat)
+        for name, tool in self.mechanism.tools.items():
+            self._site(name, tool.body, self.home.poses[tool.body] @ poses.of_frame(tool.frame))
+        for tie in self.plan.ties:
+            self._tie(tie)
+        self._springs()
+        self._gears()
+        for rate in self.mechanism.actuators:
+            self._actuator(rate)
+        self._key()
+        self._say()
+        self.root.extend(section for section in self.sections.values() if len(section))
+        ET.indent(self.root)
+        return ET.tostring(self.root, encoding="unicode") + "\n"
+
+    # -------------------------------------------------------------------------------------------------------- bodies
+
+    def _check(self) -> None:
+        if WORLD in self.mechanism.bodies:
+            raise MechanismError(f"bodies.{WORLD}: is the name that MJCF gives to ground; rename the body")
+        self.total = sum(body.mass for body in self.mechanism.bodies.values())
+        if any(len(self.plan.chain(name)) > xml.DEEPEST - 10 for name in self.plan.seats):
+            raise MechanismError(
+                f"joints: a chain of more than {xml.DEEPEST - 10} bodies is too deep for a file of nested bodies"
+            )
+        tied = {end for tie in self.plan.ties for end in tie.seats}
+        inner = {seat.parent for seat in self.plan.seats.values()}
+        for seat in self.plan.seats.values():
+            useless = not self.mechanism.bodies[seat.body].inertia.tensor().any() and (
+                seat.name in tied or seat.name not in inner
+            )
+            if self._light(seat) and (useless or not self.total):
+                raise MechanismError(
+                    f"bodies.{seat.body}: moves without mass and inertia, which MuJoCo refuses; give it some (a massless "
+                    "body is written only inside a chain of joints)"
+                )
+
+    def _weight(self, seat: Seat) -> float:
+        """Return the mass of a seat and of all that is fixed to it."""
+        fixed = (other for other in self.plan.seats.values() if other.parent == seat.name and not other.moves)
+        return self.mechanism.bodies[seat.body].mass + sum(map(self._weight, fixed))
+
+    def _light(self, seat: Seat) -> bool:
+        """Tell whether a seat moves and has no mass, nor what is fixed to it."""
+        return bool(seat.moves) and not self._weight(seat)
+
+    def _body(self, seat: Seat) -> None:
+        X = self.home.poses[seat.body]
+        parent = self.plan.seats.get(seat.parent)
+        relative = poses.inverse(self.home.poses[parent.body]) @ X if parent else X
+        element = ET.SubElement(self.elements[seat.parent], "body", attrib={"name": seat.name} | placed(relative))
+        self.elements[seat.name] = element
+        body = self.mechanism.bodies[seat.body]
+        if body.mass or body.inertia.tensor().any() or self._light(seat):
+            self._inertial(element, seat, body)
+        for move in seat.moves:
+            element.append(self._joint(move, poses.inverse(X)))
+        self._draw(element, seat, poses.inverse(X))
+
+    def _inertial(self, element: ET.Element, seat: Seat, body: Body) -> None:
+        I, mass = seat.share * body.inertia.tensor(), seat.share * body.mass  # noqa: E741
+        if body.inertia.planar:
+            I = seat.share * body.inertia.zz * np.eye(3)  # noqa: E741
+            self.notes.say(
+                "bodies that give zz alone are written with xx = yy = zz, which a planar motion does not feel"
+            )
+        if self._light(seat):
+            mass = POINT_MASS * self.total
+            self.notes.say(f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added")
+        a, b, c = np.linalg.eigvalsh(I)
+        if a + b < c * (1 + FLAT):
+            I = I + FLAT * c * np.eye(3)  # noqa: E741
+        if seat.moves and a < 1e-14:
+            I = I + mass * POINT_RADIUS**2 * np.eye(3)  # noqa: E741
+            self.notes.say(
+                f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; a radius of gyration of "
+                f"{POINT_RADIUS:g} m is added"
+            )
+        elements = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
+        centre = numbers(body.centre_of_mass)
+        ET.SubElement(element, "inertial", pos=centre, mass=number(mass), fullinertia=numbers(elements))
+
+    def _joint(self, move: Move, into: np.ndarray) -> ET.Element:
+        """Return a joint in a body's frame; `into` turns ground's components into the body's."""
+        friction, spring, limits, rotor = move.effects
+        element = ET.Element("joint", name=move.name, type=move.kind)
+        if move.kind != "free":
+            element.set("pos", numbers(poses.point(into, move.anchor)))
+        if move.kind in ("hinge", "slide"):
+            element.set("axis", numbers(into[:3, :3] @ move.axis))
+            put(element, "ref", move.ref)
+        put(element, "damping", friction.viscous + spring.damping)
+        put(element, "frictionloss", friction.coulomb)
+        put(element, "stiffness", spring.stiffness)
+        put(element, "springref", spring.rest if spring.stiffness else 0.0)
+        put(element, "armature", rotor)
+        if limits != Limits():
+            lower = -UNLIMITED if limits.lower is None else limits.lower
+            upper = UNLIMITED if limits.upper is None else limits.upper
+            element.set("range", numbers((0.0 if move.kind == "ball" else lower, upper)))
+        return element
+
+    def _draw(self, element: ET.Element, seat: Seat, into: np.ndarray) -> None:
+        """Add bars from the body's first joint to all others, so that the model can be seen; they have no mass."""
+        points = [move.anchor for move in seat.moves[:1]]
+        points += [
+            child.moves[0].anchor for child in self.plan.seats.values() if child.parent == seat.name and child.moves
+        ]
+        points += [
+            p for tie in self.plan.ties for end, p in zip(tie.seats, tie.points, strict=True) if end == seat.name
+        ]
+        local = [poses.point(into, p) for p in points]
+        radius = number(STROKE * self.size)
+        bars = [p for p in local[1:] if np.linalg.norm(p - local[0]) > STROKE * self.size]
+        for p in bars:
+            ET.SubElement(element, "geom", type="capsule", fromto=numbers((*local[0], *p)), size=radius)
+        if local and not bars:
+            ET.SubElement(element, "geom", type="sphere", pos=numbers(local[0]), size=radius)
+
+    def _site(self, name: str, seat: str, X: np.ndarray) -> None:
+        body = self.plan.seats[seat].body if seat != GROUND else GROUND
+        ET.SubElement(
+            self.elements[seat], "site", attrib={"name": name} | placed(poses.inverse(self.home.poses[body]) @ X)
+        )
+
+    # ---------------------------------------------------------------------------------------------------------- ties
+
+    def _tie(self, tie: Tie) -> None:
+        one, two = (WORLD if seat == GROUND else seat for seat in tie.seats)
+        match tie.kind:
+            case "connect":
+                X = self.home.poses[GROUND if tie.seats[0] == GROUND else self.plan.seats[tie.seats[0]].body]
+                anchor = numbers(poses.point(poses.inverse(X), tie.points[0]))
+                self._add("equality", "connect", name=tie.name, body1=one, body2=two, anchor=anchor)
+            case "weld":
+                self._add("equality", "weld", name=tie.name, body1=one, body2=two)
+            case "rod":
+                self._tendon(tie.name, tie.seats, tie.points)
+                gap = tie.length - float(np.linalg.norm(tie.points[1] - tie.points[0]))
+                self._add("equality", "tendon", name=tie.name, tendon1=tie.name, polycoef=numbers((gap, 0, 0, 0, 0)))
+
+    def _tendon(self, name: str, seats: tuple[str, str], points: Iterable[np.ndarray], **attributes: str) -> None:
+        tendon = self._add("tendon", "spatial", name=name, **attributes)
+        for end, seat, p in zip(("near", "far"), seats, points, strict=True):
+            self._site(f"{name}.{end}", seat, poses.shift(p))
+            ET.SubElement(tendon, "site", site=f"{name}.{end}")
+
+    def _springs(self) -> None:
+        for name, spring in self.mechanism.springs.items():
+            points = [poses.point(self.home.poses[b], p) for b, p in zip(spring.connects, spring.points, strict=True)]
+            label = name if name not in self.mechanism.joints else f"{name}.spring"
+            self._tendon(
+                label,
+                spring.connects,
+                points,
+                stiffness=number(spring.stiffness),
+                springlength=number(spring.rest_length),
+                damping=number(spring.damping),
+            )
+
+    def _gears(self) -> None:
+        """Couple hinges and slides: a screw's advance, two of them by a joint equality, more by a tendon of joints."""
+        for name, joint in self.mechanism.joints.items():
+            if isinstance(joint, ScrewJoint):
+                slide, ratio = f"{name}.{ADVANCE}", numbers((0, joint.pitch, 0, 0, 0))
+                self._add("equality", "joint", name=name, joint1=slide, joint2=name, polycoef=ratio)
+        for name, gear in self.mechanism.gears.items():
+            ratios = {label: ratio for label, ratio in gear.ratios.items() if ratio}
+            for label in ratios:
+                if label not in self.moves or self.moves[label].kind not in ("hinge", "slide"):
+                    raise MechanismError(
+                        f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and cannot be geared"
+                    )
+            gap = gear.offset - sum(ratio * self.moves[label].ref for label, ratio in ratios.items())
+            if len(ratios) == 2:
+                (one, first), (two, second) = ratios.items()
+                line = numbers((gap / first, -second / first, 0, 0, 0))
+                self._add("equality", "joint", name=name, joint1=one, joint2=two, polycoef=line)
+            else:
+                tendon = self._add("tendon", "fixed", name=name)
+                for label, ratio in ratios.items():
+                    ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
+                self._add("equality", "tendon", name=name, tendon1=name, polycoef=numbers((gap, 0, 0, 0, 0)))
+
+    def _add(self, section: str, tag: str, **attributes: str) -> ET.Element:
+        return ET.SubElement(self.sections[section], tag, attributes)
+
+    # ----------------------------------------------------------------------------------------------------- actuators
+
+    def _actuator(self, rate: str) -> None:
+        if rate in self.moves and self.moves[rate].kind in ("hinge", "slide"):
+            self._add("actuator", "motor", name=rate, joint=rate)
+            return
+        name, _, freedom = rate.partition(".")
+        joint = self.mechanism.pairs[name]
+        near, _ = self.home.frames(joint)
+        axis = near[:3, "xyz".index(freedom[-1])]
+        ball = name if isinstance(joint, SphericalJoint) else f"{name}.turn"
+        owner = next(seat for seat in self.plan.seats.values() if any(move.name == ball for move in seat.moves))
+        gear = self.home.poses[owner.body][:3, :3].T @ axis
+        if owner.body == joint.connects[0]:
+            self._add("actuator", "motor", name=rate, joint=ball, gear=numbers(-gear))
+        else:
+            self._add("actuator", "motor", name=rate, jointinparent=ball, gear=numbers(gear))
+
+    def _key(self) -> None:
+        """Write qpos at home; it is also where MuJoCo starts."""
+        qpos: list[float] = []
+        for seat in self.plan.seats.values():
+            for move in seat.moves:
+                X = self.home.poses[seat.body]
+                match move.kind:
+                    case "free":
+                        qpos += [*X[:3, 3], *poses.to_quaternion(X[:3, :3])]
+                    case "ball":
+                        qpos += [1, 0, 0, 0]
+                    case _:
+                        qpos.append(move.ref)
+        self._add("keyframe", "key", name="home", qpos=numbers(qpos))
+
+    # --------------------------------------------------------------------------------------------------------- notes
+
+    def _say(self) -> None:
+        """Note what MuJoCo takes otherwise than the mechanism."""
+        say, effects = self.notes.say, [effects for move in self.moves.values() for effects in [move.effects]]
+        kinds = {tie.kind for tie in self.plan.ties}
+        if kinds or self.mechanism.gears:
+            say(
+                "MuJoCo's loops are soft: accelerations differ by about 1e-4 of what the constraint forces do, and gaps open"
+            )
+        if "rod" in kinds:
+            say(
+                "rods are exact at rest only: MuJoCo leaves out what the rates add to the second derivative of a held tendon"
+            )
+        if any(friction.coulomb for friction, *_ in effects):
+            say(
+                "Coulomb friction is written as frictionloss, which holds still at rest instead of being smooth about rate zero"
+            )
+        if any(limits != Limits() for _, _, limits, _ in effects):
+            say("limits are stops in MuJoCo; here passing them is only reported")
+        if "weld" in kinds:
+            parts = ", ".join(tie.name for tie in self.plan.ties if tie.kind == "weld")
+            say(
+                f"{parts}: closes a loop by a joint that MuJoCo has in trees only; it leads to a part of its body, welded to it"
+            )
+        balls = {move.name.removesuffix(".turn") for move in self.moves.values() if move.kind == "ball"}
+        turned = [name for name in self.mechanism.joints if name in balls and self._turned(self.mechanism.pairs[name])]
+        if turned:
+            say(
+                f"{', '.join(turned)}: MuJoCo measures the turn of a ball joint from home, not from where the two frames agree"
+            )
+        for name in self.plan.dropped:
+            say(f"joints.{name}: holds nothing that the rest of the model does not, and is left out")
+        for name in self.plan.floating:
+            say(f"{name}: is reached by rods only and gets a free joint in MuJoCo")
+        gone = [body for body in self.mechanism.bodies if body not in self.plan.seats]
+        if gone:
+            say(
+                f"{', '.join(gone)}: has no mass; its joints stand in the next body, as MJCF writes several joints at once"
+            )
+
+    def _turned(self, joint: PairJoint) -> bool:
+        near, far = self.home.frames(joint)
+        return isinstance(joint, SphericalJoint | FreeJoint) and bool(np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9)
+
+
+def put(element: ET.Element, name: str, value: float) -> None:
+    """Write an attribute that is not zero."""
+    if value:
+        element.set(name, number(value))
+
+
+def number(value: float) -> str:
+    """Return a number with all its digits; what rounding left of a zero is zero."""
+    value = float(value)
+    if abs(value) < poses.TINY:
+        return "0"
+    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+
+
+def numbers(values: Iterable[float]) -> str:
+    return " ".join(number(value) for value in values)
+
+
+def placed(X: np.ndarray) -> dict[str, str]:
+    """Return the attributes pos and quat of a pose, without those that say nothing."""
+    found = {}
+    if np.max(abs(X[:3, 3])) > poses.TINY:
+        found["pos"] = numbers(X[:3, 3])
+    if np.max(abs(X[:3, :3] - np.eye(3))) > poses.TINY:
+        found["quat"] = numbers(poses.to_quaternion(X[:3, :3]))
+    return found

@@ -1,0 +1,366 @@
+"""The equality constraints and tendons of an MJCF model as joints.
+
+    connect, alone                      a spherical joint; a revolute one where the tree between the two bodies moves in a
+                                        plane anyway (hinges of one direction, slides across it): the motion is the same
+    connects of the same two bodies     on one line: a revolute joint about it; on no line: a fixed joint
+    weld                                a fixed joint; without torque (torquescale 0) a connect
+    joint, linear                       a gear, a locked joint where only one is named
+    tendon of two sites, held           a rod; with stiffness or damping a spring between two points
+    tendon of joints, held              a gear
+
+Where body names and an anchor are given, the two bodies fit together at qpos0; sites fit where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf_document import Document, flag
+from linkwork.formats.mjcf_joints import Coupling, Joints
+from linkwork.formats.mjcf_tree import Names, Tree, plane_normal
+from linkwork.formats.notes import Notes
+from linkwork.formats.xml import Element
+from linkwork.mechanism import (
+    GROUND,
+    FixedJoint,
+    Frame,
+    GearJoint,
+    Joint,
+    PairJoint,
+    PointSpring,
+    RevoluteJoint,
+    RodJoint,
+    SphericalJoint,
+)
+
+APART = 1e-6  # points closer than this are one; distances that differ by less are equal [m]
+POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Hold a connect or weld: the two bodies, and the frames in them that meet (of a connect only the origins count)."""
+
+    element: Element
+    bodies: tuple[str, str]
+    frames: tuple[np.ndarray, np.ndarray]
+    sites: tuple[str, ...] = ()
+
+    @property
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.frames[0][:3, 3], self.frames[1][:3, 3]
+
+    def between(self, bodies: tuple[str, str]) -> Tie:
+        """Return the same tie with the bodies in a given order."""
+        return (
+            self if self.bodies == bodies else Tie(self.element, bodies, (self.frames[1], self.frames[0]), self.sites)
+        )
+
+
+@dataclass
+class Ties:
+    """Hold what closes loops or pulls, as far as it was understood."""
+
+    points: list[Tie] = field(default_factory=list)
+    welds: list[Tie] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+    tendons: list[Element] = field(default_factory=list)
+    sites: set[str] = field(default_factory=set)
+
+
+class LoopReader:
+    """Read the sections <equality> and <tendon> of a document whose tree is known."""
+
+    def __init__(self, document: Document, tree: Tree, notes: Notes):
+        self.document, self.tree, self.notes = document, tree, notes
+        self.at_zero, self.at_rest = tree.poses(), tree.poses(tree.positions(springs=True))
+        self.pieces = {piece.name: piece for _, piece in tree.pieces() if piece.name}
+
+    def ties(self) -> Ties:
+        """Return the active equality constraints by what they hold together."""
+        found = Ties()
+        for raw in self.document.each("equality"):
+            element = self.document.resolved(raw, "equality")
+            if not flag(element, "active", True):
+                self.notes.on(element, "is left out: it is not active")
+                continue
+            match element.tag:
+                case "connect":
+                    found.points.append(self._tie(element))
+                case "weld" if element.number("torquescale", 1.0) == 0:
+                    found.points.append(self._tie(element))
+                case "weld":
+                    found.welds.append(self._tie(element))
+                case "joint":
+                    found.couplings += self._coupling(element)
+                case "tendon":
+                    found.tendons.append(element)
+                case _:
+                    self.notes.on(element, "is left out: only connect, weld, joint and tendon are joints")
+        found.sites = {site for tie in (*found.points, *found.welds) for site in tie.sites}
+        return found
+
+    # ------------------------------------------------------------------------------------------------ connect, weld
+
+    def _tie(self, element: Element) -> Tie:
+        if "site1" in element.attributes:
+            names = element.text("site1"), element.text("site2")
+            ends = [self.site(element, name) for name in names]
+            return self._checked(Tie(element, (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1]), names))
+        one = self.body(element, element.text("body1"))
+        two = self.body(element, element.attributes.get("body2", "world"))
+        across = poses.inverse(self.at_zero[one]) @ self.at_zero[two]
+        if element.tag == "connect":
+            near = poses.shift(element.vector("anchor"))
+            return self._checked(Tie(element, (one, two), (near, poses.inverse(across) @ near)))
+        far = poses.shift(element.vector("anchor", (0.0, 0.0, 0.0)))
+        relative = element.numbers("relpose", (7,), (0.0,) * 7)
+        given = np.linalg.norm(relative[3:]) > 0
+        near = poses.pose(relative[:3], poses.from_quaternion(*relative[3:])) if given else across @ far
+        return self._checked(Tie(element, (one, two), (near, far)))
+
+    def _checked(self, tie: Tie) -> Tie:
+        if tie.bodies[0] == tie.bodies[1]:
+            raise tie.element.refusal(f"holds {tie.bodies[0]!r} to itself; name two bodies")
+        return tie
+
+    def body(self, element: Element, name: str) -> str:
+        if name not in self.tree.bodies:
+            raise element.refusal(f"there is no body {name!r}")
+        return self.tree.bodies[name]
+
+    def site(self, element: Element, name: str) -> tuple[str, np.ndarray]:
+        if name not in self.tree.sites:
+            raise element.refusal(f"there is no site {name!r}")
+        return self.tree.sites[name]
+
+    def closing(self, ties: Ties, names: Names) -> dict[str, PairJoint]:
+        """Return the joints that connects and welds are."""
+        made: dict[str, PairJoint] = {}
+        pairs: dict[frozenset[str], list[Tie]] = {}
+        for tie in ties.points:
+            pairs.setdefault(frozenset(tie.bodies), []).append(tie)
+        for group in pairs.values():
+            for name, joint in self._connected([tie.between(group[0].bodies) for tie in group]):
+                made[names.give(name)] = joint
+        for tie in ties.welds:
+            frames = poses.frame_of(tie.frames[0]), poses.frame_of(tie.frames[1])
+            made[names.give(tie_name(tie))] = FixedJoint(connects=tie.bodies, frames=frames)
+        return made
+
+    def _connected(self, ties: list[Tie]) -> list[tuple[str, PairJoint]]:
+        """Return the one joint that several connects of the same two bodies are, or one spherical joint for each."""
+        connects, name = ties[0].bodies, tie_name(ties[0])
+        points = np.array([tie.points for tie in ties])  # (ties, 2, 3)
+        apart = {(i, j): points[j] - points[i] for i, j in combinations(range(len(ties)), 2)}
+        lengths = {pair: np.linalg.norm(gap, axis=1) for pair, gap in apart.items()}
+        longest = max(lengths, key=lambda pair: lengths[pair][0], default=None)
+        if longest is None or lengths[longest][0] < APART:
+            return [(name, self._ball(ties[0]))]
+        if any(abs(near - far) > APART for near, far in lengths.values()):
+            self.notes.on(
+                ties[0].element, "and others hold points together that lie differently far apart in the two bodies"
+            )
+            return [(tie_name(tie), self._ball(tie)) for tie in ties]
+        centre, axes = points[list(longest)].mean(axis=0), [poses.unit(gap) for gap in apart[longest]]
+        away = points[:, 0] - centre[0]
+        away = away - np.outer(away @ axes[0], axes[0])
+        corner = int(np.argmax(np.linalg.norm(away, axis=1)))
+        if np.linalg.norm(away[corner]) < APART:
+            return [(name, self._hinge(connects, centre, axes))]
+        arms = points[corner] - centre
+        near, far = (poses.pose(p, poses.across(z, arm)) for p, z, arm in zip(centre, axes, arms, strict=True))
+        frames = poses.frame_of(near), poses.frame_of(far)
+        return [(name, FixedJoint(connects=connects, frames=frames))]
+
+    def _hinge(self, connects: tuple[str, str], centre: np.ndarray, axes: list[np.ndarray]) -> RevoluteJoint:
+        """Return a revolute joint about z of its frames, at zero where the bodies stand at qpos0."""
+        one, two = (self.at_zero[body][:3, :3] for body in connects)
+        first = poses.across(axes[0], np.eye(3)[np.argmin(abs(axes[0]))])
+        second = poses.across(axes[1], two.T @ one @ first[:, 0])
+        frames = poses.frame_of(poses.pose(centre[0], first)), poses.frame_of(poses.pose(centre[1], second))
+        return RevoluteJoint(connects=connects, frames=frames)
+
+    def _ball(self, tie: Tie) -> PairJoint:
+        """Return a spherical joint, at rest where the bodies stand at qpos0; a revolute one in a planar loop."""
+        normal = self._normal(tie.bodies)
+        if normal is not None:
+            self.notes.on(
+                tie.element,
+                "closes a loop that moves in a plane and is taken as a revolute joint across it; nothing is lost",
+            )
+            axes = [self.at_zero[body][:3, :3].T @ normal for body in tie.bodies]
+            return self._hinge(tie.bodies, np.array(tie.points), axes)
+        turn = self.at_zero[tie.bodies[1]][:3, :3].T @ self.at_zero[tie.bodies[0]][:3, :3]
+        frames = Frame(position=poses.triple(tie.points[0])), poses.frame_of(poses.pose(tie.points[1], turn))
+        return SphericalJoint(connects=tie.bodies, frames=frames)
+
+    def _normal(self, bodies: tuple[str, str]) -> np.ndarray | None:
+        """Return the normal of the plane in which the tree moves one body relative to another, if it is a plane."""
+        chains = [self.tree.chain(body) for body in bodies]
+        common = {node.name for node in chains[0]} & {node.name for node in chains[1]}
+        between = [node for chain in chains for node in chain if node.name not in common]
+        return plane_normal(
+            (piece.kind, self.at_zero[node.name][:3, :3] @ piece.axis) for node in between for piece in node.pieces
+        )
+
+    # ------------------------------------------------------------------------------------------------ joint, tendon
+
+    def _coupling(self, element: Element) -> list[Coupling]:
+        offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
+        if any(higher):
+            self.notes.on(element, "is left out: its polynomial is not linear, and a gear's is")
+            return []
+        names = element.text("joint1"), element.attributes.get("joint2", "")
+        for name in (names[0], *filter(None, names[1:])):
+            if name not in self.pieces:
+                raise element.refusal(f"there is no joint {name!r}")
+            if self.pieces[name].kind not in ("hinge", "slide"):
+                raise element.refusal(
+                    f"{name!r} is a {self.pieces[name].kind} joint; only hinges and slides are coupled"
+                )
+        return [Coupling(element, names[0], names[1] if ratio else "", offset, ratio)]
+
+    def gears(self, ties: Ties, joints: Joints, names: Names) -> dict[str, Joint]:
+        """Return the gears and locks that joint equalities are, but those that became parts of screws.
+
+        q1 - ref1 = a0 + a1 (q2 - ref2):  a gear of the ratios 1 and -a1 and the offset a0 + ref1 - a1 ref2.
+        """
+        made: dict[str, Joint] = {}
+        for number, coupling in enumerate(ties.couplings, start=1):
+            if coupling.joint in joints.screws and coupling.other:
+                continue
+            element = coupling.element
+            name = names.give(element.attributes.get("name", f"coupling_{number}"))
+            value = coupling.offset + self.pieces[coupling.joint].ref
+            if not coupling.other:
+                made[name] = self._lock(coupling, value, joints)
+                continue
+            ratios = {joints.coordinates[coupling.joint]: 1.0, joints.coordinates[coupling.other]: -coupling.ratio}
+            offset = value - coupling.ratio * self.pieces[coupling.other].ref
+            made[name] = element.make(GearJoint, ratios=ratios, offset=offset)
+        return made
+
+    def _lock(self, coupling: Coupling, value: float, joints: Joints) -> FixedJoint:
+        """Return a fixed joint beside a hinge or slide that holds it at a coordinate."""
+        label = joints.coordinates[coupling.joint]
+        if label not in joints.joints:
+            raise coupling.element.refusal(f"holds {label!r} alone, which is part of a joint of several freedoms")
+        joint = joints.joints[label]
+        piece = self.pieces[coupling.joint]
+        motion = poses.turn(joint.axis, value) if piece.kind == "hinge" else poses.shift(value * np.array(joint.axis))  # pyright: ignore
+        first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
+        return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
+
+    def tendons(
+        self, ties: Ties, joints: Joints, names: Names
+    ) -> tuple[dict[str, Joint], dict[str, PointSpring], set[str]]:
+        """Return rods and gears, springs between points, and the sites that tendons use."""
+        rods: dict[str, Joint] = {}
+        springs: dict[str, PointSpring] = {}
+        used: set[str] = set()
+        held = self._held(ties.tendons)
+        for raw in self.document.each("tendon"):
+            element = self.document.resolved(raw, "tendon")
+            label = element.attributes.get("name", "")
+            holds = held.pop(label, None)
+            if element.tag == "fixed":
+                self._fixed_tendon(element, holds, joints, names, rods)
+            elif element.tag == "spatial" and [part.tag for part in element.children] == ["site", "site"]:
+                used |= {part.text("site") for part in element.children}
+                self._straight_tendon(element, holds, names, rods, springs)
+            else:
+                self.notes.on(element, "is left out: only straight tendons of two sites are rods or springs")
+        for element in (equality for equality, _ in held.values()):
+            self.notes.on(element, "is left out: there is no tendon of that name")
+        return rods, springs, used
+
+    def _held(self, equalities: Iterable[Element]) -> dict[str, tuple[Element, float]]:
+        """Return the tendons that are held at a length: the equality, and the difference to the length at qpos0."""
+        held = {}
+        for element in equalities:
+            offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
+            if "tendon2" in element.attributes and (ratio or any(higher)):
+                self.notes.on(element, "is left out: a tendon that follows another is no joint")
+            else:
+                held[element.text("tendon1")] = element, offset
+        return held
+
+    def _straight_tendon(
+        self,
+        element: Element,
+        holds: tuple[Element, float] | None,
+        names: Names,
+        rods: dict[str, Joint],
+        springs: dict[str, PointSpring],
+    ) -> None:
+        ends = [self.site(element, part.text("site")) for part in element.children]
+        bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
+        stiffness, damping = (element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping"))
+        name = element.attributes.get("name", "tendon")
+        if holds:
+            frames = tuple(Frame(position=poses.triple(point)) for point in points)
+            fields = {
+                "connects": bodies,
+                "frames": frames,
+                "length": self._length(bodies, points, self.at_zero) + holds[1],
+            }
+            rods[names.give(holds[0].attributes.get("name", name))] = element.make(RodJoint, **fields)
+        if stiffness or damping:
+            low, *high = element.numbers("springlength", (1, 2), (-1.0,))
+            if high and high[0] != low:
+                self.notes.on(
+                    element, "has a spring without force over a range of lengths; it is taken to rest at the lower end"
+                )
+            springs[name] = element.make(
+                PointSpring,
+                connects=bodies,
+                points=tuple(map(poses.triple, points)),
+                stiffness=stiffness,
+                rest_length=self._length(bodies, points, self.at_rest) if low < 0 else low,
+                damping=damping,
+            )
+        if not holds and not stiffness and not damping:
+            self.notes.on(element, "is left out: it neither holds nor pulls")
+
+    def _length(
+        self, bodies: tuple[str, str], points: tuple[np.ndarray, np.ndarray], placed: dict[str, np.ndarray]
+    ) -> float:
+        ends = [poses.point(placed[body], p) for body, p in zip(bodies, points, strict=True)]
+        return float(np.linalg.norm(ends[1] - ends[0]))
+
+    def _fixed_tendon(
+        self,
+        element: Element,
+        holds: tuple[Element, float] | None,
+        joints: Joints,
+        names: Names,
+        rods: dict[str, Joint],
+    ) -> None:
+        if any(element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")):
+            self.notes.on(element, "has stiffness or damping across joints, which is left out")
+        if not holds:
+            self.notes.on(element, "is left out: no equality holds it, so it is no gear")
+            return
+        ratios, offset = {}, holds[1]
+        for part in element.each("joint"):
+            name, factor = part.text("joint"), part.number("coef")
+            if name not in joints.coordinates:
+                raise part.refusal(f"there is no hinge or slide {name!r} that can be geared")
+            ratios[joints.coordinates[name]] = factor
+            offset += factor * self.pieces[name].ref
+        label = holds[0].attributes.get("name", element.attributes.get("name", "gear"))
+        rods[names.give(label)] = element.make(GearJoint, ratios=ratios, offset=offset)
+
+
+def tie_name(tie: Tie) -> str:
+    """Return the name of a joint from its equality; the connects of an exported joint share what stands before the dot."""
+    name = tie.element.attributes.get("name")
+    if name is None:
+        return "_".join(("loop", *(body for body in tie.bodies if body != GROUND)))
+    return name.removesuffix(".near").removesuffix(".far")

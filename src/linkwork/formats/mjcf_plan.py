@@ -1,0 +1,361 @@
+"""How a mechanism is held by MJCF: a tree of bodies, and what ties the loops.
+
+    tree     a minimum spanning tree from ground: fixed joints first, then those that MuJoCo only knows inside a tree
+             (with effects, driven or geared; prismatic, screw, cylindrical, universal, planar), then revolute, spherical
+             and free ones (three slides and a ball, but for free bodies without effects); a body that only rods reach
+             gets a free joint
+    cut      a revolute joint is two connects on its axis, or one in a loop that moves in a plane; a spherical one is a
+             connect; a rod is a tendon held at its length; any other joint leads to a part of its body, with an equal
+             share of its mass, and a weld joins part and body
+    massless bodies with one joint in and one out vanish: MJCF puts several joints into one body
+
+All places are at home, where the loops are closed, in the ground's axes; MuJoCo's qpos0 is this configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf_tree import Kind, plane_normal
+from linkwork.mechanism import (
+    GROUND,
+    CylindricalJoint,
+    FixedJoint,
+    FreeJoint,
+    Friction,
+    Limits,
+    Mechanism,
+    MechanismError,
+    PairJoint,
+    PlanarJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+    RodJoint,
+    ScrewJoint,
+    SphericalJoint,
+    Spring,
+    UniversalJoint,
+)
+
+ADVANCE = "advance"  # name of a screw's slide
+Effects = tuple[Friction, Spring, Limits, float]
+NO_EFFECTS: Effects = (Friction(), Spring(), Limits(), 0.0)
+
+
+@dataclass(frozen=True)
+class Home:
+    """Hold a closed configuration: X_ground_body of all bodies and ground, and all joint coordinates."""
+
+    poses: Mapping[str, np.ndarray]
+    coordinates: Mapping[str, float]
+
+    def frames(self, joint: PairJoint) -> tuple[np.ndarray, np.ndarray]:
+        """Return the poses of a joint's two frames in ground."""
+        near, far = (self.poses[body] @ poses.of_frame(F) for body, F in zip(joint.connects, joint.frames, strict=True))
+        return near, far
+
+
+@dataclass(frozen=True)
+class Move:
+    """Hold one MuJoCo joint: a point on its axis and the axis, in ground at home; its coordinate there; its effects."""
+
+    kind: Kind
+    name: str
+    anchor: np.ndarray
+    axis: np.ndarray
+    ref: float = 0.0
+    effects: Effects = NO_EFFECTS
+
+    def reversed(self) -> Move:
+        """Return the joint that moves the first body relative to the second by the same coordinate."""
+        return replace(self, axis=-self.axis)
+
+
+@dataclass(frozen=True)
+class Seat:
+    """Hold one MJCF body: a body or a part of it, the seat it stands in, the joints between, and its share of the mass."""
+
+    name: str
+    body: str
+    parent: str
+    moves: tuple[Move, ...]
+    share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Hold what closes a loop: points of two seats held together or at a distance, or two seats welded."""
+
+    kind: Literal["connect", "weld", "rod"]
+    name: str
+    seats: tuple[str, str]
+    points: tuple[np.ndarray, np.ndarray]
+    length: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Hold the seats, parents first, the ties, and the joints that the model does not hold."""
+
+    seats: dict[str, Seat]
+    ties: tuple[Tie, ...]
+    dropped: tuple[str, ...]
+    floating: tuple[str, ...]
+
+    def chain(self, seat: str) -> list[str]:
+        """Return the seats from one to the one that stands in ground."""
+        chain = []
+        while seat != GROUND:
+            chain.append(seat)
+            seat = self.seats[seat].parent
+        return chain
+
+
+def plan(mechanism: Mechanism, home: Home, arm: float) -> Plan:
+    """Choose tree and ties.
+
+    Args:
+        arm: distance of the two points that hold a revolute joint's axis [m].
+
+    Raises:
+        MechanismError: MJCF has no place for a joint.
+    """
+    return _Planner(mechanism, home, arm).plan()
+
+
+class _Planner:
+    def __init__(self, mechanism: Mechanism, home: Home, arm: float):
+        self.mechanism, self.home, self.arm = mechanism, home, arm
+        self.seats: dict[str, Seat] = {}
+        geared = {label for gear in mechanism.gears.values() for label in gear.ratios}
+        self.needed = {
+            name
+            for name, joint in mechanism.pairs.items()
+            if any(effects != NO_EFFECTS for effects in effects_of(joint).values())
+            or {*joint.rates(name), *joint.coordinates(name)} & {*mechanism.actuators, *geared}
+        }
+
+    def plan(self) -> Plan:
+        tree, floating = self._tree()
+        cuts = {name: joint for name, joint in self.mechanism.pairs.items() if name not in tree}
+        split = {name: joint for name, joint in cuts.items() if self._needs_part(name, joint)}
+        shares: dict[str, int] = {}
+        for joint in split.values():
+            shares[carried(joint)] = shares.get(carried(joint), 1) + 1
+        for name, (parent, body) in tree.items():
+            floats = name in floating or self._rank(name, self.mechanism.pairs[name]) == 4
+            moves = (self._float(name, body),) if floats else self._moves(name, parent)
+            self.seats[body] = Seat(body, body, parent, moves, 1 / shares.get(body, 1))
+        ties: list[Tie] = []
+        for name, joint in split.items():
+            body = carried(joint)
+            parent = joint.connects[0] if joint.connects[1] == body else joint.connects[1]
+            part = f"{body}.{name}"
+            self.seats[part] = Seat(part, body, parent, self._moves(name, parent), 1 / shares[body])
+            origin = self.home.poses[body][:3, 3]
+            ties.append(Tie("weld", name, (body, part), (origin, origin)))
+        dropped = []
+        for name, joint in cuts.items():
+            if name in split:
+                continue
+            ties += (closing := self._ties(name, joint))
+            if not closing:
+                dropped.append(name)
+        self._stack_massless(ties)
+        return Plan(self._ordered(), tuple(ties), tuple(dropped), tuple(floating))
+
+    # --------------------------------------------------------------------------------------------------------- tree
+
+    def _rank(self, name: str, joint: PairJoint) -> int | None:
+        match joint:
+            case FixedJoint():
+                return 0
+            case RodJoint():
+                return None
+            case _ if name in self.needed:
+                return 1
+            case FreeJoint():
+                return 4 if GROUND in joint.connects else 5
+            case RevoluteJoint():
+                return 2
+            case SphericalJoint():
+                return 3
+        return 1
+
+    def _tree(self) -> tuple[dict[str, tuple[str, str]], list[str]]:
+        """Return parent and body by joint (or, for bodies that only rods reach, by a name given here), and those names."""
+        depth, tree, floating = {GROUND: 0}, {}, []
+        ranks = {name: self._rank(name, joint) for name, joint in self.mechanism.pairs.items()}
+        edges = [
+            (rank, number, name, ends)
+            for number, (name, rank) in enumerate(ranks.items())
+            if rank is not None
+            for ends in (self.mechanism.pairs[name].connects, self.mechanism.pairs[name].connects[::-1])
+        ]
+        while len(depth) <= len(self.mechanism.bodies):
+            rim = [
+                (rank, depth[a], number, name, a, b)
+                for rank, number, name, (a, b) in edges
+                if a in depth and b not in depth
+            ]
+            if rim:
+                *_, name, parent, body = min(rim)
+            else:
+                parent, body = GROUND, next(body for body in self.mechanism.bodies if body not in depth)
+                name = next((n for n in (body, f"{body}.free") if n not in self.mechanism.joints), f"{body}.float")
+                floating.append(name)
+            tree[name] = parent, body
+            depth[body] = depth[parent] + 1
+        return tree, floating
+
+    def _needs_part(self, name: str, joint: PairJoint) -> bool:
+        """Tell whether a joint that closes a loop must stay a joint, leading to a part of its body."""
+        if isinstance(joint, FixedJoint | RodJoint):
+            return False
+        return name in self.needed or not isinstance(joint, RevoluteJoint | SphericalJoint | FreeJoint)
+
+    # -------------------------------------------------------------------------------------------------------- joints
+
+    def _moves(self, name: str, parent: str) -> tuple[Move, ...]:
+        """Return the MuJoCo joints of a joint, seen from a parent: backwards in order and sense from its second body."""
+        joint = self.mechanism.pairs[name]
+        moves = self._forward(name, joint)
+        return moves if joint.connects[0] == parent else tuple(move.reversed() for move in moves[::-1])
+
+    def _forward(self, name: str, joint: PairJoint) -> tuple[Move, ...]:
+        near, far = self.home.frames(joint)
+        effects, at = effects_of(joint), far[:3, 3]
+
+        def move(kind: Kind, freedom: str, axis: np.ndarray) -> Move:
+            label = name if joint.coordinates(name) == (name,) else f"{name}.{freedom}"
+            return Move(kind, label, at, axis, self.home.coordinates[label], effects[freedom])
+
+        match joint:
+            case FixedJoint():
+                return ()
+            case RevoluteJoint():
+                return (move("hinge", "angle", far[:3, :3] @ joint.axis),)
+            case PrismaticJoint():
+                return (move("slide", "slide", far[:3, :3] @ joint.axis),)
+            case CylindricalJoint():
+                axis = far[:3, :3] @ joint.axis
+                return move("slide", "slide", axis), move("hinge", "angle", axis)
+            case ScrewJoint():
+                hinge = move("hinge", "angle", far[:3, :3] @ joint.axis)
+                slide = Move("slide", f"{name}.{ADVANCE}", at, hinge.axis, joint.pitch * hinge.ref)
+                return slide, hinge
+            case UniversalJoint():
+                one, two = near[:3, :3] @ joint.axes[0], far[:3, :3] @ joint.axes[1]
+                return move("hinge", "angle_1", one), move("hinge", "angle_2", two)
+            case PlanarJoint():
+                x, y, z = near[:3, :3].T
+                return move("slide", "x", x), move("slide", "y", y), move("hinge", "angle", z)
+            case SphericalJoint():
+                return (self._ball(name, name, at, effects["turn"]),)
+            case FreeJoint():
+                slides = (move("slide", freedom, axis) for freedom, axis in zip("xyz", near[:3, :3].T, strict=True))
+                return *slides, self._ball(name, f"{name}.turn", at, effects["turn"])
+        return ()
+
+    def _ball(self, name: str, label: str, at: np.ndarray, effects: Effects) -> Move:
+        self._require_neutral(name, effects)
+        return Move("ball", label, at, np.zeros(3), effects=effects)
+
+    def _float(self, name: str, body: str) -> Move:
+        """Return MuJoCo's own free joint, for what moves freely in ground without effects."""
+        return Move("free", name, self.home.poses[body][:3, 3], np.zeros(3))
+
+    def _require_neutral(self, name: str, effects: Effects) -> None:
+        """Refuse what MuJoCo measures from qpos0 and the mechanism from where the two frames agree."""
+        _, spring, limits, _ = effects
+        near, far = self.home.frames(self.mechanism.pairs[name])
+        if (spring.stiffness or limits.upper is not None) and np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9:
+            raise MechanismError(
+                f"joints.{name}: has a spring or a limit and is turned at home; MuJoCo measures the turn of a ball joint from "
+                "home, so that the two frames must agree there"
+            )
+
+    # ---------------------------------------------------------------------------------------------------------- ties
+
+    def _ties(self, name: str, joint: PairJoint) -> list[Tie]:
+        near, far = self.home.frames(joint)
+        points = near[:3, 3], far[:3, 3]
+        match joint:
+            case RodJoint():
+                return [Tie("rod", name, joint.connects, points, joint.length)]
+            case SphericalJoint():
+                return [Tie("connect", name, joint.connects, points)]
+            case RevoluteJoint() if self._planar(joint, near[:3, :3] @ joint.axis):
+                return [Tie("connect", name, joint.connects, points)]
+            case RevoluteJoint():
+                reach = self.arm / 2 * (near[:3, :3] @ joint.axis)
+                return [
+                    Tie(
+                        "connect", f"{name}.{end}", joint.connects, (points[0] + sign * reach, points[1] + sign * reach)
+                    )
+                    for end, sign in (("near", -1), ("far", 1))
+                ]
+        return []
+
+    def _planar(self, joint: PairJoint, axis: np.ndarray) -> bool:
+        """Tell whether a revolute joint closes a loop that moves in the plane across it."""
+        chains = [self._chain(body) for body in joint.connects]
+        common = {seat.name for seat in chains[0]} & {seat.name for seat in chains[1]}
+        between = (seat for chain in chains for seat in chain if seat.name not in common)
+        normal = plane_normal((move.kind, move.axis) for seat in between for move in seat.moves)
+        return normal is not None and bool(abs(abs(normal @ axis) - 1) < 1e-9)
+
+    def _chain(self, seat: str) -> list[Seat]:
+        chain = []
+        while seat != GROUND:
+            chain.append(self.seats[seat])
+            seat = self.seats[seat].parent
+        return chain
+
+    # ----------------------------------------------------------------------------------------------- massless bodies
+
+    def _stack_massless(self, ties: list[Tie]) -> None:
+        """Put the joints of massless bodies into the one body that stands in each."""
+        springs = self.mechanism.springs.values()
+        kept = {body for tie in ties for body in tie.seats} | {tool.body for tool in self.mechanism.tools.values()}
+        kept |= {body for spring in springs for body in spring.connects}
+        for name in list(self.seats):
+            seat = self.seats[name]
+            children = [child for child in self.seats.values() if child.parent == name]
+            body = self.mechanism.bodies[seat.body]
+            light = body.mass == 0 and not body.inertia.tensor().any()
+            if not light or name in kept or len(children) != 1 or not seat.moves:
+                continue
+            (child,) = children
+            if any(move.kind == "free" for move in seat.moves):
+                continue
+            del self.seats[name]
+            self.seats[child.name] = replace(child, parent=seat.parent, moves=(*seat.moves, *child.moves))
+
+    def _ordered(self) -> dict[str, Seat]:
+        """Return the seats depth first, parents before children: MuJoCo's order."""
+        children: dict[str, list[str]] = {}
+        for seat in self.seats.values():
+            children.setdefault(seat.parent, []).append(seat.name)
+        ordered, waiting = {}, children.get(GROUND, [])[::-1]
+        while waiting:
+            name = waiting.pop()
+            ordered[name] = self.seats[name]
+            waiting += children.get(name, [])[::-1]
+        return ordered
+
+
+def effects_of(joint: PairJoint) -> dict[str, Effects]:
+    """Return friction, spring, limits and rotor inertia of a joint by freedom."""
+    return joint.effects()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def carried(joint: PairJoint) -> str:
+    """Return the body that a joint that closes a loop carries a part of: its second, if that is not ground."""
+    first, second = joint.connects
+    return first if second == GROUND else second

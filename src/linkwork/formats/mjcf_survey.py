@@ -1,0 +1,156 @@
+"""What an MJCF document says that is not read: every element and attribute without an effect here is named.
+
+Three kinds of attributes: read (in the readers), without an effect on the motion (how things look, how MuJoCo solves),
+and all others, which are noted. The same holds for elements.
+"""
+
+from __future__ import annotations
+
+from linkwork.formats.mjcf_document import ACTUATORS, EQUALITIES, ORIENTATIONS, Document
+from linkwork.formats.notes import Notes
+from linkwork.formats.xml import Element
+
+POSE = {"pos", *ORIENTATIONS}
+COMMON = {"name", "class", "group", "user", "rgba", "material"}
+
+READ_SECTIONS = {"compiler", "option", "default", "worldbody", "equality", "tendon", "actuator", "keyframe"}
+SILENT_SECTIONS = {"asset", "visual", "statistic", "size", "custom"}
+SECTIONS = {
+    "contact": "is left out: contacts are no part of a mechanism",
+    "sensor": "is left out: sensors do not act on the motion",
+    "deformable": "is left out: bodies are rigid here",
+    "extension": "is left out: plugins are not run",
+}
+BODY_ELEMENTS = {"body", "frame", "joint", "freejoint", "geom", "site", "inertial"}
+SILENT_ELEMENTS = {"camera", "light", "flag", "texture", "material", "mesh", "pair", "lengthrange", "layer"}
+
+SOLVING = {"solreflimit", "solimplimit", "solreffriction", "solimpfriction", "margin", "solref", "solimp"}
+JOINT = {
+    "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping", "frictionloss", "armature",
+}  # fmt: skip
+GEOM = {
+    "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype", "conaffinity", "condim",
+    "priority", "friction", "solmix", "gap", "fitscale", "castshadow", "surfacevel", "adhesion",
+}  # fmt: skip
+DRIVE = {
+    "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite", "gear", "ctrllimited",
+    "forcelimited", "actlimited", "lengthrange", "cranklength", "interp",
+}  # fmt: skip
+
+ATTRIBUTES: dict[str, set[str]] = {
+    "compiler": {
+        "angle", "autolimits", "coordinate", "eulerseq", "inertiafromgeom", "inertiagrouprange", "boundmass",
+        "boundinertia", "settotalmass", "balanceinertia", "meshdir", "texturedir", "assetdir", "strippath",
+        "discardvisual", "usethread", "fitaabb", "fusestatic", "saveinertial", "convexhull", "exactmeshinertia",
+        "savecanonical", "savecompiled", "passthrough", "conflict",
+    },
+    "option": {
+        "gravity", "timestep", "integrator", "solver", "iterations", "tolerance", "ls_iterations", "ls_tolerance",
+        "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance", "cone", "jacobian", "impratio",
+        "apirate", "magnetic", "o_margin", "o_solref", "o_solimp", "o_friction", "sdf_iterations", "sdf_initpoints",
+        "actuatorgroupdisable", "sleep_tolerance",
+    },
+    "body": POSE | {"childclass", "fuse", "sleep", "simple"},
+    "worldbody": POSE | {"childclass"},
+    "frame": POSE | {"childclass"},
+    "inertial": POSE | {"mass", "diaginertia", "fullinertia"},
+    "joint": JOINT | SOLVING,
+    "freejoint": set(),
+    "geom": POSE | GEOM | SOLVING,
+    "site": POSE | {"type", "size", "fromto", "mesh"},
+    "connect": {"active", "body1", "body2", "anchor", "site1", "site2"} | SOLVING,
+    "weld": {"active", "body1", "body2", "anchor", "relpose", "torquescale", "site1", "site2"} | SOLVING,
+    "spatial": {"stiffness", "damping", "springlength", "width", "limited"} | SOLVING,
+    "fixed": {"stiffness", "damping", "springlength", "limited"} | SOLVING,
+    "key": {"time", "qpos", "qvel", "act", "ctrl", "mpos", "mquat"},
+    "default": set(),
+}  # fmt: skip
+ATTRIBUTES["tendon"] = ATTRIBUTES["spatial"]
+EQUALITY = {"active", "joint1", "joint2", "tendon1", "tendon2", "polycoef"} | SOLVING
+SERVO = {
+    "kp",
+    "kv",
+    "ki",
+    "dampratio",
+    "timeconst",
+    "gainprm",
+    "biasprm",
+    "gaintype",
+    "biastype",
+    "dyntype",
+    "dynprm",
+    "actdim",
+}
+
+CONSEQUENCES = {
+    ("option", "density"): "there is no air or water here",
+    ("option", "viscosity"): "there is no air or water here",
+    ("option", "wind"): "there is no air or water here",
+    ("body", "gravcomp"): "weight acts on all bodies",
+    ("body", "mocap"): "the body is fixed in the world",
+    ("joint", "springdamper"): "give stiffness and damping",
+    ("joint", "springyield"): "springs do not yield",
+}
+NOTHING = {"0", "false", "none", "auto", ""}
+FORCES = ("equality", "spring", "damper", "frictionloss", "limit", "actuation")
+
+
+def survey(document: Document, notes: Notes) -> None:
+    """Note all sections, elements and attributes of a document that are left out."""
+    for section in document.root.children:
+        if section.tag in READ_SECTIONS:
+            _inside(section, notes)
+        elif section.tag not in SILENT_SECTIONS:
+            notes.on(section, SECTIONS.get(section.tag, "is left out: it is not known"))
+    for option in document.root.each("option"):
+        for flag in option.each("flag"):
+            for force in FORCES:
+                if flag.attributes.get(force) == "disable":
+                    notes.on(
+                        flag, f"switches {force} off, which is left out: take such elements out of the file instead"
+                    )
+
+
+def _inside(element: Element, notes: Notes) -> None:
+    """Note what an element of a known tag and those in it say that is not read."""
+    _attributes(element, element.tag, notes)
+    known = {
+        "worldbody": BODY_ELEMENTS, "body": BODY_ELEMENTS, "frame": BODY_ELEMENTS, "equality": set(EQUALITIES),
+        "tendon": {"spatial", "fixed"}, "actuator": set(ACTUATORS), "keyframe": {"key"},
+        "default": BODY_ELEMENTS | set(ACTUATORS) | {"default", "equality", "tendon"}, "spatial": {"site", "geom", "pulley"},
+        "fixed": {"joint"},
+    }.get(element.tag, set())  # fmt: skip
+    for child in element.children:
+        if element.tag in ("equality", "spatial", "fixed") or (element.tag, child.tag) == ("default", "equality"):
+            if element.tag == "equality" and child.tag in ("connect", "weld", "joint", "tendon"):
+                _equality(child, notes)
+            elif element.tag == "equality" and child.tag not in EQUALITIES:
+                notes.on(child, "is left out: it is not known")
+        elif child.tag in ACTUATORS and element.tag in ("actuator", "default"):
+            _attributes(child, "actuator", notes, silent=DRIVE | SERVO)
+        elif child.tag in known:
+            _inside(child, notes)
+        elif child.tag not in SILENT_ELEMENTS:
+            notes.on(child, "is left out: it is not known here")
+
+
+def _equality(element: Element, notes: Notes) -> None:
+    _attributes(element, element.tag, notes, silent=EQUALITY | ATTRIBUTES["connect"] | ATTRIBUTES["weld"])
+
+
+def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | None = None) -> None:
+    """Note the attributes of an element that are not read and may matter."""
+    for name, value in element.attributes.items():
+        if name in COMMON or name in (ATTRIBUTES.get(tag, set()) if silent is None else silent):
+            continue
+        if all(_is_nothing(word) for word in value.split()):
+            continue
+        consequence = CONSEQUENCES.get((tag, name))
+        notes.on(element, f"says {name}, which is left out" + (f": {consequence}" if consequence else ""))
+
+
+def _is_nothing(word: str) -> bool:
+    try:
+        return float(word) == 0.0
+    except ValueError:
+        return word in NOTHING

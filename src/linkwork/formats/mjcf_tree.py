@@ -1,0 +1,390 @@
+"""The tree of an MJCF model: bodies inside one another, each with its mass, its joints and its sites.
+
+At the reference configuration qpos0 (every hinge and slide at its `ref`, balls at no turn) a body stands in its parent
+where pos and orientation say; its joints then move it one after the other, each with the ones after it:
+
+    X_parent_body = X_0 M_1(q_1) M_2(q_2) ...,   M = Trans(anchor) Rot(axis, q - ref) Trans(-anchor)  or  Trans((q - ref) axis)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf_document import MAIN, Document, flag
+from linkwork.formats.notes import Notes
+from linkwork.formats.solids import Solid, principal, together, volume
+from linkwork.formats.xml import Element
+from linkwork.mechanism import GROUND, Friction, Limits, Spring
+
+WORLD = "world"
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
+DENSITY = 1000.0  # of geoms that say nothing [kg/m^3]
+NEAR = 1e-9  # directions that agree [1]
+UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
+
+Kind = Literal["hinge", "slide", "ball", "free"]
+COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Hold one <joint> of a body: what it lets happen, about what, in the body's frame at qpos0, and its effects."""
+
+    kind: Kind
+    element: Element
+    anchor: np.ndarray
+    axis: np.ndarray
+    ref: float = 0.0
+    springref: float = 0.0
+    friction: Friction = field(default_factory=Friction)
+    spring: Spring = field(default_factory=Spring)
+    limits: Limits = field(default_factory=Limits)
+    rotor: float = 0.0
+
+    @property
+    def name(self) -> str | None:
+        return self.element.attributes.get("name")
+
+    def effects(self) -> dict[str, Any]:
+        """Return those effects that do something, by the names of a joint's fields."""
+        effects = {"friction": self.friction, "spring": self.spring, "limits": self.limits}
+        found: dict[str, Any] = {name: value for name, value in effects.items() if value != type(value)()}
+        return found | ({"rotor_inertia": self.rotor} if self.rotor else {})
+
+    def reversed(self) -> Piece:
+        """Return what moves the parent relative to the body by the same coordinate."""
+        return replace(self, axis=-self.axis)
+
+    def motion(self, q: np.ndarray) -> np.ndarray:
+        """Return M(q), 4 x 4; a free joint's q is the pose itself and is not asked for here."""
+        if self.kind == "slide":
+            return poses.shift((q[0] - self.ref) * self.axis)
+        if self.kind == "hinge":
+            turn = poses.turn(self.axis, q[0] - self.ref)
+        else:
+            turn = poses.pose(rotation=poses.from_quaternion(*q))
+        return poses.shift(self.anchor) @ turn @ poses.shift(-self.anchor)
+
+
+@dataclass(frozen=True)
+class Node:
+    """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass."""
+
+    name: str
+    raw: str | None
+    parent: str
+    pose: np.ndarray
+    element: Element
+    pieces: tuple[Piece, ...]
+    solid: Solid
+
+
+@dataclass
+class Tree:
+    """Hold the bodies in MuJoCo's order, parents first, and the named sites: body, pose X_body_site."""
+
+    nodes: dict[str, Node] = field(default_factory=dict)
+    sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+    bodies: dict[str, str] = field(default_factory=lambda: {WORLD: GROUND})  # name in the file -> name here
+
+    def chain(self, body: str) -> list[Node]:
+        """Return the bodies from a body to the one that stands in ground."""
+        chain = []
+        while body != GROUND:
+            chain.append(self.nodes[body])
+            body = self.nodes[body].parent
+        return chain
+
+    def poses(self, positions: Mapping[int, np.ndarray] | None = None) -> dict[str, np.ndarray]:
+        """Return X_ground_body of all bodies at qpos0, or with each joint (numbered in order) at its coordinates."""
+        found, number = {GROUND: np.eye(4)}, 0
+        for name, node in self.nodes.items():
+            X = node.pose
+            for piece in node.pieces:
+                if positions is not None:
+                    q = positions[number]
+                    free = piece.kind == "free"
+                    X = poses.pose(q[:3], poses.from_quaternion(*q[3:])) if free else X @ piece.motion(q)
+                number += 1
+            found[name] = found[node.parent] @ X
+        return found
+
+    def positions(self, springs: bool = False) -> dict[int, np.ndarray]:
+        """Return qpos0 by the number of the joint; with `springs` MuJoCo's qpos_spring, where the joints' springs rest."""
+        found = {}
+        for number, (node, piece) in enumerate(self.pieces()):
+            match piece.kind:
+                case "ball":
+                    found[number] = np.array([1.0, 0.0, 0.0, 0.0])
+                case "free":
+                    found[number] = np.concatenate([node.pose[:3, 3], poses.to_quaternion(node.pose[:3, :3])])
+                case _:
+                    found[number] = np.array([piece.springref if springs else piece.ref])
+        return found
+
+    def pieces(self) -> list[tuple[Node, Piece]]:
+        """Return all joints with their bodies, in the order of qpos."""
+        return [(node, piece) for node in self.nodes.values() for piece in node.pieces]
+
+
+def plane_normal(motions: Iterable[tuple[Kind, np.ndarray]]) -> np.ndarray | None:
+    """Return the direction about which all hinges turn and across which all slides move; None where there is none.
+
+    What lies between two bodies then moves the one in a plane of the other, wherever it stands.
+    """
+    turning: list[np.ndarray] = []
+    sliding: list[np.ndarray] = []
+    for kind, direction in motions:
+        if kind not in ("hinge", "slide"):
+            return None
+        (turning if kind == "hinge" else sliding).append(direction)
+    if not turning:
+        return None
+    z = turning[0]
+    flat = all(abs(abs(other @ z) - 1) < NEAR for other in turning) and all(abs(other @ z) < NEAR for other in sliding)
+    return z if flat else None
+
+
+class Names:
+    """Give names that a mechanism accepts: no dots, none twice."""
+
+    def __init__(self, notes: Notes, taken: tuple[str, ...] = ()):
+        self._notes, self._taken = notes, set(taken)
+
+    def give(self, wanted: str, element: Element | None = None) -> str:
+        """Return the wanted name, or the nearest to it that is free; a name of the file that changes is noted."""
+        clean = "".join(c if c.isprintable() else "_" for c in wanted.replace(".", "_")).strip() or "_"
+        name, number = clean, 2
+        while name in self._taken:
+            name, number = f"{clean}_{number}", number + 1
+        self._taken.add(name)
+        if name != wanted and element is not None:
+            self._notes.say(f"{element.place}: <{element.tag} {wanted!r}> is called {name!r} here")
+        return name
+
+
+def read_tree(document: Document, notes: Notes) -> Tree:
+    """Read all bodies of a document."""
+    reader = _Reader(document, notes)
+    for world in document.root.each("worldbody"):
+        reader.contents(world, GROUND, world.attributes.get("childclass", MAIN), np.eye(4))
+    return reader.finished()
+
+
+@dataclass
+class _Parts:
+    """Gather what a body holds."""
+
+    pieces: list[Piece] = field(default_factory=list)
+    geoms: list[tuple[Element, np.ndarray]] = field(default_factory=list)
+    inertial: Element | None = None
+
+
+class _Reader:
+    def __init__(self, document: Document, notes: Notes):
+        self.document, self.notes, self.tree = document, notes, Tree()
+        self.names = Names(notes, (GROUND,))
+        self.joints: set[str] = set()
+
+    def finished(self) -> Tree:
+        total = self.document.compiler.total_mass
+        mass = sum(node.solid.mass for node in self.tree.nodes.values())
+        if total > 0 and mass > 0:
+            for name, node in self.tree.nodes.items():
+                self.tree.nodes[name] = replace(node, solid=node.solid.scaled(total / mass))
+        return self.tree
+
+    def body(self, element: Element, parent: str, childclass: str, X: np.ndarray) -> None:
+        """Read a body and all inside it; X is the pose of the frames around it in its parent."""
+        raw = element.attributes.get("name")
+        name = self.names.give(raw or f"body_{len(self.tree.nodes) + 1}", element if raw else None)
+        if raw in self.tree.bodies:
+            raise element.refusal("has the name of another body; names are given once")
+        if raw:
+            self.tree.bodies[raw] = name
+        parts, place = _Parts(), X @ self.document.pose(element)
+        self.tree.nodes[name] = Node(name, raw, parent, place, element, (), Solid(0.0, np.zeros(3), np.zeros((3, 3))))
+        self.contents(element, name, element.attributes.get("childclass", childclass), np.eye(4), parts)
+        if any(piece.kind == "free" for piece in parts.pieces) and (parent != GROUND or len(parts.pieces) > 1):
+            raise element.refusal("a free joint is the only joint of a body that stands directly in the world")
+        self.tree.nodes[name] = Node(name, raw, parent, place, element, tuple(parts.pieces), self.solid(element, parts))
+
+    def contents(
+        self, element: Element, body: str, childclass: str, X: np.ndarray, parts: _Parts | None = None
+    ) -> None:
+        """Read what stands in a body or in a <frame> of it; X is that frame's pose in the body."""
+        document = self.document
+        for child in element.children:
+            match child.tag:
+                case "body":
+                    self.body(child, body, childclass, X)
+                case "frame":
+                    inner = child.attributes.get("childclass", childclass)
+                    self.contents(child, body, inner, X @ document.pose(child), parts)
+                case "site":
+                    self.site(document.resolved(child, "site", childclass), body, X)
+                case "joint" | "freejoint" if parts is None:
+                    raise child.refusal("stands in the world itself, which does not move; put it into a body")
+                case "joint" if parts is not None:
+                    parts.pieces.append(self.piece(document.resolved(self.once(child), "joint", childclass), X))
+                case "freejoint" if parts is not None:
+                    parts.pieces.append(Piece("free", self.once(child), np.zeros(3), np.zeros(3)))
+                case "geom" if parts is not None:
+                    parts.geoms.append((document.resolved(child, "geom", childclass), X))
+                case "inertial" if parts is not None:
+                    parts.inertial = child
+
+    def once(self, element: Element) -> Element:
+        """Return a joint's element; a name that another joint has is refused."""
+        name = element.attributes.get("name")
+        if name in self.joints:
+            raise element.refusal("has the name of another joint; names are given once")
+        self.joints |= {name} if name else set()
+        return element
+
+    def site(self, element: Element, body: str, X: np.ndarray) -> None:
+        name = element.attributes.get("name")
+        if name is None:
+            return
+        if name in self.tree.sites:
+            raise element.refusal("has the name of another site; names are given once")
+        place = self.fromto(element)[0] if "fromto" in element.attributes else self.document.pose(element)
+        self.tree.sites[name] = body, X @ place
+
+    def fromto(self, element: Element) -> tuple[np.ndarray, float]:
+        """Return the pose in the middle between two points, z along their line, and half their distance."""
+        ends = np.array(element.numbers("fromto", (6,))).reshape(2, 3)
+        along = ends[0] - ends[1]
+        half = np.linalg.norm(along) / 2
+        if half < 1e-12:
+            raise element.refusal("fromto gives one point twice; give two points")
+        return poses.pose(ends.mean(axis=0), poses.from_z(along)), float(half)
+
+    # ------------------------------------------------------------------------------------------------------- joints
+
+    def piece(self, element: Element, X: np.ndarray) -> Piece:
+        """Read a joint; X is the pose of the <frame> around it in the body."""
+        kind: Kind = element.choice("type", ("hinge", "slide", "ball", "free"), "hinge")  # pyright: ignore
+        axis = np.array(element.vector("axis", (0.0, 0.0, 1.0)))
+        if np.linalg.norm(axis) < 1e-12:
+            raise element.refusal(
+                f"axis '{element.attributes['axis']}' has no length; give a direction such as '0 0 1'"
+            )
+        springref = self.scaled(kind, element.number("springref", 0.0)) if kind in ("hinge", "slide") else 0.0
+        stiffness, damping = (self.linear(element, name) for name in ("stiffness", "damping"))
+        spring = Spring()
+        if kind == "free" and stiffness:
+            self.notes.on(element, "has a spring, which is left out: a free joint's pose has no place to be pulled to")
+        elif stiffness:
+            spring = element.make(Spring, stiffness=stiffness, rest=springref)
+        friction = element.make(Friction, viscous=damping, coulomb=element.number("frictionloss", 0.0))
+        if friction.coulomb:
+            self.notes.on(
+                element,
+                "has dry friction, which is smoothed here: frictionloss is the Coulomb force, reached at rates well above "
+                f"{friction.coulomb_rate:g} rad/s or m/s",
+            )
+        return Piece(
+            kind,
+            element,
+            anchor=poses.point(X, element.vector("pos", (0.0, 0.0, 0.0))),
+            axis=poses.unit(X[:3, :3] @ axis),
+            ref=self.scaled(kind, element.number("ref", 0.0)) if kind in ("hinge", "slide") else 0.0,
+            springref=springref,
+            friction=friction,
+            spring=spring,
+            limits=self.limits(kind, element),
+            rotor=element.number("armature", 0.0),
+        )
+
+    def scaled(self, kind: Kind, value: float) -> float:
+        return value if kind == "slide" else self.document.compiler.angle(value)
+
+    def linear(self, element: Element, name: str) -> float:
+        """Return a coefficient of a joint or tendon; higher powers are left out."""
+        value, *higher = element.numbers(name, (1, 2, 3), (0.0,))
+        if any(higher):
+            self.notes.on(element, f"has a {name} that is not linear; its higher powers are left out")
+        return value
+
+    def limits(self, kind: Kind, element: Element) -> Limits:
+        limited = element.choice("limited", ("true", "false", "auto"), "auto")
+        if limited == "false" or "range" not in element.attributes or kind == "free":
+            return Limits()
+        if limited == "auto" and not self.document.compiler.autolimits:
+            return Limits()
+        lower, upper = (self.scaled(kind, value) for value in element.numbers("range", (2,)))
+        return element.make(
+            Limits,
+            lower=None if kind == "ball" or lower <= -UNLIMITED else lower,
+            upper=None if upper >= UNLIMITED else upper,
+        )
+
+    # --------------------------------------------------------------------------------------------------------- mass
+
+    def solid(self, element: Element, parts: _Parts) -> Solid:
+        """Return the mass of a body, from <inertial> or from its geoms."""
+        compiler = self.document.compiler
+        if parts.inertial is not None and compiler.from_geoms != "true":
+            solid = self.inertial(parts.inertial)
+        elif compiler.from_geoms == "false":
+            solid = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
+        else:
+            solid = together(part for geom, X in parts.geoms for part in self.geom(geom, X))
+        moments, axes = np.linalg.eigh(solid.inertia)
+        a, b, c = sorted(moments)
+        bad = a + b < c * (1 - 1e-9)
+        if bad and compiler.balance:
+            moments = np.full(3, moments.mean())
+            self.notes.on(element, "has moments of inertia that no rigid body has; balanceinertia took their mean")
+        if (bad and compiler.balance) or min(moments) < compiler.least_inertia:
+            moments = np.maximum(moments, compiler.least_inertia)
+            solid = Solid(solid.mass, solid.centre, axes @ np.diag(moments) @ axes.T)
+        return Solid(max(solid.mass, compiler.least_mass), solid.centre, solid.inertia)
+
+    def inertial(self, element: Element) -> Solid:
+        X = self.document.pose(element)
+        if "fullinertia" in element.attributes:
+            xx, yy, zz, xy, xz, yz = element.numbers("fullinertia", (6,))
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        else:
+            tensor = np.diag(element.vector("diaginertia", (0.0, 0.0, 0.0)))
+        return Solid(element.number("mass"), np.zeros(3), tensor).seen(X)
+
+    def geom(self, element: Element, X: np.ndarray) -> list[Solid]:
+        """Return the geom's mass in the body's frame; nothing for shapes without mass or not known here."""
+        shape = "mesh" if "mesh" in element.attributes else element.attributes.get("type", "sphere")
+        low, high = self.document.compiler.groups
+        if shape in ("plane", "hfield") or not low <= element.number("group", 0.0) <= high:
+            return []
+        if element.number("mass", -1.0) == 0 or (
+            "mass" not in element.attributes and element.number("density", 1.0) == 0
+        ):
+            return []
+        if shape not in SIZES:
+            self.notes.on(
+                element,
+                f"is a {shape}, whose mass is left out: only spheres, boxes, capsules, cylinders and ellipsoids are "
+                "weighed; give the body an <inertial>",
+            )
+            return []
+        if flag(element, "shellinertia", False):
+            self.notes.on(element, "is a shell (shellinertia); it is weighed as a solid of the same mass")
+        if "fromto" in element.attributes and shape != "sphere":
+            place, half = self.fromto(element)
+            radius = element.numbers("size", (1, 2, 3))[0]
+            size = np.array([radius, half] if SIZES[shape] == 2 else [radius, radius, half])
+        else:
+            place = self.document.pose(element)
+            size = np.array(element.numbers("size", (SIZES[shape], 2, 3))[: SIZES[shape]])
+        if np.any(size <= 0):
+            raise element.refusal(f"size '{element.text('size')}' is not positive")
+        if len(size) < SIZES[shape]:
+            raise element.refusal(f"size holds {len(size)} numbers; a {shape} has {SIZES[shape]}")
+        mass = element.number("mass", element.number("density", DENSITY) * volume(shape, size))
+        return [Solid(mass, np.zeros(3), np.diag(principal(shape, size, mass))).seen(X @ place)]

@@ -1,0 +1,83 @@
+"""Model files by suffix and root element: which reader or writer a file needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from linkwork.formats import xml
+from linkwork.formats.notes import Notes
+from linkwork.mechanism import Mechanism, MechanismError
+
+NATIVE = (".yaml", ".yml")
+READ = (*NATIVE, ".xml", ".mjcf", ".urdf")
+WRITTEN = (*NATIVE, ".xml", ".mjcf")
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Hold a mechanism read from a file, and sentences on what was left out, taken otherwise or decided."""
+
+    mechanism: Mechanism
+    notes: tuple[str, ...] = ()
+
+
+def load(path: str | Path) -> Imported:
+    """Read a mechanism from a model file.
+
+    Args:
+        path: .yaml or .yml, the native format; .xml, .mjcf or .urdf, MJCF or URDF as the root element says.
+
+    Returns:
+        The mechanism, and notes: sentences, each with its place, on what the mechanism does not hold of the file.
+
+    Raises:
+        MechanismError: one sentence that names file, line and element; also for XML with a document type or entities,
+            files larger than 20 MB, and files that include others from outside their folder.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in NATIVE:
+        return Imported(Mechanism.load(path))
+    if suffix not in READ:
+        raise MechanismError(f"{path}: a model file ends in {', '.join(READ)}, not {suffix!r}")
+    root, notes = xml.read(path), Notes()
+    match root.tag:
+        case "mujoco":
+            from linkwork.formats.mjcf_import import read_mjcf
+
+            mechanism = read_mjcf(root, notes)
+        case "robot":
+            from linkwork.formats.urdf import read_urdf
+
+            mechanism = read_urdf(root, notes)
+        case _:
+            raise root.refusal("is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>")
+    return Imported(mechanism, notes.sentences())
+
+
+def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
+    """Write a mechanism as a model file, replacing one of that name.
+
+    Args:
+        mechanism: what is written; for MJCF its loops are closed first, from its reference.
+        path: .yaml or .yml, the native format; .xml or .mjcf, MJCF.
+
+    Returns:
+        Notes: sentences on what the file does not hold or MuJoCo takes otherwise.
+
+    Raises:
+        MechanismError: the suffix is another, the format cannot hold the mechanism, or the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in NATIVE:
+        mechanism.save(path)
+        return ()
+    if suffix == ".urdf":
+        raise MechanismError(f"{path}: URDF holds no closed loops and is not written; write .xml (MJCF) or .yaml")
+    if suffix not in WRITTEN:
+        raise MechanismError(f"{path}: a model is written as {', '.join(WRITTEN)}, not {suffix!r}")
+    from linkwork.formats.mjcf_export import write_mjcf
+
+    return write_mjcf(mechanism, path)

@@ -1,0 +1,290 @@
+"""Loops that URDF itself cannot hold, in the two conventions in use.
+
+URDF+ (generalized_rbda): inside the file itself,
+
+    <loop name type><predecessor link><origin/></predecessor><successor link><origin/></successor><axis/></loop>
+    <coupling name><predecessor link/><successor link/><ratio value/></coupling>
+    <joint ... independent="true|false">
+
+A coupling holds ratio * (sum of the joints from the nearest common link to the predecessor) - (the same to the
+successor) = 0. Independent joints are the actuators; a joint that does not say is one.
+
+LAAS (example-parallel-robots): a file robot.yaml, or of the model's own name, beside it,
+
+    closed_loop: [[frame, frame], ...]   type: [6d | 3d, ...]   name_mot: [joint, ...]
+    joint_name: [joint, ...]             joint_type: [SPHERICAL | FIXED | UJOINT_XY | ..., ...]
+
+6d is a fixed joint between two frames (links, or joints: then the frame of what they carry), 3d a spherical one; a joint
+that is SPHERICAL, FIXED or UJOINT_ab is of that type whatever the URDF says. Three hinges through one point with
+nothing but massless links between are a spherical joint.
+
+Source: https://github.com/ROAM-Lab-ND/generalized_rbda, https://github.com/Gepetto/example-parallel-robots (readers).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linkwork.formats import poses, xml
+from linkwork.formats.notes import Notes
+from linkwork.formats.urdf_model import ONE_FREEDOM, Model, UrdfJoint, axis_of, origin, weight
+from linkwork.formats.xml import Element
+from linkwork.mechanism import (
+    FixedJoint,
+    GearJoint,
+    Joint,
+    MechanismError,
+    PlanarJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+    SphericalJoint,
+)
+from linkwork.mechanism.document import Node, read_document
+
+KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+LAAS = re.compile(r"^(closed_loop|name_mot|joint_name)\s*:", re.MULTILINE)
+UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
+LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "planar")
+LIGHT, NEAR = 1e-5, 1e-4  # of three hinges that are a spherical joint: mass of the links [kg], distance of axes [m]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Hold a joint that closes a loop: a type of joint between frames of two links."""
+
+    name: str
+    type: type
+    links: tuple[str, str]
+    frames: tuple[np.ndarray, np.ndarray] = (np.eye(4), np.eye(4))
+    axis: np.ndarray | None = None
+
+
+@dataclass
+class Closures:
+    """Hold all closures and gears, and the actuators where a convention names them."""
+
+    closures: list[Closure] = field(default_factory=list)
+    gears: dict[str, Joint] = field(default_factory=dict)
+    actuators: tuple[str, ...] | None = None
+
+    def frames(self) -> set[str]:
+        """Return the links that closures are made of."""
+        return {link for closure in self.closures for link in closure.links}
+
+    def joints(self, model: Model) -> dict[str, Joint]:
+        """Return the joints, between the bodies that the links are or are fixed to."""
+        made: dict[str, Joint] = {}
+        for closure in self.closures:
+            (one, X), (two, Y) = map(model.seat, closure.links)
+            if one == two:
+                fault = f"the loop {closure.name!r} connects {one!r} to itself, to which both its links are fixed"
+                raise MechanismError(f"{model.root.file}: {fault}")
+            frames = poses.frame_of(X @ closure.frames[0]), poses.frame_of(Y @ closure.frames[1])
+            axis = {} if closure.axis is None else {"axis": tuple(map(float, closure.axis))}
+            made[closure.name] = closure.type(connects=(one, two), frames=frames, **axis)
+        return made | self.gears
+
+
+def read(model: Model, notes: Notes) -> Closures:
+    """Read the loops in the file and those beside it; joints of the model change their type as the file beside says."""
+    found = Closures()
+    _read_urdf_plus(model, found)
+    path = _beside(model.root.file)
+    if path is not None:
+        _Laas(path, model, notes).read(found)
+    return found
+
+
+# -------------------------------------------------------------------------------------------------------------- URDF+
+
+
+def _read_urdf_plus(model: Model, found: Closures) -> None:
+    names = set(model.joints)
+    for element in model.root.each("loop", "coupling"):
+        name = element.text("name")
+        if name in names:
+            raise element.refusal("has the name of another joint; names are given once")
+        names.add(name)
+        if element.tag == "loop":
+            found.closures.append(_loop(element, model))
+        else:
+            found.gears[name] = _coupling(element, model)
+    said = {joint.name: joint.element.attributes.get("independent") for joint in model.joints.values()}
+    if any(word is not None for word in said.values()):
+        found.actuators = tuple(
+            name
+            for name, word in said.items()
+            if (word or "true").lower() == "true" and model.joints[name].type in ONE_FREEDOM
+        )
+
+
+def _link(element: Element, model: Model) -> str:
+    name = element.text("link")
+    if name not in model.links:
+        raise element.refusal(f"there is no link {name!r}")
+    return name
+
+
+def _loop(element: Element, model: Model) -> Closure:
+    ends = [element.named(end) for end in ("predecessor", "successor")]
+    kind = element.attributes.get("type", "revolute")
+    if kind not in LOOPS:
+        raise element.refusal(f"type {kind!r} is not one of {', '.join(LOOPS)}")
+    links, frames = (_link(ends[0], model), _link(ends[1], model)), (origin(ends[0]), origin(ends[1]))
+    if kind in ("revolute", "continuous", "prismatic"):
+        joint = PrismaticJoint if kind == "prismatic" else RevoluteJoint
+        return Closure(element.text("name"), joint, links, frames, axis_of(element))
+    if kind == "planar":
+        turn = poses.pose(rotation=poses.from_z(axis_of(element)))
+        frames = frames[0] @ turn, frames[1] @ turn
+    joint = {"fixed": FixedJoint, "planar": PlanarJoint}.get(kind, SphericalJoint)
+    return Closure(element.text("name"), joint, links, frames)
+
+
+def _coupling(element: Element, model: Model) -> Joint:
+    ends = [_link(element.named(end), model) for end in ("predecessor", "successor")]
+    ratio = element.named("ratio").number("value")
+    chains = [model.chain(link) for link in ends]
+    common = {joint.name for joint in chains[0]} & {joint.name for joint in chains[1]}
+    ratios: dict[str, float] = {}
+    for chain, factor in zip(chains, (ratio, -1.0), strict=True):
+        for joint in chain:
+            if joint.name in common or joint.type == "fixed":
+                continue
+            if joint.type not in ONE_FREEDOM:
+                raise element.refusal(
+                    f"couples across {joint.name!r}, a {joint.type} joint; only hinges and slides are coupled"
+                )
+            ratios[joint.name] = factor
+    return element.make(GearJoint, ratios=ratios)
+
+
+# --------------------------------------------------------------------------------------------------------------- LAAS
+
+
+def _beside(path: Path) -> Path | None:
+    """Return the file of loops beside a model, if there is one."""
+    for candidate in (path.with_suffix(".yaml"), path.with_name("robot.yaml")):
+        if candidate.is_file() and LAAS.search(xml.contents(candidate).decode("utf-8", "replace")):
+            return candidate
+    return None
+
+
+class _Laas:
+    """Read a file of loops and change the model as it says."""
+
+    def __init__(self, path: Path, model: Model, notes: Notes):
+        self.path, self.model, self.notes = path, model, notes
+        try:
+            self.node: Node = read_document(xml.contents(path).decode("utf-8"))
+        except UnicodeDecodeError:
+            raise MechanismError(f"{path}: is not UTF-8 text") from None
+        except MechanismError as error:
+            raise MechanismError(error.what, error.where, f"{path}: {error.place}") from None
+        if not isinstance(self.node.data, dict):
+            raise MechanismError(f"{path}: is not a mapping; its keys are {', '.join(KEYS)}")
+
+    def read(self, found: Closures) -> None:
+        self.notes.say(f"{self.path.name}: closes the loops of {self.model.root.file.name}")
+        for key in self.node.data:
+            if key not in KEYS:
+                self.notes.say(f"{self.path.name}: {key} is left out: it is not known here")
+        self._change_types()
+        names = self._texts("name_mot")
+        for index, name in enumerate(names):
+            self._joint(name, ("name_mot", str(index)))
+        self._merge_spherical(set(names))
+        found.actuators = tuple(names)
+        loops = self.node.data.get("closed_loop") or []
+        kinds = self._texts("type") or ["6d"] * (len(loops) if isinstance(loops, list) else 0)
+        if not isinstance(loops, list) or len(kinds) != len(loops):
+            raise self._refusal(("closed_loop",), "is not a list of pairs of frames with one type each")
+        for index, (pair, kind) in enumerate(zip(loops, kinds, strict=True)):
+            found.closures.append(self._closure(index, pair, kind))
+
+    def _closure(self, index: int, pair: Any, kind: str) -> Closure:
+        where = ("closed_loop", str(index))
+        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
+            raise self._refusal(where, "is not a pair of frames; give two names of links or joints")
+        if kind.lower() not in ("6d", "3d"):
+            raise self._refusal(("type", str(index)), f"{xml.shortened(kind)} is not one of 6d, 3d")
+        joint = FixedJoint if kind.lower() == "6d" else SphericalJoint
+        return Closure(f"loop_{index + 1}", joint, (self._frame(pair[0], where), self._frame(pair[1], where)))
+
+    def _frame(self, name: str, where: tuple[str, ...]) -> str:
+        """Return the link of that name, or the link that the joint of that name carries."""
+        if name in self.model.links:
+            return name
+        if name in self.model.joints:
+            return self.model.joints[name].child
+        raise self._refusal(where, f"there is no link or joint {xml.shortened(name)} in {self.model.root.file.name}")
+
+    def _change_types(self) -> None:
+        names, kinds = self._texts("joint_name"), self._texts("joint_type")
+        if len(names) != len(kinds):
+            raise self._refusal(("joint_type",), f"holds {len(kinds)} types for the {len(names)} joints of joint_name")
+        for index, (name, kind) in enumerate(zip(names, kinds, strict=True)):
+            joint, axes = self._joint(name, ("joint_name", str(index))), UNIVERSAL.fullmatch(kind)
+            if axes and axes[1] != axes[2]:
+                changed = replace(joint, type="universal", axes=(axes[1].lower(), axes[2].lower()))
+            elif kind in ("SPHERICAL", "FIXED"):
+                changed = replace(joint, type=kind.lower())
+            else:
+                raise self._refusal(
+                    ("joint_type", str(index)), f"{xml.shortened(kind)} is not SPHERICAL, FIXED or UJOINT_XY etc."
+                )
+            self.model.put(changed)
+
+    def _merge_spherical(self, driven: set[str]) -> None:
+        """Make one spherical joint of three hinges through one point that carry each other by massless links."""
+        for last in list(self.model.joints.values()):
+            trio = self._trio(last, driven)
+            if trio is None:
+                continue
+            first, second, _ = trio
+            X = first.origin @ second.origin @ last.origin
+            self.model.merge(replace(last, type="spherical", parent=first.parent, origin=X), [first, second])
+            file = self.model.root.file.name
+            self.notes.say(
+                f"{file}: {first.name}, {second.name} and {last.name} are one spherical joint, {last.name!r}"
+            )
+
+    def _trio(self, last: UrdfJoint, driven: set[str]) -> tuple[UrdfJoint, UrdfJoint, UrdfJoint] | None:
+        model, trio = self.model, [last]
+        while len(trio) < 3:
+            link = trio[0].parent
+            alone = link in model.carriers and len(model.carried[link]) == 1
+            if not alone or weight(model.links[link]) > LIGHT:
+                return None
+            trio.insert(0, model.carriers[link])
+        hinges = all(joint.type in ("revolute", "continuous") and joint.name in model.joints for joint in trio)
+        if not hinges or driven & {joint.name for joint in trio} or any(j.element.first("mimic") for j in trio):
+            return None
+        X, points, axes = np.eye(4), [], []
+        for joint in trio:
+            X = X @ joint.origin
+            points.append(X[:3, 3])
+            axes.append(X[:3, :3] @ joint.axis)
+        together = all(np.linalg.norm(p - points[0]) < NEAR for p in points)
+        apart = all(np.linalg.norm(np.cross(a, b)) > 1e-6 for a, b in combinations(axes, 2))
+        return (trio[0], trio[1], trio[2]) if together and apart else None
+
+    def _joint(self, name: str, where: tuple[str, ...]) -> UrdfJoint:
+        if name not in self.model.joints:
+            raise self._refusal(where, f"there is no joint {xml.shortened(name)} in {self.model.root.file.name}")
+        return self.model.joints[name]
+
+    def _texts(self, key: str) -> list[str]:
+        items = self.node.data.get(key) or []
+        if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
+            raise self._refusal((key,), "is not a list of names")
+        return items
+
+    def _refusal(self, where: tuple[str, ...], what: str) -> MechanismError:
+        return MechanismError(what, where, f"{self.path}: line {self.node.line_of(where)}")

@@ -1,0 +1,221 @@
+"""URDF read as a mechanism, with the two conventions in use for loops (`sidecars`).
+
+The root link is ground. A joint's first frame is its <origin>, its second the child link's own frame; hinges and slides
+are at zero where these agree. Links without mass that are fixed to others and carry nothing are frames: they become tools.
+
+Source: the URDF specification, https://wiki.ros.org/urdf/XML.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linkwork.formats import poses, sidecars
+from linkwork.formats.notes import Notes
+from linkwork.formats.solids import Solid, repaired
+from linkwork.formats.urdf_model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
+from linkwork.formats.xml import Element
+from linkwork.mechanism import (
+    GROUND,
+    Body,
+    FixedJoint,
+    Frame,
+    FreeJoint,
+    Friction,
+    GearJoint,
+    Joint,
+    Limits,
+    Mechanism,
+    MechanismError,
+    PlanarJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+    SphericalJoint,
+    Tool,
+    UniversalJoint,
+)
+
+SILENT = {
+    "robot": {"material", "link", "joint", "loop", "coupling", "transmission"},
+    "link": {"visual", "collision", "material", "inertial", "origin"},
+    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"},
+}
+
+
+def read_urdf(root: Element, notes: Notes) -> Mechanism:
+    """Read a document whose root is <robot>, and `robot.yaml` or the file of its own name beside it.
+
+    Raises:
+        MechanismError: one sentence that names file, line, element and what would be right.
+    """
+    _survey(root, notes)
+    model = read_model(root)
+    closures = sidecars.read(model, notes)
+    model.find_frames()
+    if model.base == GROUND:
+        base = f"the root link {GROUND!r} is ground"
+    else:
+        base = f"the root link {model.base!r} is taken as ground and stands still"
+    notes.say(
+        f"{root.file.name}: {base}" + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
+    )
+    bodies = {
+        name: _body(link, notes)
+        for name, link in model.links.items()
+        if name != model.base and name not in model.frames
+    }
+    joints: dict[str, Joint] = {
+        joint.name: _joint(model, joint, notes) for joint in model.joints.values() if joint.child not in model.frames
+    }
+    gears = _mimics(model)
+    loops = closures.joints(model)
+    for name in (*gears, *loops):
+        if name in joints or (name in gears and name in loops):
+            raise MechanismError(f"{root.file}: the name {name!r} is given to two joints; rename one")
+    used = closures.frames()
+    actuators = closures.actuators if closures.actuators is not None else _actuators(model, bool(loops), notes)
+    try:
+        return Mechanism(
+            name=root.attributes.get("name") or root.file.stem,
+            bodies=bodies,
+            joints=joints | gears | loops,
+            actuators=actuators,
+            tools={
+                link: Tool(body=body, frame=poses.frame_of(X))
+                for link, (body, X) in model.frames.items()
+                if body in bodies and link not in used
+            },
+        )
+    except MechanismError as error:
+        raise MechanismError(f"{root.file}: {error}") from None
+
+
+def _survey(root: Element, notes: Notes) -> None:
+    """Note the elements that are not read."""
+    for element in root.children:
+        if element.tag.startswith("xacro:"):
+            raise element.refusal("is a macro; expand the file with xacro first")
+        if element.tag not in SILENT["robot"]:
+            notes.on(element, "is left out: it is no part of a mechanism known here")
+        for child in element.children if element.tag in ("link", "joint") else ():
+            if child.tag not in SILENT[element.tag] and not _says_nothing(child):
+                notes.on(child, f"in a <{element.tag}> is left out: it is not known here")
+
+
+def _says_nothing(element: Element) -> bool:
+    """Tell whether an element has nothing but attributes at zero, as exporters write them."""
+    return (
+        bool(element.attributes)
+        and not element.children
+        and all(set(value) <= set("0. ") for value in element.attributes.values())
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------ bodies
+
+
+def _body(link: Element, notes: Notes) -> Body:
+    inertial = link.first("inertial")
+    if inertial is None:
+        return Body(mass=0.0)
+    tensor = np.zeros((3, 3))
+    moments = inertial.first("inertia")
+    if moments is not None:
+        xx, yy, zz, xy, xz, yz = (moments.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    a, b, c = np.linalg.eigvalsh(tensor)
+    if a >= 0 and a + b < c * (1 - 1e-9):
+        tensor = repaired(tensor)
+        notes.on(
+            link,
+            "has moments of inertia that no rigid body has, one above the sum of the others; the smaller ones are raised",
+        )
+    solid = Solid(inertial.named("mass").number("value"), np.zeros(3), tensor).seen(origin(inertial))
+    try:
+        return Body(**solid.fields())
+    except MechanismError as error:
+        raise link.refusal(str(error)) from None
+
+
+# ------------------------------------------------------------------------------------------------------------ joints
+
+
+def _joint(model: Model, joint: UrdfJoint, notes: Notes) -> Joint:
+    """Return a joint of the tree."""
+    parent, X = model.seat(joint.parent)
+    connects, first = (parent, joint.child), X @ joint.origin
+    frames = poses.frame_of(first), Frame()
+    axis = poses.triple(joint.axis)
+    element = joint.element
+    match joint.type:
+        case "fixed":
+            return FixedJoint(connects=connects, frames=frames)
+        case "floating":
+            return FreeJoint(connects=connects, frames=frames)
+        case "spherical":
+            return SphericalJoint(connects=connects, frames=frames)
+        case "universal":
+            one, two = (poses.triple(np.eye(3)["xyz".index(letter)]) for letter in joint.axes)
+            return UniversalJoint(connects=connects, frames=frames, axes=(one, two))
+        case "planar":
+            turn = poses.pose(rotation=poses.from_z(joint.axis))
+            return PlanarJoint(connects=connects, frames=(poses.frame_of(first @ turn), poses.frame_of(turn)))
+    dynamics = element.first("dynamics")
+    friction = Friction()
+    if dynamics is not None:
+        viscous, coulomb = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+        friction = dynamics.make(Friction, viscous=viscous, coulomb=coulomb)
+        if coulomb:
+            notes.on(element, "has dry friction, which is smoothed here about rate zero")
+    fields = {"connects": connects, "frames": frames, "axis": axis, "friction": friction, "limits": _limits(joint)}
+    return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
+
+
+def _limits(joint: UrdfJoint) -> Limits:
+    limit = joint.element.first("limit")
+    if limit is None or joint.type == "continuous":
+        return Limits()
+    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    return Limits(lower=lower, upper=upper) if lower < upper else Limits()
+
+
+def _mimics(model: Model) -> dict[str, Joint]:
+    """Return a gear for every <mimic>: q - multiplier q_other = offset."""
+    gears: dict[str, Joint] = {}
+    for joint in model.joints.values():
+        mimic = joint.element.first("mimic")
+        if mimic is None:
+            continue
+        other = mimic.text("joint")
+        for name in (joint.name, other):
+            if name not in model.joints or model.joints[name].type not in ONE_FREEDOM:
+                raise mimic.refusal(f"there is no hinge or slide {name!r}")
+        ratios = {joint.name: 1.0, other: -mimic.number("multiplier", 1.0)}
+        gears[f"{joint.name}_mimic"] = mimic.make(GearJoint, ratios=ratios, offset=mimic.number("offset", 0.0))
+    return gears
+
+
+def _actuators(model: Model, loops: bool, notes: Notes) -> tuple[str, ...]:
+    """Return the joints of the transmissions; without any, all hinges and slides of a tree that mimic none."""
+    named: dict[str, None] = {}
+    for element in (part for transmission in model.root.each("transmission") for part in transmission.each("joint")):
+        name = element.text("name")
+        if name not in model.joints:
+            raise element.refusal("is driven by a transmission and is not there")
+        named[name] = None
+    if named:
+        return tuple(named)
+    where = model.root.file.name
+    if loops:
+        notes.say(f"{where}: nothing says which joints are driven; name the actuators")
+        return ()
+    moving = tuple(
+        joint.name
+        for joint in model.joints.values()
+        if joint.type in ONE_FREEDOM and joint.element.first("mimic") is None and joint.child not in model.frames
+    )
+    if moving:
+        notes.say(
+            f"{where}: nothing says which joints are driven; all hinges and slides that mimic no other are actuators"
+        )
+    return moving

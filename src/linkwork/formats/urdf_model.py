@@ -1,0 +1,165 @@
+"""A URDF file as it is: links, and the tree of joints between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.xml import Element
+from linkwork.mechanism import GROUND
+
+TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+ONE_FREEDOM = ("revolute", "continuous", "prismatic")
+FRAME_MASS = 1e-6  # links lighter than this that are fixed and carry nothing are frames [kg]
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """Hold a joint as the file gives it: its type, links, X_parent_joint and unit axis; a file beside may change the type."""
+
+    element: Element
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: np.ndarray
+    axis: np.ndarray
+    axes: tuple[str, str] = ("x", "y")  # of a universal joint
+
+
+@dataclass
+class Model:
+    """Hold a tree of links.
+
+    Attributes:
+        links: the elements by name, parents before children.
+        joints: by name.
+        base: the root link.
+        carriers: the joint that carries a link, by link.
+        carried: the links that a link carries, by link.
+        frames: the links that are frames of others: the body that they are fixed to, and X_body_link.
+    """
+
+    root: Element
+    links: dict[str, Element] = field(default_factory=dict)
+    joints: dict[str, UrdfJoint] = field(default_factory=dict)
+    base: str = ""
+    carriers: dict[str, UrdfJoint] = field(default_factory=dict)
+    carried: dict[str, list[str]] = field(default_factory=dict)
+    frames: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+
+    def chain(self, link: str) -> list[UrdfJoint]:
+        """Return the joints from a link up to the base."""
+        chain = []
+        while link != self.base:
+            chain.append(self.carriers[link])
+            link = self.carriers[link].parent
+        return chain
+
+    def seat(self, link: str) -> tuple[str, np.ndarray]:
+        """Return the body that a link is, or is fixed to, and the link's pose in it."""
+        if link == self.base:
+            return GROUND, np.eye(4)
+        return self.frames.get(link, (link, np.eye(4)))
+
+    def put(self, joint: UrdfJoint) -> None:
+        """Take a joint in the place of the one of its name."""
+        self.joints[joint.name] = self.carriers[joint.child] = joint
+
+    def merge(self, joint: UrdfJoint, between: list[UrdfJoint]) -> None:
+        """Take one joint in the place of a chain; `between` are the joints before it, whose links vanish."""
+        for old in between:
+            del self.joints[old.name], self.carriers[old.child], self.links[old.child]
+        self.carried[joint.parent] = [
+            joint.child if link == between[0].child else link for link in self.carried[joint.parent]
+        ]
+        self.put(joint)
+
+    def find_frames(self) -> None:
+        """Find the links that are frames of others: light, fixed, and carrying only such links themselves."""
+        found: set[str] = set()
+        for link in reversed(self.links):
+            fixed = link != self.base and self.carriers[link].type == "fixed"
+            if fixed and weight(self.links[link]) <= FRAME_MASS and found.issuperset(self.carried.get(link, [])):
+                found.add(link)
+        for link in self.links:
+            if link in found:
+                body, X = self.seat(self.carriers[link].parent)
+                self.frames[link] = body, X @ self.carriers[link].origin
+
+
+def read_model(root: Element) -> Model:
+    """Read the links and joints of a document whose root is <robot>; what is no tree is refused."""
+    links: dict[str, Element] = {}
+    for link in root.each("link"):
+        name = link.text("name")
+        if name in links:
+            raise link.refusal("has the name of another link; names are given once")
+        links[name] = link
+    model = Model(root)
+    for element in root.each("joint"):
+        joint = _read_joint(element, links)
+        if joint.name in model.joints:
+            raise element.refusal("has the name of another joint; names are given once")
+        if joint.child in model.carriers:
+            raise element.refusal(
+                f"carries {joint.child!r}, as {model.carriers[joint.child].name!r} does; URDF is a tree: close loops by <loop> "
+                "or a robot.yaml"
+            )
+        model.put(joint)
+        model.carried.setdefault(joint.parent, []).append(joint.child)
+    roots = [name for name in links if name not in model.carriers]
+    if not links:
+        raise root.refusal("holds no links")
+    if len(roots) != 1:
+        found = (
+            f"the links {', '.join(map(repr, roots[:4]))} are carried by no joint" if roots else "every link is carried"
+        )
+        raise root.refusal(f"{found}; exactly one link is the root")
+    model.base = roots[0]
+    waiting = [model.base]
+    while waiting:
+        model.links[link] = links[link := waiting.pop()]
+        waiting += model.carried.get(link, [])[::-1]
+    lost = next((name for name in links if name not in model.links), None)
+    if lost:
+        raise links[lost].refusal("hangs in a circle of joints that does not reach the root link; URDF is a tree")
+    return model
+
+
+def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
+    kind = element.choice("type", TYPES, "")
+    ends = [element.named(end).text("link") for end in ("parent", "child")]
+    for link in ends:
+        if link not in links:
+            raise element.refusal(f"there is no link {link!r}")
+    if ends[0] == ends[1]:
+        raise element.refusal(f"connects {ends[0]!r} to itself")
+    axis = np.zeros(3) if kind in ("fixed", "floating") else axis_of(element)
+    return UrdfJoint(element, element.text("name"), kind, ends[0], ends[1], origin(element), axis)
+
+
+def origin(element: Element) -> np.ndarray:
+    """Return the pose that <origin xyz rpy> inside an element gives."""
+    inner = element.first("origin")
+    if inner is None:
+        return np.eye(4)
+    zero = (0.0, 0.0, 0.0)
+    return poses.pose(inner.vector("xyz", zero), poses.from_rpy(*inner.vector("rpy", zero)))
+
+
+def axis_of(element: Element) -> np.ndarray:
+    """Return the unit <axis xyz> inside an element."""
+    inner = element.first("axis")
+    axis = np.array(inner.vector("xyz", (1.0, 0.0, 0.0)) if inner else (1.0, 0.0, 0.0))
+    if np.linalg.norm(axis) < 1e-12:
+        raise (inner or element).refusal("axis has no length; give a direction such as '0 0 1'")
+    return poses.unit(axis)
+
+
+def weight(link: Element) -> float:
+    """Return the mass of a link [kg]."""
+    inertial = link.first("inertial")
+    return inertial.named("mass").number("value") if inertial else 0.0

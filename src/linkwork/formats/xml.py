@@ -1,0 +1,189 @@
+"""XML read safely: a plain tree of elements that know their file and line, and refuse what they cannot make sense of.
+
+A document type with its entities ("billion laughs"), a file that is too large, too deep or has too many elements is
+refused while it is read; nothing outside the file is ever opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any, TypeVar
+from xml.parsers import expat
+
+from linkwork.mechanism import MechanismError
+from linkwork.mechanism.record import Record
+
+LARGEST = 20_000_000  # bytes
+DEEPEST = 250  # elements inside one another
+MOST = 200_000  # elements
+
+R = TypeVar("R", bound=Record)
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """Hold an element: its tag, attributes and children, and where it stands."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    file: Path
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+    @property
+    def label(self) -> str:
+        """Return what a user calls the element: <joint 'hip'>."""
+        name = self.attributes.get("name")
+        return f"<{self.tag} {name!r}>" if name else f"<{self.tag}>"
+
+    @property
+    def place(self) -> str:
+        return f"{self.file.name}, line {self.line}"
+
+    def refusal(self, what: str) -> MechanismError:
+        """Return a refusal of this element: file, line, element, and the sentence."""
+        return MechanismError(f"{self.file}: line {self.line}: {self.label}: {what}")
+
+    def each(self, *tags: str) -> Iterator[Element]:
+        """Yield the children of some tags."""
+        return (child for child in self.children if child.tag in tags)
+
+    def first(self, tag: str) -> Element | None:
+        """Return the first child of a tag, or None."""
+        return next(self.each(tag), None)
+
+    def named(self, name: str) -> Element:
+        """Return the first child of a tag; one that is missing is refused."""
+        child = self.first(name)
+        if child is None:
+            raise self.refusal(f"holds no <{name}>; add one")
+        return child
+
+    def with_attributes(self, attributes: Mapping[str, str]) -> Element:
+        return replace(self, attributes=attributes)
+
+    def text(self, name: str) -> str:
+        """Return an attribute; one that is missing is refused."""
+        if name not in self.attributes:
+            raise self.refusal(f"has no attribute {name!r}; add it")
+        return self.attributes[name]
+
+    def choice(self, name: str, choices: tuple[str, ...], default: str) -> str:
+        """Return an attribute that must be one of some words."""
+        word = self.attributes.get(name, default)
+        if word not in choices:
+            raise self.refusal(f"{name} {shortened(word)} is not one of {', '.join(choices)}")
+        return word
+
+    def numbers(
+        self, name: str, counts: tuple[int, ...], default: tuple[float, ...] | None = None
+    ) -> tuple[float, ...]:
+        """Return the numbers of an attribute; another count than those allowed, or no finite number, is refused."""
+        if name not in self.attributes and default is not None:
+            return default
+        words = self.text(name).split()
+        if len(words) not in counts:
+            wanted = " or ".join(map(str, counts))
+            raise self.refusal(f"{name} holds {len(words)} numbers; give {wanted}")
+        return tuple(self._number(name, word) for word in words)
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """Return the number of an attribute."""
+        return self.numbers(name, (1,), None if default is None else (default,))[0]
+
+    def vector(self, name: str, default: tuple[float, float, float] | None = None) -> tuple[float, float, float]:
+        """Return the three numbers of an attribute."""
+        x, y, z = self.numbers(name, (3,), default)
+        return x, y, z
+
+    def make(self, record: type[R], **fields: Any) -> R:
+        """Make a record from what the element says; its refusal names the element."""
+        try:
+            return record(**fields)
+        except MechanismError as error:
+            raise self.refusal(str(error)) from None
+
+    def _number(self, name: str, word: str) -> float:
+        try:
+            value = float(word.replace("_", "?"))
+        except ValueError:
+            raise self.refusal(f"{name} holds {shortened(word)}, which is not a number") from None
+        if not isfinite(value):
+            raise self.refusal(f"{name} holds {word}, which is not a finite number")
+        return value
+
+
+def shortened(text: str) -> str:
+    """Return a text in quotation marks, cut to a length that fits a sentence."""
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
+def read(path: Path) -> Element:
+    """Read an XML file as a tree of elements.
+
+    Raises:
+        MechanismError: the file cannot be read, is larger than 20 MB, nested deeper than 250 elements, has more than
+            200 000 elements or a document type, or is not well-formed (the line is named).
+    """
+    parser, building = expat.ParserCreate(), _Building(path)
+    parser.buffer_text = True
+    parser.StartElementHandler = lambda tag, attributes: building.start(tag, attributes, parser.CurrentLineNumber)
+    parser.EndElementHandler = building.end
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = building.refuse_entities
+    try:
+        parser.Parse(contents(path), True)
+    except MechanismError:
+        raise
+    except expat.ExpatError as error:
+        what = expat.errors.messages[error.code]
+        raise MechanismError(f"{path}: line {error.lineno}: is not well-formed XML: {what}") from None
+    except (LookupError, ValueError):
+        raise MechanismError(f"{path}: is in an encoding that is not known; save it as UTF-8") from None
+    return building.open[0].children[0]
+
+
+def contents(path: Path) -> bytes:
+    """Return the bytes of a file; one that is no file, cannot be read or is larger than 20 MB is refused."""
+    try:
+        if path.exists() and not path.is_file():
+            raise MechanismError(f"{path}: is not a file; name a model file")
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+    except OSError as error:
+        raise MechanismError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
+    if len(data) > LARGEST:
+        raise MechanismError(f"{path}: is larger than {LARGEST // 1_000_000} MB; a mechanism's file is not")
+    return data
+
+
+class _Building:
+    """Build the tree from the parser's events; `open` holds the elements that are not closed yet."""
+
+    def __init__(self, path: Path):
+        self.path, self.count = path, 0
+        self.open = [Element("", {}, path, 0)]
+
+    def start(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        self.count += 1
+        if self.count > MOST:
+            raise MechanismError(
+                f"{self.path}: line {line}: holds more than {MOST} elements; a mechanism's file does not"
+            )
+        if len(self.open) > DEEPEST:
+            raise MechanismError(
+                f"{self.path}: line {line}: elements are nested deeper than {DEEPEST}; that is refused"
+            )
+        element = Element(tag, attributes, self.path, line)
+        self.open[-1].children.append(element)
+        self.open.append(element)
+
+    def end(self, tag: str) -> None:
+        self.open.pop()
+
+    def refuse_entities(self, *declaration: Any) -> None:
+        raise MechanismError(
+            f"{self.path}: declares a document type or entities, which are not read; remove <!DOCTYPE ...>"
+        )

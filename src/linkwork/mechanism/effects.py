@@ -1,0 +1,52 @@
+"""What acts inside a joint or between two points, apart from actuators: friction, springs, dampers, limits.
+
+Forces act on the second body, against the coordinate q or the rate w of a freedom; for the free turn of a spherical
+joint q is the rotation vector of R_12 and w the relative angular velocity.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+
+from linkwork.mechanism.record import MechanismError, Name, Real, Record, Vector3
+
+
+class Friction(Record):
+    """Resist a rate: F = -(viscous + coulomb / sqrt(|w|^2 + coulomb_rate^2)) w."""
+
+    viscous: NonNegativeFloat = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
+    coulomb: NonNegativeFloat = Field(default=0.0, description="force at rates well above coulomb_rate [N, N m]")
+    coulomb_rate: PositiveFloat = Field(
+        default=0.01, description="rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]"
+    )
+
+
+class Spring(Record):
+    """Pull a coordinate towards its rest and damp its rate: F = -stiffness (q - rest) - damping w."""
+
+    stiffness: NonNegativeFloat = Field(default=0.0, description="force per displacement [N/m, N m/rad]")
+    rest: Real = Field(default=0.0, description="coordinate without force [m, rad]")
+    damping: NonNegativeFloat = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
+
+
+class Limits(Record):
+    """Bound a coordinate; the motion does not stop there, but passing a limit is reported."""
+
+    lower: Real | None = Field(default=None, description="least value [m, rad]; none if left out")
+    upper: Real | None = Field(default=None, description="largest value [m, rad]; none if left out")
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        if self.lower is not None and self.upper is not None and not self.lower < self.upper:
+            raise MechanismError(f"the lower limit {self.lower} is not below the upper limit {self.upper}")
+        return self
+
+
+class PointSpring(Record):
+    """Pull two points of two bodies together: tension stiffness (l - rest_length) + damping l', l their distance."""
+
+    connects: tuple[Name, Name] = Field(description="names of the two bodies")
+    points: tuple[Vector3, Vector3] = Field(description="a point in the first and one in the second body's frame [m]")
+    stiffness: NonNegativeFloat = Field(default=0.0, description="tension per length [N/m]")
+    rest_length: NonNegativeFloat = Field(default=0.0, description="length without tension [m]")
+    damping: NonNegativeFloat = Field(default=0.0, description="tension per rate of the length [N s/m]")

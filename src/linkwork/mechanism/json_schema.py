@@ -1,0 +1,69 @@
+"""The JSON schema of mechanism files: editors complete and check a file by it while it is written.
+
+It is pydantic's schema of `Mechanism`, put in the terms of draft 7, which every editor knows, with what a file must say
+and what the joint types leave open made explicit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from linkwork.mechanism.joints import Joint, ManyFreedoms
+from linkwork.mechanism.mechanism import Mechanism
+from linkwork.mechanism.refusal import records_in
+
+FORMAT_VERSION = 1
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 7) of the mechanism file as a dict, ready for `json.dump`."""
+    made = Mechanism.model_json_schema(ref_template="#/definitions/{model}")
+    definitions = made.pop("$defs")
+    for record in records_in(Joint):
+        _say_type(definitions[record.__name__])
+        if issubclass(record, ManyFreedoms):
+            _name_freedoms(definitions[record.__name__], record.freedoms)
+    version = {"const": FORMAT_VERSION, "title": "Format", "description": "version of the file format"}
+    return _in_draft_7(
+        {
+            "$schema": "http://json-schema.org/draft-07/schema#",
+            "title": "Linkwork mechanism",
+            "description": "Bodies, joints between them, actuators and tools. Units are SI, angles are in radians.",
+            "type": "object",
+            "properties": {"linkwork": version, **made["properties"]},
+            "required": ["linkwork", *made["required"]],
+            "additionalProperties": False,
+            "definitions": definitions,
+        }
+    )
+
+
+def _say_type(joint: dict[str, Any]) -> None:
+    """Require the type of a joint, and put it first."""
+    kind = joint["properties"].pop("type")
+    joint["properties"] = {"type": {"const": kind["const"], "title": "Type"}, **joint["properties"]}
+    joint["required"] = ["type", *joint["required"]]
+
+
+def _name_freedoms(joint: dict[str, Any], freedoms: tuple[str, ...]) -> None:
+    """Let the effects of a joint be given for its own freedoms only."""
+    for effect in ("friction", "spring", "limits", "rotor_inertia"):
+        field = joint["properties"][effect]
+        (each,) = field.pop("patternProperties").values()
+        field["properties"] = dict.fromkeys(freedoms, each)
+
+
+def _in_draft_7(part: Any) -> Any:
+    """Rewrite what draft 7 does not know: tuples of equal items, keywords beside a reference, discriminators."""
+    if isinstance(part, list):
+        return [_in_draft_7(item) for item in part]
+    if not isinstance(part, dict):
+        return part
+    part = {key: _in_draft_7(value) for key, value in part.items() if key != "discriminator"}
+    if "prefixItems" in part:
+        part["items"] = part.pop("prefixItems")[0]
+    if "patternProperties" in part or ("properties" in part and part.get("type") == "object"):
+        part["additionalProperties"] = False
+    if "$ref" in part and len(part) > 1:
+        part["allOf"] = [{"$ref": part.pop("$ref")}]
+    return part

@@ -1,0 +1,142 @@
+"""Refusals: one sentence that names the element, the value found there and what would be accepted.
+
+The checks themselves are pydantic's; its list of errors becomes one sentence here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from linkwork.errors import LinkworkError
+
+LONG = 60  # characters, above which a value is not shown in full
+
+
+class MechanismError(LinkworkError):
+    """Refuse a description: `what` is the sentence, `where` the element's path, `place` the file and line if any."""
+
+    def __init__(self, what: str, where: tuple[str, ...] = (), place: str = ""):
+        self.what, self.where, self.place = what, where, place
+        path = ".".join(part if part.isprintable() and len(part) <= LONG else shown(part) for part in where)
+        super().__init__(": ".join(part for part in (place, path, what) if part))
+
+
+def first_refusal(error: ValidationError, record: type[BaseModel], fields: Mapping[str, Any]) -> MechanismError:
+    """Turn pydantic's errors about the fields of a record into one: about an unknown field, else about the first."""
+    errors: Sequence[Any] = error.errors(include_url=False)
+    first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
+    kind, location, value, context = first["type"], first["loc"], first["input"], first.get("ctx", {})
+    where = path_in(fields, location)
+    cause = context.get("error")
+    if isinstance(cause, MechanismError):
+        return MechanismError(cause.what, where + cause.where)
+    if isinstance(cause, ValueError):
+        return MechanismError(str(cause), where)
+    if kind == "extra_forbidden":
+        known = record.model_fields
+        fix = f"{suggestion(where[-1], known)}; the fields here are {', '.join(known)}"
+        return MechanismError(f"is not a known field{fix}", where)
+
+    field = record.model_fields[str(location[0])]
+    expected = f"expected {field.description or 'a value'}"
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return wrong_type(value, field.annotation, where)
+    if kind in ("model_type", "model_attributes_type"):
+        expected = fields_of(field.annotation)
+    if kind == "missing" and isinstance(location[-1], int):
+        lacking = sum(one["type"] == "missing" and one["loc"][:-1] == location[:-1] for one in errors)
+        context = {"max_length": len(value) + lacking}
+    elif kind == "missing":
+        return MechanismError(f"is missing; {expected}", (*where, str(location[-1])))
+    if value is None:
+        return MechanismError(f"is empty; {expected}", where)
+    if kind == "string_type" and isinstance(value, int | float):
+        return MechanismError(f"{value} is not text; put it in quotes to use it as a name: '{value}'", where)
+    return MechanismError(f"{complaint(kind, value, context, first['msg'])}; {expected}", where)
+
+
+def complaint(kind: str, value: Any, context: Mapping[str, Any], message: str) -> str:
+    """Say what is wrong with a value, by pydantic's kind of error."""
+    match kind:
+        case "missing" | "too_long":
+            return f"give {context['max_length']} {noun(value)}, not {len(value)}"
+        case "float_type" | "float_parsing":
+            return f"{shown(value)} is not a number"
+        case "finite_number":
+            return f"{shown(value)} is not a finite number"
+        case "greater_than_equal":
+            return f"{shown(value)} is below {context['ge']:g}"
+        case "greater_than":
+            return f"{shown(value)} is not above {context['gt']:g}"
+        case "string_type":
+            return f"{shown(value)} is not text"
+        case "tuple_type":
+            return f"{shown(value)} is not a list"
+        case "dict_type" | "mapping_type":
+            return f"{shown(value)} is not a mapping from names to values"
+        case "model_type" | "model_attributes_type":
+            return f"{shown(value)} is not a mapping of fields"
+        case _:
+            return f"{shown(value)} is not accepted: {message[0].lower()}{message[1:]}"
+
+
+def path_in(data: Any, location: Sequence[str | int]) -> tuple[str, ...]:
+    """Return the parts of pydantic's location that lead somewhere in the data; its marks of unions and keys do not."""
+    where = []
+    for part in location:
+        try:
+            data = data[part]
+        except (KeyError, IndexError, TypeError):
+            continue
+        where.append(str(part))
+    return tuple(where)
+
+
+def noun(items: Sequence[Any]) -> str:
+    """Name what the items of a list are."""
+    for kinds, name in (((int, float), "numbers"), (str, "names")):
+        if items and all(isinstance(item, kinds) for item in items):
+            return name
+    return "entries"
+
+
+def wrong_type(fields: Any, annotation: Any, where: tuple[str, ...]) -> MechanismError:
+    """Refuse fields whose `type` is left out or is none of the annotation's types."""
+    known = [record.model_fields["type"].default for record in records_in(annotation)]
+    word = fields.get("type") if isinstance(fields, Mapping) else None
+    fault = "is missing" if word is None else f"{shown(word)} is not a type{suggestion(str(word), known)}"
+    return MechanismError(f"{fault}; the types are {', '.join(known)}", (*where, "type"))
+
+
+def fields_of(annotation: Any) -> str:
+    """Say which fields a record of this annotation takes."""
+    first, *others = records_in(annotation)
+    return "give a type and its fields" if others else f"give the fields {', '.join(first.model_fields)}"
+
+
+def records_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Find the records that an annotation speaks of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from records_in(part)
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Ask whether the nearest of the known words is meant, if one is near."""
+    near = get_close_matches(word[:LONG].lower(), list(known), 1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def shown(value: Any) -> str:
+    """Show a value in a sentence: a long one by its kind or its beginning."""
+    text = repr(value)
+    if len(text) <= LONG:
+        return text
+    if isinstance(value, Mapping | list | tuple):
+        return "a mapping" if isinstance(value, Mapping) else "a list"
+    return f"{text[: LONG - 4]} ..."

@@ -1,0 +1,108 @@
+"""Charts of a robot: its equations in different independent rates, each with kernels compiled when first needed.
+
+The home chart has the actuated rates where these determine the motion. A run may start in a shorter one, and changes
+to a better one where its pivots weaken. q is the same in all of them; the rates of one follow from those of another by
+
+    w = L v  (all rates of the tree),    v_other = w at the other's independent rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations, chart_at, functions
+from linkwork.equations.chart import faced
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
+
+KERNELS = (
+    "motion",
+    "inverse_dynamics",
+    "actuation",
+    "terms",
+    "closure_step",
+    "pivots",
+    "tree_rates",
+    "maps",
+    "positions",
+    "joints_motion",
+    "bodies_motion",
+    "energy",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledChart:
+    """Hold the equations in one chart and their kernels by name."""
+
+    equations: Equations
+
+    @cached_property
+    def kernel(self) -> Callable[[str], Kernel]:
+        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ..."""
+        return lru_cache(maxsize=None)(self._compiled)
+
+    def _compiled(self, name: str) -> Kernel:
+        if name not in KERNELS:
+            raise LinkworkError(f"there is no kernel {name!r}; there are {', '.join(KERNELS)}")
+        return compile_function(getattr(functions, name)(self.equations))
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        return self.equations.independent
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Return what tells charts apart: independent rates, rows, order of elimination and signs of the pivots."""
+        chart = self.equations.chart
+        signs = tuple(scale > 0 for stage in chart.stages for scale in stage.scales)
+        return chart.independent, chart.rows, tuple(chart.blocks), signs
+
+    def facing(self, q: np.ndarray) -> CompiledChart:
+        """Return this chart with its pivots counted positive at q, where it is regular."""
+        (pivots,) = self.kernel("pivots")(q)
+        signs = np.where(pivots < 0, -1.0, 1.0)
+        return CompiledChart(self.equations.in_chart(faced(self.equations.chart, signs.tolist())))
+
+    def pivot(self, q: np.ndarray) -> float:
+        """Return the weakest relative pivot at one configuration."""
+        return float(self.kernel("tree_rates")(q, np.zeros(len(self.independent)))[1][0])
+
+    def tree_rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return w = L v (..., nv), the rates of the whole tree."""
+        return self.kernel("tree_rates")(q, v)[0]
+
+    def from_tree(self, w: np.ndarray) -> np.ndarray:
+        """Return v (..., n) from the rates of the whole tree."""
+        return w[..., list(self.equations.chart.independent)]
+
+    def constraint_jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Return Phi (rows x nv) at one configuration."""
+        return np.array(self._constraints(q)[1])
+
+    def residuals(self, q: np.ndarray) -> np.ndarray:
+        """Return phi (rows) at one configuration."""
+        return np.array(self._constraints(q)[0]).ravel()
+
+    @cached_property
+    def _constraints(self) -> ca.Function:
+        return functions.constraints(self.equations)
+
+    def conditioning(self, Phi: np.ndarray) -> float:
+        """Return the smallest over the largest singular value of what the elimination solves; 1 if it solves nothing."""
+        chart = self.equations.chart
+        solved = self.equations.scaled(Phi)[np.ix_(chart.rows, chart.dependent)]
+        if not solved.size:
+            return 1.0
+        values = np.linalg.svd(solved, compute_uv=False)
+        return float(values[-1] / max(values[0], 1e-300))
+
+    def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
+        """Return a chart chosen at q: independent rates, rows and elimination are those that are good there."""
+        Phi = self.constraint_jacobian(q)
+        return CompiledChart(self.equations.in_chart(chart_at(self.equations, Phi, preferred)))

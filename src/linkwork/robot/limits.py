@@ -1,0 +1,42 @@
+"""Limits: which joint coordinates lie outside the range that the description gives, in one state or along a run.
+
+A free turn is limited by the angle between the joint's two frames, 2 acos |qw|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from linkwork.mechanism import Limits, Mechanism
+from linkwork.mechanism.joints import TURN
+
+
+def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
+    """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to report."""
+    for name, joint in mechanism.joints.items():
+        labels = iter(joint.coordinates(name))
+        for freedom, (_, _, limits, _) in joint.effects().items():
+            own = [next(labels) for _ in range(4 if freedom == TURN else 1)]
+            if limits.lower is not None or limits.upper is not None:
+                yield own[0], limits, f"{name}.{TURN}" if freedom == TURN else own[0]
+
+
+def passed(
+    mechanism: Mechanism, coordinates: Sequence[str], positions: np.ndarray, time: np.ndarray | None = None
+) -> tuple[str, ...]:
+    """Return one sentence for each limit that coordinates (..., m) pass, with the time (K,) [s] where it first happens."""
+    flat = positions.reshape(-1, positions.shape[-1])
+    found = []
+    for label, limits, name in limited(mechanism):
+        values = flat[:, coordinates.index(label)]
+        if name.endswith(f".{TURN}"):
+            values = 2 * np.arccos(np.clip(np.abs(values), 0, 1))
+        for bound, sign, side in ((limits.lower, -1, "below its lower"), (limits.upper, 1, "above its upper")):
+            beyond = np.zeros(len(values), bool) if bound is None else sign * values > sign * bound
+            if beyond.any():
+                when = "" if time is None else f" from t = {time[int(np.argmax(beyond))]:.6g} s on"
+                worst = values[beyond][np.argmax(sign * values[beyond])]
+                found.append(f"{name} is {side} limit {bound:g}{when}: it reaches {worst:.6g}")
+    return tuple(found)

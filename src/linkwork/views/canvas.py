@@ -1,0 +1,119 @@
+"""A canvas in two or three dimensions: lines, bars, faces, dots and text by their points in space, nearer ones on top.
+
+In two dimensions points are seen along z. In three, depth orders what lies on one level; it is that of the view in which
+the picture is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from linkwork.views.style import EDGE
+
+BAR_IN_SPACE = 0.7  # width of bars in space, relative to those in the plane
+OUTLINE = 2.3  # what a bar's dark edges add to its width [pt]
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """Hold where and how strongly things are drawn.
+
+    axes: of matplotlib; points: all that are drawn (N, 3) [m]; size: largest extent of the mechanism [m]
+    towards: unit vector to the viewer (3), zero in the plane; strength: 1 in full, 0 white; level: below or above others
+    """
+
+    axes: Any
+    points: np.ndarray
+    size: float
+    towards: np.ndarray
+    strength: float = 1.0
+    level: float = 0.0
+
+    @classmethod
+    def on(cls, axes: Any, points: np.ndarray) -> Canvas:
+        """Make a canvas on axes for a mechanism with these points."""
+        size = float(np.ptp(points, axis=0).max()) or 1.0
+        if not hasattr(axes, "get_zlim"):
+            return cls(axes, points, size, np.zeros(3))
+        axes.computed_zorder = False
+        return cls(axes, points, size, direction(axes.elev, axes.azim))
+
+    @property
+    def flat(self) -> bool:
+        """Tell whether this is a canvas in the plane."""
+        return not self.towards.any()
+
+    @property
+    def screen(self) -> np.ndarray:
+        """Return the unit vectors to the right and upwards as seen (2, 3)."""
+        if self.flat:
+            return np.eye(3)[:2]
+        right = np.cross((0.0, 0.0, 1.0), self.towards)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(self.towards, right)])
+
+    def at(self, strength: float, level: float) -> Canvas:
+        """Return the canvas for another strength and level."""
+        return replace(self, strength=strength, level=level)
+
+    def order(self, points: np.ndarray, level: float) -> float:
+        """Return where in the order of drawing something stands: by level, and on a level by depth."""
+        depth = (points.reshape(-1, 3).mean(axis=0) - self.points.mean(axis=0)) @ self.towards / self.size
+        return self.level + level + 0.05 * float(np.clip(depth, -1, 1))
+
+    def mixed(self, colour: str) -> tuple[float, ...]:
+        """Return a colour mixed with white."""
+        from matplotlib.colors import to_rgb
+
+        return tuple(1 - self.strength * (1 - part) for part in to_rgb(colour))
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Return coordinates (2 or 3, k) for the axes."""
+        return points.T[:2] if self.flat else points.T
+
+    def line(self, points: np.ndarray, level: float, **look: Any) -> None:
+        """Draw a polyline (k, 3)."""
+        look["color"] = self.mixed(look["color"])
+        self.axes.plot(*self.seen(points), zorder=self.order(points[np.isfinite(points[:, 0])], level), **look)
+
+    def bar(self, points: np.ndarray, width: float, colour: str, gid: str | None = None) -> None:
+        """Draw a polyline as a bar with dark edges."""
+        width *= 1 if self.flat else BAR_IN_SPACE
+        self.line(points, 0, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE))
+        self.line(points, 0, color=colour, lw=width, gid=gid)
+
+    def faces(self, faces: Sequence[np.ndarray], inside: str, edge: str, level: float, **look: Any) -> None:
+        """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a solid in space."""
+        look |= {"fc": self.mixed(inside), "ec": self.mixed(edge), "zorder": self.order(np.concatenate(faces), level)}
+        if self.flat:
+            from matplotlib.patches import Polygon
+
+            self.axes.add_patch(Polygon(faces[0][:, :2], joinstyle="round", **look))
+        else:
+            from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+            self.axes.add_collection3d(Poly3DCollection(faces, **look))
+
+    def dot(self, point: np.ndarray, level: float, marker: str = "o", **look: Any) -> None:
+        """Draw a marker at a point."""
+        look = {key: self.mixed(value) if key in ("mfc", "mec") else value for key, value in look.items()}
+        self.axes.plot(*self.seen(point[None]), marker, zorder=self.order(point, level), **look)
+
+    def text(self, point: np.ndarray, aside: np.ndarray, half: np.ndarray, words: str) -> None:
+        """Write words in a box of half a size (2) beside a point, both as seen [m]."""
+        middle = point + aside @ self.screen
+        ground = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1.0}
+        style = {"ha": "center", "va": "center", "fontsize": 8, "linespacing": 1.1, "zorder": 9}
+        self.axes.text(*self.seen(middle), words, bbox=ground, **style)
+        if self.flat:
+            self.axes.update_datalim([middle[:2] - half, middle[:2] + half])
+
+
+def direction(elevation: float, azimuth: float) -> np.ndarray:
+    """Return the unit vector to a viewer at these angles [deg]."""
+    e, a = np.radians(elevation), np.radians(azimuth)
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])

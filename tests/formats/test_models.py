@@ -1,0 +1,51 @@
+"""Model files by suffix and root element."""
+
+import pytest
+
+import linkwork as lw
+from linkwork.formats import load, save
+from linkwork.mechanism import MechanismError
+
+from tests.formats import samples
+
+
+def test_the_root_element_says_what_an_xml_file_is(tmp_path):
+    for name, text, kind in (
+        ("a.xml", samples.URDF, "arm"),
+        ("b.mjcf", samples.TREE, "tree"),
+        ("c.XML", samples.TREE, "tree"),
+    ):
+        (tmp_path / name).write_text(text)
+        assert load(str(tmp_path / name)).mechanism.name == kind
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".yml"])
+def test_native_files_are_mechanism_files(suffix, tmp_path):
+    path = tmp_path / f"robot{suffix}"
+    assert save(lw.robots.prr3(), path) == ()
+    imported = load(path)
+    assert imported.mechanism == lw.robots.prr3()
+    assert imported.notes == ()
+
+
+@pytest.mark.parametrize("text", [samples.TREE, samples.URDF], ids=["mjcf", "urdf"])
+def test_what_is_read_can_be_written_as_a_mechanism_file(text, tmp_path):
+    source, target = tmp_path / "model.xml", tmp_path / "model.yaml"
+    source.write_text(text)
+    mechanism = load(source).mechanism
+    save(mechanism, target)
+    assert load(target).mechanism == mechanism
+
+
+def test_suffixes_that_are_not_known(tmp_path):
+    with pytest.raises(MechanismError, match=r"a model file ends in \.yaml, \.yml, \.xml, \.mjcf, \.urdf, not '\.sdf'"):
+        load(tmp_path / "robot.sdf")
+    with pytest.raises(MechanismError, match=r"URDF holds no closed loops and is not written; write \.xml"):
+        save(lw.robots.prr3(), tmp_path / "robot.urdf")
+    with pytest.raises(MechanismError, match=r"a model is written as \.yaml, \.yml, \.xml, \.mjcf, not '\.obj'"):
+        save(lw.robots.prr3(), tmp_path / "robot.obj")
+
+
+def test_a_file_that_cannot_be_written(tmp_path):
+    with pytest.raises(MechanismError, match="cannot be written: no such file or directory"):
+        save(lw.robots.four_bar(), tmp_path / "no-folder" / "robot.xml")

@@ -1,0 +1,231 @@
+"""The conventions for loops beside URDF: the five-bar of the catalogue written in each of them moves like it."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.formats import load
+from linkwork.mechanism import MechanismError
+
+LINK = (
+    '<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="{2}"/>'
+    '<inertia ixx="{3}" iyy="{3}" izz="{3}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="{0}" type="continuous" {4}><parent link="{1}"/><child link="{2}"/>'
+    '<origin xyz="{3} 0 0"/><axis xyz="0 0 1"/></joint>'
+)
+CHAIN = {  # joint: parent, child, place, independent
+    "motor_1": ("base", "proximal_1", 0, "true"),
+    "motor_2": ("base", "proximal_2", 0.3, "true"),
+    "elbow_1": ("proximal_1", "distal_1", 0.25, "false"),
+    "elbow_2": ("proximal_2", "distal_2", 0.25, "false"),
+}
+LOOP = (
+    '<loop name="tip" type="revolute"><predecessor link="distal_1"><origin xyz="0.35 0 0"/></predecessor>'
+    '<successor link="distal_2"><origin xyz="0.35 0 0"/></successor><axis xyz="0 0 1"/></loop>'
+)
+FRAMES = "".join(
+    f'<link name="end_{k}"><inertial><mass value="1e-9"/></inertial></link><joint name="end_{k}_frame" type="fixed">'
+    f'<parent link="distal_{k}"/><child link="end_{k}"/><origin xyz="0.35 0 0"/></joint>'
+    for k in (1, 2)
+)
+
+
+def five_bar(extra="", independent=False):
+    """Return the five-bar of the catalogue as URDF, open at its tip."""
+    links = '<link name="base"/>'
+    for k in (1, 2):
+        for name, length, mass in (("proximal", 0.25, 0.4), ("distal", 0.35, 0.3)):
+            links += LINK.format(f"{name}_{k}", length / 2, mass, mass * length**2 / 12)
+    joints = "".join(
+        JOINT.format(name, parent, child, x, f'independent="{said}"' if independent else "")
+        for name, (parent, child, x, said) in CHAIN.items()
+    )
+    return f'<robot name="five-bar">{links}{joints}{extra}</robot>'
+
+
+def read(text, tmp_path, sidecar=None, name="robot.yaml"):
+    (tmp_path / "robot.urdf").write_text(text, encoding="utf-8")
+    if sidecar is not None:
+        (tmp_path / name).write_text(sidecar, encoding="utf-8")
+    return load(tmp_path / "robot.urdf")
+
+
+def assert_moves_like_the_five_bar(mechanism):
+    known = lw.robots.five_bar()
+    reference = {name: known.reference[name] for name in CHAIN}
+    near, far = lw.Robot(known), lw.Robot(mechanism.model_copy(update={"reference": reference}))
+    assert far.mobility == 2
+    rates, forces = {"motor_1": 0.7, "motor_2": -1.2}, [0.3, -0.4]
+    states = [robot.assemble(joints={"motor_1": 2.1, "motor_2": 1.0}, rates=rates) for robot in (near, far)]
+    a = [robot.forward_dynamics(state, forces) for robot, state in zip((near, far), states, strict=True)]
+    np.testing.assert_allclose(a[1], a[0], rtol=1e-9)
+
+
+def test_a_loop_element(tmp_path):
+    imported = read(five_bar(LOOP, independent=True), tmp_path)
+    assert imported.mechanism.actuators == ("motor_1", "motor_2")
+    assert imported.mechanism.joints["tip"].type == "revolute"
+    assert_moves_like_the_five_bar(imported.mechanism)
+
+
+def test_a_loop_without_a_word_on_the_actuators(tmp_path):
+    imported = read(five_bar(LOOP), tmp_path)
+    assert imported.mechanism.actuators == ()
+    assert any("nothing says which joints are driven; name the actuators" in note for note in imported.notes)
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "fixed", "spherical", "planar"])
+def test_loops_of_other_types(kind, tmp_path):
+    mechanism = read(five_bar(LOOP.replace('"revolute"', f'"{kind}"')), tmp_path).mechanism
+    assert mechanism.joints["tip"].type == kind
+
+
+def test_a_coupling_is_a_gear_along_both_chains(tmp_path):
+    coupling = (
+        '<coupling name="belt" type="rolling"><predecessor link="distal_1"/><successor link="proximal_2"/>'
+        '<ratio value="6"/></coupling>'
+    )
+    gear = read(five_bar(coupling), tmp_path).mechanism.joints["belt"]
+    assert gear.ratios == {"elbow_1": 6, "motor_1": 6, "motor_2": -1}
+
+
+def test_closed_loops_of_3d_between_frames(tmp_path):
+    sidecar = "closed_loop: [[end_1, end_2]]\ntype: ['3d']\nname_mot: ['motor_1', 'motor_2']\n"
+    imported = read(five_bar(FRAMES), tmp_path, sidecar)
+    mechanism = imported.mechanism
+    assert mechanism.joints["loop_1"].type == "spherical"
+    assert mechanism.joints["loop_1"].connects == ("distal_1", "distal_2")
+    assert list(mechanism.bodies) == ["proximal_1", "distal_1", "proximal_2", "distal_2"]
+    assert mechanism.tools == {}
+    assert imported.notes[0] == "robot.yaml: closes the loops of robot.urdf"
+    assert_moves_like_the_five_bar(mechanism)
+
+
+def test_a_closed_loop_of_6d_with_a_hinge_before_it(tmp_path):
+    extra = (
+        '<link name="wrist"/>'
+        '<joint name="tip" type="continuous"><parent link="distal_1"/><child link="wrist"/><origin xyz="0.35 0 0"/>'
+        '<axis xyz="0 0 1"/></joint>'
+    )
+    sidecar = "closed_loop:\n  - [tip, end_2]\nname_mot: [motor_1, motor_2]\n"
+    mechanism = read(five_bar(extra + FRAMES), tmp_path, sidecar, "robot.yaml").mechanism
+    assert mechanism.joints["loop_1"].type == "fixed"
+    assert mechanism.joints["loop_1"].connects == ("wrist", "distal_2")
+    assert_moves_like_the_five_bar(mechanism)
+
+
+def test_the_file_may_have_the_models_own_name(tmp_path):
+    sidecar = "closed_loop: [[end_1, end_2]]\ntype: [3d]\nname_mot: [motor_1]\n"
+    (tmp_path / "bar.urdf").write_text(five_bar(FRAMES), encoding="utf-8")
+    (tmp_path / "bar.yaml").write_text(sidecar, encoding="utf-8")
+    assert load(tmp_path / "bar.urdf").mechanism.actuators == ("motor_1",)
+
+
+def test_a_mechanism_file_of_the_same_name_is_no_file_of_loops(tmp_path):
+    lw.robots.five_bar().save(tmp_path / "robot.yaml")
+    assert "loop_1" not in read(five_bar(), tmp_path).mechanism.joints
+
+
+def ball_chain(masses=(0, 0), axes=("1 0 0", "0 1 0", "0 0 1"), places=("0.1 0 0", "0 0 0", "0 0 0")):
+    links, joints = '<link name="base"/>', ""
+    names = ["base", "x_link", "y_link", "arm"]
+    for k, name in enumerate(names[1:]):
+        links += LINK.format(name, 0.1, (*masses, 1.0)[k], 0.01 if k == 2 else 0)
+        joints += (
+            f'<joint name="b{k}" type="revolute"><parent link="{names[k]}"/><child link="{name}"/>'
+            f'<origin xyz="{places[k]}" rpy="0.1 0.2 {k}"/><axis xyz="{axes[k]}"/></joint>'
+        )
+    return f'<robot name="ball">{links}{joints}</robot>'
+
+
+NO_LOOPS = "closed_loop: []\nname_mot: []\n"
+
+
+def test_three_hinges_through_one_point_are_a_spherical_joint(tmp_path):
+    plain = read(ball_chain(), tmp_path).mechanism
+    assert [joint.type for joint in plain.joints.values()] == ["revolute"] * 3
+    imported = read(ball_chain(), tmp_path, NO_LOOPS)
+    assert {name: joint.type for name, joint in imported.mechanism.joints.items()} == {"b2": "spherical"}
+    assert "robot.urdf: b0, b1 and b2 are one spherical joint, 'b2'" in imported.notes
+    near, far = lw.Robot(plain), lw.Robot(imported.mechanism)
+    for robot in (near, far):
+        p, R = robot.body_poses(robot.home)["arm"]
+        np.testing.assert_allclose(p, near.body_poses(near.home)["arm"][0], atol=1e-12)
+        np.testing.assert_allclose(R, near.body_poses(near.home)["arm"][1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ball_chain(masses=(0, 0.1)),
+        ball_chain(axes=("1 0 0", "1 0 0", "0 0 1")).replace('rpy="0.1 0.2 1"', ""),
+        ball_chain(places=("0 0 0", "0 0 0.1", "0 0 0")),
+    ],
+)
+def test_three_hinges_that_are_no_spherical_joint(text, tmp_path):
+    mechanism = read(text, tmp_path, NO_LOOPS).mechanism
+    assert [joint.type for joint in mechanism.joints.values()] == ["revolute"] * 3
+
+
+def test_driven_hinges_stay_hinges(tmp_path):
+    mechanism = read(ball_chain(), tmp_path, "closed_loop: []\nname_mot: [b1]\n").mechanism
+    assert [joint.type for joint in mechanism.joints.values()] == ["revolute"] * 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "type_"),
+    [("SPHERICAL", "spherical"), ("FIXED", "fixed"), ("UJOINT_ZX", "universal"), ("UJOINT_YZ", "universal")],
+)
+def test_types_of_joints(kind, type_, tmp_path):
+    sidecar = f"closed_loop: []\nname_mot: [motor_1]\njoint_name: [elbow_1]\njoint_type: [{kind}]\n"
+    joint = read(five_bar(), tmp_path, sidecar).mechanism.joints["elbow_1"]
+    assert joint.type == type_
+    if type_ == "universal":
+        assert joint.axes == tuple(tuple(np.eye(3)["XYZ".index(letter)]) for letter in kind[-2:])
+
+
+REFUSED = {
+    "closed_loop: [[end_1, end_9]]\nname_mot: []": "robot.yaml: line 1: closed_loop.0: there is no link or joint 'end_9'",
+    "closed_loop:\n- [end_1]\nname_mot: []": "robot.yaml: line 2: closed_loop.0: is not a pair of frames",
+    "closed_loop: [[end_1, end_2]]\ntype: [5d]": "robot.yaml: line 2: type.0: '5d' is not one of 6d, 3d",
+    "closed_loop: [[end_1, end_2]]\ntype: [6d, 6d]": "closed_loop: is not a list of pairs of frames with one type each",
+    "closed_loop: 3": "closed_loop: is not a list of pairs of frames",
+    "name_mot: [motor_9]": "name_mot.0: there is no joint 'motor_9' in robot.urdf",
+    "name_mot: [[motor_1]]": "name_mot: is not a list of names",
+    "joint_name: [elbow_1]\njoint_type: [UJOINT_XX]": "joint_type.0: 'UJOINT_XX' is not SPHERICAL, FIXED or UJOINT_XY etc.",
+    "joint_name: [elbow_1]": "joint_type: holds 0 types for the 1 joints of joint_name",
+    "name_mot: [motor_1\n": "robot.yaml: line ",
+    "closed_loop: [[end_1, distal_1]]\ntype: [6d]": "connects 'distal_1' to itself",
+}
+
+
+@pytest.mark.parametrize("sidecar", REFUSED)
+def test_refusals_name_the_file_and_the_line(sidecar, tmp_path):
+    with pytest.raises(MechanismError) as refusal:
+        read(five_bar(FRAMES), tmp_path, sidecar)
+    assert REFUSED[sidecar] in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (LOOP.replace("revolute", "helical"), "<loop 'tip'>: type 'helical' is not one of revolute"),
+        (LOOP.replace("distal_2", "distal_3"), "<successor>: there is no link 'distal_3'"),
+        (LOOP.replace('"tip"', '"motor_1"'), "has the name of another joint"),
+        (LOOP + LOOP, "has the name of another joint"),
+        ('<coupling name="c"><predecessor link="distal_1"/></coupling>', "holds no <successor>; add one"),
+    ],
+)
+def test_loop_elements_that_are_refused(extra, words, tmp_path):
+    with pytest.raises(MechanismError) as refusal:
+        read(five_bar(extra), tmp_path)
+    assert words in str(refusal.value)
+
+
+def test_unknown_keys_are_noted(tmp_path):
+    assert (
+        "robot.yaml: colour is left out: it is not known here"
+        in read(five_bar(), tmp_path, NO_LOOPS + "colour: red\n").notes
+    )

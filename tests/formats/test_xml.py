@@ -1,0 +1,157 @@
+"""XML that is broken, hostile or too large is refused in one sentence, quickly; garbled models never end in a traceback."""
+
+import time
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from linkwork.formats import load, xml
+from linkwork.mechanism import MechanismError
+
+from tests.formats import samples
+
+BOMB = (
+    '<?xml version="1.0"?><!DOCTYPE lolz [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {chr(98 + k)} "{("&" + chr(97 + k) + ";") * 10}">' for k in range(9))
+    + ']><mujoco model="&j;"/>'
+)
+HOSTILE = {
+    BOMB: "declares a document type or entities, which are not read; remove <!DOCTYPE ...>",
+    '<!DOCTYPE mujoco SYSTEM "http://example.org/x.dtd"><mujoco/>': "declares a document type or entities",
+    '<!DOCTYPE mujoco [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>': "declares a document type",
+    "<mujoco>\n<worldbody>\n</mujoco>": "line 3: is not well-formed XML: mismatched tag",
+    "<mujoco>\n<body name=a/></mujoco>": "line 2: is not well-formed XML: not well-formed (invalid token)",
+    '<mujoco model="&x;"/>': "line 1: is not well-formed XML: undefined entity",
+    "": "is not well-formed XML: no element found",
+    "\0\1\2": "is not well-formed XML",
+    '<?xml version="1.0" encoding="klingon"?><mujoco/>': "encoding",
+    "<mujoco>" + "<body>" * 300 + "</body>" * 300 + "</mujoco>": "line 1: elements are nested deeper than 250",
+    "<sdf version='1.9'/>": "<sdf>: is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>",
+}
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_hostile_and_broken_text(text, tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_bytes(text.encode("utf-8"))
+    start = time.perf_counter()
+    with pytest.raises(MechanismError) as refusal:
+        load(path)
+    assert time.perf_counter() - start < 1.0
+    assert str(refusal.value).startswith(str(path))
+    assert HOSTILE[text] in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_files_that_are_too_large(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_bytes(b"<mujoco>" + b" " * 20_000_000 + b"</mujoco>")
+    with pytest.raises(MechanismError, match="is larger than 20 MB"):
+        load(path)
+
+
+def test_files_of_too_many_elements(tmp_path, monkeypatch):
+    monkeypatch.setattr(xml, "MOST", 1000)
+    path = tmp_path / "model.xml"
+    path.write_text("<mujoco>\n" + "<worldbody/>\n" * 1000 + "</mujoco>")
+    with pytest.raises(MechanismError, match="line 1001: holds more than 1000 elements"):
+        load(path)
+
+
+def test_what_is_no_file(tmp_path):
+    with pytest.raises(MechanismError, match=r"none\.xml: cannot be read: no such file or directory"):
+        load(tmp_path / "none.xml")
+    (tmp_path / "folder.xml").mkdir()
+    with pytest.raises(MechanismError, match=r"folder\.xml: is not a file; name a model file"):
+        load(tmp_path / "folder.xml")
+
+
+def test_other_encodings_are_read(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_bytes('<?xml version="1.0" encoding="iso-8859-1"?><mujoco model="Gerät"/>'.encode("latin-1"))
+    assert load(path).mechanism.name == "Gerät"
+
+
+def test_includes_in_a_circle_and_without_end(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text('<mujoco><include file="one.xml"/></mujoco>')
+    (tmp_path / "one.xml").write_text('<mujocoinclude><include file="model.xml"/></mujocoinclude>')
+    with pytest.raises(MechanismError, match="is included twice; include it once"):
+        load(path)
+    for k in range(60):
+        (tmp_path / f"{k}.xml").write_text(f'<mujocoinclude><include file="{k + 1}.xml"/></mujocoinclude>')
+    path.write_text('<mujoco><include file="0.xml"/></mujoco>')
+    with pytest.raises(MechanismError, match="more than 50 files are included"):
+        load(path)
+
+
+def test_a_link_does_not_lead_out_of_the_folder(tmp_path):
+    (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models" / "link.xml").symlink_to(tmp_path / "secret.xml")
+    path = tmp_path / "models" / "model.xml"
+    path.write_text('<mujoco><include file="link.xml"/></mujoco>')
+    with pytest.raises(MechanismError, match="lies outside the model's folder and is not opened"):
+        load(path)
+
+
+# ------------------------------------------------------------------------------------------------------- garbled models
+
+LOOPS = """<connect name="c" body1="coupler" body2="rocker" anchor="0.3 0 0"/>
+<weld body1="coupler" body2="rocker" relpose="0 0 0 1 0 0 0"/><joint joint1="drive" joint2="pivot" polycoef="0 1"/>"""
+TENDONS = """<tendon><spatial name="t" stiffness="3"><site site="hub"/><site site="seat"/></spatial>
+<fixed name="f"><joint joint="rail" coef="2"/><joint joint="spin" coef="3"/></fixed></tendon>
+<keyframe><key name="home" qpos="0 1 0 0 0 0 0"/></keyframe>"""
+MODELS = {
+    "tree.xml": samples.TREE,
+    "four_bar.xml": samples.FOUR_BAR.format(equality=LOOPS),
+    "spatial.xml": samples.SPATIAL.format(
+        more=TENDONS, equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>'
+    ).replace('<joint name="spin"', '<site name="hub" pos="0 0 0.1"/><joint name="spin"'),
+    "arm.urdf": samples.URDF,
+}
+WORDS = ("", "nan", "x", "1 2", "-1", "0", "world", "a.b", None)
+
+
+def garbled(text):
+    """Yield the document with each attribute in turn replaced or missing, each element left out, doubled or renamed.
+
+    An attribute meets a third of the words, the next one the next third.
+    """
+    turn = 0
+    count = len(list(ET.fromstring(text).iter()))
+    for place in range(1, count):
+        for change in ("drop", "double", "rename"):
+            root = ET.fromstring(text)
+            element, parents = list(root.iter())[place], {child: parent for parent in root.iter() for child in parent}
+            if change == "drop":
+                parents[element].remove(element)
+            elif change == "double":
+                parents[element].append(element)
+            else:
+                element.tag = "blob"
+            yield ET.tostring(root)
+        root = ET.fromstring(text)
+        element = list(root.iter())[place]
+        for name, value in list(element.attrib.items()):
+            turn += 1
+            for word in WORDS[turn % 3 :: 3]:
+                element.attrib.pop(name) if word is None else element.set(name, word)
+                yield ET.tostring(root)
+            element.set(name, value)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_garbled_models_are_read_or_refused(name, tmp_path):
+    path = tmp_path / name
+    refused = accepted = 0
+    for text in garbled(MODELS[name]):
+        path.write_bytes(text)
+        try:
+            load(path)
+            accepted += 1
+        except MechanismError as refusal:
+            assert "\n" not in str(refusal)
+            refused += 1
+    assert refused > 40
+    assert accepted > 40

@@ -1,0 +1,275 @@
+"""Charts: the motion does not depend on the independent rates; runs through singular poses, to bifurcations and over them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.robots import bricard, five_bar, four_bar, n_four_bar, prr3
+
+from tests.equations.evaluation import close
+from tests.oracle.published import N_FOUR_BAR
+from tests.robot.oracle_state import Seen
+
+TIGHT = {"rtol": 1e-10, "atol": 1e-12}
+
+
+def positions(run: lw.Run) -> np.ndarray:
+    return run.dataset["joint_position"].values
+
+
+def energy(run: lw.Run) -> np.ndarray:
+    return run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+
+
+def require_smooth(run: lw.Run) -> None:
+    """Assert that coordinates (angles and slides) move as the rates say from each saved time to the next: nothing jumps.
+
+    Hermite's rule with the accelerations:  dq = h (w_0 + w_1) / 2 + h^2 (w_0' - w_1') / 12  up to h^5 / 720 q'''''.
+    """
+    h = np.diff(run.dataset["time"].values)[:, None]
+    w, a = run.dataset["joint_rate"].values, run.dataset["joint_acceleration"].values
+    step = h * (w[1:] + w[:-1]) / 2 + h**2 * (a[:-1] - a[1:]) / 12
+    assert np.abs(np.diff(positions(run), axis=0) - step).max() < 1e-4
+
+
+# One state in several charts
+
+
+@pytest.fixture(scope="module")
+def five():
+    return lw.Robot(five_bar(gravity=(0, -9.81, 0)))
+
+
+@pytest.mark.parametrize("names", [("motor_2", "elbow_1"), ("elbow_2", "elbow_1")])
+def test_a_state_in_another_chart_is_the_same_state(five, names):
+    state = five.home.with_rates([0.3, -0.2])
+    other = five.in_chart(state, names)
+    assert other.independent == names
+    chosen = [five.rates.index(name) for name in names]
+    A = five.rate_map(state)[chosen]  # v_other = A v
+    close(other.rates, A @ state.rates, 1e-13)
+    for same in (five.joint_rates, five.twists, five.body_poses, five.energy, five.tool_pose):
+        for found, expected in zip(flat(same(other)), flat(same(state)), strict=True):
+            close(found, expected, 1e-12)
+    close(A.T @ five.mass_matrix(other) @ A, five.mass_matrix(state), 1e-12)
+    close(A.T @ five.gravity(other), five.gravity(state), 1e-12)
+    close(five.twist_map(other) @ A, five.twist_map(state), 1e-12)
+    close(five.actuation(other) @ A, np.eye(2), 1e-12)
+    forces = np.array([2.0, -1.0])
+    found, expected = five.forward_dynamics(other, forces), five.forward_dynamics(state, forces)
+    close(five.joint_accelerations(other, found), five.joint_accelerations(state, expected), 1e-11)
+    close(five.inverse_dynamics(other, found), forces, 1e-11)
+    assert np.allclose(five.in_chart(other, five.independent).rates, state.rates, atol=1e-13)
+
+
+def flat(values) -> list[np.ndarray]:
+    if isinstance(values, dict):
+        return [part for pose in values.values() for part in pose]
+    return list(values) if isinstance(values, tuple) else [values]
+
+
+def test_stacks_change_their_chart_too(five):
+    stack = five.state(np.stack([five.home.positions] * 2), [[0.3, -0.2], [0.0, 1.0]])
+    other = five.in_chart(stack, ["motor_2", "elbow_1"])
+    close(five.joint_rates(other), five.joint_rates(stack), 1e-13)
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("elbow_9", "motor_1"), "there is no rate of the tree 'elbow_9'"),
+        (("tip", "motor_1"), "there is no rate of the tree 'tip'"),
+        (("elbow_1",), "the rates elbow_1 do not determine the motion here"),
+        (("elbow_1", "elbow_1"), "the rates elbow_1, elbow_1 do not determine the motion here"),
+    ],
+)
+def test_rates_that_are_no_chart(five, names, sentence):
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        five.in_chart(five.home, names)
+
+
+# Runs
+
+
+def test_runs_in_forced_charts_agree_to_the_tolerance():
+    """A free five-bar passes its singular poses, whatever rates it starts in; the differences fall with the tolerance."""
+    charts = [(), ("elbow_1", "elbow_2"), ("elbow_2", "motor_2")]
+    robots = [lw.Robot(five_bar(), independent=names) for names in charts]
+    assert [robot.independent for robot in robots] == [robots[0].actuators, *charts[1:]]
+    states = [robot.state(robots[0].home.positions, {"motor_1": 3.0, "motor_2": -2.0}) for robot in robots]
+    spread = {}
+    for tolerance in (1e-8, 1e-10):
+        options = {"rtol": tolerance, "atol": tolerance / 100}
+        runs = [robot.simulate(state, duration=2.0, **options) for robot, state in zip(robots, states, strict=True)]
+        for run in runs:
+            assert run.status is lw.Status.FINISHED
+            assert "; from " in run.attrs["charts"]
+            require_smooth(run)
+            assert np.ptp(energy(run)) < 100 * tolerance * energy(run)[0]
+        spread[tolerance] = np.ptp([positions(run)[-1] for run in runs], axis=0).max()
+    assert spread[1e-10] < 1e-6
+    assert spread[1e-10] < spread[1e-8] / 20
+
+
+def test_a_run_may_start_in_any_chart():
+    robot = lw.Robot(five_bar())
+    state = robot.home.with_rates([3.0, -2.0])
+    other = robot.in_chart(state, ["elbow_1", "elbow_2"])
+    runs = [robot.simulate(start, [0.01, 0.0], duration=0.5, **TIGHT) for start in (state, other)]
+    close(positions(runs[0])[-1], positions(runs[1])[-1], 1e-8)
+
+
+def test_the_paper_s_robot_under_one_force_passes_its_singular_poses():
+    """The work of the force is the change of energy."""
+    robot = lw.Robot(prr3())
+    run = robot.simulate(robot.home, [5.0, 0.0, 0.0], duration=1.0, **TIGHT)
+    assert run.status is lw.Status.FINISHED
+    assert "; from " in run.attrs["charts"]
+    require_smooth(run)
+    work = 5 * (positions(run)[:, 0] - positions(run)[0, 0])
+    close(energy(run) - energy(run)[0], work, 1e-8)
+    assert run.closure_error < 1e-12
+
+
+def test_dead_centres_of_the_independent_rate_are_passed_in_another_chart():
+    """The rocker turns back where crank and coupler lie in line; the crank knows nothing of that."""
+    by_crank, by_rocker = (lw.Robot(four_bar(crank=0.3), independent=names) for names in ((), ("rocker_pivot",)))
+    assert (by_crank.independent, by_rocker.independent) == (("crank_pivot",), ("rocker_pivot",))
+    times = np.linspace(0, 1, 501)
+    runs = []
+    for robot in (by_crank, by_rocker):
+        state = robot.state(by_crank.home.positions, {"crank_pivot": 12.0})
+        runs.append(robot.simulate(state, duration=1.0, save_at=times, **TIGHT))
+        assert runs[-1].status is lw.Status.FINISHED
+        require_smooth(runs[-1])
+    close(positions(runs[1]), positions(runs[0]), 1e-7)
+    assert np.ptp(positions(runs[0])[:, 0]) > 2 * np.pi
+    assert "crank_pivot" in runs[1].attrs["charts"]
+
+
+# Redundant rows
+
+
+def test_bricard_keeps_its_energy_and_the_row_that_was_dropped():
+    """Over ten seconds the row that is left out stays closed; the oracle measures it."""
+    robot = lw.Robot(bricard())
+    assert len(robot.redundant) == 1
+    run = robot.simulate(robot.home, duration=10.0, save_at=np.linspace(0, 10, 21), **TIGHT)
+    assert run.status is lw.Status.FINISHED
+    assert np.ptp(energy(run)) < 1e-8 * np.abs(energy(run)).max()
+    assert run.closure_error < 1e-12
+    for index in (7, 20):
+        rates = dict(zip(robot.rates, run.dataset["joint_rate"].values[index], strict=True))
+        state = robot.state(positions(run)[index], {"hinge_2": rates["hinge_2"]})
+        Seen.of(robot, state).agree([0.0], 1e-9)
+
+
+def test_a_structure_that_can_only_tremble_is_stopped_by_the_row_that_was_dropped():
+    """Two bars of 1 m stretched between pins 2 m apart: their middle can start to move across, but not go on."""
+    bar = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
+    joints = {
+        "a": lw.RevoluteJoint(connects=("ground", "left")),
+        "b": lw.RevoluteJoint(connects=("left", "right"), frames=(lw.Frame.planar(1), lw.Frame())),
+        "c": lw.RevoluteJoint(connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(2))),
+    }
+    robot = lw.Robot(lw.Mechanism(bodies={"left": bar, "right": bar}, joints=joints))
+    assert (robot.mobility, robot.gruebler, len(robot.redundant)) == (1, 0, 1)
+    run = robot.simulate(robot.home.with_rates([0.1]), duration=1.0)
+    assert run.status is lw.Status.CLOSURE_LOST
+    assert "the loops do not close any more" in run.message
+    assert run.dataset["time"].values[-1] < 1e-3
+
+
+# Bifurcations
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    return lw.Robot(n_four_bar(2))
+
+
+def test_a_run_stops_at_a_bifurcation_and_says_so(ladder):
+    """All bars in one line at t = 0.714 s: the freedoms jump from one to three."""
+    run = ladder.simulate(ladder.home.with_rates([-1.0]), duration=10.0, **TIGHT)
+    assert run.status is lw.Status.SINGULAR
+    assert "branches of motion meet (a bifurcation)" in run.message
+    assert "on_singular='step_over' continues" in run.message
+    cranks = positions(run)[:, :3]
+    assert 0 < cranks[-1, 0] < 1e-3
+    close(cranks, cranks[:, :1] * np.ones(3), 1e-10)
+
+
+def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):
+    """Position and velocity of the first tip at t = 1, 2, 5 and 10 s as published; all cranks stay parallel."""
+    times = [0.0, *N_FOUR_BAR]
+    start = ladder.home.with_rates([-1.0])
+    run = ladder.simulate(start, duration=10.0, on_singular="step_over", save_at=times, **TIGHT)
+    assert run.status is lw.Status.FINISHED
+    angle, rate = positions(run)[1:, 0], run.dataset["joint_rate"].values[1:, 0]
+    close(np.transpose([np.cos(angle), np.sin(angle)]), list(N_FOUR_BAR.values()), 1e-6)
+    close(rate[-1] * np.array([-np.sin(angle[-1]), np.cos(angle[-1])]), [1.423051470189, -0.494868845467], 1e-6)
+    assert np.isclose(angle[-1], -30.179800860, atol=1e-6)
+    cranks = positions(run)[:, [ladder.coordinates.index(f"pivot_{i}") for i in range(3)]]
+    close(cranks, cranks[:, :1] * np.ones(3), 1e-8)
+    assert np.ptp(energy(run)) < 1e-7 * np.abs(energy(run)).max()
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_a_folding_four_bar_never_jumps_unseen(tolerance):
+    """A parallelogram folds flat twice a turn: the run stops there, or steps over and stays a parallelogram."""
+    mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0, rocker=0.5).model_copy(
+        update={"reference": {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}}
+    )
+    robot = lw.Robot(mechanism)
+    for on_singular in ("stop", "step_over"):
+        run = robot.simulate(
+            robot.home.with_rates([-3.0]), duration=2.0, rtol=tolerance, atol=tolerance / 100, on_singular=on_singular
+        )
+        crank, _, rocker, _ = positions(run).T
+        close(rocker, crank, max(1e-9, 10 * tolerance))
+        if run.status is lw.Status.SINGULAR:
+            assert 0 < crank[-1] < 0.1 or on_singular == "step_over"
+            assert "bifurcation" in run.message
+        else:
+            assert on_singular == "step_over"
+            assert crank[-1] < -2 * np.pi
+
+
+@pytest.mark.parametrize("longer", [1e-3, -1e-3, 1e-4, -1e-4])
+def test_a_nearly_folding_four_bar_takes_the_turn_that_its_lengths_leave_it(longer):
+    """A coupler too long by a little stops the crank before the line of centres, one too short the rocker (Grashof)."""
+    mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0 + longer, rocker=0.5, gravity=(0, 0, 0))
+    reference = {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}
+    robot = lw.Robot(mechanism.model_copy(update={"reference": reference}))
+    run = robot.simulate(robot.home.with_rates([-3.0]), duration=1.0)
+    assert run.status is lw.Status.FINISHED
+    require_smooth(run)
+    assert np.ptp(energy(run)) < 1e-6 * energy(run)[0]
+    crank, _, rocker, _ = positions(run).T
+    held, passing = (crank, rocker) if longer > 0 else (rocker, crank)
+    assert held.min() > 0
+    assert passing[-1] < -1
+
+
+# Units
+
+
+def small_prr3(scale: float) -> lw.Robot:
+    """Return the paper's robot with all lengths scaled; masses stay, moments of inertia go with the square."""
+    lengths = {"l1": 0.3 * scale, "l2": 0.15 * scale, "l3": scale}
+    inertias = {"slider_inertia": 1.71e-5, "link_inertia": 9.09e-4, "platform_inertia": 5.076e-3}
+    return lw.Robot(prr3(**lengths, **{name: value * scale**2 for name, value in inertias.items()}))
+
+
+def test_a_small_robot_moves_as_a_large_one():
+    """All lengths times 0.01: the same free motion, a hundredth as large, through the same singular poses."""
+    rates, ends = np.random.default_rng(4).normal(size=3), []
+    for scale in (1.0, 0.01):
+        robot = small_prr3(scale)
+        run = robot.simulate(robot.home.with_rates(scale * rates), duration=1.5, rtol=1e-9, atol=1e-11)
+        assert run.status is lw.Status.FINISHED, run.message
+        unit = np.array([scale if robot.unit(name) == "m" else 1.0 for name in robot.coordinates])
+        ends.append(positions(run)[-1] / unit)
+    close(ends[1], ends[0], 1e-4)
