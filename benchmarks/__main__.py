@@ -26,7 +26,7 @@ PAGES: Mapping[str, Sections] = {
         "accuracy": lambda _: accuracy.run(),
     },
     "mechanisms": {
-        "stewart": stewart.run,
+        "stewart": lambda _: stewart.run(),
         "ladder": lambda _: ladder.run(),
         "linkages": lambda _: linkages.run(),
         "catalogue": lambda _: catalogue.run(),

@@ -23,7 +23,6 @@ from benchmarks.timing import Contender, best, interleaved, ns, summary, us
 PROCESSES = 3
 RTOL = 1e-8
 COMPILE = """
-import sys
 from linkwork.equations import derive, functions
 from linkwork.kernels import compile_function
 from linkwork.robots import prr3
@@ -31,6 +30,7 @@ from time import perf_counter
 motion = functions.motion(derive(prr3()))
 start = perf_counter()
 kernel = compile_function(motion)
+kernel.address, kernel.batch_address
 print(perf_counter() - start, kernel.from_cache)
 """
 
@@ -73,9 +73,9 @@ METHOD = f"""
     by its native loop over blocks. One by one: a native loop calls the one-lane code for state after state, either each
     waiting for the derivatives of the one before, as in an integrator, or all known in advance. Medians of blocks of 2 ms in
     which the contenders take turns. Fraction of peak: additions, multiplications, divisions and roots of the vector code,
-    an FMA counting two, against the measured peak of independent FMAs. Compiling: fresh processes, the time of
-    `compile_function`. Simulated seconds: 0.5 N on the first slider from rest, and the task of the work-precision plot;
-    the compiled loop is all of a run but the checks of its arguments.
+    an FMA counting two, against the measured peak of independent FMAs. Compiling: fresh processes, the time to
+    get the code for one state and that for batches. Simulated seconds: 0.5 N on the first slider from rest, and the task of the
+    work-precision plot; the compiled loop is all of a run but the checks of its arguments.
     """
 
 

@@ -6,15 +6,17 @@ Nothing of Python is inside the loops; the buffers are aligned and small enough 
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 
+import casadi as ca
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from linkwork.kernels import Kernel
+from linkwork.kernels import Kernel, compile_function
 
-from benchmarks.timing import Contender
+from benchmarks.timing import Contender, empty_cache
 
 STATES = 1024
 REPEATS = 16
@@ -97,6 +99,16 @@ def one_after_another(kernel: Kernel, x: np.ndarray, rates: int) -> Contender:
     """Return the kernel's one-lane code over states of which each waits for the one before."""
     y, out = np.zeros(kernel.n_in), np.zeros(kernel.n_out)
     return Contender(lambda: evaluate_chained(kernel.address, x, rates, 0.0, y, out), len(x))
+
+
+def compiled_anew(function: ca.Function) -> tuple[Kernel, dict[str, float]]:
+    """Return a function's kernel, compiled with an empty cache, and the seconds that took for its two codes."""
+    with empty_cache():
+        kernel, times = compile_function(function), [perf_counter()]
+        for code in ("address", "batch_address"):
+            getattr(kernel, code)
+            times.append(perf_counter())
+    return kernel, {"one state": times[1] - times[0], "batches": times[2] - times[1]}
 
 
 def evaluations(kernel: Kernel, q: np.ndarray, states: int) -> dict[str, Contender]:

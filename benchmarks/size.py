@@ -6,8 +6,7 @@ import re
 from dataclasses import dataclass
 
 from linkwork.equations import Equations, functions
-from linkwork.kernels.compile import assembly
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.listing import instruction_count, listing
 from linkwork.kernels.machine import Machine, this_machine
 from linkwork.kernels.program import trace
 from linkwork.kernels.simplify import simplify
@@ -49,27 +48,16 @@ def size(equations: Equations) -> Size:
     """Count what forward dynamics takes in these equations."""
     traced, machine = functions.motion(equations), this_machine()
     program = simplify(trace(traced))
-    text, wide = (assembly(module_text(program, target), target) for target in (machine, AVX512))
+    batch = listing(program, machine, vector=True)
     return Size(
         traced=traced.n_instructions(),
         operations=program.operations,
-        one=instructions(function(text, "one")),
-        batch=instructions(function(text, "batch")),
+        one=instruction_count(listing(program, machine, vector=False)),
+        batch=instruction_count(batch),
         lanes=machine.lanes,
-        wide=instructions(function(wide, "batch")),
-        flops=floating_point_operations(function(text, "batch")),
+        wide=instruction_count(listing(program, AVX512, vector=True)),
+        flops=floating_point_operations(batch),
     )
-
-
-def function(text: str, name: str) -> str:
-    """Return one function of an assembly listing."""
-    body = re.search(rf"^_?{name}:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)", text, re.MULTILINE | re.DOTALL)
-    return body.group() if body else ""
-
-
-def instructions(text: str) -> int:
-    """Return the number of machine instructions in a listing."""
-    return len(re.findall(r"^\t[a-z]\w*", text, re.MULTILINE))
 
 
 def floating_point_operations(text: str) -> int:

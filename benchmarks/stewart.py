@@ -11,15 +11,13 @@ import numpy as np
 
 import linkwork as lw
 from linkwork.equations import functions
-from linkwork.kernels import compile_function
 from linkwork.robot.charts import CompiledChart
 from linkwork.robots import stewart
 
 from benchmarks import engines, native
-from benchmarks.machine import Machine
 from benchmarks.size import size
 from benchmarks.table import Figure, Section
-from benchmarks.timing import Contender, best, empty_cache, interleaved, ns, summary, us
+from benchmarks.timing import Contender, best, interleaved, ns, summary, us
 
 STATES, POSES = 256, 32
 SHIFT, TURN, SPEED, LIFT, PUSH = 0.4, 0.3, 0.5, 5400.0, 1000.0
@@ -30,14 +28,13 @@ LEGS_BATCH, LEGS_ONE = "Linkwork, legs' rates, batch", "Linkwork, legs' rates, o
 PINOCCHIO, EMPTY, MUJOCO = "Pinocchio", "Pinocchio, empty call", "MuJoCo"
 
 
-def run(machine: Machine, rounds: int = 60) -> Section:
+def run(rounds: int = 60) -> Section:
     """Measure size and times, all contenders in turn, after they agreed on the accelerations."""
     start = perf_counter()
     robot = lw.Robot(stewart())
     traced = functions.motion(robot.run_chart.equations)
     derived = perf_counter() - start
-    with empty_cache():
-        compiled = compile_function(traced).compile_seconds
+    _, compiled = native.compiled_anew(traced)
     states, forces = poses(robot, POSES)
     error = errors(robot, states, forces)
     assert error[PINOCCHIO].max() < AGREEMENT, f"Pinocchio's accelerations differ by {error[PINOCCHIO].max():.1e}"
@@ -48,13 +45,13 @@ def run(machine: Machine, rounds: int = 60) -> Section:
         *code.figures(6000),
         Figure("instructions of the traced function in the legs' rates", legs),
         Figure("deriving, choosing the chart and tracing", derived, "s"),
-        Figure("compiling the kernel, cache empty", compiled, "s"),
-        *times(machine, seconds, code.flops),
+        *(Figure(f"compiling for {what}, cache empty", value, "s") for what, value in compiled.items()),
+        *times(seconds),
         *ratios({name: float(np.median(values)) for name, values in seconds.items()}),
         Figure("Pinocchio's accelerations: largest relative difference", error[PINOCCHIO].max(), "", AGREEMENT),
         Figure("MuJoCo's accelerations: median relative difference", float(np.median(error[MUJOCO]))),
     ]
-    raw = {"seconds": {name: summary(values) for name, values in seconds.items()}, "flops": code.flops}
+    raw = {"seconds": {name: summary(values) for name, values in seconds.items()}}
     return Section("Stewart platform", METHOD, figures, raw)
 
 
@@ -72,13 +69,11 @@ METHOD = f"""
     """
 
 
-def times(machine: Machine, seconds: dict[str, np.ndarray], flops: int) -> list[Figure]:
+def times(seconds: dict[str, np.ndarray]) -> list[Figure]:
     """Return the times per state."""
-    peak = flops / (ns(seconds[BATCH]) * machine.peak)
     others = (INDEPENDENT, LEGS_BATCH, LEGS_ONE, CALL, PINOCCHIO, EMPTY, MUJOCO)
     return [
         Figure("batches, per state and core", ns(seconds[BATCH]), "ns", 150.0, note=best(seconds[BATCH])),
-        Figure("batches: fraction of the arithmetic peak", 100 * peak, "%"),
         Figure(
             "one by one, each waiting for the last, per state", us(seconds[ONE]), "µs", 0.85, note=best(seconds[ONE])
         ),

@@ -3,14 +3,19 @@
 import os
 import subprocess
 import sys
+import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
 import pytest
 
 from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels import kernel as kernel_module
+from linkwork.kernels import module as modules
 from linkwork.kernels.cache import key
+from linkwork.kernels.machine import Machine
 
 from tests.kernels.graphs import random_function
 
@@ -35,6 +40,10 @@ def assert_right(kernel: Kernel, factor: float = 3.0) -> None:
     assert kernel([0.5])[0] == pytest.approx(factor * 0.479425538604203, rel=1e-15)
 
 
+def entries(folder: Path) -> int:
+    return len(list(folder.iterdir())) if folder.exists() else 0
+
+
 def test_the_second_kernel_comes_from_the_cache(folder: Path):
     first, second = compile_function(simple()), compile_function(simple())
     assert not first.from_cache
@@ -45,21 +54,61 @@ def test_the_second_kernel_comes_from_the_cache(folder: Path):
 
 
 def test_another_function_is_another_entry(folder: Path):
-    compile_function(simple(3.0))
+    assert_right(compile_function(simple(3.0)))
     other = compile_function(simple(4.0))
     assert not other.from_cache
     assert_right(other, 4.0)
-    assert len(list(folder.iterdir())) == 2
+    assert entries(folder) == 2
+
+
+def test_one_state_and_many_are_compiled_when_they_are_first_needed(folder: Path):
+    kernel = compile_function(simple())
+    assert entries(folder) == 0
+    assert_right(kernel)
+    assert entries(folder) == 1
+    assert kernel([[0.5], [1.0]])[0].shape == (2, 1)
+    assert entries(folder) == 2
+    only_batches = compile_function(simple(4.0))
+    assert only_batches.batch_address
+    assert only_batches.operations == 2
+    assert entries(folder) == 3
+
+
+def test_the_program_is_made_once_for_both_and_not_at_all_from_the_cache(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    traced = []
+    trace = kernel_module.trace
+    monkeypatch.setattr(kernel_module, "trace", lambda f: traced.append(f) or trace(f))
+    for _ in range(2):
+        kernel = compile_function(simple())
+        assert kernel.address and kernel.batch_address and kernel.operations == 2
+        assert len(traced) == 1
+
+
+def test_threads_that_ask_at_once_compile_once(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    compiled = []
+    object_code = modules.object_code
+
+    def slow(text: str, machine: Machine) -> bytes:
+        compiled.append(text)
+        time.sleep(0.05)
+        return object_code(text, machine)
+
+    monkeypatch.setattr(modules, "object_code", slow)
+    kernel = compile_function(simple())
+    with ThreadPoolExecutor(8) as pool:
+        addresses = list(pool.map(lambda k: kernel.batch_address if k % 2 else kernel.address, range(8)))
+    assert len(compiled) == 2
+    assert len(set(addresses)) == 2
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-9], lambda data: b"", lambda data: data[:-1] + b"?"])
 def test_a_damaged_entry_is_compiled_anew(folder: Path, damage):
-    compile_function(simple())
+    assert_right(compile_function(simple()))
     file = entry(folder)
     file.write_bytes(damage(file.read_bytes()))
     with pytest.warns(RuntimeWarning, match=rf"The cached kernel {file} is damaged; it is compiled anew\."):
         kernel = compile_function(simple())
-    assert not kernel.from_cache
+        assert not kernel.from_cache
     assert_right(kernel)
     assert compile_function(simple()).from_cache
 
@@ -71,8 +120,8 @@ def test_a_folder_that_cannot_be_written_is_warned_of_once(tmp_path: Path, monke
     monkeypatch.setenv("LINKWORK_CACHE_DIR", str(place))
     with pytest.warns(RuntimeWarning, match=rf"cannot be cached in {place} .* set LINKWORK_CACHE_DIR") as seen:
         kernels = [compile_function(simple(factor)) for factor in (1.0, 2.0, 2.0)]
+        assert not any(kernel.from_cache for kernel in kernels)
     assert len(seen) == 1
-    assert not any(kernel.from_cache for kernel in kernels)
     assert_right(kernels[1], 2.0)
 
 
@@ -80,7 +129,8 @@ def test_no_warning_and_no_leftover_when_all_is_well(folder: Path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for seed in range(3):
-            compile_function(random_function(seed))
+            kernel = compile_function(random_function(seed))
+            assert kernel.address and kernel.batch_address
     assert all(file.suffix == ".kernel" for file in folder.iterdir())
 
 
@@ -97,8 +147,9 @@ from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import trace
 from linkwork.kernels.simplify import simplify
 from tests.kernels.graphs import random_function
-f = random_function(1)
-print(hashlib.sha256(module_text(simplify(trace(f)), this_machine()).encode()).hexdigest())
+for f in (random_function(1), random_function(1, 5000)):
+    for vector in (False, True):
+        print(hashlib.sha256(module_text(simplify(trace(f)), this_machine(), vector).encode()).hexdigest())
 print(cache.key(f.serialize(), this_machine().identity))
 """
 

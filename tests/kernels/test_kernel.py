@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from linkwork.kernels import Kernel, KernelError, compile_function
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, KernelError, compile_function, sections
 
 from tests.kernels.graphs import BINARY, UNARY, evaluate, random_function
 
@@ -161,6 +162,44 @@ def test_one_large_angle_of_several(angles: tuple[float, float]):
         np.testing.assert_allclose(batch[0], expected, rtol=RELATIVE)
 
 
+@pytest.mark.parametrize("count", [3, 40])
+@pytest.mark.parametrize("far", [None, 0, 2])
+def test_angles_that_depend_on_other_angles(count: int, far: int | None):
+    """Sines of cosines of sines, of few angles and of many, also where one is too large for the inlined sine."""
+    x = ca.SX.sym("x", count)
+    inner = ca.sin(x) * 2
+    middle = ca.cos(inner + x[::-1] if count > 3 else inner)
+    f = ca.Function("f", [x], [ca.sin(middle * 3) + ca.cos(middle), inner, ca.tan(0.1 * middle)])
+    kernel = compile_function(f)
+    batch = np.random.default_rng(0).normal(size=(kernel.lanes + 1, count))
+    if far is not None:
+        batch[far, count - 1] = 1e12
+    results = kernel(batch)
+    for i, state in enumerate(batch):
+        for result, one, expected in zip(results, kernel(state), evaluate(f, state), strict=True):
+            np.testing.assert_array_equal(result[i], one)
+            assert_close(one, expected)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_large_functions_agree_with_casadi(seed: int, monkeypatch: pytest.MonkeyPatch):
+    """Their sections are functions; the truths, constants, inputs and sines of one are used in others."""
+    monkeypatch.setattr(sections, "_LARGE", 1000)
+    f = random_function(seed, 1000)
+    kernel = compile_function(f)
+    assert kernel.operations > 1500
+    for vector in (False, True):
+        assert kernel.instruction_count(vector) > kernel.operations / 2
+    batch = states(kernel, kernel.lanes + 1, seed=seed)
+    batch[0][1, 0] = 1e10
+    results = kernel(*batch)
+    for i in range(kernel.lanes + 1):
+        state = [array[i] for array in batch]
+        for result, one, expected in zip(results, kernel(*state), evaluate(f, *state), strict=True):
+            np.testing.assert_array_equal(result[i], one)
+            np.testing.assert_allclose(one, expected, rtol=1e-11, atol=1e-11)
+
+
 def test_the_addresses_are_c_functions():
     f = random_function(4)
     kernel = compile_function(f)
@@ -246,6 +285,14 @@ x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
 def test_what_cannot_be_compiled_is_refused_in_a_sentence(function, sentence: str):
     with pytest.raises(KernelError, match=sentence):
         compile_function(function)
+
+
+def test_refusals_are_linkwork_errors():
+    kernel = compile_function(ca.Function("f", [x, y], [x + y]))
+    with pytest.raises(LinkworkError):
+        kernel(np.zeros((4, 2)), np.zeros((3, 1)))
+    with pytest.raises(LinkworkError):
+        compile_function(ca.Function("f", [x], [y], {"allow_free": True}))
 
 
 def test_arrays_that_do_not_fit_are_refused_in_a_sentence():

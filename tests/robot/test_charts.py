@@ -243,14 +243,27 @@ def test_a_nearly_folding_four_bar_takes_the_turn_that_its_lengths_leave_it(long
     mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0 + longer, rocker=0.5, gravity=(0, 0, 0))
     reference = {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}
     robot = lw.Robot(mechanism.model_copy(update={"reference": reference}))
-    run = robot.simulate(robot.home.with_rates([-3.0]), duration=1.0)
-    assert run.status is lw.Status.FINISHED
-    require_smooth(run)
-    assert np.ptp(energy(run)) < 1e-6 * energy(run)[0]
-    crank, _, rocker, _ = positions(run).T
-    held, passing = (crank, rocker) if longer > 0 else (rocker, crank)
-    assert held.min() > 0
-    assert passing[-1] < -1
+    for on_singular in ("stop", "step_over"):
+        run = robot.simulate(robot.home.with_rates([-3.0]), duration=1.0, on_singular=on_singular)
+        assert run.status is lw.Status.FINISHED
+        require_smooth(run)
+        assert np.ptp(energy(run)) < 1e-6 * energy(run)[0]
+        crank, _, rocker, _ = positions(run).T
+        held, passing = (crank, rocker) if longer > 0 else (rocker, crank)
+        assert held.min() > 0
+        assert passing[-1] < -1
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
+def test_a_branch_that_is_not_there_is_not_stepped_onto(tolerance):
+    """A coupler too long by 1e-8 m folds almost; the parallelogram's branch beyond is wrong by more than the tolerance."""
+    mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0 + 1e-8, rocker=0.5, gravity=(0, 0, 0))
+    reference = {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}
+    robot = lw.Robot(mechanism.model_copy(update={"reference": reference}))
+    options = {"rtol": tolerance, "atol": tolerance / 100, "on_singular": "step_over"}
+    run = robot.simulate(robot.home.with_rates([-3.0]), duration=1.0, **options)
+    assert positions(run)[:, 0].min() > 0
+    assert run.status is lw.Status.SINGULAR or positions(run)[-1, 0] > 1
 
 
 # Units

@@ -26,7 +26,8 @@ def find(name: str) -> Mechanism:
     if Path(name).suffix.lower() in SUFFIXES or Path(name).is_file():
         return Mechanism.load(name)
     raise LinkworkError(
-        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file (.yaml, .xml, .urdf)"
+        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file "
+        "(.yaml, .xml, .urdf)"
     )
 
 

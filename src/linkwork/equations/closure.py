@@ -111,13 +111,14 @@ def shared(tree: Tree, cut: Cut) -> set[int]:
     return chains[0] & chains[1]
 
 
-def reaches(tree: Tree, cut: Cut) -> Iterator[tuple[int, Column, Node, ca.SX]]:
+def reaches(tree: Tree, cut: Cut, parted: bool = False) -> Iterator[tuple[int, Column, Node, ca.SX]]:
     """Yield what moves in the loop: sign of the side, column, its node, vector to the joint's point in its `column_axes`.
 
-    Where the joint's origins part both sides take the point of that side, as if they were one body's.
+    Where the joint's origins part, or are `parted` in an open loop, both sides take the point of that side, as if they were
+    one body's.
     """
     common = shared(tree, cut)
-    slip = ca.mtimes(cut.this.node.axes.matrix.T, cut.that.P - cut.this.P) if cut.open else zero()
+    slip = ca.mtimes(cut.this.node.axes.matrix.T, cut.that.P - cut.this.P) if cut.open or parted else zero()
     for sign, side, extra in ((-1, cut.this, slip), (1, cut.that, zero())):
         for node, d in tree.reaches(side.node, in_axes(side.node.R, side.arm) + extra):
             for column in node.columns:
@@ -145,7 +146,7 @@ def jacobian(tree: Tree, cut: Cut) -> ca.SX:
 def open_jacobian(tree: Tree, cut: Cut) -> ca.SX:
     """Return the derivative of phi along the rates (rows x nv) also where the joint is open (a thread's: to first order)."""
     J = SX(len(cut.rows), len(tree.rates))
-    for sign, column, node, d in reaches(tree, cut):
+    for sign, column, node, d in reaches(tree, cut, parted=True):
         for k, row in enumerate(cut.rows):
             J[k, column.rate] = sign * effect(cut, replace(row, crossing=row.f is not None), column, node, d)
     return J

@@ -9,8 +9,7 @@ says which of the two is the sine and its second bit the sign. pi/2 is subtracte
 so that r is right to the last place even for the angles nearest to a multiple of pi/2. S and C are minimax polynomials (Remez
 exchange in 60 digits, coefficients rounded one after the other), good to 2^-57.9 and 2^-53.9 relative; the results are within
 2 units in the last place for |x| <= LARGEST_ANGLE, and within 2.5 on a machine without fused multiply-add
-(tests/kernels/test_elementary.py measures them). For a single lane LLVM makes the choice between the two a branch, which is
-quicker than a choice without: the quadrant changes rarely along a trajectory.
+(tests/kernels/test_elementary.py measures them).
 
 Cody and Waite, Software Manual for the Elementary Functions, 1980, ch. 8; Muller, Elementary Functions, 2016, sec. 11.2.
 """

@@ -1,11 +1,9 @@
 """A compiled function: what a caller holds."""
 
 import ctypes
-import re
-import struct
 import threading
-import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cached_property
 from itertools import accumulate
 from math import prod
 
@@ -13,28 +11,27 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linkwork.kernels import cache
-from linkwork.kernels.compile import Code, assembly, object_code
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.listing import instruction_count, listing
 from linkwork.kernels.machine import this_machine
+from linkwork.kernels.module import Module, load
 from linkwork.kernels.program import KernelError, Program, signature, trace
 from linkwork.kernels.simplify import simplify
 
 _ONE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 _ROWS = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
 _ALIGNMENT = 64
-_OPERATIONS = struct.Struct("<q")
 
 
 def compile_function(f: ca.Function) -> "Kernel":
-    """Compile a CasADi function of SX to machine code, or take the code from the cache.
+    """Return the kernel of a CasADi function of SX: machine code, compiled or taken from the cache when it is first needed.
 
     Inputs and outputs of any number and shape, dense or sparse, become flat vectors: each dense and column-major, one after the
     other. Every operation of SX graphs is compiled but for `erfinv`, `printme` and calls of functions that are not inlined.
+    The code for one state and the code for many at a time are separate: a process that needs one does not wait for the other.
 
     f: the function; it has no free variables.
     Returns the kernel.  Raises KernelError naming what cannot be compiled.
-    Warns once where the cache's folder cannot be written, and where an entry of the cache is damaged; the kernel is right
+    The kernel warns once where the cache's folder cannot be written, and where an entry of the cache is damaged; it is right
     all the same.
     """
     return Kernel(f)
@@ -50,37 +47,21 @@ class Kernel:
     address: of void(const double* in, double* out), which evaluates one state.
     batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of `lanes` states, laid out
     in[block][n_in][lanes] and out[block][n_out][lanes] and aligned to 64 bytes.
-    from_cache: whether the machine code was found in the cache.  compile_seconds: the time it took to get it, in s.
+    from_cache: whether all machine code so far was found in the cache.  compile_seconds: the time it took to get it, in s.
 
     `in` and `out` may not overlap. The functions hold no state and may be called by any number of threads at a time; they are
     valid as long as the kernel lives.
     """
 
     def __init__(self, f: ca.Function):
-        start = time.perf_counter()
         self.inputs, self.outputs = signature(f)
         self._function = f
         self.name: str = f.name()
         self.n_in = sum(size for _, size in self.inputs)
         self.n_out = sum(size for _, size in self.outputs)
-
-        machine = this_machine()
-        self.lanes = machine.lanes
-        entry = cache.key(f.serialize(), machine.identity)
-        content = cache.read(entry)
-        self.from_cache = content is not None
-        if content is None:
-            program = simplify(trace(f))
-            content = _OPERATIONS.pack(program.operations) + object_code(module_text(program, machine), machine)
-            cache.write(entry, content)
-        (self.operations,) = _OPERATIONS.unpack_from(content)
-        self._code = Code(content[_OPERATIONS.size :], ("one", "batch", "rows"))
-        self.address = self._code.addresses["one"]
-        self.batch_address = self._code.addresses["batch"]
-        self.compile_seconds = time.perf_counter() - start
-
-        self._one = _ONE(self.address)
-        self._rows = _ROWS(self._code.addresses["rows"])
+        self.lanes = this_machine().lanes
+        self._modules: dict[bool, Module] = {}
+        self._lock = threading.Lock()
         self._buffers = _Buffers(self.inputs, self.outputs, self.lanes)
         self._shapes = tuple((size,) for _, size in self.inputs)
 
@@ -90,6 +71,26 @@ class Kernel:
 
     def __reduce__(self):
         return compile_function, (self._function,)
+
+    @property
+    def address(self) -> int:
+        return self._module(vector=False).addresses["one"]
+
+    @property
+    def batch_address(self) -> int:
+        return self._module(vector=True).addresses["batch"]
+
+    @property
+    def operations(self) -> int:
+        return self._any_modules()[0].operations
+
+    @property
+    def from_cache(self) -> bool:
+        return all(module.from_cache for module in self._any_modules())
+
+    @property
+    def compile_seconds(self) -> float:
+        return sum(module.seconds for module in self._any_modules())
 
     def __call__(self, *arrays: ArrayLike) -> tuple[NDArray[np.float64], ...]:
         """Evaluate one state or a batch of them.
@@ -128,18 +129,34 @@ class Kernel:
 
     def assembly(self, vector: bool) -> str:
         """Return the assembly of the function for blocks of states (vector) or for one state."""
-        machine = this_machine()
-        text = assembly(module_text(self._program(), machine), machine)
-        name = "batch" if vector else "one"
-        body = re.search(rf"^_?{name}:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)", text, re.MULTILINE | re.DOTALL)
-        return body.group() if body else text
+        return listing(self._program, this_machine(), vector)
 
     def instruction_count(self, vector: bool) -> int:
         """Return the number of machine instructions of the function for blocks of states (vector) or for one state."""
-        return len(re.findall(r"^\t[a-z]\w*", self.assembly(vector), re.MULTILINE))
+        return instruction_count(self.assembly(vector))
 
+    @cached_property
     def _program(self) -> Program:
         return simplify(trace(self._function))
+
+    @cached_property
+    def _one(self) -> Callable[..., None]:
+        return _ONE(self.address)
+
+    @cached_property
+    def _rows(self) -> Callable[..., None]:
+        return _ROWS(self._module(vector=True).addresses["rows"])
+
+    def _module(self, vector: bool) -> Module:
+        """Return the code for blocks of states (vector) or for one state; the first to ask waits for it."""
+        with self._lock:
+            if vector not in self._modules:
+                self._modules[vector] = load(self._function, lambda: self._program, vector)
+            return self._modules[vector]
+
+    def _any_modules(self) -> list[Module]:
+        """Return the code that there is, or that for one state where there is none."""
+        return list(self._modules.values()) or [self._module(vector=False)]
 
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.inputs)

@@ -7,7 +7,8 @@ class Lines:
     """Instructions of one function body whose numbers are `width` doubles wide.
 
     number, integer, truth: the LLVM types of a value, of its bits, and of a comparison.  text: the instructions so far.
-    table: the name of the table that constants are read from, if they are (see `constant`).
+    block: the label of the block they are in.  table: the name of the table that constants are read from, if they are (see
+    `constant`).
     """
 
     def __init__(self, width: int, table: str | None = None):
@@ -18,10 +19,17 @@ class Lines:
         self.integer = self._typed("i64")
         self.truth = self._typed("i1")
         self.always = self._spread("i1", "true")
-        self.text: list[str] = []
+        self.text: list[str] = ["entry:"]
+        self.block = "entry"
 
     def _typed(self, scalar: str) -> str:
         return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
+
+    def of_width(self, width: int, table: str | None = None) -> "Lines":
+        """Return the same instructions, to be continued with numbers of another width."""
+        other = Lines(width, table)
+        other.text, other.block = self.text, self.block
+        return other
 
     def let(self, instruction: str) -> str:
         """Append an instruction and return the name of its value."""
@@ -33,6 +41,11 @@ class Lines:
         """Append an instruction that has no value."""
         self.text.append(instruction)
 
+    def label(self, block: str) -> None:
+        """Begin a block."""
+        self.text.append(f"{block}:")
+        self.block = block
+
     def constant(self, value: float) -> str:
         """Return a constant for all lanes.
 
@@ -42,9 +55,8 @@ class Lines:
         number = self._spread("double", "0x" + struct.pack(">d", value).hex())
         if self.table is None:
             return number
-        place = self.let(f"getelementptr inbounds {self.number}, ptr @{self.table}, i64 {len(self._entries)}")
         self._entries.append(f"{self.number} {number}")
-        return self.let(f"load {self.number}, ptr {place}, align {8 * self.width}")
+        return self.load(f"@{self.table}", len(self._entries) - 1)
 
     def table_text(self) -> str:
         """Return the definition of the table, if it has entries."""
@@ -59,6 +71,29 @@ class Lines:
 
     def _spread(self, scalar: str, text: str) -> str:
         return text if self.width == 1 else f"splat ({scalar} {text})"
+
+    def at(self, pointer: str, k: int | str) -> str:
+        """Return the address of number k of those at `pointer`."""
+        return self.let(f"getelementptr inbounds {self.number}, ptr {pointer}, i64 {k}")
+
+    def load(self, pointer: str, k: int | str) -> str:
+        """Read number k of those at `pointer`."""
+        return self.let(f"load {self.number}, ptr {self.at(pointer, k)}, align {8 * self.width}")
+
+    def store(self, value: str, pointer: str, k: int | str) -> None:
+        """Write number k of those at `pointer`."""
+        self.do(f"store {self.number} {value}, ptr {self.at(pointer, k)}, align {8 * self.width}")
+
+    def vector(self, numbers: list[str]) -> str:
+        """Return the vector of single numbers, zeros after the last."""
+        result = "zeroinitializer"
+        for k, number in enumerate(numbers):
+            result = self.let(f"insertelement {self.number} {result}, double {number}, i64 {k}")
+        return result
+
+    def entries(self, vector: str) -> list[str]:
+        """Return the single numbers of a vector."""
+        return [self.let(f"extractelement {self.number} {vector}, i64 {k}") for k in range(self.width)]
 
     def call(self, intrinsic: str, *args: str) -> str:
         """Call an LLVM intrinsic on numbers."""
@@ -79,6 +114,10 @@ class Lines:
 
     def select(self, condition: str, a: str, b: str) -> str:
         return self.let(f"select {self.truth} {condition}, {self.number} {a}, {self.number} {b}")
+
+    def phi(self, a: str, block_a: str, b: str, block_b: str) -> str:
+        """Return a where the block is entered from block a, b where it is entered from block b."""
+        return self.let(f"phi {self.number} [ {a}, %{block_a} ], [ {b}, %{block_b} ]")
 
     def as_integer(self, x: str) -> str:
         return self.let(f"bitcast {self.number} {x} to {self.integer}")

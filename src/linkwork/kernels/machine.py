@@ -31,6 +31,12 @@ class Machine:
         return self.triple.startswith("x86")
 
     @property
+    def attributes(self) -> str:
+        """Attributes of every LLVM function: LLVM is to use the whole width of AVX-512, not half of it as by default."""
+        wide = ' "prefer-vector-width"="512" "min-legal-vector-width"="512"' if self.lanes == 8 else ""
+        return "nounwind" + wide
+
+    @property
     def identity(self) -> str:
         """All that machine code depends on besides the program."""
         return "\n".join((self.triple, self.cpu, self.features, llvmlite.__version__))

@@ -78,12 +78,14 @@ _SPELLED: dict[int, Callable[[Callable[..., int], list[int]], int]] = {
     ca.OP_TWICE: lambda emit, a: emit("mul", a[0], emit("const", value=2.0)),
     ca.OP_INV: lambda emit, a: emit("div", emit("const", value=1.0), a[0]),
 }
+_KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_NAMES, *_SPELLED}
 
 
 def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]:
     """Return (name, number of doubles) of every input and of every output of `f`.
 
-    Raises KernelError where `f` is not a CasADi function of SX without free variables.
+    Raises KernelError where `f` is not a CasADi function of SX without free variables, or uses an operation that cannot be
+    compiled.
     """
     if not isinstance(f, ca.Function):
         raise KernelError(f"A kernel is compiled from a casadi.Function, not from {type(f).__name__}.")
@@ -94,6 +96,10 @@ def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[
     if f.has_free():
         free = ", ".join(f.get_free())
         raise KernelError(f"Function '{f.name()}' has free variables ({free}); every symbol has to be an input.")
+    for k in range(f.n_instructions()):
+        if f.instruction_id(k) not in _KNOWN:
+            name = _name_of(f.instruction_id(k))
+            raise KernelError(f"Function '{f.name()}' uses the operation {name}, which cannot be compiled.")
     return (
         tuple((f.name_in(i), f.numel_in(i)) for i in range(f.n_in())),
         tuple((f.name_out(i), f.numel_out(i)) for i in range(f.n_out())),
@@ -103,7 +109,7 @@ def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[
 def trace(f: ca.Function) -> Program:
     """Walk the instructions of `f` once and return them as a program.
 
-    Raises KernelError naming the operation where one cannot be compiled.
+    Raises KernelError as `signature` does.
     """
     inputs, outputs = signature(f)
     input_slots = _dense_slots([f.sparsity_in(i) for i in range(f.n_in())])
@@ -127,10 +133,8 @@ def trace(f: ca.Function) -> Program:
             work[targets[0]] = emit("const", value=f.instruction_constant(k))
         elif code in _NAMES:
             work[targets[0]] = emit(_NAMES[code], *(work[i] for i in operands))
-        elif code in _SPELLED:
-            work[targets[0]] = _SPELLED[code](emit, [work[i] for i in operands])
         else:
-            raise KernelError(f"Function '{f.name()}' uses the operation {_name_of(code)}, which cannot be compiled.")
+            work[targets[0]] = _SPELLED[code](emit, [work[i] for i in operands])
     return Program(f.name(), inputs, outputs, tuple(nodes), tuple(results))
 
 

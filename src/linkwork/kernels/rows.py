@@ -9,9 +9,29 @@ is the first row of output i, rows without gaps. x and y have room for one block
 from linkwork.kernels.lines import function_text
 from linkwork.kernels.program import Program
 
+_COPY = """define internal void @copy(i64 %n, ptr %from, i64 %from.step, ptr %to, i64 %to.step) nounwind {
+entry:
+  br label %test
+test:
+  %k = phi i64 [ 0, %entry ], [ %k.next, %step ]
+  %more = icmp slt i64 %k, %n
+  br i1 %more, label %step, label %done
+step:
+  %i = mul i64 %k, %from.step
+  %j = mul i64 %k, %to.step
+  %source = getelementptr inbounds double, ptr %from, i64 %i
+  %target = getelementptr inbounds double, ptr %to, i64 %j
+  %x = load double, ptr %source
+  store double %x, ptr %target
+  %k.next = add i64 %k, 1
+  br label %test
+done:
+  ret void
+}"""
+
 
 def rows_text(program: Program, lanes: int) -> str:
-    """Return the LLVM function `rows` of a program; the module has to define `batch` and `copy` as well."""
+    """Return the LLVM function `rows` of a program; the module has to define `batch` as well."""
     text = [
         "entry:",
         "%some = icmp sgt i64 %states, 0",
@@ -50,7 +70,7 @@ def rows_text(program: Program, lanes: int) -> str:
         "ret void",
     ]
     head = "void @rows(i64 %states, ptr %in, ptr %strides, ptr %out, ptr noalias %x, ptr noalias %y) nounwind"
-    return function_text(head, text)
+    return f"{_COPY}\n\n{function_text(head, text)}"
 
 
 def _loads(program: Program, lanes: int) -> list[str]:

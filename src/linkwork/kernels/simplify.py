@@ -25,7 +25,8 @@ _ODD = frozenset(("sin", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf"
 _EVEN = frozenset(("cos", "cosh", "fabs"))
 _COMMUTING = frozenset(("add", "mul", "hypot", "eq", "ne", "and", "or"))
 _SMALLEST_NORMAL = 2.0**-1022
-_STRETCH = 500
+STRETCH = 500
+"""Number of nodes within which values are ordered by their depth."""
 
 
 def simplify(program: Program) -> Program:
@@ -38,7 +39,7 @@ def _ordered(program: Program) -> Program:
     """Drop the nodes that no result needs and put the rest in an order that is quick to execute.
 
     Depth first, the operand with the longest chain of operations before the others, so that a value is computed near its use;
-    then, within each stretch of _STRETCH nodes, by the length of that chain, so that operations that do not wait for each
+    then, within each stretch of STRETCH nodes, by the length of that chain, so that operations that do not wait for each
     other are neighbours.
     """
     depths: list[int] = []
@@ -48,8 +49,8 @@ def _ordered(program: Program) -> Program:
     for result in program.results:
         _visit(program.nodes, result, depths, visited)
     order = list(visited)
-    for start in range(0, len(order), _STRETCH):
-        order[start : start + _STRETCH] = sorted(order[start : start + _STRETCH], key=depths.__getitem__)
+    for start in range(0, len(order), STRETCH):
+        order[start : start + STRETCH] = sorted(order[start : start + STRETCH], key=depths.__getitem__)
     places = {k: place for place, k in enumerate(order)}
     nodes = (program.nodes[k] for k in order)
     return replace(

@@ -1,0 +1,122 @@
+"""The instructions of a program's sections, for one number or for a vector of them."""
+
+from linkwork.kernels.lines import Lines
+from linkwork.kernels.program import Node, Program
+from linkwork.kernels.sections import FETCHED, Plan, Section
+
+# The C library's functions of one and of two numbers, by their names there.
+LIBRARY = {
+    name: arity
+    for arity, names in (
+        (1, "sin cos asin acos atan sinh cosh tanh asinh acosh atanh exp log log1p expm1 erf"),
+        (2, "atan2 pow fmod remainder hypot"),
+    )
+    for name in names.split()
+}
+
+_ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_INTRINSICS = {
+    "sqrt": "sqrt",
+    "fabs": "fabs",
+    "floor": "floor",
+    "ceil": "ceil",
+    "copysign": "copysign",
+    "fmin": "minnum",
+    "fmax": "maxnum",
+}
+_COMPARISONS = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
+_LOGICAL = {"and": "and", "or": "or"}
+
+
+class Body:
+    """The code of sections, which reads %in and writes %out: values by position, as numbers or as truths, made when needed.
+
+    What other sections compute is read from the slots at `source`; what they need is written to the slots at `target`.
+    """
+
+    def __init__(self, lines: Lines, program: Program, plan: Plan, source: str, target: str):
+        self.lines = lines
+        self.nodes = program.nodes
+        self.plan = plan
+        self.source = source
+        self.target = target
+        self._numbers: dict[int, str] = {}
+        self._truths: dict[int, str] = {}
+        self._turned: dict[int, tuple[str, str]] = {}
+
+    def add(self, section: Section) -> None:
+        """Append the code of a section but for its sines and cosines."""
+        for k in section.nodes:
+            if self.nodes[k].op not in FETCHED:
+                self._compute(k, self.nodes[k])
+            if k in self.plan.kept:
+                self.lines.store(self.number(k), self.target, self.plan.kept[k])
+        results = {place: k for k in section.nodes for place in self.plan.places.get(k, ())}
+        for place in sorted(results):
+            self.lines.store(self.number(results[place]), "%out", place)
+
+    def turn(self, angle: int, sine: str, cosine: str) -> None:
+        """Take the names of the sine and the cosine of the angle at that position."""
+        self._turned[angle] = sine, cosine
+
+    def number(self, k: int) -> str:
+        """Return the name of the value at position k as a number; a truth is 1 or 0."""
+        if self.nodes[k].op == "const":
+            return self.lines.constant(self.nodes[k].value)
+        if k not in self._numbers:
+            self._numbers[k] = self._truth_as_number(k) if k in self._truths else self._fetched(k)
+        return self._numbers[k]
+
+    def truth(self, k: int) -> str:
+        """Return the name of the value at position k as a truth: whether it is not 0."""
+        if k not in self._truths:
+            self._truths[k] = self.lines.compare("une", self.number(k), self.lines.constant(0.0))
+        return self._truths[k]
+
+    def _truth_as_number(self, k: int) -> str:
+        return self.lines.select(self._truths[k], self.lines.constant(1.0), self.lines.constant(0.0))
+
+    def _fetched(self, k: int) -> str:
+        op, args, value = self.nodes[k]
+        if op == "input":
+            return self.lines.load("%in", int(value))
+        if op not in ("sin", "cos"):
+            return self.lines.load(self.source, self.plan.kept[k])
+        if args[0] in self._turned:
+            return self._turned[args[0]][op == "cos"]
+        return self.lines.load(self.source, (self.plan.sines if op == "sin" else self.plan.cosines)[args[0]])
+
+    def _compute(self, k: int, node: Node) -> None:
+        lines, op, args = self.lines, node.op, node.args
+        if op in _COMPARISONS:
+            self._truths[k] = lines.compare(_COMPARISONS[op], *map(self.number, args))
+        elif op in _LOGICAL:
+            self._truths[k] = lines.let(f"{op} {lines.truth} {self.truth(args[0])}, {self.truth(args[1])}")
+        elif op == "not":
+            self._truths[k] = lines.let(f"xor {lines.truth} {self.truth(args[0])}, {lines.always}")
+        else:
+            self._numbers[k] = self._computed(op, args)
+
+    def _computed(self, op: str, args: tuple[int, ...]) -> str:
+        lines = self.lines
+        if op in _ARITHMETIC:
+            return lines.op(_ARITHMETIC[op], *map(self.number, args))
+        if op == "neg":
+            return lines.let(f"fneg {lines.number} {self.number(args[0])}")
+        if op in _INTRINSICS:
+            return lines.call(_INTRINSICS[op], *map(self.number, args))
+        if op == "if_else_zero":
+            return lines.select(self.truth(args[0]), self.number(args[1]), lines.constant(0.0))
+        if op == "select":
+            return lines.select(self.truth(args[0]), self.number(args[1]), self.number(args[2]))
+        if op == "sign":
+            return self._sign(self.number(args[0]))
+        prefix = "" if lines.width == 1 else "lanes."
+        operands = ", ".join(f"{lines.number} {self.number(a)}" for a in args)
+        return lines.let(f"call {lines.number} @{prefix}{op}({operands})")
+
+    def _sign(self, x: str) -> str:
+        """Append -1, 1, or x itself where it is 0 or not a number."""
+        lines, zero = self.lines, self.lines.constant(0.0)
+        positive = lines.select(lines.compare("ogt", x, zero), lines.constant(1.0), x)
+        return lines.select(lines.compare("olt", x, zero), lines.constant(-1.0), positive)

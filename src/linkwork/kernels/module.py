@@ -1,0 +1,53 @@
+"""The code of a kernel for one state, or for blocks of states: from the cache, or compiled and written there."""
+
+import struct
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from linkwork.kernels import cache
+from linkwork.kernels.compile import Code, object_code
+from linkwork.kernels.emit import module_text
+from linkwork.kernels.machine import this_machine
+from linkwork.kernels.program import Program
+
+_OPERATIONS = struct.Struct("<q")
+
+
+@dataclass(frozen=True)
+class Module:
+    """Loaded machine code.
+
+    addresses: of its functions, by name, which hold as long as this object lives.  operations: of the program.
+    from_cache: whether the code was found in the cache.  seconds: the time it took to get it.
+    """
+
+    code: Code
+    operations: int
+    from_cache: bool
+    seconds: float
+
+    @property
+    def addresses(self) -> dict[str, int]:
+        return self.code.addresses
+
+
+def load(f: ca.Function, program: Callable[[], Program], vector: bool) -> Module:
+    """Return the code of a function for blocks of states (vector) or for one state.
+
+    program: makes the function's program, which is needed where the code is not in the cache.
+    """
+    start = time.perf_counter()
+    machine = this_machine()
+    entry = cache.key(f.serialize(), machine.identity, "batch" if vector else "one")
+    content = cache.read(entry)
+    from_cache = content is not None
+    if content is None:
+        code = object_code(module_text(program(), machine, vector), machine)
+        content = _OPERATIONS.pack(program().operations) + code
+        cache.write(entry, content)
+    (operations,) = _OPERATIONS.unpack_from(content)
+    code = Code(content[_OPERATIONS.size :], ("batch", "rows") if vector else ("one",))
+    return Module(code, operations, from_cache, time.perf_counter() - start)

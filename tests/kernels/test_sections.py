@@ -1,0 +1,89 @@
+"""Sections carried out one after the other on the slots they share: nothing is read before it is there, nothing is lost."""
+
+import numpy as np
+import pytest
+
+from linkwork.kernels import sections
+from linkwork.kernels.emit import module_text
+from linkwork.kernels.machine import this_machine
+from linkwork.kernels.program import Program, trace
+from linkwork.kernels.sections import planned
+from linkwork.kernels.simplify import STRETCH, simplify
+
+from tests.kernels.graphs import random_function
+from tests.kernels.test_simplify import NUMPY, evaluate, random_program
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch):
+    """Every program is large, and a stretch is short."""
+    monkeypatch.setattr(sections, "STRETCH", 10)
+    monkeypatch.setattr(sections, "_LARGE", 0)
+
+
+def carried_out(program: Program, inputs: np.ndarray, angles_in_vector: int) -> np.ndarray:
+    """Return the results of a program's sections, each of which knows only the inputs, the constants and the slots."""
+    plan = planned(program, angles_in_vector)
+    slots, out = np.full(plan.slots, np.nan, dtype=object), np.full(len(program.results), np.nan)
+    own: dict[int, np.float64] = {}
+    read: set[int] = set()
+
+    def value(k: int) -> np.float64:
+        op, args, number = program.nodes[k]
+        if op == "input":
+            return inputs[int(number)]
+        if op == "const":
+            return np.float64(number)
+        if k in own:
+            return own[k]
+        turned = {"sin": plan.sines, "cos": plan.cosines}
+        slot = turned[op][args[0]] if op in turned else plan.kept[k]
+        label, result = slots[slot]
+        assert label == ((op, args[0]) if op in turned else k)
+        read.add(slot)
+        return result
+
+    for section in plan.sections:
+        own.clear()
+        read.clear()
+        written = {}
+        for k in section.nodes:
+            if program.nodes[k].op not in sections.FETCHED:
+                own[k] = NUMPY[program.nodes[k].op](*map(value, program.nodes[k].args))
+            if k in plan.kept:
+                written[plan.kept[k]] = k, value(k)
+            out[plan.places.get(k, [])] = value(k)
+        size = section.vectors * angles_in_vector
+        assert 0 <= size - len(section.angles) < angles_in_vector or not section.angles
+        for place, k in enumerate(section.angles, section.first * angles_in_vector):
+            written[place] = k, value(k)
+            written[place + size] = ("sin", k), np.sin(value(k))
+            written[place + 2 * size] = ("cos", k), np.cos(value(k))
+        assert not read & written.keys()
+        for slot, content in written.items():
+            slots[slot] = content
+    return out
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("angles_in_vector", [1, 4])
+def test_sections_in_turn_give_the_programs_results(short, seed: int, angles_in_vector: int):
+    program = simplify(random_program(seed))
+    plan = planned(program, angles_in_vector)
+    assert plan.apart and len(plan.sections) > 3
+    assert max(len(section.nodes) for section in plan.sections) <= 10 + len(program.results)
+    inputs = np.random.default_rng(seed).normal(size=4)
+    with np.errstate(all="ignore"):
+        np.testing.assert_array_equal(carried_out(program, inputs, angles_in_vector), evaluate(program, inputs))
+
+
+def test_a_large_program_is_compiled_in_pieces_and_a_small_one_is_not():
+    machine = this_machine()
+    for operations, pieces in ((60, 0), (5000, 10)):
+        program = simplify(trace(random_function(0, operations)))
+        for vector in (False, True):
+            functions = module_text(program, machine, vector).split("\ndefine ")[1:]
+            parts = [text for text in functions if text.startswith(("internal void @one.", "internal void @batch."))]
+            assert len(parts) >= pieces and bool(parts) == bool(pieces)
+            lines = [text.count(" = f") + text.count(" = call contract") for text in functions]
+            assert pieces == 0 or max(lines) <= 1.5 * STRETCH
