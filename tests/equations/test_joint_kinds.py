@@ -28,6 +28,7 @@ from tests.oracle import pairs
 from tests.oracle.random_joints import FREEDOMS, random_joint, random_pose
 
 SIDES = [("a", "b"), ("b", "a"), ("ground", "a"), ("a", "ground"), ("ground", "b")]  # b hangs deeper than a
+CHAINS = {"a": ("slide", "hinge"), "b": ("hinge", "slide", "hinge")}  # from the body inward
 IN_TREE = [kind for kind in FREEDOMS[False] if kind != "rod"]
 WITH_DIRECTIONS = ("fixed", "revolute", "prismatic", "screw", "cylindrical", "planar")
 
@@ -74,44 +75,47 @@ def column(values: list[ca.SX]) -> ca.SX:
 
 @cache
 def between_free_bodies(kind: str, connects: tuple[str, str], seed: int) -> Closed:
-    """Put a joint between two bodies, or one and ground; both hang on hinges and slides in one plane, and on a free joint."""
+    """Put a joint between two bodies, or one and ground; both hang on hinges and slides, and these on a free joint."""
     rng = np.random.default_rng(seed)
-    poses = {body: random_pose(rng, planar=False) for body in ("a", "b")} | {"ground": (np.zeros(3), np.eye(3))}
-    joint, coordinates = random_joint(rng, False, connects, kind, poses)
-    chains = {"a": ("hand", "arm"), "b": ("post", "rail", "fore")}
+    poses = {body: random_pose(rng, planar=False) for body in CHAINS}
+    joint, coordinates = random_joint(rng, False, connects, kind, poses | {"ground": (np.zeros(3), np.eye(3))})
     joints, values = {}, {}
-    for body, (p, R) in list(poses.items())[:2]:
-        outer = body
-        for inner in chains[body]:
-            length, angle = rng.uniform(-1, 1, 2)
-            if inner in ("hand", "rail"):
-                frames = (Frame(rotation=(0.4, 0.1, -0.2)), Frame())
-                joints[f"slide of {inner}"] = PrismaticJoint(connects=(inner, outer), frames=frames, axis=(1, 0, 0))
-                values[f"slide of {inner}"] = length
-                p, R = p - R @ [length, 0, 0], R @ pairs.exponential(frames[0].rotation).T
-            else:
-                frame = Frame(position=(length, 0.2, 0.1), rotation=(0, 0, 0.3))
-                sign = float(rng.choice([-1, 1]))
-                joints[f"hinge of {inner}"] = RevoluteJoint(
-                    connects=(inner, outer), frames=(frame, Frame()), axis=(0, 0, sign)
-                )
-                values[f"hinge of {inner}"] = angle
-                R = R @ pairs.turned((0, 0, 1), -sign * angle - 0.3)
-                p = p - R @ frame.position
-            outer = inner
-        free = FreeJoint(connects=("ground", outer))
-        joints[f"free {outer}"] = free
-        values |= dict(zip(free.coordinates(f"free {outer}"), [*p, *pairs.quaternion(R)], strict=True))
+    for body in CHAINS:
+        for name, part, own in hung(rng, body, *poses[body]):
+            joints[name] = part
+            values |= dict(zip(part.coordinates(name), own, strict=True))
     mechanism = Mechanism(
-        bodies=dict.fromkeys(("a", "b", "hand", "arm", "fore", "post", "rail"), Body(mass=1)),
+        bodies={part.connects[1]: Body(mass=1) for part in joints.values()},
         joints=joints | {"cut": joint},
-        actuators=tuple(joints[name].rates(name)[0] for name in joints),
+        actuators=tuple(part.rates(name)[0] for name, part in joints.items()),  # which puts these into the tree
     )
     topology = span(mechanism)
     assert topology.cuts == ("cut",)
     tree = grow(mechanism, topology)
     q = np.array([values[label] for label in tree.coordinates])
     return Closed(joint, tree, closure.cut(tree, "cut", joint), q, coordinates)
+
+
+def hung(rng: np.random.Generator, body: str, p: np.ndarray, R: np.ndarray):
+    """Yield the joints that lead inward from a placed body to ground, each with its name and coordinates."""
+    outer = body
+    for k, kind in enumerate(CHAINS[body], start=1):
+        inner, turn, along = f"{body}{k}", rng.uniform(-1, 1, 3), rng.uniform(-1, 1)
+        frame = Frame(
+            position=tuple(rng.uniform(-1, 1, 3)), rotation=(0, 0, turn[2]) if kind == "hinge" else tuple(turn)
+        )
+        part = (
+            RevoluteJoint(connects=(inner, outer), frames=(frame, Frame()), axis=(0, 0, float(rng.choice([-1, 1]))))
+            if kind == "hinge"
+            else PrismaticJoint(connects=(inner, outer), frames=(frame, Frame()), axis=(1, 0, 0))
+        )
+        R_12, p_12 = pairs.motion(part, [along])
+        R_F = pairs.exponential(frame.rotation)
+        R = R @ (R_F @ R_12).T
+        p = p - R @ (frame.position + R_F @ p_12)
+        yield f"{kind} {inner}", part, [along]
+        outer = inner
+    yield f"free {body}", FreeJoint(connects=("ground", outer)), [*p, *pairs.quaternion(R)]
 
 
 @every_kind
@@ -135,7 +139,7 @@ def test_rows_do_not_vanish_elsewhere(kind, connects, seed):
     case = between_free_bodies(kind, connects, seed)
     rng = np.random.default_rng(seed)
     q = case.q.copy()
-    first = case.tree.coordinates.index("free arm.x" if "a" in connects else "free fore.x")
+    first = case.tree.coordinates.index("free a.x" if "a" in connects else "free b.x")
     q[first : first + 3] += rng.uniform(0.1, 1, 3)
     q[first + 3 : first + 7] = pairs.quaternion(pairs.exponential(rng.normal(size=3)))
     (phi,) = case.at(case.phi(), q=q)
