@@ -69,7 +69,14 @@ def run(names: Sequence[str] = tuple(robots.__all__), rounds: int = 30) -> Secti
         for name, one in entries.items()
     ]
     raw = {
-        name: {"batches": summary(seconds[name, "batches"]), "one by one": summary(seconds[name, "one by one"])}
-        for name in names
+        name: {
+            "freedoms": one.robot.mobility,
+            "instructions": one.instructions,
+            "derived": one.derived,
+            "compiled": one.compiled,
+            "batches": summary(seconds[name, "batches"]),
+            "one by one": summary(seconds[name, "one by one"]),
+        }
+        for name, one in entries.items()
     }
     return Section("Catalogue", METHOD, raw=raw, listing=Listing(COLUMNS, rows))

@@ -74,13 +74,15 @@ def redundant():
     """Return redundantly actuated robots, each with a moving state and accelerations."""
     five = actuated(five_bar(), "motor_1", "motor_2", "elbow_1")
     rrr = actuated(rrr3(), "motor_1", "motor_2", "motor_3", "elbow_2")
+    every = actuated(five_bar(), *five_bar().joints)
     return {
         "five-bar": (five, five.home.with_rates([0.5, -0.3]), np.array([1.0, -2.0])),
+        "five-bar, every joint": (every, every.home.with_rates([0.5, -0.3]), np.array([1.0, -2.0])),
         "3-RRR": (rrr, rrr.home.with_rates([0.4, 0.2, -0.3]), np.array([3.0, -1.0, 2.0])),
     }
 
 
-@pytest.fixture(params=["five-bar", "3-RRR"])
+@pytest.fixture(params=["five-bar", "five-bar, every joint", "3-RRR"])
 def overdriven(request, redundant):
     return redundant[request.param]
 
@@ -88,7 +90,7 @@ def overdriven(request, redundant):
 def test_forces_of_more_actuators_than_freedoms_are_the_least_ones(overdriven):
     robot, state, a = overdriven
     u = robot.inverse_dynamics(state, a)
-    assert u.size == robot.mobility + 1
+    assert u.size == len(robot.actuators) > robot.mobility
     close(u, Seen.of(robot, state).inverse_dynamics(dict(zip(robot.independent, a, strict=True))), 1e-10)
     close(robot.forward_dynamics(state, u), a, 1e-10)
 
@@ -110,9 +112,10 @@ def test_weights_shift_the_load(overdriven):
 def test_internal_forces_move_nothing(overdriven):
     robot, state, a = overdriven
     internal, u = robot.internal_forces(state), robot.inverse_dynamics(state, a)
-    close(internal.T @ internal, np.eye(1), 1e-13)
-    close(internal.T @ u, [0.0], 1e-12)  # the least forces hold none of them
-    found = Seen.of(robot, state).joint_accelerations(u + 7 * internal[:, 0])
+    k = len(robot.actuators) - robot.mobility
+    close(internal.T @ internal, np.eye(k), 1e-13)
+    close(internal.T @ u, np.zeros(k), 1e-12)  # the least forces hold none of them
+    found = Seen.of(robot, state).joint_accelerations(u + 7 * internal.sum(axis=1))
     close(found, robot.joint_accelerations(state, a), 1e-9)
 
 

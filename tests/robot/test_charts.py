@@ -90,6 +90,15 @@ def test_rates_that_are_no_chart(five, names, sentence):
         five.in_chart(five.home, names)
 
 
+def test_a_chart_is_refused_where_it_is_singular_also_when_it_is_known_from_elsewhere(five):
+    """Where leg 2 is stretched, the rates of leg 1 do not determine the motion."""
+    stretched = five.assemble({"elbow_2": 0.0, "motor_2": 1.9})
+    for _ in range(2):
+        with pytest.raises(lw.LinkworkError, match="motor_1, elbow_1 do not determine the motion here"):
+            five.in_chart(stretched, ["motor_1", "elbow_1"])
+        five.in_chart(five.home, ["motor_1", "elbow_1"])
+
+
 # Runs
 
 

@@ -49,6 +49,22 @@ def test_open_and_contradicting_states(robot):
     robot.state(positions)
 
 
+def test_an_open_state_is_closed_exactly_within_the_tolerance_that_is_asked(robot):
+    positions = robot.home.positions.copy()
+    positions[0] += 0.02
+    assert robot.closure_error(robot.state(positions, tolerance=0.1)) < 1e-12
+
+
+def test_quaternions():
+    body = lw.Body(mass=1, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    joints = {"ball": lw.SphericalJoint(connects=("ground", "body"))}
+    robot = Robot(Mechanism(bodies={"body": body}, joints=joints))
+    refused("ball", robot.state, [0, 0, 0, 0])
+    refused("ball", robot.state, [[1, 0, 0, 0], [0, 0, 0, 0]])
+    refused("'ball.qw' is part of a quaternion", robot.assemble, {"ball.qw": 1.0})
+    assert np.allclose(robot.state([-3, 0, 0, 4]).positions, [-0.6, 0, 0, 0.8], atol=1e-15)
+
+
 def test_states_of_another_robot(robot):
     other = Robot(lw.Mechanism(bodies={"rod": lw.Body(mass=1)}, joints=hinge(), actuators=("hinge",)))
     refused("the state belongs to another robot", robot.mass_matrix, other.home)

@@ -118,6 +118,23 @@ def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, 
     )
 
 
+def quaternions(mechanism: Mechanism) -> Iterator[tuple[str, list[int]]]:
+    """Yield the joints that turn freely, and the places of their quaternions among the joint coordinates."""
+    places = {label: index for index, label in enumerate(mechanism.coordinates)}
+    for name, joint in mechanism.joints.items():
+        if TURN in joint.freedoms:
+            yield name, [places[label] for label in joint.coordinates(name)[-4:]]
+
+
+def require_turns(given: np.ndarray, mechanism: Mechanism) -> None:
+    """Refuse quaternions of length zero."""
+    for name, places in quaternions(mechanism):
+        if not np.linalg.norm(given[..., places], axis=-1).min(initial=np.inf) > 0:
+            raise LinkworkError(
+                f"the quaternion of joint {name!r} is zero; give one of any other length, such as 1, 0, 0, 0"
+            )
+
+
 def require_consistent(
     closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, angular: np.ndarray, tolerance: float
 ) -> None:
@@ -126,12 +143,10 @@ def require_consistent(
     A quaternion may be given at any length and with either sign.
     """
     joints, given = mechanism.coordinates, given.copy()
-    for name, joint in mechanism.joints.items():
-        if TURN in joint.freedoms:
-            places = [joints.index(label) for label in joint.coordinates(name)[-4:]]
-            length = np.linalg.norm(given[..., places], axis=-1, keepdims=True)
-            sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
-            given[..., places] *= sign / length
+    for _, places in quaternions(mechanism):
+        length = np.linalg.norm(given[..., places], axis=-1, keepdims=True)
+        sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
+        given[..., places] *= sign / length
     error = given - closed
     error = np.where(angular, wrapped(error), error)
     if not (np.abs(error) > 10 * tolerance).any():

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations, derive, functions, measures, mobility
-from linkwork.equations.reference import tree_coordinates, unit
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
-from linkwork.robot import actuation, checks, limits
+from linkwork.robot import actuation, checks, limits, posing
 from linkwork.robot.assembly import Assembler, AssemblyKernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.labels import Labels
@@ -27,8 +26,6 @@ from linkwork.robot.state import Motion, State
 if TYPE_CHECKING:
     from linkwork.simulation import Run, Sampled, Signal
 
-OPEN_LOOPS = 1e-6
-CLOSED = 1e-12
 SMALLEST = 1e-4  # length below which rounding is not followed [m]
 
 
@@ -96,14 +93,14 @@ class Robot:
     @cached_property
     def home(self) -> State:
         """Return the closed reference configuration, at rest."""
-        return self._state(self.equations.reference, np.zeros(self.mobility))
+        return self.make_state(self.equations.reference, np.zeros(self.mobility))
 
     def state(
         self,
         positions: ArrayLike | Mapping[str, ArrayLike],
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
         *,
-        tolerance: float = OPEN_LOOPS,
+        tolerance: float = posing.OPEN_LOOPS,
     ) -> State:
         """Make a state from the coordinates of all joints.
 
@@ -117,22 +114,7 @@ class Robot:
         Raises:
             LinkworkError: wrong shapes or names, numbers that are not finite, loops that are open.
         """
-        q_all = checks.values_by_name(positions, self.coordinates, "positions")
-        checks.positive(tolerance, "the tolerance")
-        q = unit(self.equations.tree, self._tree_coordinates(q_all))
-        next_q, gap = self.kernel("closure_step")(q)
-        checks.require_closed(gap[..., 0], tolerance, lambda index: self._open_row(q[index]))
-        for _ in range(3):
-            if not gap.max(initial=0.0) > CLOSED or not np.isfinite(next_q).all():
-                break
-            q, (next_q, gap) = next_q, self.kernel("closure_step")(next_q)
-        checks.require_closed(gap[..., 0], OPEN_LOOPS, lambda index: self._open_row(q[index]))
-        v = self._rates(rates, q)
-        batch = checks.together(q.shape[:-1], v.shape[:-1])
-        state = self._state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, self.mobility)))
-        q_all = np.broadcast_to(q_all, (*batch, q_all.shape[-1]))
-        checks.require_consistent(state.positions, q_all, self.mechanism, self.labels.angular, tolerance)
-        return state
+        return posing.state(self, positions, rates, tolerance)
 
     def assemble(
         self,
@@ -154,24 +136,7 @@ class Robot:
         Raises:
             UnreachableError: what is asked is out of reach, or not reachable from this guess.
         """
-        start = (self.home if guess is None else self._own(guess)).q
-        if start.ndim != 1:
-            raise LinkworkError("the guess is a stack of states; give one of them")
-        if isinstance(joints, Mapping) and tool is None:
-            targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
-            checks.known(targets, self.coordinates, "joint")
-            q = self._assembler.at_joints(targets, start)
-        elif tool is not None and joints is None:
-            self._require_tool()
-            poses = np.atleast_1d(checks.finite(tool, "tool"))
-            self._assembler.pose_names(poses.shape[-1])
-            flat = [self._assembler.at_pose(pose, start) for pose in poses.reshape(-1, poses.shape[-1])]
-            q = np.array(flat).reshape(*poses.shape[:-1], start.size)
-        else:
-            raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
-        v = self._rates(rates, q)
-        batch = checks.together(q.shape[:-1], v.shape[:-1])
-        return self._state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, self.mobility)))
+        return posing.assemble(self, joints, tool, rates, guess)
 
     def follow(self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None) -> Motion:
         """Lead the tool along a path: positions, rates and accelerations of all joints.
@@ -185,33 +150,7 @@ class Robot:
         Raises:
             UnreachableError: with the time and pose at which the path leaves the workspace.
         """
-        checks.positive(duration, "the duration")
-        if not isinstance(samples, int) or samples < 2:
-            raise LinkworkError(f"a motion needs a whole number of samples, at least 2, not {samples!r}")
-        if not isinstance(path, Path):
-            raise LinkworkError(f"the path is {path!r}; give one made by linkwork.paths")
-        time = np.linspace(0, duration, samples)
-        self._require_tool()
-        poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
-        self._require_full_pose(poses.shape[1])
-        q = (self.home if guess is None else self._own(guess)).q
-        if q.ndim != 1:
-            raise LinkworkError("the guess is a stack of states; give one of them")
-        w = np.zeros(self.equations.nv)
-        along, v, v_dot = (
-            np.empty((samples, q.size)),
-            np.empty((samples, self.mobility)),
-            np.empty((samples, self.mobility)),
-        )
-        for k in range(samples):
-            with checks.at(f"at t = {time[k]:.6g} s: "):
-                q = self._assembler.at_pose(poses[k], self._assembler.moved(q, w * (duration / (samples - 1))))
-                w, dw = self._assembler.rates(q, poses[k], velocities[k], accelerations[k])
-            along[k], v[k], v_dot[k] = q, self.chart.from_tree(w), self.chart.from_tree(dw)
-        state = self._state(along, v)
-        positions, joint_rates, joint_accelerations, _ = self.kernel("joints_motion")(state.q, state.rates, v_dot)
-        state = replace(state, positions=self.labels.unwrapped(time, positions, joint_rates))
-        return Motion(time, state, v_dot, joint_rates, joint_accelerations, poses)
+        return posing.follow(self, path, duration, samples, guess)
 
     # Charts
 
@@ -227,20 +166,21 @@ class Robot:
         """
         names, tree = checks.names(independent, "independent"), self.equations.tree.rates
         checks.known(names, tree, "rate of the tree")
-        w = self._chart(self._own(state)).tree_rates(state.q, state.rates)
-        if names not in self.charts:
-            q = state.q.reshape(-1, state.q.shape[-1])[0]
-            chart = self.chart.better(q, tuple(tree.index(name) for name in names))
+        w = self.chart_of(self.own(state)).tree_rates(state.q, state.rates)
+        chart = self.charts.get(names)
+        for q in state.q.reshape(-1, state.q.shape[-1]):
+            if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
+                chart = self.chart.better(q, tuple(tree.index(name) for name in names))
             if set(chart.independent) != set(names):
                 raise LinkworkError(
                     f"the rates {', '.join(names)} do not determine the motion here; {', '.join(chart.independent)} do"
                 )
-            self.charts[chart.independent] = chart
-            names = chart.independent
-        chart = self.charts[names]
+        if chart is None:
+            raise LinkworkError("the stack of states is empty; there is no configuration to choose the rates at")
+        self.charts[chart.independent] = chart
         return replace(state, rates=chart.from_tree(w), independent=chart.independent)
 
-    def _chart(self, state: State) -> CompiledChart:
+    def chart_of(self, state: State) -> CompiledChart:
         return self.charts[state.independent]
 
     # Equations of motion
@@ -290,7 +230,7 @@ class Robot:
         return self._actuator_forces(motion, accelerations, weights)
 
     def _actuator_forces(self, state: State, accelerations: ArrayLike, weights: ArrayLike | None) -> np.ndarray:
-        v_dot = self._vector(accelerations, "accelerations", self._own(state).independent)
+        v_dot = self._vector(accelerations, "accelerations", self.own(state).independent)
         f = self._dynamics("inverse_dynamics", state, v_dot, "accelerations")
         W = None if weights is None else checks.values_by_name(weights, self.actuators, "weights")
         if W is not None and not (W.ndim == 1 and (W > 0).all()):
@@ -307,8 +247,8 @@ class Robot:
     def actuation(self, state: State) -> np.ndarray:
         """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators act as S' u on v."""
         if not self.actuators:
-            return np.zeros((*self._own(state).batch, 0, len(state.independent)))
-        S, pivot = self._chart(self._own(state)).kernel("actuation")(state.q)
+            return np.zeros((*self.own(state).batch, 0, len(state.independent)))
+        S, pivot = self.chart_of(self.own(state)).kernel("actuation")(state.q)
         S = np.swapaxes(S.reshape(*state.batch, len(state.independent), len(self.actuators)), -1, -2)
         self._require_regular(state, pivot, S, state.rates, "rates")
         return S
@@ -318,13 +258,13 @@ class Robot:
 
         There are k = actuators - n of them where the robot has more actuators than freedoms, none otherwise.
         """
-        if self._own(state).batch:
+        if self.own(state).batch:
             raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
         return actuation.internal_forces(self.actuation(state))
 
     def _dynamics(self, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
         """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
-        kernel, q = self._chart(self._own(state)).kernel(name), state.q
+        kernel, q = self.chart_of(self.own(state)).kernel(name), state.q
         n = len(state.independent)
         if values.ndim == 1 and q.ndim == 1:
             y = np.empty(kernel.n_out)
@@ -356,7 +296,7 @@ class Robot:
         return self._terms(state)[3]
 
     def _terms(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        M, Cv, G, f, pivot = self._chart(self._own(state)).kernel("terms")(state.q, state.rates)
+        M, Cv, G, f, pivot = self.chart_of(self.own(state)).kernel("terms")(state.q, state.rates)
         self._require_regular(state, pivot, Cv, state.rates, "rates")
         n = len(state.independent)
         return M.reshape(*state.batch, n, n), Cv, G, f
@@ -370,7 +310,7 @@ class Robot:
         return self._maps(state)[1]
 
     def _maps(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        L, T, pivot = self._chart(self._own(state)).kernel("maps")(state.q)
+        L, T, pivot = self.chart_of(self.own(state)).kernel("maps")(state.q)
         self._require_regular(state, pivot, L, state.rates, "rates")
         n, m, r = len(state.independent), len(self.rates), 6 * len(self.bodies)
         L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
@@ -378,7 +318,7 @@ class Robot:
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...) [J]."""
-        kinetic, potential, pivot = self._chart(self._own(state)).kernel("energy")(state.q, state.rates)
+        kinetic, potential, pivot = self.chart_of(self.own(state)).kernel("energy")(state.q, state.rates)
         self._require_regular(state, pivot, kinetic, state.rates, "rates")
         return kinetic[..., 0], potential[..., 0]
 
@@ -386,34 +326,34 @@ class Robot:
 
     def joint_rates(self, state: State) -> np.ndarray:
         """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
-        return self._joints_motion(state, 0 * self._own(state).rates)[1]
+        return self._joints_motion(state, 0 * self.own(state).rates)[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the independent rates, L v' + L' v."""
-        return self._joints_motion(state, self._vector(accelerations, "accelerations", self._own(state).independent))[2]
+        return self._joints_motion(state, self._vector(accelerations, "accelerations", self.own(state).independent))[2]
 
     def _joints_motion(self, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
         checks.together(state.batch, v_dot.shape[:-1])
-        *motion, pivot = self._chart(state).kernel("joints_motion")(state.q, state.rates, v_dot)
+        *motion, pivot = self.chart_of(state).kernel("joints_motion")(state.q, state.rates, v_dot)
         self._require_regular(state, pivot, motion[1], v_dot, "accelerations")
         return motion
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame, by name."""
-        origins, orientations, *_ = self.kernel("bodies_motion")(self._own(state).q, np.zeros(self.mobility))
+        origins, orientations, *_ = self.kernel("bodies_motion")(self.own(state).q, np.zeros(self.mobility))
         p = origins.reshape(*state.batch, len(self.bodies), 3)
         R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
         return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
 
     def twists(self, state: State) -> np.ndarray:
         """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the ground's axes."""
-        *_, twists, pivot = self._chart(self._own(state)).kernel("bodies_motion")(state.q, state.rates)
+        *_, twists, pivot = self.chart_of(self.own(state)).kernel("bodies_motion")(state.q, state.rates)
         self._require_regular(state, pivot, twists, state.rates, "rates")
         return twists.reshape(*state.batch, len(self.bodies), 6)
 
     def tool_pose(self, state: State) -> np.ndarray:
         """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector (..., 6) in space [m, rad]."""
-        return self.tool_poses(self._own(state).q)
+        return self.tool_poses(self.own(state).q)
 
     def unit(self, label: str) -> str:
         """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a part of a quaternion."""
@@ -421,11 +361,11 @@ class Robot:
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...) [m, rad], redundant rows included."""
-        return self.kernel("closure_step")(self._own(state).q)[1][..., 0]
+        return self.kernel("closure_step")(self.own(state).q)[1][..., 0]
 
     def limits_passed(self, state: State) -> tuple[str, ...]:
         """Return one sentence for each joint coordinate that lies outside its limits in a state."""
-        return limits.passed(self.mechanism, self.coordinates, self._own(state).positions)
+        return limits.passed(self.mechanism, self.coordinates, self.own(state).positions)
 
     # Simulation
 
@@ -468,7 +408,7 @@ class Robot:
         if max_step != np.inf:
             checks.positive(max_step, "max_step")
         options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
-        return simulate(self, self._own(state), forces, duration, save_at, on_singular, options)
+        return simulate(self, self.own(state), forces, duration, save_at, on_singular, options)
 
     # Kernels
 
@@ -495,47 +435,28 @@ class Robot:
         return AssemblyKernel(functions.assembly(self.equations, tool), self.planar)
 
     @cached_property
-    def _assembler(self) -> Assembler:
+    def assembler(self) -> Assembler:
         tree, rows = self.equations.tree, self.equations.rows.names
         evaluate = self._assembly.evaluate
         return Assembler(evaluate, tree, self.coordinates, self.rates, self.labels.angular, rows, self.planar)
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
-        self._require_tool()
+        self.require_tool()
         return self._assembly.tool_poses(q)
 
     # Checks
 
-    def _state(self, q: np.ndarray, v: np.ndarray) -> State:
+    def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
         q = np.ascontiguousarray(q)
         (positions,) = self.kernel("positions")(q)
         return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
 
-    def _rates(self, rates: ArrayLike | Mapping[str, ArrayLike] | None, q: np.ndarray) -> np.ndarray:
-        """Return v (..., n) from an array, from the independent rates by name, or from n rates of any joints by name."""
-        if rates is None:
-            return np.zeros(self.mobility)
-        if not isinstance(rates, Mapping) or set(rates) <= set(self.independent):
-            return checks.values_by_name(rates, self.independent, "rates")
-        checks.known(rates, self.rates, "rate")
-        if len(rates) != self.mobility:
-            raise LinkworkError(
-                f"{len(rates)} rates are given; give {self.mobility}, for instance {', '.join(self.independent)}"
-            )
-        L = self.kernel("maps")(q)[0].reshape(*q.shape[:-1], self.mobility, -1)
-        A = np.swapaxes(L[..., [self.rates.index(name) for name in rates]], -1, -2)
-        given = checks.values_by_name(rates, tuple(rates), "rates")
-        checks.together(given.shape[:-1], A.shape[:-2])
-        if np.linalg.cond(A).max(initial=0.0) > 1 / checks.PIVOT_BOUND**2:
-            raise LinkworkError(f"the rates {', '.join(rates)} do not determine the motion here; give others")
-        return np.linalg.solve(A, given[..., None])[..., 0]
-
-    def _own(self, state: State) -> State:
+    def own(self, state: State) -> State:
         if getattr(state, "coordinates", None) is not self.coordinates:
             checks.refuse_foreign(state, self.coordinates, self.charts)
             gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
-            if gap > OPEN_LOOPS:
+            if gap > posing.OPEN_LOOPS:
                 raise LinkworkError(
                     f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
                 )
@@ -568,19 +489,9 @@ class Robot:
             )
         raise checks.singular(state.independent, pivot)
 
-    def _require_tool(self) -> None:
+    def require_tool(self) -> None:
         if not self.mechanism.tools:
             raise LinkworkError("the mechanism names no tool; add one under 'tools'")
-
-    def _require_full_pose(self, size: int) -> None:
-        self._assembler.pose_names(size)
-        needed = self.mobility - len(self.idle)
-        if size != needed:
-            besides = " besides idle freedoms" if self.idle else ""
-            raise LinkworkError(
-                f"the path prescribes {size} coordinates of the tool, but the mobility is {needed}{besides}; "
-                f"prescribe {needed}"
-            )
 
     @cached_property
     def size(self) -> float:
@@ -594,23 +505,9 @@ class Robot:
         unitless = bool(self.equations.tree.quaternions) or any(row.f is not None for row in rows)
         return max(*lengths, 1.0 if unitless and not self.planar else SMALLEST) * max(1.0, *np.abs(self.home.q))
 
-    def _tree_coordinates(self, positions: np.ndarray) -> np.ndarray:
-        """Return q (..., nq) from the coordinates of all joints (..., m)."""
-        tree, topology = self.equations.tree, self.equations.topology
-        if not topology.added:
-            return positions[..., [self.coordinates.index(label) for label in tree.coordinates]]
-        flat = positions.reshape(-1, positions.shape[-1])
-        values = (dict(zip(self.coordinates, row, strict=True)) for row in flat)
-        q = [tree_coordinates(self.mechanism, topology, tree, value) for value in values]
-        return np.array(q).reshape(*positions.shape[:-1], -1)
-
     @cached_property
     def _free_rates(self) -> tuple[int, ...]:
         """Return the rates of the free joints in the tree."""
         joints = self.equations.topology.joints
         labels = [label for name, joint in joints.items() if joint.type == "free" for label in joint.rates(name)]
         return tuple(sorted(self.equations.tree.rates.index(label) for label in labels))
-
-    def _open_row(self, q: np.ndarray) -> str:
-        phi = self.chart.residuals(q)
-        return self.equations.rows.names[int(np.argmax(np.abs(phi)))]

@@ -1,0 +1,153 @@
+"""Posing: make states from coordinates, from tool poses, and along tool paths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations.reference import tree_coordinates, unit
+from linkwork.errors import LinkworkError
+from linkwork.paths import Path
+from linkwork.robot import checks
+from linkwork.robot.state import Motion, State
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+OPEN_LOOPS = 1e-6
+CLOSED = 1e-12
+ROUNDS = 12
+
+Rates = ArrayLike | Mapping[str, ArrayLike] | None
+
+
+def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float) -> State:
+    """Make a state from the coordinates of all joints: `Robot.state`."""
+    given = checks.values_by_name(positions, robot.coordinates, "positions")
+    checks.positive(tolerance, "the tolerance")
+    checks.require_turns(given, robot.mechanism)
+    q = unit(robot.equations.tree, of_tree(robot, given))
+    closure_step = robot.kernel("closure_step")
+    next_q, gap = closure_step(q)
+    checks.require_closed(gap[..., 0], tolerance, lambda index: open_row(robot, q[index]))
+    for _ in range(ROUNDS):
+        if not gap.max(initial=0.0) > CLOSED or not np.isfinite(next_q).all():
+            break
+        q, (next_q, gap) = next_q, closure_step(next_q)
+    checks.require_closed(gap[..., 0], OPEN_LOOPS, lambda index: open_row(robot, q[index]))
+    made = stacked(robot, q, rates)
+    given = np.broadcast_to(given, (*made.batch, given.shape[-1]))
+    checks.require_consistent(made.positions, given, robot.mechanism, robot.labels.angular, tolerance)
+    return made
+
+
+def assemble(
+    robot: Robot, joints: Mapping[str, float] | None, tool: ArrayLike | None, rates: Rates, guess: State | None
+) -> State:
+    """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
+    start = start_of(robot, guess)
+    if isinstance(joints, Mapping) and tool is None:
+        targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
+        checks.known(targets, robot.coordinates, "joint")
+        q = robot.assembler.at_joints(targets, start)
+    elif tool is not None and joints is None:
+        robot.require_tool()
+        poses = np.atleast_1d(checks.finite(tool, "tool"))
+        robot.assembler.pose_names(poses.shape[-1])
+        flat = [robot.assembler.at_pose(pose, start) for pose in poses.reshape(-1, poses.shape[-1])]
+        q = np.array(flat).reshape(*poses.shape[:-1], start.size)
+    else:
+        raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
+    return stacked(robot, q, rates)
+
+
+def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
+    """Lead the tool along a path: `Robot.follow`."""
+    checks.positive(duration, "the duration")
+    if not isinstance(samples, int) or samples < 2:
+        raise LinkworkError(f"a motion needs a whole number of samples, at least 2, not {samples!r}")
+    if not isinstance(path, Path):
+        raise LinkworkError(f"the path is {path!r}; give one made by linkwork.paths")
+    time = np.linspace(0, duration, samples)
+    robot.require_tool()
+    poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
+    require_full_pose(robot, poses.shape[1])
+    q, w = start_of(robot, guess), np.zeros(robot.equations.nv)
+    along, v, v_dot = (
+        np.empty((samples, q.size)),
+        np.empty((samples, robot.mobility)),
+        np.empty((samples, robot.mobility)),
+    )
+    for k in range(samples):
+        with checks.at(f"at t = {time[k]:.6g} s: "):
+            q = robot.assembler.at_pose(poses[k], robot.assembler.moved(q, w * (duration / (samples - 1))))
+            w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
+        along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
+    made = robot.make_state(along, v)
+    positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(made.q, made.rates, v_dot)
+    made = replace(made, positions=robot.labels.unwrapped(time, positions, joint_rates))
+    return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses)
+
+
+def stacked(robot: Robot, q: np.ndarray, rates: Rates) -> State:
+    """Return the states of configurations q (..., nq) with rates, their leading dimensions brought together."""
+    v = independent_rates(robot, rates, q)
+    batch = checks.together(q.shape[:-1], v.shape[:-1])
+    return robot.make_state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, robot.mobility)))
+
+
+def start_of(robot: Robot, guess: State | None) -> np.ndarray:
+    """Return q (nq) of a guess, of `home` where there is none."""
+    q = (robot.home if guess is None else robot.own(guess)).q
+    if q.ndim != 1:
+        raise LinkworkError("the guess is a stack of states; give one of them")
+    return q
+
+
+def independent_rates(robot: Robot, rates: Rates, q: np.ndarray) -> np.ndarray:
+    """Return v (..., n) from an array, from the independent rates by name, or from n rates of any joints by name."""
+    if rates is None:
+        return np.zeros(robot.mobility)
+    if not isinstance(rates, Mapping) or set(rates) <= set(robot.independent):
+        return checks.values_by_name(rates, robot.independent, "rates")
+    checks.known(rates, robot.rates, "rate")
+    if len(rates) != robot.mobility:
+        example = ", ".join(robot.independent)
+        raise LinkworkError(f"{len(rates)} rates are given; give {robot.mobility}, for instance {example}")
+    L = robot.kernel("maps")(q)[0].reshape(*q.shape[:-1], robot.mobility, -1)
+    A = np.swapaxes(L[..., [robot.rates.index(name) for name in rates]], -1, -2)
+    given = checks.values_by_name(rates, tuple(rates), "rates")
+    checks.together(given.shape[:-1], A.shape[:-2])
+    if np.linalg.cond(A).max(initial=0.0) > 1 / checks.PIVOT_BOUND**2:
+        raise LinkworkError(f"the rates {', '.join(rates)} do not determine the motion here; give others")
+    return np.linalg.solve(A, given[..., None])[..., 0]
+
+
+def of_tree(robot: Robot, positions: np.ndarray) -> np.ndarray:
+    """Return q (..., nq) from the coordinates of all joints (..., m)."""
+    tree, topology = robot.equations.tree, robot.equations.topology
+    if not topology.added:
+        return positions[..., [robot.coordinates.index(label) for label in tree.coordinates]]
+    flat = positions.reshape(-1, positions.shape[-1])
+    values = (dict(zip(robot.coordinates, row, strict=True)) for row in flat)
+    q = [tree_coordinates(robot.mechanism, topology, tree, value) for value in values]
+    return np.array(q).reshape(*positions.shape[:-1], -1)
+
+
+def open_row(robot: Robot, q: np.ndarray) -> str:
+    """Name the closure row that is open most."""
+    return robot.equations.rows.names[int(np.argmax(np.abs(robot.chart.residuals(q))))]
+
+
+def require_full_pose(robot: Robot, size: int) -> None:
+    robot.assembler.pose_names(size)
+    needed = robot.mobility - len(robot.idle)
+    if size != needed:
+        besides = " besides idle freedoms" if robot.idle else ""
+        raise LinkworkError(
+            f"the path prescribes {size} coordinates of the tool, but the mobility is {needed}{besides}; prescribe {needed}"
+        )
