@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 
 
 def values(function: ca.Function, *arguments: ArrayLike) -> dict[str, np.ndarray]:
-    """Return a function's outputs by name: columns as vectors, matrices as they are."""
-    outputs = function.call([ca.DM(np.asarray(argument, float)) for argument in arguments])
+    """Return a function's outputs by name: columns as vectors, matrices as they are; p may be left out where none is free."""
+    given = (*arguments, *[[]] * (function.n_in() - len(arguments)))
+    outputs = function.call([ca.DM(np.asarray(argument, float)) for argument in given])
     arrays = (np.array(output) for output in outputs)
     return {
         name: array[:, 0] if array.shape[1] == 1 else array

@@ -61,7 +61,7 @@ class Sample:
     def values(self, name: str, *more: np.ndarray) -> dict[str, np.ndarray]:
         """Evaluate a derived function at this state."""
         function = getattr(functions, name)(self.equations)
-        return values(function, *[(self.q, self.v)[: function.n_in()], (self.q, self.v, *more)][bool(more)])
+        return values(function, *[(self.q, self.v)[: function.n_in() - 1], (self.q, self.v, *more)][bool(more)])
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
         """Return L (m x n) and T (6r x n)."""
@@ -140,7 +140,7 @@ def test_power_balance(sample):
     """Along the motion dE/dt = u . S v less what friction and dampers take."""
     equations = sample.equations
     dq, dv = SX.sym("dq", equations.nq), SX.sym("dv", equations.mobility)
-    kinetic, potential, _ = functions.energy(equations)(equations.tree.q, equations.v)
+    kinetic, potential, _ = functions.energy(equations)(equations.tree.q, equations.v, equations.p)
     state, along = ca.vertcat(equations.tree.q, equations.v), ca.vertcat(dq, dv)
     slope = ca.Function("slope", [state, along], [ca.jtimes(kinetic + potential, state, along)])
     motion = sample.values("motion", sample.u)

@@ -7,12 +7,19 @@ geometry is zero in the graph and everything built on it vanishes symbolically.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import casadi as ca
 import numpy as np
 
 SX = ca.SX
 ROUNDING = 1e-15
+
+
+@cache
+def symbol(path: str) -> ca.SX:
+    """Return the symbol of a free number of the description."""
+    return SX.sym(path)
 
 
 def snap(values: np.ndarray) -> np.ndarray:
@@ -45,11 +52,11 @@ def zero() -> ca.SX:
 
 
 def cross(a: ca.SX, b: ca.SX) -> ca.SX:
-    return ca.vertcat(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    return ca.cross(a, b)
 
 
 def dot(a: ca.SX, b: ca.SX) -> ca.SX:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return ca.dot(a, b)
 
 
 def spin(omega: ca.SX, r: ca.SX) -> ca.SX:

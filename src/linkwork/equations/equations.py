@@ -8,14 +8,15 @@ friction (`effects`). S gives the actuated rates, S v; it is the unit matrix whe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from linkwork.equations import dynamics, effects
-from linkwork.equations.algebra import SX
+from linkwork.equations.algebra import SX, symbol
 from linkwork.equations.chart import COFACTOR_SIZE, Chart, solve, weakest
 from linkwork.equations.closure import Cut
 from linkwork.equations.joint_map import JointMap
@@ -55,6 +56,7 @@ class Equations:
     smallest: smallest singular value of Phi there over its sizes
     redundant: names of the rows that depend on the others; they are left out of the elimination and watched
     idle: names of the freedoms that move a member between two joints and nothing else
+    parameters: values in the description of its np free numbers, by path
     """
 
     mechanism: Mechanism
@@ -69,6 +71,12 @@ class Equations:
     redundant: tuple[str, ...]
     idle: tuple[str, ...]
     chart: Chart
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def p(self) -> ca.SX:
+        """Symbols of the free parameters (np), in the order of `parameters`."""
+        return ca.vertcat(SX(0, 1), *[symbol(path) for path in self.parameters])
 
     @property
     def nq(self) -> int:

@@ -1,6 +1,7 @@
 """The functions that are compiled: each a few expressions of `Equations` with named inputs and outputs.
 
-`q` are the tree's coordinates (nq), `v` the independent rates (n) of the chart, `u` the actuators' forces.
+`q` are the tree's coordinates (nq), `v` the independent rates (n) of the chart, `u` the actuators' forces. The last
+input of each is `p`, the free parameters (np, most often none).
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from linkwork.equations.joint_map import derivative
 from linkwork.mechanism import Tool
 
 
-def function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    """Make a CasADi function with dense outputs and no expression computed twice."""
+def function(name: str, equations: Equations, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """Make a CasADi function of inputs and p, with dense outputs and no expression computed twice."""
+    inputs = inputs | {"p": equations.p}
     dense = [ca.densify(value) for value in outputs.values()]
     return ca.Function(name, list(inputs.values()), dense, list(inputs), list(outputs), {"cse": True})
 
@@ -30,7 +32,7 @@ def motion(equations: Equations) -> ca.Function:
     inputs = {"q": equations.tree.q, "v": equations.v, "u": u}
     derivatives = equations.tree.derivatives(equations.rates)
     outputs = {"derivatives": derivatives, "accelerations": acceleration, "pivot": equations.elimination[2]}
-    return function("motion", inputs, outputs)
+    return function("motion", equations, inputs, outputs)
 
 
 def inverse_dynamics(equations: Equations) -> ca.Function:
@@ -39,13 +41,13 @@ def inverse_dynamics(equations: Equations) -> ca.Function:
     L, b, pivot = equations.elimination
     h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
     inputs = {"q": equations.tree.q, "v": equations.v, "dv": dv}
-    return function("inverse_dynamics", inputs, {"forces": ca.mtimes(L.T, h), "pivot": pivot})
+    return function("inverse_dynamics", equations, inputs, {"forces": ca.mtimes(L.T, h), "pivot": pivot})
 
 
 def actuation(equations: Equations) -> ca.Function:
     """Return q -> S (actuators x n), the actuated rates S v, and the weakest relative pivot."""
     outputs = {"S": equations.actuation, "pivot": equations.elimination[2]}
-    return function("actuation", {"q": equations.tree.q}, outputs)
+    return function("actuation", equations, {"q": equations.tree.q}, outputs)
 
 
 def terms(equations: Equations) -> ca.Function:
@@ -62,7 +64,7 @@ def terms(equations: Equations) -> ca.Function:
         "f": velocity - equations.bias_forces(still),
         "pivot": equations.elimination[2],
     }
-    return function("terms", {"q": equations.tree.q, "v": equations.v}, outputs)
+    return function("terms", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
 def closure_step(equations: Equations) -> ca.Function:
@@ -77,13 +79,13 @@ def closure_step(equations: Equations) -> ca.Function:
         q[list(places)] *= (3 - ca.sumsqr(tree.q[list(places)])) / 2
     conditions = ca.vertcat(phi, *tree.norms())
     largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
-    return function("closure_step", {"q": tree.q}, {"q_next": q, "residual": largest})
+    return function("closure_step", equations, {"q": tree.q}, {"q_next": q, "residual": largest})
 
 
 def tree_rates(equations: Equations) -> ca.Function:
     """Return (q, v) -> the rates w = L v of the whole tree, and the weakest relative pivot, Eq. (7)."""
     outputs = {"w": equations.rates, "pivot": equations.elimination[2]}
-    return function("tree_rates", {"q": equations.tree.q, "v": equations.v}, outputs)
+    return function("tree_rates", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
 def maps(equations: Equations) -> ca.Function:
@@ -91,12 +93,12 @@ def maps(equations: Equations) -> ca.Function:
     L, _, pivot = equations.elimination
     T = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), L)
     outputs = {"L": ca.mtimes(equations.joints.rate_rows(), L), "T": T, "pivot": pivot}
-    return function("maps", {"q": equations.tree.q}, outputs)
+    return function("maps", equations, {"q": equations.tree.q}, outputs)
 
 
 def positions(equations: Equations) -> ca.Function:
     """Return q -> coordinates of all joints."""
-    return function("positions", {"q": equations.tree.q}, {"positions": equations.joints.positions()})
+    return function("positions", equations, {"q": equations.tree.q}, {"positions": equations.joints.positions()})
 
 
 def joints_motion(equations: Equations) -> ca.Function:
@@ -111,7 +113,7 @@ def joints_motion(equations: Equations) -> ca.Function:
         "accelerations": ca.mtimes(J, ca.mtimes(L, dv) + b) + turning,
         "pivot": pivot,
     }
-    return function("joints_motion", {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
+    return function("joints_motion", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
 
 
 def bodies_motion(equations: Equations) -> ca.Function:
@@ -121,19 +123,19 @@ def bodies_motion(equations: Equations) -> ca.Function:
     origins, orientations = measures.body_poses(equations.mechanism, equations.tree)
     twists = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), equations.rates)
     outputs = {"origins": origins, "orientations": orientations, "twists": twists, "pivot": equations.elimination[2]}
-    return function("bodies_motion", {"q": equations.tree.q, "v": equations.v}, outputs)
+    return function("bodies_motion", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
 def constraints(equations: Equations) -> ca.Function:
     """Return q -> phi and Phi (sparse); it is asked too seldom to be compiled."""
     outputs = [equations.rows.phi, equations.rows.Phi]
-    return ca.Function("constraints", [equations.tree.q], outputs, ["q"], ["phi", "Phi"])
+    return ca.Function("constraints", [equations.tree.q, equations.p], outputs, ["q", "p"], ["phi", "Phi"])
 
 
 def pivots(equations: Equations) -> ca.Function:
     """Return q -> the relative pivots of the elimination, block by block."""
     _, found = solve(equations.chart, equations.rows.Phi, SX(len(equations.rows.names), 0))
-    return function("pivots", {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)})
+    return function("pivots", equations, {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)})
 
 
 def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
@@ -157,7 +159,7 @@ def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
         position, orientation, angle = measures.tool_pose(tree, tool)
         J, bias = measures.tool_twist(tree, tool, rates)
         outputs |= {"position": position, "orientation": orientation, "angle": angle, "J_tool": J, "bias_tool": bias}
-    return function("assembly", {"q": tree.q, "rates": rates}, outputs)
+    return function("assembly", equations, {"q": tree.q, "rates": rates}, outputs)
 
 
 def energy(equations: Equations) -> ca.Function:
@@ -169,4 +171,4 @@ def energy(equations: Equations) -> ca.Function:
     for name, body in mechanism.bodies.items():
         potential -= body.mass * dot(equations.gravity, tree.point(tree.node(name), np.array(body.centre_of_mass)))
     outputs = {"kinetic": kinetic, "potential": potential, "pivot": equations.elimination[2]}
-    return function("energy", {"q": tree.q, "v": v}, outputs)
+    return function("energy", equations, {"q": tree.q, "v": v}, outputs)

@@ -64,13 +64,23 @@ class Kernel:
         self._lock = threading.Lock()
         self._buffers = _Buffers(self.inputs, self.outputs, self.lanes)
         self._shapes = tuple((size,) for _, size in self.inputs)
+        self._last: NDArray[np.float64] | None = None
+
+    def given(self, last: ArrayLike) -> "Kernel":
+        """Return this kernel, with values for its last input that calls take where they leave it out.
+
+        last: of shape (..., size).
+        """
+        kernel = object.__new__(type(self))
+        kernel.__dict__ |= self.__dict__ | {"_last": np.asarray(last, dtype=np.float64)}
+        return kernel
 
     def __repr__(self) -> str:
         names = [", ".join(f"{name}[{size}]" for name, size in part) for part in (self.inputs, self.outputs)]
         return f"Kernel {self.name}: ({names[0]}) -> ({names[1]}), {self.operations} operations"
 
     def __reduce__(self):
-        return compile_function, (self._function,)
+        return _restored, (self._function, self._last)
 
     @property
     def address(self) -> int:
@@ -98,6 +108,8 @@ class Kernel:
         arrays: one for each input, of shape (..., size); the leading dimensions are broadcast against each other.
         Returns one array for each output, of shape (..., size).  Raises KernelError where a number or a shape does not fit.
         """
+        if self._last is not None and len(arrays) == len(self.inputs) - 1:
+            arrays = (*arrays, self._last)
         if len(arrays) != len(self.inputs):
             raise KernelError(
                 f"Kernel '{self.name}' takes {len(self.inputs)} arrays ({self._names()}), not {len(arrays)}."
@@ -187,6 +199,11 @@ class Kernel:
         except ValueError:
             shapes = ", ".join(f"{name} {shape}" for (name, _), shape in zip(self.inputs, leading, strict=True))
             raise KernelError(f"The batches of kernel '{self.name}' do not fit each other: {shapes}.") from None
+
+
+def _restored(f: ca.Function, last: NDArray[np.float64] | None) -> Kernel:
+    kernel = compile_function(f)
+    return kernel if last is None else kernel.given(last)
 
 
 class _Buffers(threading.local):

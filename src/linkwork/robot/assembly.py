@@ -10,8 +10,7 @@ branch when it is near. Along a path, the tree's rates w and accelerations follo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -32,28 +31,31 @@ class UnreachableError(LinkworkError):
 
 @dataclass(frozen=True, eq=False)
 class AssemblyKernel:
-    """Evaluate `functions.assembly`, compiled when first needed; planar: whether poses are (x, y, angle)."""
+    """Evaluate `functions.assembly`, a compiled kernel with p given; planar: whether poses are (x, y, angle)."""
 
-    function: ca.Function
+    kernel: Kernel
+    shapes: dict[str, tuple[int, int]]
     planar: bool
 
-    @cached_property
-    def kernel(self) -> Kernel:
-        return compile_function(self.function)
+    @classmethod
+    def of(cls, function: ca.Function, planar: bool, p: np.ndarray) -> AssemblyKernel:
+        """Compile the function; p: values of the free parameters."""
+        shapes = {name: function.size_out(name) for name in function.name_out()}
+        return cls(compile_function(function).given(p), shapes, planar)
 
-    @cached_property
-    def _shapes(self) -> dict[str, tuple[int, int]]:
-        return {name: self.function.size_out(name) for name in self.function.name_out()}
+    def with_parameters(self, p: np.ndarray) -> AssemblyKernel:
+        """Return the same with other values of the free parameters."""
+        return replace(self, kernel=self.kernel.given(p))
 
     def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
         """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as such."""
-        named = zip(self._shapes.items(), self.kernel(q, rates), strict=True)
+        named = zip(self.shapes.items(), self.kernel(q, rates), strict=True)
         return {name: value.reshape(shape, order="F") if name in MATRICES else value for (name, shape), value in named}
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space, for q (..., nq)."""
-        values = self.kernel(q, np.zeros(self.function.numel_in("rates")))
-        out = dict(zip(self._shapes, values, strict=True))
+        values = self.kernel(q, np.zeros(dict(self.kernel.inputs)["rates"]))
+        out = dict(zip(self.shapes, values, strict=True))
         if self.planar:
             return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
         from scipy.spatial.transform import Rotation

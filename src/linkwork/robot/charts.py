@@ -4,12 +4,14 @@ The home chart has the actuated rates where these determine the motion. A run ma
 to a better one where its pivots weaken. q is the same in all of them; the rates of one follow from those of another by
 
     w = L v  (all rates of the tree),    v_other = w at the other's independent rates.
+
+Kernels take the values of the free parameters p; a chart knows those of its robot and hands them to its kernels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -38,19 +40,30 @@ KERNELS = (
 
 @dataclass(frozen=True, eq=False)
 class CompiledChart:
-    """Hold the equations in one chart and their kernels by name."""
+    """Hold the equations in one chart, the values p (np) of their free parameters, and their kernels by name."""
 
     equations: Equations
+    p: np.ndarray
+    _kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
+
+    def with_parameters(self, p: np.ndarray) -> CompiledChart:
+        """Return the chart with other values of the free parameters; both share their kernels."""
+        return replace(self, p=p)
 
     @cached_property
     def kernel(self) -> Callable[[str], Kernel]:
-        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ..."""
-        return lru_cache(maxsize=None)(self._compiled)
+        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ...
 
-    def _compiled(self, name: str) -> Kernel:
+        It takes p as its last input; left out, that is the chart's.
+        """
+        return lru_cache(maxsize=None)(self._kernel)
+
+    def _kernel(self, name: str) -> Kernel:
         if name not in KERNELS:
             raise LinkworkError(f"there is no kernel {name!r}; there are {', '.join(KERNELS)}")
-        return compile_function(getattr(functions, name)(self.equations))
+        if name not in self._kernels:
+            self._kernels[name] = compile_function(getattr(functions, name)(self.equations))
+        return self._kernels[name].given(self.p)
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -67,7 +80,7 @@ class CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""
         (pivots,) = self.kernel("pivots")(q)
         signs = np.where(pivots < 0, -1.0, 1.0)
-        return CompiledChart(self.equations.in_chart(faced(self.equations.chart, signs.tolist())))
+        return CompiledChart(self.equations.in_chart(faced(self.equations.chart, signs.tolist())), self.p)
 
     def pivot(self, q: np.ndarray) -> float:
         """Return the weakest relative pivot at one configuration."""
@@ -83,11 +96,11 @@ class CompiledChart:
 
     def constraint_jacobian(self, q: np.ndarray) -> np.ndarray:
         """Return Phi (rows x nv) at one configuration."""
-        return np.array(self._constraints(q)[1])
+        return np.array(self._constraints(q, self.p)[1])
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
         """Return phi (rows) at one configuration."""
-        return np.array(self._constraints(q)[0]).ravel()
+        return np.array(self._constraints(q, self.p)[0]).ravel()
 
     @cached_property
     def _constraints(self) -> ca.Function:
@@ -105,4 +118,16 @@ class CompiledChart:
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
         """Return a chart chosen at q: independent rates, rows and elimination are those that are good there."""
         Phi = self.constraint_jacobian(q)
-        return CompiledChart(self.equations.in_chart(chart_at(self.equations, Phi, preferred)))
+        return CompiledChart(self.equations.in_chart(chart_at(self.equations, Phi, preferred)), self.p)
+
+
+def shorter(home: CompiledChart, q: np.ndarray) -> CompiledChart:
+    """Return the chart for runs: of the home chart and that of free bodies' own rates the one with fewer instructions."""
+    equations = home.equations
+    joints = equations.topology.joints
+    labels = [label for name, joint in joints.items() if joint.type == "free" for label in joint.rates(name)]
+    if not labels or set(labels) == set(home.independent):
+        return home
+    candidate = home.better(q, tuple(sorted(equations.tree.rates.index(label) for label in labels)))
+    counts = [functions.motion(chart.equations).n_instructions() for chart in (home, candidate)]
+    return candidate if counts[1] < counts[0] else home

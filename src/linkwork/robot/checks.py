@@ -88,6 +88,21 @@ def values_by_name(values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[
     return array
 
 
+def vector(values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str]) -> np.ndarray:
+    """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked through."""
+    if isinstance(values, np.ndarray) and values.dtype == float and values.shape[-1:] == (len(names),):
+        return values
+    if isinstance(values, Mapping):
+        return values_by_name(values, names, what)
+    try:
+        array = np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise LinkworkError(f"{what} is {values!r}; give {len(names)} numbers: {', '.join(names)}") from None
+    if array.shape[-1:] != (len(names),):
+        refuse_shape(array, what, names)
+    return array
+
+
 def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn:
     raise LinkworkError(
         f"{what} has shape {array.shape}; give {len(names)} numbers in the last dimension: {', '.join(names)}"

@@ -87,7 +87,7 @@ class Crossing:
         """Return y' = (q', v') with the loops of q closed."""
         nq = self.chart.equations.nq
         q, _ = self._closed(y[:nq])
-        return self._evaluate("motion", np.concatenate([q, y[nq:], self.forces(np.asarray(t))]))[:-1]
+        return self._evaluate("motion", np.concatenate([q, y[nq:], self.forces(np.asarray(t)), self.chart.p]))[:-1]
 
     def _closed(self, q: np.ndarray) -> tuple[np.ndarray, bool]:
         """Return q with its loops closed by Newton's method to the last digit, and whether they are closed."""
@@ -95,7 +95,7 @@ class Crossing:
             return q, True
         best, residual = q, np.inf
         for _ in range(NEWTON):
-            out = self._evaluate("closure_step", q)
+            out = self._evaluate("closure_step", np.concatenate([q, self.chart.p]))
             if not out[-1] < residual:
                 break
             best, residual, q = q, out[-1], out[:-1]

@@ -7,10 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from linkwork.equations import Equations, readings
+from linkwork.equations import Equations, measures, readings
 from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
 
+SMALLEST = 1e-4  # length below which rounding is not followed [m]
 UNITS = {slide: "m" for slide in SLIDES} | {TURN: "1"}
 
 
@@ -69,3 +70,20 @@ class Labels:
             flips = np.sign(np.einsum("ki,ki->k", p[1:], p[:-1]))
             positions[1:, places] *= np.cumprod(np.where(flips == 0, 1, flips))[:, None]
         return positions
+
+    def size(self, q: np.ndarray, positions: np.ndarray) -> float:
+        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length.
+
+        Args:
+            q: the tree's coordinates (nq); positions: coordinates of all joints (m), at the reference.
+        """
+        equations, mechanism = self.equations, self.equations.mechanism
+        frames = [frame for joint in mechanism.pairs.values() for frame in joint.frames]
+        lengths = [abs(x) for frame in frames for x in frame.position]
+        lengths += [
+            abs(x) for x, label in zip(positions, mechanism.coordinates, strict=True) if self.unit(label) == "m"
+        ]
+        rows = [row for cut in equations.cuts for row in cut.rows]
+        unitless = bool(equations.tree.quaternions) or any(row.f is not None for row in rows)
+        least = 1.0 if unitless and not measures.is_planar(equations.tree) else SMALLEST
+        return max(*lengths, least) * max(1.0, *np.abs(q))

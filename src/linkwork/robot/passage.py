@@ -105,6 +105,7 @@ class Passage:
             q,
             v,
             self.forces,
+            chart.p,
             duration=end - t,
             start=t,
             save_at=save_at,

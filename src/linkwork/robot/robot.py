@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from math import isfinite
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
@@ -17,16 +16,14 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
-from linkwork.robot import actuation, checks, limits, posing
+from linkwork.robot import actuation, checks, evaluation, limits, posing
 from linkwork.robot.assembly import Assembler, AssemblyKernel
-from linkwork.robot.charts import CompiledChart
+from linkwork.robot.charts import CompiledChart, shorter
 from linkwork.robot.labels import Labels
 from linkwork.robot.state import Motion, State
 
 if TYPE_CHECKING:
     from linkwork.simulation import Run, Sampled, Signal
-
-SMALLEST = 1e-4  # length below which rounding is not followed [m]
 
 
 class Robot:
@@ -62,7 +59,8 @@ class Robot:
         self.mechanism = mechanism
         wanted = checks.names(independent, "independent")
         self.equations: Equations = derive(mechanism, wanted)
-        self.chart = CompiledChart(self.equations)
+        self.p = np.array(list(self.equations.parameters.values()))
+        self.chart = CompiledChart(self.equations, self.p)
         self.labels = Labels(self.equations)
         checks.known(wanted, self.equations.tree.rates, "rate of the tree")
         self.independent: tuple[str, ...] = self.equations.independent
@@ -199,7 +197,8 @@ class Robot:
             LinkworkError: wrong shape, numbers that are not finite, a configuration where these rates do not
                 determine the motion.
         """
-        return self._dynamics("motion", state, self._vector(forces, "forces", self.actuators), "forces")
+        u = checks.vector(forces, "forces", self.actuators)
+        return evaluation.dynamics(self, "motion", state, u, "forces")
 
     def inverse_dynamics(
         self, motion: State | Motion, accelerations: ArrayLike | None = None, *, weights: ArrayLike | None = None
@@ -223,35 +222,15 @@ class Robot:
         if isinstance(motion, Motion):
             from linkwork.simulation import Sampled
 
-            forces = self._actuator_forces(motion.state, motion.accelerations, weights)
+            forces = evaluation.actuator_forces(self, motion.state, motion.accelerations, weights)
             return Sampled(motion.time, forces)
         if accelerations is None:
             raise LinkworkError("give the accelerations of the independent rates with a state")
-        return self._actuator_forces(motion, accelerations, weights)
-
-    def _actuator_forces(self, state: State, accelerations: ArrayLike, weights: ArrayLike | None) -> np.ndarray:
-        v_dot = self._vector(accelerations, "accelerations", self.own(state).independent)
-        f = self._dynamics("inverse_dynamics", state, v_dot, "accelerations")
-        W = None if weights is None else checks.values_by_name(weights, self.actuators, "weights")
-        if W is not None and not (W.ndim == 1 and (W > 0).all()):
-            raise LinkworkError(f"weights {W.tolist()} do not fit; give one positive number per actuator")
-        if state.independent == self.actuators:
-            return f
-        S = self.actuation(state)
-        if self.idle:
-            f = actuation.idle_left(S, self.mass_matrix(state), f, len(self.idle))
-        u = actuation.least_forces(S, f, W)
-        actuation.require_driven(S, f, u, state.independent, len(self.idle))
-        return u
+        return evaluation.actuator_forces(self, motion, accelerations, weights)
 
     def actuation(self, state: State) -> np.ndarray:
         """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators act as S' u on v."""
-        if not self.actuators:
-            return np.zeros((*self.own(state).batch, 0, len(state.independent)))
-        S, pivot = self.chart_of(self.own(state)).kernel("actuation")(state.q)
-        S = np.swapaxes(S.reshape(*state.batch, len(state.independent), len(self.actuators)), -1, -2)
-        self._require_regular(state, pivot, S, state.rates, "rates")
-        return S
+        return evaluation.actuation_map(self, state)
 
     def internal_forces(self, state: State) -> np.ndarray:
         """Return an orthonormal basis (actuators, k) of the actuator forces that do not act on the motion, S' u = 0.
@@ -262,81 +241,46 @@ class Robot:
             raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
         return actuation.internal_forces(self.actuation(state))
 
-    def _dynamics(self, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
-        """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
-        kernel, q = self.chart_of(self.own(state)).kernel(name), state.q
-        n = len(state.independent)
-        if values.ndim == 1 and q.ndim == 1:
-            y = np.empty(kernel.n_out)
-            kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
-            numbers = y.tolist()
-            if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
-                return y[-1 - n : -1]
-            result, pivot = y[-1 - n : -1], y[-1:]
-        else:
-            checks.together(state.batch, values.shape[:-1])
-            *_, result, pivot = kernel(q, state.rates, values)
-        self._require_regular(state, pivot, result, values, what)
-        return result
-
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the independent rates (paper, Eq. (10))."""
-        return self._terms(state)[0]
+        return evaluation.terms(self, state)[0]
 
     def coriolis(self, state: State) -> np.ndarray:
         """Return the Coriolis and centrifugal forces C v (..., n) [N, N m] (paper, Eq. (11))."""
-        return self._terms(state)[1]
+        return evaluation.terms(self, state)[1]
 
     def gravity(self, state: State) -> np.ndarray:
         """Return the forces G (..., n) [N, N m] that hold the weight (paper, Eq. (12))."""
-        return self._terms(state)[2]
+        return evaluation.terms(self, state)[2]
 
     def passive_forces(self, state: State) -> np.ndarray:
         """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent rates."""
-        return self._terms(state)[3]
-
-    def _terms(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        M, Cv, G, f, pivot = self.chart_of(self.own(state)).kernel("terms")(state.q, state.rates)
-        self._require_regular(state, pivot, Cv, state.rates, "rates")
-        n = len(state.independent)
-        return M.reshape(*state.batch, n, n), Cv, G, f
+        return evaluation.terms(self, state)[3]
 
     def rate_map(self, state: State) -> np.ndarray:
         """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent ones (paper, Eq. (7))."""
-        return self._maps(state)[0]
+        return evaluation.maps(self, state)[0]
 
     def twist_map(self, state: State) -> np.ndarray:
         """Return T (..., 6r, n): twists [omega; v of the mass centre] of all bodies, in the ground's axes (paper, Eq. (6))."""
-        return self._maps(state)[1]
-
-    def _maps(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        L, T, pivot = self.chart_of(self.own(state)).kernel("maps")(state.q)
-        self._require_regular(state, pivot, L, state.rates, "rates")
-        n, m, r = len(state.independent), len(self.rates), 6 * len(self.bodies)
-        L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
-        return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
+        return evaluation.maps(self, state)[1]
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...) [J]."""
         kinetic, potential, pivot = self.chart_of(self.own(state)).kernel("energy")(state.q, state.rates)
-        self._require_regular(state, pivot, kinetic, state.rates, "rates")
+        evaluation.require_regular(state, pivot, kinetic, state.rates, "rates")
         return kinetic[..., 0], potential[..., 0]
 
     # Kinematics
 
     def joint_rates(self, state: State) -> np.ndarray:
         """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
-        return self._joints_motion(state, 0 * self.own(state).rates)[1]
+        return evaluation.joints_motion(self, state, 0 * self.own(state).rates)[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the independent rates, L v' + L' v."""
-        return self._joints_motion(state, self._vector(accelerations, "accelerations", self.own(state).independent))[2]
-
-    def _joints_motion(self, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
-        checks.together(state.batch, v_dot.shape[:-1])
-        *motion, pivot = self.chart_of(state).kernel("joints_motion")(state.q, state.rates, v_dot)
-        self._require_regular(state, pivot, motion[1], v_dot, "accelerations")
-        return motion
+        v_dot = checks.vector(accelerations, "accelerations", self.own(state).independent)
+        return evaluation.joints_motion(self, state, v_dot)[2]
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame, by name."""
@@ -348,7 +292,7 @@ class Robot:
     def twists(self, state: State) -> np.ndarray:
         """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the ground's axes."""
         *_, twists, pivot = self.chart_of(self.own(state)).kernel("bodies_motion")(state.q, state.rates)
-        self._require_regular(state, pivot, twists, state.rates, "rates")
+        evaluation.require_regular(state, pivot, twists, state.rates, "rates")
         return twists.reshape(*state.batch, len(self.bodies), 6)
 
     def tool_pose(self, state: State) -> np.ndarray:
@@ -418,21 +362,20 @@ class Robot:
         return self.chart.kernel
 
     @cached_property
+    def size(self) -> float:
+        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
+        return self.labels.size(self.equations.reference, self.home.positions)
+
+    @cached_property
     def run_chart(self) -> CompiledChart:
         """Return the chart that runs start in: of the home chart and that of free bodies' own rates the shorter one."""
-        free = self._free_rates
-        if not free or set(free) == set(self.independent):
-            return self.chart
-        candidate = self.chart.better(self.equations.reference, free)
-        counts = [functions.motion(chart.equations).n_instructions() for chart in (self.chart, candidate)]
-        if counts[1] >= counts[0]:
-            return self.chart
-        return self.charts.setdefault(candidate.independent, candidate)
+        chart = shorter(self.chart, self.equations.reference)
+        return self.charts.setdefault(chart.independent, chart)
 
     @cached_property
     def _assembly(self) -> AssemblyKernel:
         tool = next(iter(self.mechanism.tools.values()), None)
-        return AssemblyKernel(functions.assembly(self.equations, tool), self.planar)
+        return AssemblyKernel.of(functions.assembly(self.equations, tool), self.planar, self.p)
 
     @cached_property
     def assembler(self) -> Assembler:
@@ -462,52 +405,6 @@ class Robot:
                 )
         return state
 
-    def _vector(self, values: ArrayLike, what: str, names: Sequence[str]) -> np.ndarray:
-        if isinstance(values, np.ndarray) and values.dtype == float and values.shape[-1:] == (len(names),):
-            return values
-        if isinstance(values, Mapping):
-            return checks.values_by_name(values, names, what)
-        try:
-            array = np.asarray(values, float)
-        except (TypeError, ValueError):
-            raise LinkworkError(f"{what} is {values!r}; give {len(names)} numbers: {', '.join(names)}") from None
-        if array.shape[-1:] != (len(names),):
-            checks.refuse_shape(array, what, names)
-        return array
-
-    def _require_regular(
-        self, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
-    ) -> None:
-        weakest = np.abs(pivot).min(initial=np.inf)
-        if weakest > checks.PIVOT_BOUND and np.isfinite(result).all():
-            return
-        checks.finite(given, what)
-        checks.finite(state.rates, "the state's rates")
-        if weakest > checks.PIVOT_BOUND:
-            raise LinkworkError(
-                "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
-            )
-        raise checks.singular(state.independent, pivot)
-
     def require_tool(self) -> None:
         if not self.mechanism.tools:
             raise LinkworkError("the mechanism names no tool; add one under 'tools'")
-
-    @cached_property
-    def size(self) -> float:
-        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
-        frames = [frame for joint in self.mechanism.pairs.values() for frame in joint.frames]
-        lengths = [abs(x) for frame in frames for x in frame.position]
-        lengths += [
-            abs(x) for x, label in zip(self.home.positions, self.coordinates, strict=True) if self.unit(label) == "m"
-        ]
-        rows = [row for cut in self.equations.cuts for row in cut.rows]
-        unitless = bool(self.equations.tree.quaternions) or any(row.f is not None for row in rows)
-        return max(*lengths, 1.0 if unitless and not self.planar else SMALLEST) * max(1.0, *np.abs(self.home.q))
-
-    @cached_property
-    def _free_rates(self) -> tuple[int, ...]:
-        """Return the rates of the free joints in the tree."""
-        joints = self.equations.topology.joints
-        labels = [label for name, joint in joints.items() if joint.type == "free" for label in joint.rates(name)]
-        return tuple(sorted(self.equations.tree.rates.index(label) for label in labels))

@@ -1,0 +1,102 @@
+"""Evaluation: terms of the equations of motion at states, in each state's chart, refused where they are singular."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.errors import LinkworkError
+from linkwork.robot import actuation, checks
+from linkwork.robot.state import State
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+
+def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
+    """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
+    kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
+    n = len(state.independent)
+    if values.ndim == 1 and q.ndim == 1:
+        y = np.empty(kernel.n_out)
+        kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
+        numbers = y.tolist()
+        if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
+            return y[-1 - n : -1]
+        result, pivot = y[-1 - n : -1], y[-1:]
+    else:
+        checks.together(state.batch, values.shape[:-1])
+        *_, result, pivot = kernel(q, state.rates, values)
+    require_regular(state, pivot, result, values, what)
+    return result
+
+
+def actuator_forces(robot: Robot, state: State, accelerations: ArrayLike, weights: ArrayLike | None) -> np.ndarray:
+    """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm: `Robot.inverse_dynamics`."""
+    v_dot = checks.vector(accelerations, "accelerations", robot.own(state).independent)
+    f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
+    W = None if weights is None else checks.values_by_name(weights, robot.actuators, "weights")
+    if W is not None and not (W.ndim == 1 and (W > 0).all()):
+        raise LinkworkError(f"weights {W.tolist()} do not fit; give one positive number per actuator")
+    if state.independent == robot.actuators:
+        return f
+    S = actuation_map(robot, state)
+    if robot.idle:
+        f = actuation.idle_left(S, terms(robot, state)[0], f, len(robot.idle))
+    u = actuation.least_forces(S, f, W)
+    actuation.require_driven(S, f, u, state.independent, len(robot.idle))
+    return u
+
+
+def actuation_map(robot: Robot, state: State) -> np.ndarray:
+    """Return S (..., actuators, n): `Robot.actuation`."""
+    n = len(state.independent)
+    if not robot.actuators:
+        return np.zeros((*robot.own(state).batch, 0, n))
+    S, pivot = robot.chart_of(robot.own(state)).kernel("actuation")(state.q)
+    S = np.swapaxes(S.reshape(*state.batch, n, len(robot.actuators)), -1, -2)
+    require_regular(state, pivot, S, state.rates, "rates")
+    return S
+
+
+def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return M (..., n, n), C v, G and f (..., n)."""
+    M, Cv, G, f, pivot = robot.chart_of(robot.own(state)).kernel("terms")(state.q, state.rates)
+    require_regular(state, pivot, Cv, state.rates, "rates")
+    n = len(state.independent)
+    return M.reshape(*state.batch, n, n), Cv, G, f
+
+
+def maps(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Return L (..., m, n) and T (..., 6r, n)."""
+    L, T, pivot = robot.chart_of(robot.own(state)).kernel("maps")(state.q)
+    require_regular(state, pivot, L, state.rates, "rates")
+    n, m, r = len(state.independent), len(robot.rates), 6 * len(robot.bodies)
+    L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
+    return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
+
+
+def joints_motion(robot: Robot, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
+    """Return positions, rates and accelerations of all joints."""
+    checks.together(state.batch, v_dot.shape[:-1])
+    *motion, pivot = robot.chart_of(state).kernel("joints_motion")(state.q, state.rates, v_dot)
+    require_regular(state, pivot, motion[1], v_dot, "accelerations")
+    return motion
+
+
+def require_regular(state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str) -> None:
+    """Refuse results where the rates of the state do not determine the motion, or that are not finite."""
+    weakest = np.abs(pivot).min(initial=np.inf)
+    if weakest > checks.PIVOT_BOUND and np.isfinite(result).all():
+        return
+    checks.finite(given, what)
+    checks.finite(state.rates, "the state's rates")
+    if weakest > checks.PIVOT_BOUND:
+        raise LinkworkError(
+            "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
+        )
+    raise checks.singular(state.independent, pivot)
