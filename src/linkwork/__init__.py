@@ -13,7 +13,22 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from linkwork import engines, equations, formats, kernels, mechanism, paths, robots, simulation, textbook, views
+    from linkwork import (
+        analysis,
+        control,
+        engines,
+        equations,
+        formats,
+        kernels,
+        math,
+        mechanism,
+        paths,
+        robots,
+        simulation,
+        sweeps,
+        textbook,
+        views,
+    )
     from linkwork.errors import LinkworkError
     from linkwork.mechanism import (
         Body,
@@ -76,14 +91,18 @@ __all__ = [
     "UniversalJoint",
     "UnreachableError",
     "__version__",
+    "analysis",
+    "control",
     "engines",
     "equations",
     "formats",
     "kernels",
+    "math",
     "mechanism",
     "paths",
     "robots",
     "simulation",
+    "sweeps",
     "textbook",
     "views",
 ]

@@ -91,7 +91,7 @@ def between_free_bodies(kind: str, connects: tuple[str, str], seed: int) -> Clos
     )
     topology = span(mechanism)
     assert topology.cuts == ("cut",)
-    tree = grow(mechanism, topology)
+    tree = grow(mechanism, topology, {})
     q = np.array([values[label] for label in tree.coordinates])
     return Closed(joint, tree, closure.cut(tree, "cut", joint), q, coordinates)
 
@@ -243,7 +243,7 @@ def test_a_joint_of_the_tree_moves_its_body_as_the_oracle_says(kind, backwards, 
     joint, coordinates = random_joint(rng, False, connects, kind, poses)
     bodies = {"a": Body(mass=1), "b": Body(mass=1, centre_of_mass=tuple(rng.normal(size=3)))}
     mechanism = Mechanism(bodies=bodies, joints={"free": FreeJoint(connects=("ground", "a")), "joint": joint})
-    tree = grow(mechanism, span(mechanism))
+    tree = grow(mechanism, span(mechanism), {})
     (p_a, R_a), (p, R) = poses["a"], poses["b"]
     q = np.concatenate([p_a, pairs.quaternion(R_a), coordinates])
     w, omega, v = SX.sym("w", len(tree.rates)), slice(6, 9), slice(9, 12)

@@ -109,7 +109,10 @@ CASES = {
     "a duration: none": ("duration", lambda r, h, s: r.simulate(h, duration=None)),
     "a duration: not a number": ("duration", lambda r, h, s: r.simulate(h, duration=np.nan)),
     "forces of a run: text": ("'abc'", lambda r, h, s: r.simulate(h, "abc", duration=1.0)),
-    "forces of a run: a function": ("forces", lambda r, h, s: r.simulate(h, lambda t: [0, 0], duration=1.0)),
+    "forces of a run: a function of time alone": (
+        "the controller cannot be traced",
+        lambda r, h, s: r.simulate(h, lambda t: [0, 0], duration=1.0),
+    ),
     "forces of a run: a table": ("forces", lambda r, h, s: r.simulate(h, np.zeros((2, 2)), duration=1.0)),
     "forces of a run: another name": ("'elbow'", lambda r, h, s: r.simulate(h, {"elbow": 1.0}, duration=1.0)),
     "a tolerance of a run: text": ("rtol", lambda r, h, s: r.simulate(h, duration=1.0, rtol="small")),

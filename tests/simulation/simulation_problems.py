@@ -107,3 +107,128 @@ def two_branches(x, out):
     """A closure that leads the second coordinate to 0 up to q = 0.5, and to -1 beyond."""
     branch = 0.0 if x[0] <= 0.5 else -1.0
     out[0], out[1], out[2] = x[0], branch, abs(x[1] - branch)
+
+
+@cfunc(KERNEL)
+def van_der_pol(x, out):
+    """q'' = (1 - q^2) q' mu - q, with mu the parameter."""
+    out[0], out[1], out[2] = x[1], x[2] * (1 - x[0] ** 2) * x[1] - x[0], 1.0
+
+
+@cfunc(KERNEL)
+def van_der_pol_jacobian(x, out):
+    out[0], out[1] = 0.0, -2 * x[2] * x[0] * x[1] - 1
+    out[2], out[3] = 1.0, x[2] * (1 - x[0] ** 2)
+
+
+@cfunc(KERNEL)
+def robertson(x, out):
+    """Robertson's reaction (Hairer & Wanner II, eq. (IV.1.4))."""
+    slow, fast = 0.04 * x[0], 1e4 * x[1] * x[2]
+    third = 3e7 * x[1] ** 2
+    out[0], out[1], out[2], out[3] = fast - slow, slow - fast - third, third, 1.0
+
+
+@cfunc(KERNEL)
+def robertson_jacobian(x, out):
+    out[0], out[1], out[2] = -0.04, 0.04, 0.0
+    out[3], out[4], out[5] = 1e4 * x[2], -1e4 * x[2] - 6e7 * x[1], 6e7 * x[1]
+    out[6], out[7], out[8] = 1e4 * x[1], -1e4 * x[1], 0.0
+
+
+@cfunc(KERNEL)
+def prothero_robinson(x, out):
+    """y' = -p (y - sin u) + cos u, whose solution from y = 0 is sin t for u = t."""
+    out[0], out[1] = -x[2] * (x[0] - math.sin(x[1])) + math.cos(x[1]), 1.0
+
+
+@cfunc(KERNEL)
+def prothero_robinson_jacobian(x, out):
+    out[0], out[1] = -x[2], x[2] * math.cos(x[1]) - math.sin(x[1])
+
+
+@cfunc(KERNEL)
+def oscillator_jacobian(x, out):
+    out[0], out[1], out[2], out[3] = 0.0, -1.0, 1.0, 0.0
+
+
+@cfunc(KERNEL)
+def pendulum_jacobian(x, out):
+    out[0], out[1], out[2], out[3] = 0.0, -GRAVITY * math.cos(x[0]), 1.0, 0.0
+
+
+@cfunc(KERNEL)
+def bead_jacobian(x, out):
+    """The bead's derivatives: s = -x / y, y' = s v, v' = -s (g + r) / (1 + s^2), r = s' v = -v^2 (x^2 + y^2) / y^3."""
+    position, height, v = x[0], x[1], x[2]
+    slope = -position / height
+    slope_x, slope_y = -1 / height, position / height**2
+    turn = -(v**2) * (height**2 + position**2) / height**3
+    turn_x, turn_y = -(v**2) * 2 * position / height**3, v**2 * (height**2 + 3 * position**2) / height**4
+    turn_v = -2 * v * (height**2 + position**2) / height**3
+    size = 1 + slope**2
+    pull = -GRAVITY * slope - slope * turn
+    by_slope = (-GRAVITY - turn) / size - 2 * slope * pull / size**2
+    out[0], out[1], out[2] = 0.0, slope_x * v, by_slope * slope_x - slope * turn_x / size
+    out[3], out[4], out[5] = 0.0, slope_y * v, by_slope * slope_y - slope * turn_y / size
+    out[6], out[7], out[8] = 1.0, slope, -slope * turn_v / size
+
+
+@cfunc(KERNEL)
+def falling(x, out):
+    """q'' = -g for a height q."""
+    out[0], out[1], out[2] = x[1], -GRAVITY, 1.0
+
+
+@cfunc(KERNEL)
+def height_and_speed(x, out):
+    """Two event functions: q, and v."""
+    out[0], out[1] = x[0], x[1]
+
+
+@cfunc(KERNEL)
+def above_diagonal(x, out):
+    """An event function of a bead: height y + 1/2."""
+    out[0] = x[1] + 0.5
+
+
+@cfunc(KERNEL)
+def undefined(x, out):
+    """A function that is not defined for q < 0.9."""
+    out[0] = math.nan if x[0] < 0.9 else 1.0
+
+
+@cfunc(KERNEL)
+def servo(x, out):
+    """u = -p (q - u_0), with the signal u_0 and the held input u_1 that is set: (q, v, u_0, u_1, p) -> u_1."""
+    out[0] = -x[4] * (x[0] - x[2]) - 0.5 * x[1]
+
+
+@cfunc(KERNEL)
+def driven_point(x, out):
+    """q'' = u_1, the held input; u_0 is a signal that only the controller reads."""
+    out[0], out[1], out[2] = x[1], x[3], 1.0
+
+
+@cfunc(KERNEL)
+def counter_of_point(x, out):
+    """Count the samples in the held input: (q, v, u_0, u_1, p) -> u_1 + 1."""
+    out[0] = x[3] + 1
+
+
+@cfunc(KERNEL)
+def held_rate(x, out):
+    """q' = u."""
+    out[0], out[1] = x[1], 1.0
+
+
+@cfunc(KERNEL)
+def count_rate(x, out):
+    """Count the samples in the held input: (q, u) -> u + 1."""
+    out[0] = x[1] + 1
+
+
+@cfunc(KERNEL)
+def failing_control(x, out):
+    """A controller that fails where q reaches 0.3: (q, u) -> u."""
+    out[0] = 1.0 if x[0] < 0.3 else math.nan

@@ -60,3 +60,33 @@ def test_works_with_a_warning_where_the_cache_folder_fails(tmp_path, monkeypatch
 def test_importing_the_package_loads_nothing_heavy():
     script = "import sys, linkwork.simulation; print([m for m in ('numba', 'scipy', 'xarray') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "[]\n"
+
+
+HELPER = """
+from numba import njit
+
+FACTOR = {factor}
+
+@njit
+def times(x):
+    return FACTOR * x
+"""
+USER = """
+from numba import types
+from helping import times
+from linkwork.simulation.compiled import compiled_once
+
+@compiled_once("the product", (types.float64,))
+def product(x):
+    return times(x)
+"""
+
+
+def test_the_cache_is_renewed_when_a_constant_in_another_file_changes(tmp_path):
+    (tmp_path / "using.py").write_text(USER)
+    for factor in 2, 3, 3:
+        (tmp_path / "helping.py").write_text(HELPER.format(factor=factor))
+        script = "import using; print(using.product(1.0))"
+        done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path)
+        assert done.stdout == f"{factor:.1f}\n"
+    assert done.stderr == ""

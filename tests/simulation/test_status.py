@@ -67,7 +67,7 @@ def test_non_finite():
     run = integrate(drift.address, None, [0.0], [1.0], [], duration=1.0)
     assert run.status is Status.NON_FINITE
     assert run.q_end[0] == pytest.approx(0.5, abs=1e-12)
-    assert "infinite or undefined numbers from here on" in run.message
+    assert "component 0 of v' (counted from 0) is infinite or undefined from here on" in run.message
     assert np.all(np.isfinite(run.q)) and np.all(np.isfinite(run.v))
 
 
@@ -93,6 +93,6 @@ def test_every_status_has_a_sentence(status):
     facts = dict.fromkeys(
         ["time", "step", "rejected_pivot", "rejected_residual", "pivot_bound", "closure_tol"], math.pi
     )
-    sentence = status.sentence(**facts, max_steps=3)
+    sentence = status.sentence(**facts, max_steps=3, event=1, error="ValueError: no")
     assert "t = 3.14159265 s" in sentence
     assert sentence.endswith(".")

@@ -2,17 +2,23 @@
 
 Constants are kept exact: numbers that differ from 0, 1/2 or 1 by rounding only are snapped, so that what is zero by
 geometry is zero in the graph and everything built on it vanishes symbolically.
+
+A free number of the description is a symbol p_i in its place. A constant vector (`Vector`) is an array of numbers, or an
+expression where any of its numbers is free; a free number never counts as zero.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import overload
 
 import casadi as ca
 import numpy as np
 
 SX = ca.SX
+Number = float | ca.SX
+Vector = np.ndarray | ca.SX
 ROUNDING = 1e-15
 
 
@@ -22,10 +28,35 @@ def symbol(path: str) -> ca.SX:
     return SX.sym(path)
 
 
-def snap(values: np.ndarray) -> np.ndarray:
+def vector(numbers: Sequence[Number]) -> Vector:
+    """Return numbers of the description as a vector."""
+    free = any(isinstance(number, SX) for number in numbers)
+    return ca.vertcat(*numbers) if free else np.array(numbers, float)
+
+
+def present(value: Number | Vector) -> bool:
+    """Tell whether a constant is anything but zero."""
+    return not value.is_zero() if isinstance(value, SX) else bool(np.any(value))
+
+
+@overload
+def snap(values: np.ndarray) -> np.ndarray: ...
+@overload
+def snap(values: Vector) -> Vector: ...
+def snap(values: Vector) -> Vector:
     """Replace numbers within rounding of a multiple of 1/2 by that multiple."""
+    if isinstance(values, SX):
+        entries = [SX(snap(np.array(float(e)))) if e.is_constant() else e for e in ca.vertsplit(ca.vec(values))]
+        return ca.reshape(ca.vertcat(*entries), *values.shape)
     halves = np.round(2 * values) / 2
     return np.where(np.abs(values - halves) < ROUNDING * np.maximum(1, np.abs(halves)), halves, values)
+
+
+def dense(matrix: ca.DM) -> np.ndarray:
+    """Return a sparse matrix of numbers as an array."""
+    values = np.zeros(matrix.shape)
+    values[matrix.sparsity().get_triplet()] = matrix.nonzeros()
+    return values
 
 
 def rotation_matrix(vector: Sequence[float]) -> np.ndarray:
@@ -38,7 +69,8 @@ def rotation_matrix(vector: Sequence[float]) -> np.ndarray:
 def turn_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
     """Return R = Rot(axis, angle) for a unit axis."""
     K = skew(axis)
-    return snap(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
+    R: np.ndarray = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+    return snap(R)
 
 
 def skew(v: np.ndarray) -> np.ndarray:
@@ -49,6 +81,16 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 def zero() -> ca.SX:
     return SX(np.zeros(3))
+
+
+def inner(a: Vector, b: Vector) -> Number:
+    """Return a . b of constant vectors."""
+    return ca.dot(SX(a), SX(b)) if isinstance(a, SX) or isinstance(b, SX) else float(a @ b)
+
+
+def outer(a: Vector, b: Vector) -> Vector:
+    """Return a b' of constant vectors."""
+    return ca.mtimes(SX(a), SX(b).T) if isinstance(a, SX) or isinstance(b, SX) else np.outer(a, b)
 
 
 def cross(a: ca.SX, b: ca.SX) -> ca.SX:

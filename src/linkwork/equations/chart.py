@@ -23,8 +23,8 @@ import networkx as nx
 import numpy as np
 
 from linkwork.equations.algebra import SX
+from linkwork.equations.reflections import DEPENDENT_ROW, reflect
 
-DEPENDENT_ROW = 1e-6
 WEAK_PIVOT = 0.1
 COFACTOR_SIZE = 3
 
@@ -39,21 +39,12 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
     """
     if count is not None:
         return tuple(sorted(largest_rows(samples[0], count)))
-    return max((rows_of_full_rank(Phi) for Phi in samples), key=len)
-
-
-def rows_of_full_rank(Phi: np.ndarray) -> tuple[int, ...]:
-    """Return the rows, in order, that are no combination of the rows before them (Gram-Schmidt, twice)."""
-    largest = np.linalg.norm(Phi, axis=1).max(initial=0)
-    basis = np.zeros((0, Phi.shape[1]))
-    kept = []
-    for index, row in enumerate(Phi):
-        rest = row - basis.T @ (basis @ row)
-        rest -= basis.T @ (basis @ rest)
-        if np.linalg.norm(rest) > DEPENDENT_ROW * largest:
-            basis = np.vstack([basis, rest / np.linalg.norm(rest)])
-            kept.append(index)
-    return tuple(kept)
+    kept: tuple[int, ...] = ()
+    for Phi in samples:
+        kept = max(kept, reflect(Phi).rows, key=len)
+        if len(kept) == len(Phi):
+            break
+    return kept
 
 
 def largest_rows(A: np.ndarray, count: int) -> list[int]:
@@ -77,7 +68,7 @@ def choose_independent(Phi: np.ndarray, preferred: Sequence[int], share: float =
         share: least part of a preferred rate's motion that is no motion of the rates taken before it.
     """
     n = Phi.shape[1] - Phi.shape[0]
-    motions = np.linalg.qr(Phi.T, mode="complete")[0][:, Phi.shape[0] :]  # nv x n, orthonormal columns
+    motions = reflect(Phi).null_space  # nv x n, orthonormal columns
     chosen: list[int] = []
     rest = motions.copy()
     for k in preferred:

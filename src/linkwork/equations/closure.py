@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, dot, rotation_matrix, snap, spin, zero
+from linkwork.equations.algebra import SX, Vector, cross, dot, rotation_matrix, snap, spin, vector, zero
 from linkwork.equations.joints import KINDS, Motion, Row, transversals
 from linkwork.equations.orientation import Orientation, convert
 from linkwork.equations.tree import Column, Node, Tree, in_axes, in_base
@@ -37,7 +37,7 @@ class Side:
     """
 
     node: Node
-    arm: np.ndarray
+    arm: Vector
     R_F: np.ndarray
     P: ca.SX
     R: Orientation
@@ -75,12 +75,12 @@ def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
     swapped = len(tree.path(sides[1].node)) < len(tree.path(sides[0].node))
     this = sides[1] if swapped else sides[0]
     kind = KINDS[joint.type]
-    rows = kind.rows(joint, snap(this.R_F.T @ this.arm))
+    rows = kind.rows(joint, snap(this.R_F.T @ tree.number(this.arm)))
     return Cut(name, sides, swapped, kind.motions(joint), tuple(row.exchanged() for row in rows) if swapped else rows)
 
 
 def side(tree: Tree, body: str, frame: Frame) -> Side:
-    node, position, R_F = (tree.node(body), np.array(frame.position), rotation_matrix(frame.rotation))
+    node, position, R_F = (tree.node(body), vector(frame.position), rotation_matrix(frame.rotation))
     arm = snap(position - node.frame_origin)
     return Side(node, arm, R_F, node.O + in_base(node.R, arm), node.R.then_constant(R_F))
 
@@ -95,7 +95,7 @@ def residuals(cut: Cut) -> list[ca.SX]:
             result.append(dot(e, in_base(cut.that.R, row.f)))
         elif row.length is not None:
             result.append((dot(gap, gap) - row.length**2) / (2 * row.length))
-        elif row.pitch:
+        elif row.pitch is not None:
             e1, e2 = transversals(row.e, np.zeros(3))
             f1, advance = in_base(cut.that.R, e1), dot(e, gap) / row.pitch
             s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)
@@ -135,10 +135,14 @@ def moving(column: Column, node: Node, d: ca.SX) -> ca.SX:
 def jacobian(tree: Tree, cut: Cut) -> ca.SX:
     """Return the rows of Phi (rows x nv)."""
     Phi, near = SX(len(cut.rows), len(tree.rates)), turning_alike(tree, cut)
+    lines = [line(cut, row) for row in cut.rows]
     for sign, column, node, d in reaches(tree, cut):
+        velocity = moving(column, node, d)
         for k, row in enumerate(cut.rows):
             own = near.get(node.index) if sign < 0 and near_enough(cut, row, column, node) else None
-            value = near_effect(cut, row, column, node, *own) if own else effect(cut, row, column, node, d)
+            value = (
+                near_effect(cut, row, column, node, *own) if own else effect(cut, row, lines[k], column, node, velocity)
+            )
             Phi[k, column.rate] = sign * value
     return Phi
 
@@ -146,23 +150,34 @@ def jacobian(tree: Tree, cut: Cut) -> ca.SX:
 def open_jacobian(tree: Tree, cut: Cut) -> ca.SX:
     """Return the derivative of phi along the rates (rows x nv) also where the joint is open (a thread's: to first order)."""
     J = SX(len(cut.rows), len(tree.rates))
+    rows = [replace(row, crossing=row.f is not None) for row in cut.rows]
+    lines = [line(cut, row) for row in rows]
     for sign, column, node, d in reaches(tree, cut, parted=True):
-        for k, row in enumerate(cut.rows):
-            J[k, column.rate] = sign * effect(cut, replace(row, crossing=row.f is not None), column, node, d)
+        velocity = moving(column, node, d)
+        for k, row in enumerate(rows):
+            J[k, column.rate] = sign * effect(cut, row, lines[k], column, node, velocity)
     return J
 
 
-def effect(cut: Cut, row: Row, column: Column, node: Node, d: ca.SX) -> ca.SX:
-    """Return what a unit rate does to a row, up to the sign of the side it is on."""
+def line(cut: Cut, row: Row) -> ca.SX:
+    """Return the direction in which a row allows no motion: f x e where it holds a direction, else e, in this side's axes."""
+    if row.crossing:
+        return crossed(cut, row)[2]
+    return in_axes(cut.this.R, row.e if row.f is None else row.moment)
+
+
+def effect(cut: Cut, row: Row, line: ca.SX, column: Column, node: Node, velocity: ca.SX) -> ca.SX:
+    """Return what a unit rate does to a row, up to the sign of the side it is on.
+
+    line: of the row; velocity: of the joint's point (`moving`)
+    """
     this, axes = cut.this, node.column_axes
     if row.length is not None:
-        gap = ca.mtimes(axes.matrix.T, cut.that.P - this.P)
-        return dot(gap, moving(column, node, d)) / row.length
+        return dot(ca.mtimes(axes.matrix.T, cut.that.P - this.P), velocity) / row.length
+    e = convert(line, this.node.axes, axes)
     if row.f is not None:
-        moment = crossed(cut, row)[2] if row.crossing else in_axes(this.R, row.moment)
-        return dot(convert(moment, this.node.axes, axes), column.z) if node.turns else SX(0)
-    e = convert(in_axes(this.R, row.e), this.node.axes, axes)
-    return dot(e, moving(column, node, d)) - (row.pitch * dot(e, column.z) if row.pitch and node.turns else SX(0))
+        return dot(e, column.z) if node.turns else SX(0)
+    return dot(e, velocity) - (row.pitch * dot(e, column.z) if row.pitch is not None and node.turns else SX(0))
 
 
 def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
@@ -211,7 +226,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     What moves the loop as a whole does not enter, and is held still here. All is written in this side's axes.
     """
     free = {column.rate for _, column, *_ in reaches(tree, cut)}
-    rates = ca.vertcat(*[rates[k] if k in free else 0 for k in range(rates.numel())])
+    rates = rates * SX(np.isin(np.arange(rates.numel()), list(free)).astype(float))
     this, that = cut.this, cut.that
     inward = {node.index for side in cut.sides for node in tree.path(side.node)}
     nodes = [tree.nodes[index] for index in sorted(inward)]
@@ -259,7 +274,7 @@ def open_bias(
     d, e = d + gap, in_axes(this.R, row.e)
     slide = v_that - v - cross(omega, d)
     bias = dot(e, a_that - a - cross(alpha, d) - spin(omega, d) - 2 * cross(omega, slide))
-    return bias - row.pitch * dot(e, turning) if row.pitch else bias
+    return bias - row.pitch * dot(e, turning) if row.pitch is not None else bias
 
 
 def alignment(cut: Cut) -> ca.SX:
@@ -272,7 +287,7 @@ def alignment(cut: Cut) -> ca.SX:
     for row in cut.rows:
         if row.f is not None and not row.crossing:
             products.append(dot(in_base(cut.this.R, row.f), in_base(cut.that.R, row.f)))
-        if row.pitch:
+        if row.pitch is not None:
             gap, (e1, e2) = cut.that.P - cut.this.P, transversals(row.e, np.zeros(3))
             f1, advance = (in_base(cut.that.R, e1), dot(in_base(cut.this.R, row.e), gap) / row.pitch)
             s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)

@@ -5,20 +5,21 @@ Mechanism -> Topology -> Tree -> closure rows -> reference configuration -> kept
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import closure, gears, measures, mobility, readings
-from linkwork.equations.algebra import SX, zero
+from linkwork.equations import closure, gears, mobility, readings
+from linkwork.equations.algebra import SX, cross, dense, symbol
 from linkwork.equations.chart import Chart, choose_chart, choose_independent, independent_rows
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
-from linkwork.equations.reference import OpenLoopsError, close, described, guess, neighbours, starts
+from linkwork.equations.reference import OpenLoopsError, System, close, described, guess, neighbours, starts
 from linkwork.equations.topology import Topology, counting, ended, span
-from linkwork.equations.tree import Tree, grow
+from linkwork.equations.tree import Node, Tree, grow
 from linkwork.mechanism import Mechanism, MechanismError
+from linkwork.mechanism.numbers import free_numbers, replaced
 
 STAYS_OPEN = 1e-9
 TURNS_OUT = 1e-9
@@ -29,25 +30,31 @@ FLIPPED = (
 WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
 
 
-def derive(mechanism: Mechanism, independent: Sequence[str] = ()) -> Equations:
+def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()) -> Equations:
     """Derive the equations of motion of a mechanism.
+
+    Every choice that needs numbers is made at the description's; a free number never counts as zero.
 
     Args:
         independent: names of the rates that should be the independent ones, as far as they can; then the actuated ones.
+        free: paths of the numbers of the description that stay symbols (`mechanism.numbers`).
 
     Raises:
         MechanismError: loops that do not close at the reference configuration, a mechanism without motion, bodies whose
-            inertia is given for planar motion but that leave their plane.
+            inertia is given for planar motion but that leave their plane, paths that lead to no number that can be free.
     """
-    topology = span(mechanism)
-    tree, cuts = grown(mechanism, topology)
-    uncounted = [cut.joint for cut in cuts if cut.joint in counting(mechanism) and readings.jump(cut)]
+    parameters = free_numbers(mechanism, free)
+    freed = replaced(mechanism, {path: symbol(path) for path in parameters})
+    topology = span(freed)
+    tree, cuts = grown(freed, topology, parameters)
+    counts = counting(freed)
+    uncounted = [cut.joint for cut in cuts if cut.joint in counts and readings.jump(cut)]
     if uncounted:
-        topology = ended(mechanism, topology, uncounted)
-        tree, cuts = grown(mechanism, topology)
+        topology = ended(freed, topology, uncounted)
+        tree, cuts = grown(freed, topology, parameters)
     start = guess(mechanism, topology, tree)
-    joints = counted(JointMap(mechanism, tree, cuts), start, described(mechanism))
-    rows = closure_rows(mechanism, tree, cuts, joints)
+    joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
+    rows = closure_rows(freed, tree, cuts, joints)
     configurations, samples = closed_samples(tree, rows, starts(mechanism, topology, tree, start))
     kept = independent_rows(samples)
     redundant = tuple(name for index, name in enumerate(rows.names) if index not in kept)
@@ -60,13 +67,15 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = ()) -> Equations:
     lengths = sizes(samples[0])
     smallest = smallest_singular(scaled(samples[0], lengths), len(kept))
     return Equations(
-        mechanism, topology, tree, cuts, joints, rows, configurations[0], lengths, smallest, redundant, idle, chart
+        freed, topology, tree, cuts, joints, rows, configurations[0], lengths, smallest, redundant, idle, chart
     )
 
 
-def grown(mechanism: Mechanism, topology: Topology) -> tuple[Tree, tuple[closure.Cut, ...]]:
+def grown(
+    mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float]
+) -> tuple[Tree, tuple[closure.Cut, ...]]:
     """Return the tree of a topology and the cut joints in it."""
-    tree = grow(mechanism, topology)
+    tree = grow(mechanism, topology, parameters)
     return tree, tuple(closure.cut(tree, name, joint) for name, joint in topology.closing.items())
 
 
@@ -129,13 +138,29 @@ def refuse_open(row: str, residual: float) -> None:
 
 def closed_samples(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the closed reference configuration and closed ones near it, and Phi at each."""
-    exact = ca.Function("rows", [tree.q], [rows.phi, rows.open_Phi, tree.derivative_map])
-    geometric = ca.Function("checks", [tree.q], [rows.Phi, rows.alignment])
+    system, geometric = closing(tree, rows), tree.evaluated("checks", [rows.Phi])
+    reference = closed_reference(tree, rows, starts)
+    configurations = [reference, *neighbours(system, tree, reference)]
+    return configurations, [dense(geometric(q)[0]) for q in configurations]
 
-    def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+
+def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
+    """Return the system that `close` solves, at p or at the description's numbers."""
+    exact = tree.evaluated("rows", [rows.phi, rows.open_Phi, tree.derivative_map], p)
+
+    def system(q: np.ndarray) -> tuple[np.ndarray, ca.DM, ca.DM]:
         phi, Phi, derivatives = exact(q)
-        return np.array(phi).ravel(), np.array(Phi), np.array(derivatives)
+        return np.array(phi).ravel(), Phi, derivatives
 
+    return system
+
+
+def closed_reference(tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np.ndarray | None = None) -> np.ndarray:
+    """Return the closed configuration that is reached from the first start that leads to one.
+
+    p: values of the free parameters; the description's if left out
+    """
+    system, alignment = closing(tree, rows, p), tree.evaluated("alignment", [rows.alignment], p)
     refusal = MechanismError("there is nothing to close", ("reference",))
     for start in starts:
         try:
@@ -143,11 +168,10 @@ def closed_samples(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> tupl
         except OpenLoopsError as error:
             refusal = open_near_reference(rows.names[error.worst], error.gap)
             continue
-        if float(geometric(reference)[1]) < 0:
+        if float(alignment(reference)[0]) < 0:
             refusal = MechanismError(FLIPPED, ("reference",))
             continue
-        configurations = [reference, *neighbours(system, tree, reference)]
-        return configurations, [np.array(geometric(q)[0]) for q in configurations]
+        return reference
     raise refusal
 
 
@@ -164,16 +188,18 @@ def refuse_out_of_plane(
     mechanism: Mechanism, tree: Tree, configurations: list[np.ndarray], samples: list[np.ndarray]
 ) -> None:
     """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own z."""
+    rates = SX.sym("rates", len(tree.rates))
+    omega = tree.angular_velocities(rates)
     for name, body in mechanism.bodies.items():
         if not body.inertia.planar:
             continue
         node = tree.node(name)
-        local = ca.sparsify(ca.mtimes(node.R.matrix.T, measures.jacobian(tree, node, zero())[:3, :]))[:2, :]
+        local = ca.sparsify(ca.mtimes(node.R.near.T, omega[node.index])[:2])
         if not local.nnz():
             continue
-        turning = ca.Function("turning", [tree.q], [local])
+        turning = tree.evaluated("turning", [local], inputs=[rates])
         for q, Phi in zip(configurations, samples, strict=True):
-            if np.abs(np.array(turning(q)) @ mobility.free_motions(Phi)).max(initial=0.0) > TURNS_OUT:
+            if np.abs(np.array(turning(q, mobility.free_motions(Phi))[0])).max(initial=0.0) > TURNS_OUT:
                 raise MechanismError(
                     "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",
                     ("bodies", name, "inertia"),
@@ -184,7 +210,16 @@ def idle_freedoms(mechanism: Mechanism, tree: Tree, q: np.ndarray, Phi: np.ndarr
     """Name the idle freedoms at a configuration (`mobility`)."""
     if not mobility.members(mechanism):
         return ()
-    centres = [tree.point(tree.node(name), np.array(body.centre_of_mass)) for name, body in mechanism.bodies.items()]
-    read = ca.Function("twists", [tree.q], [measures.body_jacobians(mechanism, tree), ca.horzcat(*centres).T])
-    K, c = (np.array(value) for value in read(q))
-    return mobility.idle_freedoms(mechanism, K, c.reshape(len(mechanism.bodies), 3), mobility.free_motions(Phi))
+    rates = SX.sym("rates", len(tree.rates))
+    omega = tree.angular_velocities(rates)
+    v = tree.velocities(omega, rates)
+    nodes = [tree.node(name) for name in mechanism.bodies]
+    read = tree.evaluated("twists", [ca.vertcat(*[twist(node, omega, v) for node in nodes])], inputs=[rates])
+    twists = np.array(read(q, mobility.free_motions(Phi))[0])
+    return mobility.idle_freedoms(mechanism, twists.reshape(len(nodes), 6, -1))
+
+
+def twist(node: Node, omega: list[ca.SX], v: list[ca.SX]) -> ca.SX:
+    """Return [omega; v] of a node's body at the ground's origin, in the ground's axes."""
+    turn, slide = (ca.mtimes(node.axes.matrix, part[node.index]) for part in (omega, v))
+    return ca.vertcat(turn, slide - cross(turn, node.O))

@@ -15,14 +15,14 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, dot, spin, zero
+from linkwork.equations.algebra import SX, Number, cross, dot, present, spin, zero
 from linkwork.equations.orientation import convert
 from linkwork.equations.tree import Column, Node, Tree, in_axes
 
 Wrenches = Mapping[int, tuple[ca.SX, ca.SX]]
 
 
-def near_moments(node: Node) -> tuple[float, ca.SX, ca.SX]:
+def near_moments(node: Node) -> tuple[Number, ca.SX, ca.SX]:
     """Return m, h = R h_local, I = R I_local R' of a node in its axes."""
     return node.moments.m, in_axes(node.R, node.moments.h), near_inertia(node)
 
@@ -30,11 +30,14 @@ def near_moments(node: Node) -> tuple[float, ca.SX, ca.SX]:
 def near_inertia(node: Node) -> ca.SX:
     """Return R I_local R' from the principal moments: I_b 1 + (I_a - I_b) a a' + (I_c - I_b) c c'.
 
-    a, c are two principal axes in the node's axes; where two moments are equal one of them is not needed.
+    a, c are two principal axes in the node's axes; where two moments are equal one of them is not needed. Where a number
+    of I_local is free the product is formed as it stands.
     """
     inertia = node.moments.I
-    if not inertia.any():
+    if not present(inertia):
         return SX(3, 3)
+    if isinstance(inertia, SX):
+        return ca.densify(ca.mtimes([node.R.near, inertia, node.R.near.T]))
     if np.count_nonzero(inertia - np.diag(np.diagonal(inertia))) == 0:
         values, axes = np.diagonal(inertia), np.eye(3)
     else:
@@ -65,13 +68,13 @@ def generalised_inertia(tree: Tree) -> ca.SX:
             r, h = node.r, convert(h, node.axes, node.before)
             inertia = convert(convert(inertia, node.axes, node.before).T, node.axes, node.before)
             shift = 2 * dot(r, h) * SX.eye(3) - ca.mtimes(r, h.T) - ca.mtimes(h, r.T)
-            if m:
+            if present(m):
                 shift += m * (dot(r, r) * SX.eye(3) - ca.mtimes(r, r.T))
             moments[node.parent] = (m_p + m, h_p + h + m * r, I_p + inertia + shift)
     return H
 
 
-def project_inward(tree: Tree, node: Node, m: float, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
+def project_inward(tree: Tree, node: Node, m: Number, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
     """Fill rows and columns of H of a node's rates, up to the rates inward of it and those of its own."""
     axes = node.column_axes
     h = convert(h, node.axes, axes)

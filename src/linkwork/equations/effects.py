@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 import casadi as ca
-import numpy as np
 
-from linkwork.equations.algebra import SX, cross, dot, zero
+from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
 from linkwork.equations.joint_map import JointMap, derivative
 from linkwork.equations.tree import Node, Tree, near_offset
 from linkwork.mechanism import Friction, GearJoint, Mechanism, PointSpring, Spring
@@ -28,28 +27,36 @@ from linkwork.mechanism.joints import TURN
 
 @dataclass(frozen=True)
 class Freedom:
-    """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J w_tree, and what acts."""
+    """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J w_tree, and what acts.
 
+    rates: names of w
+    """
+
+    rates: tuple[str, ...]
     x: ca.SX
     J: ca.SX
     friction: Friction
     spring: Spring
-    rotor: float
+    rotor: Number
 
     def force(self, w: ca.SX) -> ca.SX:
         """Return the force of spring and friction on the freedom."""
+        return -self.spring.stiffness * (self.x - self.spring.rest) + self.drag(w)
+
+    def drag(self, w: ca.SX) -> ca.SX:
+        """Return the force of friction and damper on the freedom."""
         resistance = self.friction.viscous + self.spring.damping
-        if self.friction.coulomb:
+        if present(self.friction.coulomb):
             resistance += self.friction.coulomb / ca.sqrt(ca.sumsqr(w) + self.friction.coulomb_rate**2)
-        return -self.spring.stiffness * (self.x - self.spring.rest) - resistance * w
+        return -resistance * w
 
     @property
     def potential(self) -> ca.SX:
         return self.spring.stiffness * ca.sumsqr(self.x - self.spring.rest) / 2
 
 
-def freedoms(joints: JointMap) -> tuple[Freedom, ...]:
-    """Return the freedoms in which something acts."""
+def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
+    """Return the freedoms in which something acts, or every freedom."""
     found = []
     for name, joint in joints.mechanism.joints.items():
         if isinstance(joint, GearJoint):
@@ -58,10 +65,13 @@ def freedoms(joints: JointMap) -> tuple[Freedom, ...]:
         for freedom, (friction, spring, _, rotor) in joint.effects().items():
             free = freedom == TURN
             own, own_rates = (list(islice(labels, 4 if free else 1)), list(islice(rates, 3 if free else 1)))
-            if any((friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor)):
+            if every or any(
+                map(present, (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor))
+            ):
                 x = ca.vertcat(*[joints.position(label) for label in own])
                 J = joints.rate_rows(own_rates)
-                found.append(Freedom(rotation_vector(x) if free else x, J, friction, spring, rotor))
+                x = rotation_vector(x) if free else x
+                found.append(Freedom(tuple(own_rates), x, J, friction, spring, rotor))
     return tuple(found)
 
 
@@ -79,14 +89,14 @@ def joint_forces(freedoms: tuple[Freedom, ...], rates: ca.SX) -> ca.SX:
 
 def rotor_inertia(freedoms: tuple[Freedom, ...], nv: int) -> ca.SX:
     """Return what rotors add to the tree's generalised inertia, J' J_rotor J."""
-    return sum((f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if f.rotor), SX.zeros(nv, nv))
+    return sum((f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if present(f.rotor)), SX.zeros(nv, nv))
 
 
 def rotor_forces(freedoms: tuple[Freedom, ...], tree: Tree, rates: ca.SX, accelerations: ca.SX) -> ca.SX:
     """Return what rotors add to the inertia forces, J' J_rotor (J w' + (dJ/dt) w)."""
     total = SX.zeros(rates.numel())
     for f in freedoms:
-        if f.rotor:
+        if present(f.rotor):
             turning = ca.mtimes(derivative(f.J, tree, rates), rates)
             total += f.rotor * ca.mtimes(f.J.T, ca.mtimes(f.J, accelerations) + turning)
     return total
@@ -114,7 +124,7 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
     """Yield the springs between points."""
     for spring in mechanism.springs.values():
         first, second = (tree.node(body) for body in spring.connects)
-        near, far = (np.array(point) for point in spring.points)
+        near, far = (vector(point) for point in spring.points)
         gap = tree.point(second, far) - tree.point(first, near)
         length = ca.sqrt(ca.sumsqr(gap))
         arms = near_offset(first, near), near_offset(second, far)

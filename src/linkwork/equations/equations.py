@@ -9,14 +9,15 @@ friction (`effects`). S gives the actuated rates, S v; it is the unit matrix whe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from linkwork.equations import dynamics, effects
-from linkwork.equations.algebra import SX, symbol
+from linkwork.equations.algebra import SX, vector
 from linkwork.equations.chart import COFACTOR_SIZE, Chart, solve, weakest
 from linkwork.equations.closure import Cut
 from linkwork.equations.joint_map import JointMap
@@ -56,7 +57,6 @@ class Equations:
     smallest: smallest singular value of Phi there over its sizes
     redundant: names of the rows that depend on the others; they are left out of the elimination and watched
     idle: names of the freedoms that move a member between two joints and nothing else
-    parameters: values in the description of its np free numbers, by path
     """
 
     mechanism: Mechanism
@@ -71,12 +71,16 @@ class Equations:
     redundant: tuple[str, ...]
     idle: tuple[str, ...]
     chart: Chart
-    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values in the description of its np free numbers, by path."""
+        return self.tree.parameters
 
     @property
     def p(self) -> ca.SX:
         """Symbols of the free parameters (np), in the order of `parameters`."""
-        return ca.vertcat(SX(0, 1), *[symbol(path) for path in self.parameters])
+        return self.tree.p
 
     @property
     def nq(self) -> int:
@@ -114,6 +118,12 @@ class Equations:
     def in_chart(self, chart: Chart) -> Equations:
         """Return the same equations in another chart."""
         return replace(self, chart=chart)
+
+    def about(self, reference: np.ndarray) -> Equations:
+        """Return the same equations, and all that was derived of them, about another closed reference configuration."""
+        equations = copy(self)
+        object.__setattr__(equations, "reference", reference)
+        return equations
 
     @cached_property
     def v(self) -> ca.SX:
@@ -183,7 +193,7 @@ class Equations:
 
     @property
     def gravity(self) -> ca.SX:
-        return SX(np.array(self.mechanism.gravity))
+        return SX(vector(self.mechanism.gravity))
 
 
 def sizes(Phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,14 +7,13 @@ input of each is `p`, the free parameters (np, most often none).
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from linkwork.equations import effects, measures
-from linkwork.equations.algebra import SX, dot
+from linkwork.equations import regressor as linear
+from linkwork.equations.algebra import SX, dot, vector
 from linkwork.equations.chart import solve
 from linkwork.equations.equations import Equations, solve_symmetric
 from linkwork.equations.joint_map import derivative
-from linkwork.mechanism import Tool
 
 
 def function(name: str, equations: Equations, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
@@ -138,14 +137,15 @@ def pivots(equations: Equations) -> ca.Function:
     return function("pivots", equations, {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)})
 
 
-def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
+def assembly(equations: Equations) -> ca.Function:
     """Return (q, w) -> what closes and places the mechanism, with Jacobians in the rates and biases at w' = 0.
 
     Outputs: phi, its derivative along the rates, gamma; alignment; the map from w to q'; coordinates of all joints and
-    the rows of their rates; of the tool the position (3), the orientation (9, row by row), the angle (where planar), the
+    the rows of their rates; of the first tool the position (3), the orientation (9, row by row), the angle (where planar), the
     Jacobian (6 x nv) and the bias (6).
     """
     tree, rates = equations.tree, equations.rows.rates
+    tool = next(iter(equations.mechanism.tools.values()), None)
     outputs = {
         "phi": equations.rows.phi,
         "Phi": equations.rows.open_Phi,
@@ -162,6 +162,17 @@ def assembly(equations: Equations, tool: Tool | None) -> ca.Function:
     return function("assembly", equations, {"q": tree.q, "rates": rates}, outputs)
 
 
+def regressor(equations: Equations) -> ca.Function:
+    """Return (q, v, v') -> Y (n x k), r (n) and the weakest relative pivot: M v' + C v + G - f = Y pi + r.
+
+    pi: what `regressor.names` names; r: what springs take.
+    """
+    dv = SX.sym("dv", equations.mobility)
+    Y, rest = linear.regressor(equations, dv)
+    outputs = {"Y": Y, "rest": rest, "pivot": equations.elimination[2]}
+    return function("regressor", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
+
+
 def energy(equations: Equations) -> ca.Function:
     """Return (q, v) -> kinetic energy v' M v / 2, potential energy of weight and springs [J], weakest relative pivot."""
     tree, v, mechanism = equations.tree, equations.v, equations.mechanism
@@ -169,6 +180,6 @@ def energy(equations: Equations) -> ca.Function:
     potential = sum((freedom.potential for freedom in equations.freedoms), SX(0))
     potential += sum((pull.potential for pull in effects.pulls(mechanism, tree)), SX(0))
     for name, body in mechanism.bodies.items():
-        potential -= body.mass * dot(equations.gravity, tree.point(tree.node(name), np.array(body.centre_of_mass)))
+        potential -= body.mass * dot(equations.gravity, tree.point(tree.node(name), vector(body.centre_of_mass)))
     outputs = {"kinetic": kinetic, "potential": potential, "pivot": equations.elimination[2]}
     return function("energy", equations, {"q": tree.q, "v": v}, outputs)

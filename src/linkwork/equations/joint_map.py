@@ -84,7 +84,7 @@ def counted(joints: JointMap, q: np.ndarray, values: Mapping[str, float]) -> Joi
     if not labels:
         return joints
     angles = ca.vertcat(*[joints.position(label) for label in labels])
-    read = np.array(ca.Function("angles", [joints.tree.q], [angles])(q)).ravel()
+    read = np.array(joints.tree.evaluated("angles", [angles])(q)[0]).ravel()
     turns = np.round((np.array([values[label] for label in labels]) - read) / (2 * np.pi))
     whole = {label: 2 * np.pi * turn for label, turn in zip(labels, turns, strict=True) if turn}
     return replace(joints, turns=whole, _cache={})

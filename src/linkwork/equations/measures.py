@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, zero
+from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, vector, zero
 from linkwork.equations.closure import moving
 from linkwork.equations.orientation import Orientation
 from linkwork.equations.tree import Node, Tree, near_offset, offset
@@ -35,7 +35,7 @@ def body_jacobians(mechanism: Mechanism, tree: Tree) -> ca.SX:
     blocks = []
     for name, body in mechanism.bodies.items():
         node = tree.node(name)
-        blocks.append(jacobian(tree, node, near_offset(node, np.array(body.centre_of_mass))))
+        blocks.append(jacobian(tree, node, near_offset(node, vector(body.centre_of_mass))))
     return ca.vertcat(SX(0, len(tree.rates)), *blocks)
 
 
@@ -66,7 +66,7 @@ def vanishes(expression: ca.SX) -> bool:
 def tool_pose(tree: Tree, tool: Tool) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return a tool's position p_0T (3) [m], matrix R_0T row by row (9), and its angle about z [rad] where planar (else 0)."""
     node = tree.node(tool.body)
-    p = node.O + offset(node, np.array(tool.frame.position))
+    p = node.O + offset(node, vector(tool.frame.position))
     R = node.R.then_constant(rotation_matrix(tool.frame.rotation))
     return p, ca.vec(R.matrix.T), planar_angle(R) if is_planar(tree) else SX(0)
 
@@ -82,7 +82,7 @@ def planar_angle(R: Orientation) -> ca.SX:
 def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return a tool's Jacobian J (6 x nv, [omega; v]) and J' w (6), its acceleration at w' = 0."""
     node = tree.node(tool.body)
-    d = near_offset(node, np.array(tool.frame.position))
+    d = near_offset(node, vector(tool.frame.position))
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
     i, A = node.index, node.axes.matrix

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import networkx as nx
 import numpy as np
 
+from linkwork.equations.reflections import reflect
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint, RodJoint
@@ -25,9 +26,7 @@ IN_PLANE = {"fixed": 0, "planar": 3, "free": 3, "rod": 2}
 
 def free_motions(Phi: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis (nv x n) of the rates that Phi allows."""
-    _, values, rows = np.linalg.svd(np.vstack([Phi, np.zeros((1, Phi.shape[1]))]))
-    rank = int((values > RANK * max(values[0], 1.0)).sum())
-    return rows[rank:].T
+    return reflect(Phi).null_space
 
 
 def gruebler(mechanism: Mechanism, planar: bool) -> int:
@@ -46,7 +45,7 @@ def freedoms(name: str, joint: PairJoint, planar: bool) -> int:
 
 def refuse_locked(topology: Topology, tree: Tree, rows: Sequence[str], Phi: np.ndarray) -> None:
     """Refuse a mechanism without motion; the loop named is the one that takes the last freedom."""
-    if np.linalg.matrix_rank(Phi, RANK) < Phi.shape[1]:
+    if len(Phi) < Phi.shape[1] or np.linalg.matrix_rank(Phi, RANK) < Phi.shape[1]:
         return
     joints = [row.partition(": ")[0] for row in rows]
     last = next(
@@ -74,29 +73,25 @@ def loop_of(topology: Topology, cut: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*(name for name in first + second if (name in first) != (name in second)), cut]))
 
 
-def idle_freedoms(mechanism: Mechanism, K: np.ndarray, centres: np.ndarray, motions: np.ndarray) -> tuple[str, ...]:
+def idle_freedoms(mechanism: Mechanism, twists: np.ndarray) -> tuple[str, ...]:
     """Name the freedoms that turn a member about the line through its two joints and move nothing else.
 
     A member is a chain of bodies between two joints to others; its own joints stay still.
 
     Args:
-        K: twists of the bodies' mass centres for the rates (6r x nv).
-        centres: the mass centres (r x 3) [m].
-        motions: basis of the rates that the loops allow (nv x n).
+        twists: of all bodies about the ground's origin in motions that span those the loops allow (r x 6 x n).
     """
-    twists = (K @ motions).reshape(len(mechanism.bodies), 6, -1)
-    about_origin = twists.copy()
-    about_origin[:, 3:] -= np.cross(twists[:, :3], centres[:, :, None], axis=1)
     index = {name: i for i, name in enumerate(mechanism.bodies)}
+    graph, order = mechanism.graph(), list(mechanism.pairs).index
     found: dict[tuple[str, ...], str] = {}
     for member in members(mechanism):
-        ends = [name for name, joint in mechanism.pairs.items() if sum(body in member for body in joint.connects) == 1]
+        edges = graph.edges(member, keys=True)  # pyright: ignore[reportCallIssue]
+        ends = sorted((name for *bodies, name in edges if not set(bodies) <= set(member)), key=order)
         if len(ends) < 2 or any(set(other) & set(member) for other in found):
             continue
-        first = about_origin[index[member[0]]]
-        others = [about_origin[i] for name, i in index.items() if name not in member]
-        together = [about_origin[index[name]] - first for name in member[1:]]
-        still = np.vstack([np.zeros((1, first.shape[1])), *others, *together])
+        own = [index[name] for name in member]
+        first, together, others = twists[own[0]], twists[own[1:]] - twists[own[0]], np.delete(twists, own, axis=0)
+        still = np.concatenate([np.zeros((1, *first.shape)), others, together]).reshape(-1, first.shape[1])
         if np.linalg.matrix_rank(np.vstack([still, first]), RANK) == np.linalg.matrix_rank(still, RANK) + 1:
             found[member] = f"{' and '.join(member)}: spin about the line through {' and '.join(ends)}"
     return tuple(found.values())

@@ -1,7 +1,7 @@
 """Moments of mass of order 0, 1 and 2 about a node's origin, and their regrouping along a tree.
 
 A body that turns on its parent acts on it through its mass only as a point mass at the joint, so this mass is moved into
-the parent once and for all (numbers), and the recursions carry first and second moments alone; a body fixed to its
+the parent once and for all, and the recursions carry first and second moments alone; a body fixed to its
 parent is moved into it whole.
 Source: Khalil & Dombre 2002, ch. 9 (regrouping).
 """
@@ -13,42 +13,51 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.mechanism import Body
+from linkwork.equations.algebra import Number, Vector, inner, outer, vector
+from linkwork.mechanism import Body, Inertia
 
 
 @dataclass(frozen=True)
 class Moments:
     """Hold mass m, first moment h = m c and inertia I about a node's origin, constant in the node's axes."""
 
-    m: float
-    h: np.ndarray
-    I: np.ndarray  # noqa: E741
+    m: Number
+    h: Vector
+    I: Vector  # noqa: E741
 
     @classmethod
     def none(cls) -> Moments:
         return cls(0.0, np.zeros(3), np.zeros((3, 3)))
 
     @classmethod
-    def of_body(cls, body: Body, origin: np.ndarray) -> Moments:
+    def of_body(cls, body: Body, origin: Vector) -> Moments:
         """Refer a body's inertia to a point of it (body's frame and axes): I_O = I_C + m (c.c 1 - c c')."""
-        c = np.array(body.centre_of_mass) - origin
-        return cls(body.mass, body.mass * c, body.inertia.tensor() + body.mass * steiner(c))
+        c = vector(body.centre_of_mass) - origin
+        return cls(body.mass, body.mass * c, tensor(body.inertia) + body.mass * steiner(c))
 
     def __add__(self, other: Moments) -> Moments:
         return Moments(self.m + other.m, self.h + other.h, self.I + other.I)
 
-    def moved(self, R: np.ndarray, r: np.ndarray) -> Moments:
+    def moved(self, R: np.ndarray, r: Vector) -> Moments:
         """Refer to a frame in which this one's axes are R and its origin is at r, both constant."""
         h, inertia = R @ self.h, R @ self.I @ R.T
-        cross_terms = 2 * (r @ h) * np.eye(3) - np.outer(r, h) - np.outer(h, r)
+        cross_terms = 2 * inner(r, h) * np.eye(3) - outer(r, h) - outer(h, r)
         return Moments(self.m, h + self.m * r, inertia + cross_terms + self.m * steiner(r))
 
 
-def steiner(c: np.ndarray) -> np.ndarray:
-    return (c @ c) * np.eye(3) - np.outer(c, c)
+def tensor(inertia: Inertia) -> Vector:
+    """Return the 3 x 3 tensor; the elements that a planar body leaves out are zero."""
+    xx, yy = (0.0 if moment is None else moment for moment in (inertia.xx, inertia.yy))
+    rows = (xx, inertia.xy, inertia.xz), (inertia.xy, yy, inertia.yz), (inertia.xz, inertia.yz, inertia.zz)
+    values = vector([element for row in rows for element in row])
+    return values.reshape((3, 3))
 
 
-Link = tuple[Moments, int, np.ndarray | None, np.ndarray | None]
+def steiner(c: Vector) -> Vector:
+    return inner(c, c) * np.eye(3) - outer(c, c)
+
+
+Link = tuple[Moments, int, Vector | None, np.ndarray | None]
 
 
 def regrouped(links: Sequence[Link]) -> list[Moments]:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, dot, matrix_quaternion, zero
+from linkwork.equations.algebra import SX, dot, inner, matrix_quaternion, zero
 from linkwork.equations.closure import Cut, Side, moving, reaches, universal
 from linkwork.equations.joints import transversals
 from linkwork.equations.tree import Tree, in_base
@@ -37,7 +37,7 @@ def positions(cut: Cut) -> list[ca.SX]:
         if motion.ball:
             result += ca.vertsplit(matrix_quaternion(ca.mtimes(first.R.matrix.T, second.R.matrix)))
         elif motion.slides:
-            along = motion.slide / (motion.slide @ motion.slide)
+            along = motion.slide / inner(motion.slide, motion.slide)
             result.append(dot(in_base(first.R, along), gap))
         elif universal(cut):
             a, b = (part.turn for part in cut.motions)

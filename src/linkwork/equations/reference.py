@@ -23,8 +23,10 @@ CLOSED = 1e-12
 NEIGHBOURS = 4
 STARTS = 30
 SPREAD = 0.05
+DAMPING = 1e-6  # over the largest number of Phi: far above the rounding of inconsistent rows, far below what matters
 
-System = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+Matrix = np.ndarray | ca.DM
+System = Callable[[np.ndarray], tuple[np.ndarray, Matrix, Matrix]]
 Pose = tuple[np.ndarray, np.ndarray]
 
 
@@ -41,7 +43,8 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
     """Solve phi(q) = 0 by damped Gauss-Newton steps of least length in the rates.
 
     Args:
-        system: returns phi (rows), its derivative along the rates (rows x nv), and the map from rates to q' (nq x nv).
+        system: returns phi (rows), its derivative along the rates (rows x nv), and the map from rates to q' (nq x nv),
+            the matrices dense or sparse.
         tree: says where unit quaternions are.
         q: start.
         steps: most steps to take.
@@ -56,10 +59,10 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
     phi, Phi, N = system(q)
     for _ in range(steps):
         size = np.abs(phi).max(initial=0.0)
-        step = -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
+        step = least_step(Phi, phi)
         step *= min(1.0, 0.5 / max(np.abs(step).max(initial=0.0), 1e-300))
         for _ in range(12):
-            trial = unit(tree, q + N @ step)
+            trial = unit(tree, q + np.array(N @ step).ravel())
             phi_trial, Phi_trial, N_trial = system(trial)
             if not np.linalg.norm(phi_trial) > np.linalg.norm(phi) * (1 - 1e-4):
                 break
@@ -72,6 +75,19 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
     if not np.abs(phi).max(initial=0.0) <= CLOSED * max(1.0, np.abs(q).max(initial=0.0)):
         raise OpenLoopsError(phi)
     return q
+
+
+def least_step(Phi: Matrix, phi: np.ndarray) -> np.ndarray:
+    """Return the shortest s (nv) of least |Phi s + phi|.
+
+    For a sparse Phi by one sparse factorisation:  d s + Phi' r = 0,  Phi s - d r = -phi,  with a small damping d.
+    """
+    if isinstance(Phi, np.ndarray):
+        return -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
+    rows, nv = Phi.shape
+    d = DAMPING * (np.abs(Phi.nonzeros()).max(initial=0.0) or 1.0)
+    A = ca.blockcat([[d * ca.DM.eye(nv), Phi.T], [Phi, -d * ca.DM.eye(rows)]])
+    return np.array(ca.solve(A, ca.vertcat(ca.DM.zeros(nv), -phi), "qr")[:nv]).ravel()
 
 
 def unit(tree: Tree, q: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from linkwork.equations.algebra import present
 from linkwork.mechanism import GROUND, FixedJoint, Frame, FreeJoint, Mechanism, PairJoint, RodJoint, ScrewJoint
 
 
@@ -81,7 +82,7 @@ def span(mechanism: Mechanism) -> Topology:
         rim = [
             name
             for name, joint in waiting.items()
-            if not isinstance(joint, RodJoint) and sum(body in depth for body in joint.connects) == 1
+            if not isinstance(joint, RodJoint) and (joint.connects[0] in depth) != (joint.connects[1] in depth)
         ]
         if not rim:
             hang(next(body for body in mechanism.bodies if body not in depth))
@@ -103,7 +104,8 @@ def counting(mechanism: Mechanism) -> set[str]:
     sprung = {
         name
         for name, joint in mechanism.pairs.items()
-        if isinstance(joint, ScrewJoint) or any(spring.stiffness for _, spring, _, _ in joint.effects().values())
+        if isinstance(joint, ScrewJoint)
+        or any(present(spring.stiffness) for _, spring, _, _ in joint.effects().values())
     }
     return geared | sprung
 
@@ -150,6 +152,6 @@ def platforms(mechanism: Mechanism) -> list[str]:
 def has_effects(joint: PairJoint) -> bool:
     """Tell whether friction, a spring or a rotor acts in a joint."""
     return any(
-        friction.viscous or friction.coulomb or spring.stiffness or spring.damping or rotor
+        any(map(present, (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor)))
         for friction, spring, _, rotor in joint.effects().values()
     )

@@ -18,7 +18,7 @@ Source: Featherstone 2008, ch. 4-6 (recursions).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -26,7 +26,19 @@ from itertools import chain
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, quaternion_matrix, rotation_matrix, snap, spin, zero
+from linkwork.equations.algebra import (
+    SX,
+    Vector,
+    cross,
+    present,
+    quaternion_matrix,
+    rotation_matrix,
+    snap,
+    spin,
+    symbol,
+    vector,
+    zero,
+)
 from linkwork.equations.joints import KINDS, Motion
 from linkwork.equations.moments import Moments, regrouped
 from linkwork.equations.orientation import GROUND_AXES, Axes, Orientation, convert
@@ -44,8 +56,8 @@ class Column:
     rate: int
     z: ca.SX
     s: ca.SX
-    local_z: np.ndarray | None
-    local_s: np.ndarray | None
+    local_z: Vector | None
+    local_s: Vector | None
 
 
 @dataclass(frozen=True)
@@ -73,9 +85,9 @@ class Node:
     O: ca.SX  # noqa: E741
     r: ca.SX
     near_r: ca.SX
-    arm: np.ndarray | None
+    arm: Vector | None
     weld: np.ndarray | None
-    frame_origin: np.ndarray
+    frame_origin: Vector
     moments: Moments
 
     @property
@@ -118,6 +130,7 @@ class Tree:
 
     coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's place in q by name
     quaternions: the places in q and in w of each free turn
+    parameters: values in the description of its free numbers p (np), by path
     """
 
     q: ca.SX
@@ -125,6 +138,29 @@ class Tree:
     rates: tuple[str, ...]
     quaternions: tuple[tuple[range, range], ...]
     nodes: tuple[Node, ...]
+    parameters: Mapping[str, float]
+
+    @property
+    def p(self) -> ca.SX:
+        """Symbols of the free numbers (np)."""
+        return ca.vertcat(SX(0, 1), *[symbol(path) for path in self.parameters])
+
+    def evaluated(
+        self, name: str, outputs: Sequence[ca.SX], p: np.ndarray | None = None, inputs: Sequence[ca.SX] = ()
+    ) -> Callable[..., Sequence[ca.DM]]:
+        """Return the function of q, and of further inputs, that gives the values of expressions.
+
+        p: values of the free numbers; the description's if left out
+        """
+        function = ca.Function(name, [self.q, self.p, *inputs], list(outputs))
+        fixed = list(self.parameters.values()) if p is None else p
+        return lambda q, *values: function.call([ca.DM(value) for value in (q, fixed, *values)])
+
+    def number(self, constant: Vector) -> np.ndarray:
+        """Return the value (k) of a constant vector at the description's numbers."""
+        if not isinstance(constant, SX):
+            return constant
+        return np.array(self.evaluated("constant", [constant])(np.zeros(len(self.coordinates)))[0]).ravel()
 
     @cached_property
     def of_bodies(self) -> dict[str, Node]:
@@ -154,7 +190,7 @@ class Tree:
             yield inner, convert(d, inner.axes, inner.column_axes)
             d = convert(d, inner.axes, inner.before) + inner.r
 
-    def point(self, node: Node, position: np.ndarray) -> ca.SX:
+    def point(self, node: Node, position: Vector) -> ca.SX:
         """Return the ground-frame position of a point given in a body's own frame."""
         return node.O + offset(node, position)
 
@@ -235,18 +271,21 @@ def sliding(node: Node, rates: ca.SX) -> ca.SX:
     return sum((column.s * rates[column.rate] for column in node.columns), zero())
 
 
-def offset(node: Node, position: np.ndarray) -> ca.SX:
+def offset(node: Node, position: Vector) -> ca.SX:
     """Return the vector from a node's origin to a point given in the body's own frame, in the ground's axes."""
     return in_base(node.R, position - node.frame_origin)
 
 
-def near_offset(node: Node, position: np.ndarray) -> ca.SX:
+def near_offset(node: Node, position: Vector) -> ca.SX:
     """Return the vector from a node's origin to a point given in the body's own frame, in the node's axes."""
     return in_axes(node.R, position - node.frame_origin)
 
 
-def grow(mechanism: Mechanism, topology: Topology) -> Tree:
-    """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the joints."""
+def grow(mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float]) -> Tree:
+    """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the joints.
+
+    parameters: values of the mechanism's free numbers, by path
+    """
     coordinates, rates, quaternions = [], [], []
     for name, joint in topology.joints.items():
         for motion in KINDS[joint.type].motions(joint):
@@ -257,9 +296,8 @@ def grow(mechanism: Mechanism, topology: Topology) -> Tree:
             rates += [name] * motion.rates
     labels = (joint.coordinates(name) for name, joint in topology.joints.items())
     rate_labels = (joint.rates(name) for name, joint in topology.joints.items())
-    tree = Tree(
-        SX.sym("q", len(coordinates)), tuple(chain(*labels)), tuple(chain(*rate_labels)), tuple(quaternions), ()
-    )
+    q = SX.sym("q", len(coordinates))
+    tree = Tree(q, tuple(chain(*labels)), tuple(chain(*rate_labels)), tuple(quaternions), (), parameters)
     for branch in topology.branches:
         joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
         start = coordinates.index(branch.joint) if branch.joint in coordinates else 0
@@ -277,9 +315,9 @@ def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start
     steps = list(placed(KINDS[joint.type].motions(joint), start, rate))
     if branch.reversed:
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
-    origin, own = np.array(outer.position), rotation_matrix(outer.rotation).T
+    origin, own = vector(outer.position), rotation_matrix(outer.rotation).T
     parent = tree.node(branch.parent)
-    arm, turned = (snap(np.array(inner.position) - parent.frame_origin), rotation_matrix(inner.rotation))
+    arm, turned = (snap(vector(inner.position) - parent.frame_origin), rotation_matrix(inner.rotation))
     first = len(tree.nodes)
     for index, (motion, places, rates) in enumerate(steps or [(None, range(0), range(0))], start=first):
         last = index == first + max(len(steps), 1) - 1
@@ -346,13 +384,13 @@ def columns(
     return tuple(Column(k, in_axes(inner, e), zero(), None, None) for k, e in zip(rates, np.eye(3), strict=True))
 
 
-def in_axes(R: Orientation, local: np.ndarray) -> ca.SX:
+def in_axes(R: Orientation, local: Vector) -> ca.SX:
     """Return a constant local vector in the orientation's axes."""
     local = snap(local)
-    return ca.mtimes(R.near, SX(local)) if local.any() else zero()
+    return ca.mtimes(R.near, SX(local)) if present(local) else zero()
 
 
-def in_base(R: Orientation, local: np.ndarray) -> ca.SX:
+def in_base(R: Orientation, local: Vector) -> ca.SX:
     """Return a constant local vector in the ground's axes."""
     return ca.mtimes(R.axes.matrix, in_axes(R, local))
 

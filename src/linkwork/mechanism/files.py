@@ -22,10 +22,21 @@ from linkwork.mechanism.refusal import MechanismError, shown
 MAX_BYTES = 20_000_000
 
 
+def parsed(text: str) -> Mechanism:
+    """Return the mechanism that a file's text describes; every refusal names the line where there is one."""
+    return _mechanism(read_document(text))
+
+
+def written(mechanism: Mechanism) -> str:
+    """Return a mechanism as a file's text."""
+    fields = {"linkwork": FORMAT_VERSION} | _plain(mechanism)
+    return yaml.dump(fields, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=120)
+
+
 def read_yaml(path: Path) -> Mechanism:
     """Read a mechanism; every refusal begins with the file's name, and the line where there is one."""
     try:
-        return _mechanism(read_document(_text(path)))
+        return parsed(_text(path))
     except MechanismError as error:
         place = f"{path}: {error.place}" if error.place else str(path)
         raise MechanismError(error.what, error.where, place) from None
@@ -33,8 +44,7 @@ def read_yaml(path: Path) -> Mechanism:
 
 def write_yaml(mechanism: Mechanism, path: Path) -> None:
     """Write a mechanism, atomically."""
-    fields = {"linkwork": FORMAT_VERSION} | _plain(mechanism)
-    text = yaml.dump(fields, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=120)
+    text = written(mechanism)
     temporary = path.parent / f".{path.name}.{os.getpid()}"
     try:
         temporary.write_text(text, encoding="utf-8")

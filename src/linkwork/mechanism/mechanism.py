@@ -13,7 +13,7 @@ from typing import Self
 import networkx as nx
 from pydantic import Field, model_validator
 
-from linkwork.mechanism.body import Body
+from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.effects import PointSpring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
@@ -123,11 +123,43 @@ class Mechanism(Record):
             raise MechanismError(f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}", ("actuators",))
         require(name, self.rates, "joint", ("actuators",))
 
+    def with_payload(
+        self,
+        mass: float,
+        centre_of_mass: Vector3 = (0.0, 0.0, 0.0),
+        inertia: Inertia | None = None,
+        tool: str | None = None,
+    ) -> Mechanism:
+        """Return the mechanism with a payload fixed to a tool: its mass properties are added to the tool's body.
+
+        Args:
+            mass: [kg]; centre_of_mass: in the tool's frame [m].
+            inertia: about the payload's mass centre, in the tool's axes [kg m^2]; a point mass if left out.
+            tool: name of the tool; the first if left out.
+        """
+        from linkwork.mechanism.payload import loaded
+
+        return loaded(self, mass, centre_of_mass, inertia, tool)
+
     def save(self, path: str | Path) -> None:
         """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back."""
         from linkwork.mechanism.files import write_yaml
 
         write_yaml(self, Path(path))
+
+    @property
+    def text(self) -> str:
+        """Return the mechanism as the text of a mechanism file; `Mechanism.parse` gives an equal mechanism back."""
+        from linkwork.mechanism.files import written
+
+        return written(self)
+
+    @classmethod
+    def parse(cls, text: str) -> Mechanism:
+        """Read a mechanism from the text of a mechanism file; refusals name the line and the element."""
+        from linkwork.mechanism.files import parsed
+
+        return parsed(text)
 
     @classmethod
     def load(cls, path: str | Path) -> Mechanism:

@@ -10,16 +10,15 @@ branch when it is near. Along a path, the tree's rates w and accelerations follo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import skew
 from linkwork.equations.reference import OpenLoopsError, close, unit
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels import Kernel
 
 LEG_SINGULAR = 1e-9
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
@@ -31,31 +30,21 @@ class UnreachableError(LinkworkError):
 
 @dataclass(frozen=True, eq=False)
 class AssemblyKernel:
-    """Evaluate `functions.assembly`, a compiled kernel with p given; planar: whether poses are (x, y, angle)."""
+    """Evaluate the kernel of `functions.assembly`; planar: whether poses are (x, y, angle)."""
 
     kernel: Kernel
-    shapes: dict[str, tuple[int, int]]
     planar: bool
-
-    @classmethod
-    def of(cls, function: ca.Function, planar: bool, p: np.ndarray) -> AssemblyKernel:
-        """Compile the function; p: values of the free parameters."""
-        shapes = {name: function.size_out(name) for name in function.name_out()}
-        return cls(compile_function(function).given(p), shapes, planar)
-
-    def with_parameters(self, p: np.ndarray) -> AssemblyKernel:
-        """Return the same with other values of the free parameters."""
-        return replace(self, kernel=self.kernel.given(p))
 
     def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
         """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as such."""
-        named = zip(self.shapes.items(), self.kernel(q, rates), strict=True)
-        return {name: value.reshape(shape, order="F") if name in MATRICES else value for (name, shape), value in named}
+        named = zip(self.kernel.outputs, self.kernel(q, rates), strict=True)
+        rows = len(rates), -1
+        return {name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named}
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space, for q (..., nq)."""
         values = self.kernel(q, np.zeros(dict(self.kernel.inputs)["rates"]))
-        out = dict(zip(self.shapes, values, strict=True))
+        out = {name: value for (name, _), value in zip(self.kernel.outputs, values, strict=True)}
         if self.planar:
             return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
         from scipy.spatial.transform import Rotation

@@ -10,7 +10,7 @@ Kernels take the values of the free parameters p; a chart knows those of its rob
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations, chart_at, functions
+from linkwork.equations.algebra import dense
 from linkwork.equations.chart import faced
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -35,6 +36,8 @@ KERNELS = (
     "joints_motion",
     "bodies_motion",
     "energy",
+    "assembly",
+    "regressor",
 )
 
 
@@ -61,15 +64,19 @@ class CompiledChart:
     def _kernel(self, name: str) -> Kernel:
         if name not in KERNELS:
             raise LinkworkError(f"there is no kernel {name!r}; there are {', '.join(KERNELS)}")
-        if name not in self._kernels:
-            self._kernels[name] = compile_function(getattr(functions, name)(self.equations))
-        return self._kernels[name].given(self.p)
+        return self.compiled(name, getattr(functions, name)).given(self.p)
+
+    def compiled(self, key: str, make: Callable[[Equations], ca.Function]) -> Kernel:
+        """Return the kernel of a function of these equations, kept under a key for all charts that share kernels."""
+        if key not in self._kernels:
+            self._kernels[key] = compile_function(make(self.equations))
+        return self._kernels[key]
 
     @property
     def independent(self) -> tuple[str, ...]:
         return self.equations.independent
 
-    @property
+    @cached_property
     def key(self) -> tuple[object, ...]:
         """Return what tells charts apart: independent rates, rows, order of elimination and signs of the pivots."""
         chart = self.equations.chart
@@ -79,8 +86,14 @@ class CompiledChart:
     def facing(self, q: np.ndarray) -> CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""
         (pivots,) = self.kernel("pivots")(q)
-        signs = np.where(pivots < 0, -1.0, 1.0)
-        return CompiledChart(self.equations.in_chart(faced(self.equations.chart, signs.tolist())), self.p)
+        return self._facing(tuple(np.where(pivots < 0, -1.0, 1.0).tolist()))
+
+    @cached_property
+    def _facing(self) -> Callable[[tuple[float, ...]], CompiledChart]:
+        chart = self.equations.chart
+        return lru_cache(maxsize=None)(
+            lambda signs: CompiledChart(self.equations.in_chart(faced(chart, signs)), self.p)
+        )
 
     def pivot(self, q: np.ndarray) -> float:
         """Return the weakest relative pivot at one configuration."""
@@ -96,7 +109,7 @@ class CompiledChart:
 
     def constraint_jacobian(self, q: np.ndarray) -> np.ndarray:
         """Return Phi (rows x nv) at one configuration."""
-        return np.array(self._constraints(q, self.p)[1])
+        return dense(self._constraints(q, self.p)[1])
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
         """Return phi (rows) at one configuration."""
@@ -119,6 +132,37 @@ class CompiledChart:
         """Return a chart chosen at q: independent rates, rows and elimination are those that are good there."""
         Phi = self.constraint_jacobian(q)
         return CompiledChart(self.equations.in_chart(chart_at(self.equations, Phi, preferred)), self.p)
+
+
+@dataclass(frozen=True, eq=False)
+class Charts(MutableMapping[tuple[object, ...], CompiledChart]):
+    """Hold charts by key for robots that differ in the values of their free parameters: each sees them with its own p."""
+
+    p: np.ndarray
+    _shared: dict[tuple[object, ...], CompiledChart] = field(default_factory=dict)
+    _own: dict[tuple[object, ...], CompiledChart] = field(default_factory=dict)
+
+    def with_parameters(self, p: np.ndarray) -> Charts:
+        """Return the same charts, those still to come included, with other values of the free parameters."""
+        return Charts(p, self._shared)
+
+    def __getitem__(self, key: tuple[object, ...]) -> CompiledChart:
+        if key not in self._own:
+            self._own[key] = self._shared[key].with_parameters(self.p)
+        return self._own[key]
+
+    def __setitem__(self, key: tuple[object, ...], chart: CompiledChart) -> None:
+        self._own[key] = self._shared[key] = chart
+
+    def __delitem__(self, key: tuple[object, ...]) -> None:
+        del self._shared[key]
+        self._own.pop(key, None)
+
+    def __iter__(self) -> Iterator[tuple[object, ...]]:
+        return iter(self._shared)
+
+    def __len__(self) -> int:
+        return len(self._shared)
 
 
 def shorter(home: CompiledChart, q: np.ndarray) -> CompiledChart:

@@ -109,7 +109,7 @@ def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn
     )
 
 
-def refuse_foreign(state: object, coordinates: Sequence[str], charts: Iterable[tuple[str, ...]]) -> None:
+def refuse_foreign(state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]]) -> None:
     """Refuse what is not a state of this robot; states of an equal robot (the same joints) are accepted."""
     if not isinstance(state, State):
         raise LinkworkError(f"a state is needed, not {type(state).__name__}; make one by robot.state or robot.assemble")

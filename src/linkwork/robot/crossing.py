@@ -13,14 +13,14 @@ Source: Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cache
 
 import numpy as np
 
+from linkwork.kernels import Kernel
 from linkwork.robot.charts import CompiledChart
-from linkwork.simulation import Signal
+from linkwork.robot.system import System
 
 NODES = (6, 4)
 CONVERGED = 1.0  # change of the step by an iteration, in tolerances
@@ -32,10 +32,13 @@ NEWTON = 8
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """Step over a singular pose in one chart; forces: u over time; closure: largest |phi|; atol, rtol: of the run."""
+    """Step over a singular pose in one chart of a system; closure: largest |phi|; atol, rtol: of the run.
+
+    The rates v of a crossing are those of the chart, then the system's extra states.
+    """
 
     chart: CompiledChart
-    forces: Signal
+    system: System
     closure: float
     atol: float
     rtol: float
@@ -60,7 +63,7 @@ class Crossing:
 
     def _time_to_zero(self, t: float, q: np.ndarray, v: np.ndarray) -> float | None:
         """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2)."""
-        slope = self._slope(t, np.concatenate([q, v]))[: q.size]
+        slope = self._slope(self.system.inputs(t), np.concatenate([q, v]))[: q.size]
         h = 1e-3 * max(1.0, np.abs(q).max()) / max(np.abs(slope).max(), 1e-3)
         p_0, p_1, p_2 = (abs(self.chart.pivot(q - k * h * slope)) for k in range(3))
         rate, curvature = (3 * p_0 - 4 * p_1 + p_2) / (2 * h), (p_0 - 2 * p_1 + p_2) / h**2
@@ -72,22 +75,24 @@ class Crossing:
     def _step(self, t: float, h: float, y: np.ndarray, nodes: int) -> np.ndarray | None:
         """Return y_new by collocation at a number of nodes; None where the iteration does not converge."""
         a, b, c = gauss(nodes)
-        slopes, change = np.tile(self._slope(t, y), (nodes, 1)), np.inf
+        first, *inputs = self.system.inputs(t + h * np.array([0.0, *c]))
+        slopes, change = np.tile(self._slope(first, y), (nodes, 1)), np.inf
         scale = self.atol + max(self.rtol, FINEST) * np.maximum(1, np.abs(y))
         while True:
             stages = y + h * a @ slopes
-            previous, slopes = slopes, np.array([self._slope(t + c_i * h, Y) for c_i, Y in zip(c, stages, strict=True)])
+            previous, slopes = slopes, np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)])
             last, change = change, float((np.abs(slopes - previous).max(axis=0) * h / scale).max())
             if change <= CONVERGED:
                 return y + h * b @ slopes
             if not change < last / 2:
                 return None
 
-    def _slope(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Return y' = (q', v') with the loops of q closed."""
+    def _slope(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return y' = (q', v') under the inputs u, with the loops of q closed."""
         nq = self.chart.equations.nq
         q, _ = self._closed(y[:nq])
-        return self._evaluate("motion", np.concatenate([q, y[nq:], self.forces(np.asarray(t)), self.chart.p]))[:-1]
+        x = np.concatenate([q, y[nq:], u, self.system.p(self.chart)])
+        return evaluated(self.system.kernel(self.chart, "motion"), x)[:-1]
 
     def _closed(self, q: np.ndarray) -> tuple[np.ndarray, bool]:
         """Return q with its loops closed by Newton's method to the last digit, and whether they are closed."""
@@ -95,20 +100,18 @@ class Crossing:
             return q, True
         best, residual = q, np.inf
         for _ in range(NEWTON):
-            out = self._evaluate("closure_step", np.concatenate([q, self.chart.p]))
+            out = evaluated(self.chart.kernel("closure_step"), np.concatenate([q, self.chart.p]))
             if not out[-1] < residual:
                 break
             best, residual, q = q, out[-1], out[:-1]
         return best, residual <= self.closure
 
-    def _evaluate(self, name: str, x: np.ndarray) -> np.ndarray:
-        kernel, out = self._kernels(name)
-        kernel.evaluate_into(x, out)
-        return out.copy()
 
-    @cached_property
-    def _kernels(self) -> Callable:
-        return lru_cache(maxsize=None)(lambda name: (self.chart.kernel(name), np.empty(self.chart.kernel(name).n_out)))
+def evaluated(kernel: Kernel, x: np.ndarray) -> np.ndarray:
+    """Return a kernel's outputs for one state."""
+    out = np.empty(kernel.n_out)
+    kernel.evaluate_into(x, out)
+    return out
 
 
 @cache

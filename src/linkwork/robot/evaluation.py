@@ -23,7 +23,7 @@ def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: st
     n = len(state.independent)
     if values.ndim == 1 and q.ndim == 1:
         y = np.empty(kernel.n_out)
-        kernel.evaluate_into(np.concatenate((q, state.rates, values)), y)
+        kernel.evaluate_into(np.concatenate((q, state.rates, values, robot.p)), y)
         numbers = y.tolist()
         if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
             return y[-1 - n : -1]

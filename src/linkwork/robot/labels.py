@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations import Equations, measures, readings
+from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
 
@@ -71,13 +72,14 @@ class Labels:
             positions[1:, places] *= np.cumprod(np.where(flips == 0, 1, flips))[:, None]
         return positions
 
-    def size(self, q: np.ndarray, positions: np.ndarray) -> float:
+    def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:
         """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length.
 
         Args:
+            mechanism: the description with all numbers.
             q: the tree's coordinates (nq); positions: coordinates of all joints (m), at the reference.
         """
-        equations, mechanism = self.equations, self.equations.mechanism
+        equations = self.equations
         frames = [frame for joint in mechanism.pairs.values() for frame in joint.frames]
         lengths = [abs(x) for frame in frames for x in frame.position]
         lengths += [

@@ -17,7 +17,8 @@ import numpy as np
 from linkwork.robot import checks
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.crossing import Crossing
-from linkwork.simulation import Signal, Status, Trajectory, integrate
+from linkwork.robot.system import System
+from linkwork.simulation import Control, Rosenbrock, Status, Trajectory, integrate
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -33,43 +34,57 @@ LOWER = 0.25  # the soft bound falls by this factor while no better chart is fou
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Hold a part of a run that was integrated in one chart."""
+    """Hold a part of a run that was integrated in one chart; start: time, q and (v, z) that it went out from."""
 
     chart: CompiledChart
     trajectory: Trajectory
+    start: tuple[float, np.ndarray, np.ndarray]
 
 
 @dataclass
 class Passage:
     """Lead one run from a state to its end.
 
-    forces: u over time; save_at: times to save or None for every step; step_over: whether singular poses are stepped over
-    options: rtol, atol, max_step and max_steps of every segment
+    system: what is integrated; start, end: times of the run [s]
+    save_at: times to save or None for every step; step_over: whether singular poses are stepped over
+    options: method, rtol, atol, max_step and max_steps of every segment
     """
 
     robot: Robot
-    forces: Signal
-    duration: float
+    system: System
+    start: float
+    end: float
     save_at: np.ndarray | None
     step_over: bool
     options: Mapping[str, Any]
 
-    def segments(self, chart: CompiledChart, q: np.ndarray, v: np.ndarray) -> Iterator[Segment]:
+    def segments(
+        self, chart: CompiledChart, q: np.ndarray, v: np.ndarray, z: np.ndarray, control: Control | None = None
+    ) -> Iterator[Segment]:
         """Yield the segments of the run, one after the other.
 
         While the bound is lowered segments are short, so that it is raised again when the pivots have recovered.
+
+        Args:
+            chart: to start in.
+            q, v, z: coordinates, independent rates of the chart, and extra states at the start.
+            control: what a sampled controller holds at the start; zeros if left out.
         """
-        t, bound, steps, short = 0.0, SOFT, self.options["max_steps"], self.duration / SHORT
-        chart = self._faced(chart, q)
+        t, bound, steps = self.start, SOFT, self.options["max_steps"]
+        shortest = (self.end - self.start) / SHORT
+        short, n = shortest, v.size
+        chart, v = self._faced(chart, q), np.concatenate([v, z])
+        control = self.system.control(chart, control)
         while True:
-            end = self.duration if bound == SOFT else min(t + short, self.duration)
-            trajectory = self._integrate(chart, q, v, t, end, bound, steps)
-            yield Segment(chart, trajectory)
+            end = self.end if bound == SOFT else min(t + short, self.end)
+            trajectory = self._integrate(chart, q, v, t, end, bound, steps, control)
+            yield Segment(chart, trajectory, (t, q, v))
+            control = trajectory.control
             steps -= trajectory.steps + trajectory.rejected
             t, q, v = trajectory.end_time, trajectory.q_end, trajectory.v_end
-            if trajectory.status is Status.FINISHED and end < self.duration:
+            if trajectory.status is Status.FINISHED and end < self.end:
                 recovered = chart.pivot(q) > RECOVERED * SOFT
-                bound, short = (SOFT, self.duration / SHORT) if recovered else (bound, 2 * short)
+                bound, short = (SOFT, shortest) if recovered else (bound, 2 * short)
                 continue
             if trajectory.status is not Status.SINGULAR or steps < 1:
                 return
@@ -78,41 +93,61 @@ class Passage:
             landing = self._over(chart, t, q, v) if self.step_over and not regular else None
             better = self._better(chart, q, Phi, regular) if landing is None else None
             if better is not None:
-                v, chart, bound = better.from_tree(chart.tree_rates(q, v)), better, SOFT
+                v = np.concatenate([better.from_tree(chart.tree_rates(q, v[:n])), v[n:]])
+                chart, bound, control = better, SOFT, self.system.control(better, control)
                 continue
             if self.step_over and regular:
                 landing = self._over(chart, t, q, v)
             if landing is not None:
                 short, (t, q, v) = landing[0] - t, landing
                 chart = self._faced(chart, q)
+                control = self.system.control(chart, control)
                 bound = min(SOFT, 0.5 * chart.pivot(q))
             elif bound > checks.PIVOT_BOUND:
                 bound = max(checks.PIVOT_BOUND, LOWER * min(bound, chart.pivot(q)))
             else:
                 return
-            if not t < self.duration:
+            if not t < self.end:
                 return
 
     def _integrate(
-        self, chart: CompiledChart, q: np.ndarray, v: np.ndarray, t: float, end: float, bound: float, steps: int
+        self,
+        chart: CompiledChart,
+        q: np.ndarray,
+        v: np.ndarray,
+        t: float,
+        end: float,
+        bound: float,
+        steps: int,
+        control: Control | None,
     ) -> Trajectory:
-        save_at = self.save_at
-        if save_at is not None and (t > 0 or end < self.duration):
-            save_at = save_at[(save_at >= t) & ((save_at <= end) | (end == self.duration))]
+        save_at, options, first = self.save_at, {**self.options, "max_steps": steps}, t == self.start
+        if save_at is not None and not (first and end == self.end):
+            save_at = save_at[(save_at >= t) & ((save_at <= end) | (end == self.end))]
+        if not first:
+            options.pop("first_step", None)
         return integrate(
-            chart.kernel("motion").address,
+            self.system.kernel(chart, "motion").address,
             chart.kernel("closure_step").address if chart.equations.constrained else None,
             q,
             v,
-            self.forces,
-            chart.p,
+            self.system.inputs,
+            self.system.p(chart),
             duration=end - t,
             start=t,
             save_at=save_at,
             closure_tol=CLOSURE * self.robot.size,
             pivot_bound=bound,
-            **{**self.options, "max_steps": steps},
+            jacobian=self.system.kernel(chart, "jacobian").address if self.stiff else None,
+            events=self.system.conditions(chart),
+            control=control,
+            **options,
         )
+
+    @property
+    def stiff(self) -> bool:
+        """Whether the method needs the Jacobian."""
+        return isinstance(self.options.get("method"), Rosenbrock)
 
     def _better(self, chart: CompiledChart, q: np.ndarray, Phi: np.ndarray, regular: bool) -> CompiledChart | None:
         """Return a chart that is better at q: any other one where q is regular, else one of much better conditioning."""
@@ -137,6 +172,8 @@ class Passage:
     def _over(
         self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray] | None:
-        """Return time, q and v behind the singular pose ahead, or None."""
+        """Return time, q and (v, z) behind the singular pose ahead, or None."""
+        if self.system.sampler:
+            return None
         tolerance = self.options["atol"], self.options["rtol"]
-        return Crossing(chart, self.forces, CLOSURE * self.robot.size, *tolerance).over(t, self.duration, q, v)
+        return Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance).over(t, self.end, q, v)

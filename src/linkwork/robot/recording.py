@@ -9,58 +9,79 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.robot import checks, limits
+from linkwork.mechanism.files import written
+from linkwork.robot import checks, derived, limits
+from linkwork.robot.crossing import evaluated
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.state import State
-from linkwork.simulation import Run, Sampled, Signal, Statistics, Status, Variable, as_signal
+from linkwork.robot.system import System
+from linkwork.simulation import Control, Run, Statistics, Status, Variable
 from linkwork.simulation.run import Deferred
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
-Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | None
 ON_SINGULAR = ("stop", "step_over")
+CULPRITS = " The controller's force on {} is not finite there."
+AHEAD = (1e-12, 1e-9, 1e-6, 1e-3)  # times after the end of a run at which undefined forces are looked for [s]
 
 
 def simulate(
     robot: Robot,
     state: State,
-    forces: Forces,
+    system: System,
     duration: float,
     save_at: ArrayLike | None,
     on_singular: str,
     options: Mapping[str, Any],
+    start: float = 0.0,
+    z: np.ndarray | None = None,
+    control: Control | None = None,
 ) -> Run:
-    """Run from a state and record positions, rates, accelerations, forces, tool, energies and closure over time."""
+    """Run a system from a state and record positions, rates, accelerations, forces, tool, energies and closure over time.
+
+    start: time at the start [s]; z: extra states there, the system's own if left out; control: what is held there
+    """
     if state.batch:
         raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
     if on_singular not in ON_SINGULAR:
         raise checks.LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
     times = None if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
-    passage = Passage(robot, as_input(robot, forces), duration, times, on_singular == "step_over", options)
-    home, start = robot.charts[state.independent], robot.run_chart
-    v = state.rates if start is home else start.from_tree(home.tree_rates(state.q, state.rates))
-    segments = list(passage.segments(start, state.q, v))
-    attrs = {"mechanism": robot.mechanism.name, "rtol": options["rtol"], "atol": options["atol"]}
-    return record(robot, segments, attrs | {"charts": charts_taken(segments)})
+    passage = Passage(robot, system, start, start + duration, times, on_singular == "step_over", options)
+    home, chart = robot.charts[state.independent], robot.run_chart
+    v = state.rates if chart is home else chart.from_tree(home.tree_rates(state.q, state.rates))
+    segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control))
+    for fault in system.faults:
+        if not isinstance(fault, Exception):
+            raise fault
+    attrs = asked(robot, system, options) | {"charts": charts_taken(segments)} | final(segments[-1])
+    return record(robot, system, segments, attrs)
 
 
-def as_input(robot: Robot, forces: Forces) -> Signal:
-    """Return actuator forces as a signal: zero, constant, by name, or sampled."""
-    n = len(robot.actuators)
-    if forces is None:
-        return as_signal(np.zeros(n))
-    if isinstance(forces, Mapping):
-        checks.known(forces, robot.actuators, "actuator")
-        forces = [forces.get(name, 0.0) for name in robot.actuators]
-    if not isinstance(forces, Sampled | Signal):
-        forces = checks.values_by_name(forces, robot.actuators, "forces")
-    signal = as_signal(forces)
-    if signal.coefficients.shape[2] != n:
-        raise checks.LinkworkError(
-            f"the forces have {signal.coefficients.shape[2]} columns; give {n}: {', '.join(robot.actuators)}"
-        )
-    return signal
+def asked(robot: Robot, system: System, options: Mapping[str, Any]) -> dict[str, object]:
+    """Return what a run was asked for: whose it is, the method and its tolerances or step, and values of parameters."""
+    method = options["method"]
+    told: dict[str, object] = {"mechanism": robot.mechanism.name, "method": method.name}
+    told |= {"rtol": options["rtol"], "atol": options["atol"]} if method.step is None else {"step": method.step}
+    own = system.acting.parameters if system.acting else ()
+    values = robot.parameters | dict(zip(own, system.parameters.tolist(), strict=True))
+    return told | (
+        {"parameters": ", ".join(f"{name} = {value:.12g}" for name, value in values.items())} if values else {}
+    )
+
+
+def final(segment: Segment) -> dict[str, object]:
+    """Return what a run can be resumed from: time, coordinates, rates with extra states, and the next step."""
+    last = segment.trajectory
+    return {
+        "final_time": last.end_time,
+        "final_q": last.q_end.copy(),
+        "final_v": last.v_end.copy(),
+        "final_rates": ", ".join(segment.chart.independent),
+        "final_pace": np.array(list(vars(last.pace).values())),
+    } | (
+        {} if last.control is None else {"final_held": last.control.held, "final_sample": last.control.next_sample or 0}
+    )
 
 
 def charts_taken(segments: Sequence[Segment]) -> str:
@@ -74,7 +95,7 @@ def charts_taken(segments: Sequence[Segment]) -> str:
     return "; ".join(taken)
 
 
-def record(robot: Robot, segments: Sequence[Segment], attrs: Mapping[str, object]) -> Run:
+def record(robot: Robot, system: System, segments: Sequence[Segment], attrs: Mapping[str, object]) -> Run:
     """Name what a run's segments hold; what follows from it at the saved times is measured when it is first asked for."""
     kept = trimmed(segments)
     time = np.concatenate([segment.trajectory.t[rows] for segment, rows in kept])
@@ -84,17 +105,67 @@ def record(robot: Robot, segments: Sequence[Segment], attrs: Mapping[str, object
         "rate": labels("rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]),
         "actuator": labels("actuator", robot.actuators),
     }
+    if any(spring.damping for spring in robot.mechanism.springs.values()):
+        coords["spring"] = labels("spring", tuple(robot.mechanism.springs))
     if robot.mechanism.tools:
         coords["pose"] = labels("pose", ("x", "y", "angle") if robot.planar else ("x", "y", "z", "rx", "ry", "rz"))
-    last = segments[-1].trajectory
-    message = last.message
+    if system.extras:
+        coords["extra"] = labels("extra", [x.name for x in system.extras], [x.unit for x in system.extras])
+    if system.acting and system.acting.wrenches:
+        coords["wrench"] = labels("wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)])
+        coords["wrench_component"] = labels("wrench_component", ("mx", "my", "mz", "fx", "fy", "fz"))
+    if system.events:
+        found = [segment.trajectory.events for segment in segments]
+        happened = np.concatenate([part.index for part in found])
+        coords["event"] = labels("event", [system.events[i].name for i in happened])
+        coords["event_time"] = Variable(("event",), np.concatenate([part.times for part in found]), {"units": "s"})
+    status, message = ending(system, segments[-1])
+    variables = Deferred(partial(measure, robot, system, kept, time))
+    error = system.faults[0] if system.faults else None
+    transmitted = partial(derived.run_reactions, robot, system, kept)
+    described = partial(written, robot.mechanism)
+    return Run(variables, coords, dict(attrs), status, message, statistics(segments), error, transmitted, described)
+
+
+def ending(system: System, segment: Segment) -> tuple[Status, str]:
+    """Return the status and the sentence with which a run ended."""
+    last = segment.trajectory
+    if system.faults:
+        fault, status = system.faults[0], Status.CALLBACK_FAILED
+        return status, status.sentence(time=last.end_time, error=f"{type(fault).__name__}: {fault}")
     if last.status is Status.SINGULAR:
-        message += (
+        return last.status, last.message + (
             " No choice of independent rates determines the motion there: branches of motion meet (a bifurcation), or "
             "it ends; on_singular='step_over' continues on a smooth branch where there is one."
         )
-    variables = Deferred(partial(measure, robot, kept, time))
-    return Run(variables, coords, dict(attrs), last.status, message, statistics(segments))
+    if last.status is Status.EVENT:
+        name = system.events[int(last.events.index[-1])].name
+        return last.status, f"The run was ended by the event {name!r} at t = {last.end_time:.9g} s."
+    if last.status is Status.NON_FINITE:
+        return last.status, last.message + undefined(system, segment)
+    return last.status, last.message
+
+
+def undefined(system: System, segment: Segment) -> str:
+    """Name the actuators whose forces are not finite where a run ended, or just behind; nothing if there are none."""
+    if system.acting is None:
+        return ""
+    last, names = segment.trajectory, system.acting.names.actuators
+    if last.control is not None:
+        newest = last.control.held[-len(names) :]
+        lost = [name for name, force in zip(names, newest, strict=True) if not np.isfinite(force)]
+        return CULPRITS.format(", ".join(lost)) if lost else ""
+    y, p = np.concatenate([last.q_end, last.v_end]), system.p(segment.chart)
+    motion, recorded = (system.kernel(segment.chart, name) for name in ("motion", "recorded"))
+    for ahead in (0.0, *AHEAD):
+        x = np.concatenate([y, system.inputs(last.end_time + ahead), p])
+        slope = evaluated(motion, x)[: y.size]
+        x[: y.size] += ahead * np.where(np.isfinite(slope), slope, 0.0)
+        forces = evaluated(recorded, x)[segment.chart.equations.mobility :][: 2 * len(names)].reshape(2, -1)
+        lost = [name for name, force in zip(names, forces.T, strict=True) if not np.isfinite(force).all()]
+        if lost:
+            return CULPRITS.format(", ".join(lost))
+    return ""
 
 
 def trimmed(segments: Sequence[Segment]) -> list[tuple[Segment, slice]]:
@@ -123,35 +194,55 @@ def statistics(segments: Sequence[Segment]) -> Statistics:
     )
 
 
-def measure(robot: Robot, kept: Sequence[tuple[Segment, slice]], time: np.ndarray) -> dict[str, Variable]:
+def measure(
+    robot: Robot, system: System, kept: Sequence[tuple[Segment, slice]], time: np.ndarray
+) -> dict[str, Variable]:
     """Return positions, rates and accelerations of all joints, forces, energies, tool and closure over time."""
-    parts = [measured(segment, rows) for segment, rows in kept]
-    q, u, residual, positions, rates, accelerations, kinetic, potential = map(np.concatenate, zip(*parts, strict=True))
+    parts = [measured(robot, segment, rows, system) for segment, rows in kept]
+    columns = (np.concatenate([part[name] for part in parts]) for name in parts[0])
+    of = dict(zip(parts[0], columns, strict=True))
+    positions, rates = of["positions"], of["rates"]
     quantities = {
-        "joint_position": ("coordinate", robot.labels.unwrapped(time, positions, rates), "m, rad"),
-        "joint_rate": ("rate", rates, "m/s, rad/s"),
-        "joint_acceleration": ("rate", accelerations, "m/s^2, rad/s^2"),
-        "actuator_force": ("actuator", u, "N, N m"),
-        "kinetic_energy": (None, kinetic, "J"),
-        "potential_energy": (None, potential, "J"),
-        "closure_error": (None, residual, "m, rad"),
+        "joint_position": (("coordinate",), robot.labels.unwrapped(time, positions, rates), "m, rad"),
+        "joint_rate": (("rate",), rates, "m/s, rad/s"),
+        "joint_acceleration": (("rate",), of["accelerations"], "m/s^2, rad/s^2"),
+        "actuator_force": (("actuator",), of["force"], "N, N m"),
+        "kinetic_energy": ((), of["kinetic"], "J"),
+        "potential_energy": ((), of["potential"], "J"),
+        "closure_error": ((), of["residual"], "m, rad"),
     }
     if robot.mechanism.tools:
-        quantities["tool_pose"] = ("pose", robot.tool_poses(q), "m, rad")
+        quantities["tool_pose"] = (("pose",), robot.tool_poses(of["q"]), "m, rad")
+    if system.extras:
+        quantities["drive_state"] = (("extra",), of["z"], ", ".join(extra.unit for extra in system.extras))
+    if system.acting:
+        units = ", ".join(dict.fromkeys(drive.unit for drive in system.acting.drives))
+        quantities["command"] = (("actuator",), of["command"], units)
+    if system.acting and system.acting.wrenches:
+        wrenches = of["wrenches"].reshape(len(time), -1, 6)
+        quantities["external_wrench"] = (("wrench", "wrench_component"), wrenches, "N m, N")
+    quantities |= derived.quantities(robot, system, kept, of)
     return {
-        name: Variable(("time", axis) if axis else ("time",), values, {"units": unit})
-        for name, (axis, values, unit) in quantities.items()
+        name: Variable(("time", *axes), values, {"units": unit}) for name, (axes, values, unit) in quantities.items()
     }
 
 
-def measured(segment: Segment, rows: slice) -> tuple[np.ndarray, ...]:
-    """Return q, u, residual, positions, rates and accelerations of all joints, and energies, in a segment's rows."""
-    kernel, part = segment.chart.kernel, segment.trajectory
-    q, v, u = part.q[rows], part.v[rows], part.u[rows]
-    v_dot = kernel("motion")(q, v, u)[1]
+def measured(robot: Robot, segment: Segment, rows: slice, system: System) -> dict[str, np.ndarray]:
+    """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
+    kernel, part, n = segment.chart.kernel, segment.trajectory, segment.chart.equations.mobility
+    q, v, z, u = part.q[rows], part.v[rows, :n], part.v[rows, n:], part.u[rows]
+    found = {"q": q, "v": v, "z": z, "force": u, "residual": part.residual[rows]}
+    if system.acting is None:
+        v_dot = kernel("motion")(q, v, u)[1]
+    else:
+        p = system.p(segment.chart)
+        v_dot, *values = system.kernel(segment.chart, "recorded")(q, v, z, u, p)
+        found |= dict(zip(("command", "force", "wrenches"), values, strict=True))
+    found |= derived.power_parts(robot, system, segment.chart, q, v, found["force"], found.get("wrenches"))
     positions, joint_rates, joint_accelerations, _ = kernel("joints_motion")(q, v, v_dot)
     kinetic, potential, _ = kernel("energy")(q, v)
-    return q, u, part.residual[rows], positions, joint_rates, joint_accelerations, kinetic[:, 0], potential[:, 0]
+    found |= {"positions": positions, "rates": joint_rates, "accelerations": joint_accelerations}
+    return found | {"kinetic": kinetic[:, 0], "potential": potential[:, 0]}
 
 
 def passed_limits(robot: Robot, run: Run) -> tuple[str, ...]:

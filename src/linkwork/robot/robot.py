@@ -4,29 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.equations import Equations, derive, functions, measures, mobility
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
 from linkwork.robot import actuation, checks, evaluation, limits, posing
-from linkwork.robot.assembly import Assembler, AssemblyKernel
-from linkwork.robot.charts import CompiledChart, shorter
-from linkwork.robot.labels import Labels
+from linkwork.robot.model import Model
 from linkwork.robot.state import Motion, State
 
 if TYPE_CHECKING:
+    from linkwork.control import Drive, Event, Observation, Wrench
+    from linkwork.robot.ensemble import Ensemble
+    from linkwork.robot.reactions import Reactions
+    from linkwork.robot.running import Forces, Method
     from linkwork.simulation import Run, Sampled, Signal
 
 
-class Robot:
+class Robot(Model):
     """Derive, compile and evaluate the exact equations of motion of a mechanism in independent rates v.
 
         M(q) v' + C(q, v) v + G(q) = S' u + f,    q' = L(q) v                  (paper, Eqs. (7), (9)-(12))
@@ -41,8 +40,10 @@ class Robot:
     Args:
         mechanism: the description, from `linkwork.robots`, a file (`Robot.from_file`) or code.
         independent: rates that should be the independent ones, by name, as far as they determine the motion.
+        free: numbers of the description that stay free, by path (see `free`).
 
     Attributes:
+        parameters: values of the free numbers, by path; p: the same as an array, the kernels' last input
         mobility: number n of independent rates; gruebler: what Gruebler's formula gives for it
         redundant: closure rows that depend on the others, by joint and direction; they are left out and watched
         idle: freedoms that turn a member about its own axis and move nothing else, by name
@@ -51,47 +52,48 @@ class Robot:
         MechanismError: a description that cannot be assembled or has no motion, in one sentence.
     """
 
-    def __init__(self, mechanism: Mechanism, independent: Sequence[str] = ()):
-        if not isinstance(mechanism, Mechanism):
-            raise LinkworkError(
-                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, or Robot.from_file"
-            )
-        self.mechanism = mechanism
-        wanted = checks.names(independent, "independent")
-        self.equations: Equations = derive(mechanism, wanted)
-        self.p = np.array(list(self.equations.parameters.values()))
-        self.chart = CompiledChart(self.equations, self.p)
-        self.labels = Labels(self.equations)
-        checks.known(wanted, self.equations.tree.rates, "rate of the tree")
-        self.independent: tuple[str, ...] = self.equations.independent
-        self.coordinates: tuple[str, ...] = mechanism.coordinates
-        self.rates: tuple[str, ...] = mechanism.rates
-        self.joints: tuple[str, ...] = tuple(mechanism.joints)
-        self.actuators: tuple[str, ...] = mechanism.actuators
-        self.bodies: tuple[str, ...] = tuple(mechanism.bodies)
-        self.redundant: tuple[str, ...] = self.equations.redundant
-        self.idle: tuple[str, ...] = self.equations.idle
-        self.mobility: int = self.equations.mobility
-        self.planar: bool = measures.is_planar(self.equations.tree)
-        self.gruebler: int = mobility.gruebler(mechanism, self.planar)
-        self.charts: dict[tuple[str, ...], CompiledChart] = {self.independent: self.chart}
-        self.run_charts: dict[tuple[object, ...], CompiledChart] = {self.chart.key: self.chart}
-
     @classmethod
     def from_file(cls, path: str | FilePath) -> Robot:
         """Read a mechanism file (YAML) and derive its equations."""
         return cls(Mechanism.load(path))
+
+    def free(self, *paths: str) -> Robot:
+        """Return the robot with some numbers of its description free: `with_parameters` then changes them in no time.
+
+        Args:
+            paths: of numbers, "body, joint, spring or tool" then fields as in a mechanism file: "platform.mass",
+                "link_1.com.x", "link_1.inertia.zz", "pivot_1.frames.0.position.y", "pivot_1.friction.viscous",
+                "ball.spring.turn.stiffness", "rod_1.length", "gravity.z" ... (`linkwork.mechanism.numbers`).
+
+        Returns:
+            A robot whose `parameters` hold the values; numbers that are free already stay so.
+
+        Raises:
+            MechanismError: a path that leads to no number, or to one that cannot be free (directions, limits).
+        """
+        return Robot(self.mechanism, self.independent, (*self.parameters, *paths))
+
+    def with_parameters(self, values: Mapping[str, float]) -> Robot:
+        """Return the robot with other values of free numbers; nothing is derived or compiled anew.
+
+        States belong to the robot that makes them: where a length changes, the loops close elsewhere.
+
+        Args:
+            values: by path as in `parameters`; what is left out keeps its value.
+
+        Raises:
+            LinkworkError: numbers that are not free, or that no description may hold; lengths with which the loops do
+                not close near the reference configuration.
+        """
+        from linkwork.robot.parameters import with_parameters
+
+        return with_parameters(self, values)
 
     def __repr__(self) -> str:
         size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
         return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
 
     # States
-
-    @cached_property
-    def home(self) -> State:
-        """Return the closed reference configuration, at rest."""
-        return self.make_state(self.equations.reference, np.zeros(self.mobility))
 
     def state(
         self,
@@ -105,9 +107,9 @@ class Robot:
         Args:
             positions: q of all joints (..., m) [m, rad] in the order of `coordinates`, or by name.
             rates: v (..., n) [m/s, rad/s] in the order of `independent`, or n rates of any joints by name; zero if left
-            out.
+                out.
             tolerance: largest gap [m, rad] of a loop; what is open by less is closed exactly by moving the dependent
-            joints.
+                joints.
 
         Raises:
             LinkworkError: wrong shapes or names, numbers that are not finite, loops that are open.
@@ -126,8 +128,8 @@ class Robot:
 
         Args:
             joints: some joint coordinates by name [m, rad].
-            tool: pose of the tool (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6) in space: x, y, z[, rotation
-                vector] [m, rad]. Leading dimensions give a stack of states, each from the same guess.
+            tool: pose of the tool [m, rad] (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6) in space: x, y, z[,
+                rotation vector]. Leading dimensions give a stack of states, each from the same guess.
             rates: v (n) in the order of `independent`, or n rates of any joints by name; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
 
@@ -177,9 +179,6 @@ class Robot:
             raise LinkworkError("the stack of states is empty; there is no configuration to choose the rates at")
         self.charts[chart.independent] = chart
         return replace(state, rates=chart.from_tree(w), independent=chart.independent)
-
-    def chart_of(self, state: State) -> CompiledChart:
-        return self.charts[state.independent]
 
     # Equations of motion
 
@@ -271,6 +270,29 @@ class Robot:
         evaluation.require_regular(state, pivot, kinetic, state.rates, "rates")
         return kinetic[..., 0], potential[..., 0]
 
+    def reactions(
+        self, state: State, forces: ArrayLike, *, frame: str = "ground", length: float | None = None
+    ) -> Reactions:
+        """Return the wrench [moment; force] that every joint transmits from its first to its second body.
+
+        All of it: with the forces of actuator, spring, friction and gears in the joint; `constraint` is without them. Where
+        constraints depend on each other the least wrenches are given, and `indeterminate` names what is open.
+
+        Args:
+            state: configuration and rates; forces: u of the actuators (..., actuators) [N, N m]. The bodies accelerate as
+                `forward_dynamics` tells.
+            frame: "ground" (about F1's origin in the ground's axes), "first" (F1's axes) or "second" (about F2's origin,
+                F2's axes).
+            length: [m] by which moments are divided where the least wrenches are chosen; the joints' root mean square
+                distance from their middle at home if left out.
+
+        Raises:
+            LinkworkError: as `forward_dynamics`; another frame.
+        """
+        from linkwork.robot.reactions import reactions
+
+        return reactions(self, state, forces, frame, length)
+
     # Kinematics
 
     def joint_rates(self, state: State) -> np.ndarray:
@@ -316,9 +338,15 @@ class Robot:
     def simulate(
         self,
         state: State,
-        forces: ArrayLike | Mapping[str, float] | Sampled | Signal | None = None,
+        forces: Forces = None,
         *,
         duration: float,
+        drives: Mapping[str, Drive] | None = None,
+        wrenches: Sequence[Wrench] = (),
+        method: Method = "dormand_prince",
+        step: float | None = None,
+        events: Sequence[Event | Callable[..., Any] | str] | str = (),
+        parameters: Mapping[str, float] | None = None,
         rtol: float = 1e-8,
         atol: float = 1e-10,
         save_at: ArrayLike | None = None,
@@ -326,16 +354,26 @@ class Robot:
         max_steps: int = 1_000_000,
         on_singular: Literal["stop", "step_over"] = "stop",
     ) -> Run:
-        """Integrate the equations of motion from a state under actuator forces (paper, algorithm of forward dynamics).
+        """Integrate the equations of motion from a state (paper, algorithm of forward dynamics).
 
-        Adaptive Dormand-Prince 5(4); after each step the loops are closed exactly by projection on phi = 0. Where the
-        independent rates become a weak choice the run goes on in better ones. Where no rates determine the motion (a
-        bifurcation: branches of motion meet) it stops, or steps over to the smooth continuation.
+        After each step the loops are closed exactly by projection on phi = 0. Where the independent rates become a weak
+        choice the run goes on in better ones. Where no rates determine the motion (a bifurcation: branches of motion
+        meet) it stops, or steps over to the smooth continuation.
 
         Args:
             state: where to start.
-            forces: u (n) [N, N m] constant, by name, or sampled over time (`linkwork.Sampled`); zero if left out.
+            forces: u of the actuators [N, N m]: zero, constant, by name, or sampled over time (`linkwork.Sampled`); a
+                controller (t, state) -> u, which is traced with symbols and compiled in (`linkwork.control`); or a
+                `linkwork.control.Sampler`, which calls one at a fixed rate. With drives these are their commands.
             duration: T [s].
+            drives: of actuators, by name (`linkwork.control.DCMotor` ...); ideal ones where left out.
+            wrenches: external ones on bodies (`linkwork.control.Wrench`).
+            method: "dormand_prince" (5th order), "dop853" (8th, for tight tolerances), "rodas" (for stiff systems); with
+                a fixed step "rk4", "symplectic_euler".
+            step: of the methods with a fixed step [s].
+            events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends where a joint leaves its
+                range, or where the actuators cease to determine the motion.
+            parameters: values of free parameters by name, the robot's and those of controllers and drives.
             rtol, atol: relative and absolute tolerance of the local error of coordinates and rates.
             save_at: times to save [s]; every accepted step if left out.
             max_step: largest step [s].
@@ -344,67 +382,108 @@ class Robot:
 
         Returns:
             A `Run`: its `status` and `message` say how it ended; `dataset` holds what was computed until then.
+
+        Raises:
+            LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot.recording import simulate
+        from linkwork.robot import running
 
-        for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
-            checks.positive(value, name)
-        if max_step != np.inf:
-            checks.positive(max_step, "max_step")
-        options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
-        return simulate(self, self.own(state), forces, duration, save_at, on_singular, options)
+        return running.simulate(
+            self,
+            state,
+            forces,
+            duration=duration,
+            drives=drives,
+            wrenches=wrenches,
+            method=method,
+            step=step,
+            events=events,
+            parameters=parameters,
+            rtol=rtol,
+            atol=atol,
+            save_at=save_at,
+            max_step=max_step,
+            max_steps=max_steps,
+            on_singular=on_singular,
+        )
 
-    # Kernels
+    def resume(self, run: Run, forces: Forces = None, *, duration: float, **options: Any) -> Run:
+        """Go on from the end of a run, also of one that was saved and loaded: time, extra and held inputs continue.
 
-    @property
-    def kernel(self) -> Callable[[str], Kernel]:
-        """Return a compiled kernel of the home chart by name: motion, inverse_dynamics, terms, maps, closure_step ..."""
-        return self.chart.kernel
+        Args:
+            run: of this robot.
+            duration: how long to go on [s].
+            forces, options: as for `simulate`; a run does not hold controllers, drives and wrenches: give them again.
+        """
+        from linkwork.robot import running
 
-    @cached_property
-    def size(self) -> float:
-        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
-        return self.labels.size(self.equations.reference, self.home.positions)
+        return running.resume(self, run, forces, duration=duration, **options)
 
-    @cached_property
-    def run_chart(self) -> CompiledChart:
-        """Return the chart that runs start in: of the home chart and that of free bodies' own rates the shorter one."""
-        chart = shorter(self.chart, self.equations.reference)
-        return self.charts.setdefault(chart.independent, chart)
+    def ensemble(
+        self,
+        states: State,
+        forces: Forces | Sequence[Sampled | Signal] = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        *,
+        duration: float,
+        drives: Mapping[str, Drive] | None = None,
+        wrenches: Sequence[Wrench] = (),
+        save_at: ArrayLike | None = None,
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+        max_step: float = np.inf,
+        max_steps: int = 1_000_000,
+        on_singular: Literal["stop", "step_over"] = "stop",
+        threads: int | None = None,
+        progress: bool | Callable[[int, int], None] = False,
+    ) -> Ensemble:
+        """Run N members at a time, as `simulate` runs each of them (Dormand-Prince), in vector registers and over all threads.
 
-    @cached_property
-    def _assembly(self) -> AssemblyKernel:
-        tool = next(iter(self.mechanism.tools.values()), None)
-        return AssemblyKernel.of(functions.assembly(self.equations, tool), self.planar, self.p)
+        A member that fails keeps its status and the state it reached, and the others go on. KeyboardInterrupt ends the
+        runs, and what is done is returned; the status of the others is CANCELLED.
 
-    @cached_property
-    def assembler(self) -> Assembler:
-        tree, rows = self.equations.tree, self.equations.rows.names
-        evaluate = self._assembly.evaluate
-        return Assembler(evaluate, tree, self.coordinates, self.rates, self.labels.angular, rows, self.planar)
+        Args:
+            states: where members start, a stack of N states, or one for all.
+            forces: for all members as for `simulate` (a controller is traced; no `Sampler`); or of each: numbers (N, nu),
+                (N) by name, or N signals.
+            parameters: values of free parameters of the robot, controllers and drives by name: numbers, or (N) of each.
+            duration: T [s].
+            save_at: times to save [s], the same for all; only the last states are kept if left out.
+            threads: all processors if left out.
+            progress: show a bar on the terminal, or call a function of (members done, N).
+            drives, wrenches, rtol, atol, max_step, max_steps, on_singular: as for `simulate`.
 
-    def tool_poses(self, q: np.ndarray) -> np.ndarray:
-        """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
-        self.require_tool()
-        return self._assembly.tool_poses(q)
+        Returns:
+            An `Ensemble`: `status` and `final` states of the members, `failed` ones, and their `dataset`.
 
-    # Checks
+        Raises:
+            LinkworkError: bad input, in one sentence.
+        """
+        from linkwork.robot.ensemble import ensemble
 
-    def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
-        q = np.ascontiguousarray(q)
-        (positions,) = self.kernel("positions")(q)
-        return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
+        return ensemble(
+            self,
+            states,
+            forces,
+            parameters,
+            duration=duration,
+            drives=drives,
+            wrenches=wrenches,
+            save_at=save_at,
+            rtol=rtol,
+            atol=atol,
+            max_step=max_step,
+            max_steps=max_steps,
+            on_singular=on_singular,
+            threads=threads,
+            progress=progress,
+        )
 
-    def own(self, state: State) -> State:
-        if getattr(state, "coordinates", None) is not self.coordinates:
-            checks.refuse_foreign(state, self.coordinates, self.charts)
-            gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
-            if gap > posing.OPEN_LOOPS:
-                raise LinkworkError(
-                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
-                )
-        return state
+    def observe(self, state: State) -> Observation:
+        """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as numbers."""
+        from linkwork.control.observation import Names
+        from linkwork.robot.observing import observation
 
-    def require_tool(self) -> None:
-        if not self.mechanism.tools:
-            raise LinkworkError("the mechanism names no tool; add one under 'tools'")
+        if self.own(state).batch:
+            raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")
+        return observation(self.chart_of(state), Names.of(self.mechanism, self.planar), state.q, state.rates)

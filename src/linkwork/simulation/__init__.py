@@ -3,25 +3,38 @@
 The package knows nothing of robots: it is given the machine addresses of the equations of motion and of the loop closure.
 """
 
-from linkwork.simulation.integrate import Trajectory, integrate
+from linkwork.simulation.events import Condition, Control, Events, Occurrences, Pace
+from linkwork.simulation.integrate import Method, Trajectory, integrate
+from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.run import Run, Statistics, Variable
 from linkwork.simulation.signals import Sampled, Signal, as_signal, clock, stack
 from linkwork.simulation.status import Status
-from linkwork.simulation.tableaus import BOGACKI_SHAMPINE, DORMAND_PRINCE, Tableau
+from linkwork.simulation.tableaus import BOGACKI_SHAMPINE, DORMAND_PRINCE, RK4, SymplecticEuler, Tableau, dop853
 
 __all__ = [
     "BOGACKI_SHAMPINE",
     "DORMAND_PRINCE",
+    "RK4",
+    "RODAS",
+    "Condition",
+    "Control",
+    "Events",
+    "Method",
+    "Occurrences",
+    "Pace",
+    "Rosenbrock",
     "Run",
     "Sampled",
     "Signal",
     "Statistics",
     "Status",
+    "SymplecticEuler",
     "Tableau",
     "Trajectory",
     "Variable",
     "as_signal",
     "clock",
+    "dop853",
     "integrate",
     "stack",
 ]

@@ -1,11 +1,19 @@
-"""Compile a function by Numba once per machine: kept in a cache folder, and announced while it happens."""
+"""Compile a function by Numba once per machine: kept in a cache folder, and announced while it happens.
 
+Numba renews its cache when the file of a function changes. A function is made of others, too, that are inlined or linked
+into it, and of constants; here the cache is renewed when any of them changes, in whatever file they are.
+"""
+
+import hashlib
 import pickle
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from types import CodeType, FunctionType
+from typing import Any
 
+import numpy as np
 from numba import njit
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
@@ -33,6 +41,7 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
         dispatcher = njit(cache=True, **OPTIONS)(function)
     except RuntimeError:  # Numba found no folder that it may write to
         return None
+    dispatcher._cache._cache_file._source_stamp = fingerprint(function)  # pyright: ignore[reportAttributeAccessIssue]
     try:
         try:
             dispatcher.compile(signature)
@@ -47,6 +56,45 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     except OSError:  # the folder failed while being read or written
         return None
     return dispatcher
+
+
+def fingerprint(function: Callable) -> str:
+    """Return a digest of a function's code, and of that of all functions and constants that it names, and they name."""
+    parts: dict[Callable, list[object]] = {}
+    _gather(function, parts)
+    return hashlib.sha256(repr(list(parts.values())).encode()).hexdigest()
+
+
+def _gather(function: Callable, parts: dict[Callable, list[object]]) -> None:
+    if not isinstance(function, FunctionType) or function in parts:
+        return
+    part: list[object] = [function.__module__]
+    parts[function] = part
+    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+    names = function.__globals__ | {name: cell.cell_contents for name, cell in cells.items()}
+    for code in _codes(function.__code__):
+        part += [code.co_code, code.co_names, [c for c in code.co_consts if not isinstance(c, CodeType)]]
+        for name in (*code.co_names, *code.co_freevars):
+            value = names.get(name)
+            if isinstance(value, bool | int | float | str | tuple):
+                part += [name, value]
+            elif isinstance(value, np.ndarray):
+                part += [name, value.tolist()]
+            else:
+                _gather(_python(value), parts)
+
+
+def _python(value: object) -> Any:
+    """Return the Python function of a compiled one or an intrinsic, or the value itself."""
+    return getattr(value, "py_func", None) or getattr(value, "_defn", value)
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield a code object and those of the functions that are defined in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
 
 
 def _uncached(what: str, function: Callable, signature) -> Dispatcher:

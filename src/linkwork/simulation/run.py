@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-TIME = "time"
+TIME, DESCRIPTION = "time", "description"
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,9 @@ class Run:
 
     `variables`: quantities by name, for instance "position" over ("time", "joint"); `coords`: the axes' labels by axis
     name, among them "time" in s; `attrs`: facts about the run as a whole; `status`, `message`: how it ended;
-    `statistics`: what it took, also reached as `nfev`, `steps`, `rejected`, `closure_error`.
+    `statistics`: what it took, also reached as `nfev`, `steps`, `rejected`, `closure_error`; `error`: what a sampled
+    controller raised, if that ended the run, and `transmitted`: what gives the joint reactions (not written to files);
+    `described`: what gives the text of the mechanism's file, if the attrs do not hold it as "description".
     """
 
     variables: Mapping[str, Variable] = field(repr=False)
@@ -90,6 +92,9 @@ class Run:
     status: Status
     message: str
     statistics: Statistics
+    error: BaseException | None = None
+    transmitted: Callable[[str, float | None], Any] | None = field(default=None, repr=False)
+    described: Callable[[], str] | None = field(default=None, repr=False)
 
     @property
     def success(self) -> bool:
@@ -116,6 +121,11 @@ class Run:
         """Return the largest |phi(q)| of all accepted states and saved samples."""
         return self.statistics.closure_error
 
+    @property
+    def description(self) -> str:
+        """Return the mechanism that ran, as the text of a mechanism file; empty if the run does not hold it."""
+        return self.described() if self.described else str(self.attrs.get(DESCRIPTION, ""))
+
     @cached_property
     def dataset(self) -> "xarray.Dataset":
         """Return the run as an `xarray.Dataset`; its attributes hold the status, the message and the statistics."""
@@ -129,6 +139,31 @@ class Run:
             entries(self.variables), entries(self.coords), dict(self.attrs) | ending | vars(self.statistics)
         )
 
+    def reactions(self, frame: str = "ground", *, length: float | None = None) -> "xarray.DataArray":
+        """Return the wrench that each joint transmits to its second body over time, as `linkwork.Robot.reactions` does.
+
+        It is computed when it is asked for, and is no part of `dataset`.
+
+        Args:
+            frame: "ground", "first" or "second"; length: [m] by which moments are divided where least wrenches are chosen.
+
+        Returns:
+            An array over (time, joint, component) [N m, N]; its attribute `indeterminate` names the components, by joint,
+            that rigid bodies leave open.
+
+        Raises:
+            LinkworkError: another frame; a run from a file, which does not hold its robot.
+        """
+        import xarray
+
+        if self.transmitted is None:
+            raise LinkworkError("a run from a file does not hold its robot; ask robot.reactions(state, forces) instead")
+        found = self.transmitted(frame, length)
+        coords = {TIME: self.coords[TIME].values, "joint": list(found.joints), "component": list(found.components)}
+        open_parts = "; ".join(f"{joint}: {', '.join(parts)}" for joint, parts in found.indeterminate.items())
+        attrs = {"units": "N m, N", "frame": frame, "indeterminate": open_parts, "length": found.length}
+        return xarray.DataArray(found.wrenches, coords, (TIME, "joint", "component"), "joint_reaction", attrs)
+
     def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
         """Draw the run's quantities over time (`linkwork.views.plot_run`): those named, or all that vary with time."""
         from linkwork.views.plots import plot_run  # a convenience: the one place that calls a later stage
@@ -138,7 +173,7 @@ class Run:
     def save(self, path: str | Path) -> Path:
         """Write the run to a file, whole or not at all, and return its path; the suffix names the format.
 
-        .nc: NetCDF (version 3), everything the run holds; `Run.load` reads it. .csv: one row for each saved time, one
+        .nc: NetCDF (version 3), everything the run holds and its mechanism; `Run.load` reads it. .csv: one row for each saved time, one
         column for each component of what varies with time, named quantity.joint; units, constants and the ending stand
         above in lines that begin with #.
 
@@ -184,8 +219,9 @@ def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
 
 
 def _write_netcdf(run: Run, path: Path) -> None:
+    described = {DESCRIPTION: run.description} if run.description else {}
     try:
-        run.dataset.to_netcdf(path, engine="scipy")
+        run.dataset.assign_attrs(described).to_netcdf(path, engine="scipy")
     except (TypeError, ValueError) as error:
         raise LinkworkError(f"NetCDF cannot hold what the run holds: {error}") from error
 

@@ -7,7 +7,8 @@ the order of the method is kept.
 """
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from functools import cached_property
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 
 Kind = Literal["spline", "linear", "hold"]
+SMOOTH = 1e-9  # jump of a value or slope, relative to the largest one, that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,19 @@ class Sampled:
         """Return the samples (N, nu), so that NumPy's functions take the signal as they would its values."""
         return np.array(self.values, dtype=dtype, copy=True if copy is None else copy)
 
+    @cached_property
+    def signal(self) -> "Signal":
+        """The signal as piecewise cubic polynomials."""
+        return _INTERPOLANTS[self.kind](self)
+
+    def __call__(self, t: Any) -> np.ndarray:
+        """Evaluate as `Signal` does."""
+        return self.signal(t)
+
+    def derivative(self) -> "Signal":
+        """Return the time derivative, as `Signal` does."""
+        return self.signal.derivative()
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -64,13 +79,28 @@ class Signal:
     coefficients: np.ndarray
     breaks: np.ndarray
 
-    def __call__(self, t: ArrayLike) -> np.ndarray:
-        """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape (*t.shape, nu)."""
+    def __call__(self, t: Any) -> np.ndarray:
+        """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape (*t.shape, nu).
+
+        A symbolic time, with which a controller is traced, has its own way to refer to a signal: `t.reference(signal)`.
+        """
+        if hasattr(t, "reference"):
+            return t.reference(self)
         t = np.asarray(t, dtype=float)
         piece, s = self._locate(t)
-        c_0, c_1, c_2, c_3 = np.moveaxis(self.coefficients[piece], -2, 0)
+        c_0, c_1, c_2, c_3 = (self.coefficients[piece, power] for power in range(4))
         s = s[..., None]
         return c_0 + s * (c_1 + s * (c_2 + s * c_3))
+
+    @cached_property
+    def _derivative(self) -> "Signal":
+        factors = np.array([1.0, 2.0, 3.0])[:, None]
+        slopes = np.concatenate([self.coefficients[:, 1:] * factors, 0 * self.coefficients[:, :1]], axis=1)
+        return Signal(self.knots, slopes, np.union1d(self.breaks, _kinks(self.knots, slopes)))
+
+    def derivative(self) -> "Signal":
+        """Return du/dt, the same object each time; where it has a kink it breaks, and jumps of u leave no trace in it."""
+        return self._derivative
 
     def _locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         piece = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
@@ -85,7 +115,7 @@ def as_signal(forces: "Signal | Sampled | ArrayLike") -> Signal:
     if isinstance(forces, Signal):
         return forces
     if isinstance(forces, Sampled):
-        return _INTERPOLANTS[forces.kind](forces)
+        return forces.signal
     constant = _finite("forces", forces)
     if constant.ndim != 1:
         raise LinkworkError(f"forces have the shape {constant.shape}: give one number per input, or sampled values")
@@ -121,6 +151,17 @@ def require_increasing(what: str, times: np.ndarray) -> None:
         raise LinkworkError(
             f"{what} must increase: number {i + 1} is {times[i + 1]:g} s after {times[i]:g} s (counted from 0)"
         )
+
+
+def _kinks(knots: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Return the inner knots at which the value or the slope of a signal jumps."""
+    c_0, c_1, c_2, c_3 = np.moveaxis(coefficients, 1, 0)
+    s = np.diff(knots[:-1])[:, None]
+    values = c_0[:-1] + s * (c_1[:-1] + s * (c_2[:-1] + s * c_3[:-1])) - c_0[1:]
+    slopes = c_1[:-1] + s * (2 * c_2[:-1] + 3 * s * c_3[:-1]) - c_1[1:]
+    jumps = np.abs(values) > SMOOTH * np.abs(c_0).max(initial=0)
+    jumps |= np.abs(slopes) > SMOOTH * np.abs(c_1).max(initial=0)
+    return knots[1:-1][jumps.any(axis=1)]
 
 
 def _shifted(signal: Signal, knots: np.ndarray) -> np.ndarray:

@@ -15,10 +15,13 @@ class Status(IntEnum):
     STEP_UNDERFLOW = 3
     TOO_MANY_STEPS = 4
     NON_FINITE = 5
+    EVENT = 6
+    CALLBACK_FAILED = 7
+    CANCELLED = 8
 
-    def sentence(self, **facts: float) -> str:
-        """Return this ending as one sentence; `facts` are the numbers its template names (times in s)."""
-        return _SENTENCES[self].format(**facts)
+    def sentence(self, **facts: float | str) -> str:
+        """Return this ending as one sentence; `facts` are what its template names (times in s)."""
+        return _SENTENCES[self].format(**{"culprit": "what the equations of motion return"} | facts)
 
 
 _SENTENCES = {
@@ -42,7 +45,10 @@ _SENTENCES = {
         " allow more, loosen rtol and atol, or look for a stiff spring, damper or controller."
     ),
     Status.NON_FINITE: (
-        "The run stopped at t = {time:.9g} s: the equations of motion return infinite or undefined numbers from here on,"
-        " however small the step (next would be {step:.2g} s)."
+        "The run stopped at t = {time:.9g} s: {culprit} is infinite or undefined from here on, however small the step"
+        " (next would be {step:.2g} s)."
     ),
+    Status.EVENT: "The run was ended by event {event:d} (counted from 0) at t = {time:.9g} s.",
+    Status.CALLBACK_FAILED: "The run stopped at t = {time:.9g} s: a function that it calls raised {error}.",
+    Status.CANCELLED: "The run was cancelled at t = {time:.9g} s.",
 }

@@ -1,33 +1,61 @@
-"""Embedded Runge-Kutta pairs as data.
+"""Runge-Kutta methods as data.
 
-One step of size h from y(t), with s stages and the last stage evaluated at the new state (FSAL, first same as last):
+One step of size h from y(t), by an embedded pair of s stages, the last one evaluated at the new state (FSAL, first same as
+last), and by up to three more stages where the dense output is asked for:
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j),   i = 1 .. s,     y(t + h) = y + h sum_j a_sj k_j,
     error estimate  = h sum_i e_i k_i,
     dense output    y(t + theta h) = y + h sum_i b_i(theta) k_i,    b_i(theta) = sum_m P_im theta^(m+1).
 
-The dense output is Hermite's cubic through both ends and both slopes, with the quartic term d_i that raises its order:
+The dense output of pairs without further stages is Hermite's cubic through both ends and both slopes, with the quartic term
+d_i that raises its order:
 
     b_i(theta) = theta b_i + theta (1 - theta) (delta_1i - b_i) + theta^2 (1 - theta) (2 b_i - delta_1i - delta_si)
                + theta^2 (1 - theta)^2 d_i.
 
 Sources: Dormand & Prince, J. Comp. Appl. Math. 6 (1980) 19-26, and Hairer, Norsett & Wanner, Solving Ordinary Differential
-Equations I, 2nd ed. (1993), table II.5.2 and sec. II.6 (dense output); Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321-325.
+Equations I, 2nd ed. (1993), table II.5.2 and sec. II.6 (dense output), sec. II.10 (DOP853, its numbers from SciPy), and table
+II.1.2 (Kutta's method of order 4); Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321-325. Symplectic Euler: Hairer, Lubich &
+Wanner, Geometric Numerical Integration, 2nd ed. (2006), sec. I.1.2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
+
+from linkwork.errors import LinkworkError
+
+
+class Plan(NamedTuple):
+    """Hold a method as the compiled loops take it.
+
+    `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c` (rows,): stage times;
+    `e`: rows of error weights, none for a fixed step; `dense` (rows, degree): P; `computed`: how many of the rows a step
+    evaluates, the others are for the dense output only; `exponent`: 1 / (order of the error estimate + 1), 0 for a fixed step.
+    """
+
+    a: np.ndarray
+    c: np.ndarray
+    e: np.ndarray
+    dense: np.ndarray
+    solution: int
+    computed: int
+    exponent: float
 
 
 @dataclass(frozen=True, eq=False)
 class Tableau:
-    """Hold an explicit embedded pair whose last stage is the first of the next step.
+    """Hold an explicit embedded pair whose stage s is the first of the next step.
 
     `name`: for people; `order`: of the solution that is carried on; `error_order`: of the one it is compared with;
     `a` (s, s): strictly lower triangular, its last row the weights b; `c` (s,): stage times; `e` (s,): error weights;
-    `dense` (s, 4): P, the dense output's polynomials in theta, theta^2, theta^3, theta^4.
+    `dense` (s + more, degree): P, the dense output's polynomials in theta, theta^2, ...;
+    `second` (s,): weights of another error estimate, as of DOP853; `more` (more, s + more) and `more_c`: stages that the
+    dense output needs beside the others.
     """
 
     name: str
@@ -37,6 +65,79 @@ class Tableau:
     c: np.ndarray
     e: np.ndarray
     dense: np.ndarray
+    second: np.ndarray | None = None
+    more: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    more_c: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def step(self) -> None:
+        """Steps are chosen by the error."""
+        return None
+
+    @property
+    def plan(self) -> Plan:
+        """The method as the compiled loops take it."""
+        return _pair_plan(self)
+
+
+@dataclass(frozen=True)
+class RK4:
+    """Take steps of one length by Kutta's method of order 4: four evaluations each, for real time.
+
+    step: s; steps end at its multiples, and also where the forces jump, a sampled controller acts, or the run ends.
+    Dense output: Hermite's cubic.  Raises `LinkworkError` for a step that is not positive and finite.
+    """
+
+    step: float
+    name = "Runge-Kutta 4"
+    order = 4
+
+    def __post_init__(self):
+        _require_step(self.step)
+
+    @property
+    def plan(self) -> Plan:
+        """The method as the compiled loops take it."""
+        return _KUTTA
+
+
+@dataclass(frozen=True)
+class SymplecticEuler:
+    """Take steps of one length by the semi-implicit Euler method: the rates first, then q with the new rates.
+
+        v_1 = v_0 + h v'(q_0, v_0),    q_1 = q_0 + h L(q_0) v_1
+
+    Two evaluations a step, of order 1; its energy does not drift where M is constant. Extra states are stepped with the rates.
+    Dense output: straight lines. step: s, as in `RK4`.
+    """
+
+    step: float
+    name = "symplectic Euler"
+    order = 1
+
+    def __post_init__(self):
+        _require_step(self.step)
+
+    @property
+    def plan(self) -> Plan:
+        """The method as the compiled loops take it."""
+        return _EULER
+
+
+def _require_step(step: float) -> None:
+    if not 0 < step < np.inf:
+        raise LinkworkError(f"the step of a method of fixed step must be positive and finite, not {step} s")
+
+
+@cache
+def _pair_plan(tableau: Tableau) -> Plan:
+    s, rows = len(tableau.c), len(tableau.dense)
+    a = np.zeros((rows, rows))
+    a[:s, :s] = tableau.a
+    a[s:, : tableau.more.shape[1]] = tableau.more
+    estimates = [tableau.e] if tableau.second is None else [tableau.e, tableau.second]
+    c = np.concatenate([tableau.c, tableau.more_c])
+    return Plan(frozen(a), frozen(c), frozen(estimates), frozen(tableau.dense), s - 1, s, 1 / (tableau.error_order + 1))
 
 
 def _tableau(name: str, order: int, error_order: int, rows: list[str], lower: str, quartic: str) -> Tableau:
@@ -45,13 +146,16 @@ def _tableau(name: str, order: int, error_order: int, rows: list[str], lower: st
     b = a[-1]
     e = [high - low for high, low in zip(b, _fractions(lower, len(rows)), strict=True)]
     d = _fractions(quartic, len(rows))
+    return Tableau(name, order, error_order, *(frozen(x) for x in (a, [sum(row) for row in a], e, _hermite(b, d))))
+
+
+def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
+    """Return P of Hermite's cubic with the quartic term d, of a method whose last stage is evaluated at the new state."""
     first = [Fraction(i == 0) for i in range(len(b))]
-    last = first[::-1]
-    dense = [
+    return [
         [start, 3 * b_i - 2 * start - end + d_i, start + end - 2 * b_i - 2 * d_i, d_i]
-        for b_i, d_i, start, end in zip(b, d, first, last, strict=True)
+        for b_i, d_i, start, end in zip(b, d, first, first[::-1], strict=True)
     ]
-    return Tableau(name, order, error_order, *(_frozen(x) for x in (a, [sum(row) for row in a], e, dense)))
 
 
 def _fractions(text: str, length: int) -> list[Fraction]:
@@ -59,8 +163,8 @@ def _fractions(text: str, length: int) -> list[Fraction]:
     return printed + [Fraction(0)] * (length - len(printed))
 
 
-def _frozen(values: list) -> np.ndarray:
-    array = np.array(values, dtype=float)
+def frozen(values) -> np.ndarray:
+    array = np.array(values, dtype=float, order="C")
     array.setflags(write=False)
     return array
 
@@ -90,4 +194,54 @@ BOGACKI_SHAMPINE = _tableau(
     rows=["", "1/2", "0 3/4", "2/9 1/3 4/9"],
     lower="7/24 1/4 1/3 1/8",
     quartic="",
+)
+
+
+@cache
+def dop853() -> Tableau:
+    """Return the pair 8(5,3) of Dormand & Prince, with dense output of order 7."""
+    from scipy.integrate._ivp import dop853_coefficients as printed
+
+    s = printed.N_STAGES + 1
+    a = np.vstack([printed.A[: s - 1, :s], np.append(printed.B, 0)])
+    a, c, e, dense = map(frozen, (a, printed.C[:s], printed.E5, _dop853_dense(printed)))
+    more = frozen(printed.A[s:]), frozen(printed.C[s:])
+    return Tableau("DOP853", 8, 7, a, c, e, dense, frozen(printed.E3), *more)
+
+
+def _dop853_dense(printed) -> np.ndarray:
+    """Return P of  theta (F_0 + (1 - theta) (F_1 + theta (F_2 + (1 - theta) (F_3 + ... + theta F_6)))),  F = sum_i F_i k_i.
+
+    F_0 = b, F_1 = delta_1 - b, F_2 = 2 b - delta_1 - delta_s, and the tabulated D (Hairer's CONTD8).
+    """
+    b, first, last = np.zeros((3, printed.N_STAGES_EXTENDED))
+    b[: printed.N_STAGES], first[0], last[printed.N_STAGES] = printed.B, 1, 1
+    F = [b, first - b, 2 * b - first - last, *printed.D]
+    factors = [[0, 1], [1, -1]]  # theta, 1 - theta
+    dense = np.zeros((printed.N_STAGES_EXTENDED, len(F)))
+    product = np.array([1.0])
+    for j, row in enumerate(F):
+        product = polynomial.polymul(product, factors[j % 2])
+        dense[:, : len(product) - 1] += np.outer(row, product[1:])
+    return dense
+
+
+_KUTTA_ROWS = [_fractions(row, 5) for row in ("", "1/2", "0 1/2", "0 0 1", "1/6 1/3 1/3 1/6")]
+_KUTTA = Plan(
+    a=frozen(_KUTTA_ROWS),
+    c=frozen([sum(row) for row in _KUTTA_ROWS]),
+    e=frozen(np.empty((0, 5))),
+    dense=frozen(_hermite(_KUTTA_ROWS[-1], _fractions("", 5))),
+    solution=4,
+    computed=4,
+    exponent=0.0,
+)
+_EULER = Plan(
+    a=frozen([[0, 0], [1, 0]]),
+    c=frozen([0, 0]),
+    e=frozen(np.empty((0, 2))),
+    dense=frozen([[1], [0]]),
+    solution=1,
+    computed=2,
+    exponent=0.0,
 )

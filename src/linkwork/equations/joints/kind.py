@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from linkwork.equations.algebra import Number, Vector, present
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -18,7 +20,7 @@ class Motion:
     """
 
     turn: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    slide: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    slide: Vector = field(default_factory=lambda: np.zeros(3))
     ball: bool = False
 
     @property
@@ -27,7 +29,7 @@ class Motion:
 
     @property
     def slides(self) -> bool:
-        return bool(self.slide.any())
+        return present(self.slide)
 
     @property
     def coordinates(self) -> int:
@@ -56,8 +58,8 @@ class Row:
     name: str
     e: np.ndarray
     f: np.ndarray | None = None
-    pitch: float | None = None
-    length: float | None = None
+    pitch: Number | None = None
+    length: Number | None = None
     crossing: bool = False
 
     @property

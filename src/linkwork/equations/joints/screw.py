@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from linkwork.equations.algebra import present
 from linkwork.equations.joints.kind import Kind, Motion, Row, transversals
 from linkwork.mechanism import ScrewJoint
 
@@ -25,7 +26,7 @@ def rows(joint: ScrewJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     return (
         Row("position across the axis, 1", e1),
         Row("position across the axis, 2", e2),
-        Row("thread", a, pitch=joint.pitch),
+        Row("thread", a, pitch=joint.pitch if present(joint.pitch) else None),
         Row("direction of the axis, 1", e1, a),
         Row("direction of the axis, 2", e2, a),
     )

@@ -1,0 +1,228 @@
+"""What acts on a robot in a run, independent of charts: command, drives, wrenches and events in one traced function.
+
+    (t, r, h, z, p, quantities) -> command c, force u, z', wrenches, events g, next held inputs
+
+r are references over time, h inputs that a sampled controller holds, z the extra states of drives and controller, p the
+parameters of both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from linkwork import math
+from linkwork.control.drives import Drive, Extra, Ideal
+from linkwork.control.events import Event
+from linkwork.control.observation import Names, Quantity
+from linkwork.control.sampler import Sampler
+from linkwork.control.tracing import Law, Tracer, column
+from linkwork.control.wrenches import Wrench
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+from linkwork.simulation import Sampled, Signal, as_signal, clock, stack
+
+NONE = ca.SX(0, 1)
+OUTPUTS = ("command", "force", "extra_rates", "wrenches", "events", "next_held")
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """Hold what acts, traced.
+
+    function: (t, references, held, extras, parameters, *quantities) -> `OUTPUTS`
+    quantities: what it reads of the robot; timed: whether it reads the time
+    references: signals over time; extras: extra states; parameters: values by name
+    """
+
+    names: Names
+    function: ca.Function
+    quantities: tuple[Quantity, ...]
+    timed: bool
+    references: tuple[Signal, ...]
+    extras: tuple[Extra, ...]
+    parameters: Mapping[str, float]
+    drives: tuple[Drive, ...]
+    wrenches: tuple[Wrench, ...]
+    events: tuple[Event, ...]
+    sampler: Sampler | None
+
+    @property
+    def held(self) -> int:
+        """Number of inputs that are held by a sampled controller."""
+        return self.function.numel_in("held")
+
+    @cached_property
+    def key(self) -> str:
+        """What tells kernels of different systems apart."""
+        places = [(wrench.body, tuple(wrench.point), wrench.frame) for wrench in self.wrenches]
+        return hashlib.sha256(f"{self.function.serialize()}{self.quantities}{places}".encode()).hexdigest()
+
+    def inputs(self) -> Signal:
+        """Return the integrator's inputs over time: t where it is read, then references."""
+        signals = [*([clock()] if self.timed else []), *self.references]
+        return signals[0] if len(signals) == 1 else stack(*signals) if signals else as_signal(np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Command:
+    """Hold the commands of the actuators, the rates of the controller's states, and inputs that are held, now and next."""
+
+    values: ca.SX
+    rates: ca.SX = NONE
+    held: ca.SX = NONE
+    next_held: ca.SX = NONE
+
+
+def act(
+    mechanism: Mechanism,
+    planar: bool,
+    forces: Signal | Law | Sampler,
+    drives: Mapping[str, Drive],
+    wrenches: Sequence[Wrench],
+    events: Sequence[Event],
+    span: tuple[float, float],
+) -> Acting:
+    """Trace what acts on a robot.
+
+    Args:
+        mechanism, planar: the robot's.
+        forces: a signal of forces or commands, a function of (t, state), or one that is sampled.
+        drives: by actuator; ideal where left out.
+        wrenches, events: on bodies; to watch for.
+        span: times of the run, at which traced functions are checked [s].
+
+    Raises:
+        LinkworkError: what does not fit, or cannot be traced, in one sentence.
+    """
+    require_drives(mechanism, drives)
+    require_bodies(mechanism, wrenches)
+    of_drives = [x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras]
+    own = [Extra(*extra) for extra in getattr(forces, "extras", ())]
+    tracer = Tracer(Names.of(mechanism, planar, tuple(extra.name for extra in (*of_drives, *own))))
+    command = commanded(tracer, forces, [extra.name for extra in own])
+    force, rates = driven(tracer, command.values, drives)
+    parts = [part(tracer, wrench, values) for wrench in wrenches for values in (wrench.moment, wrench.force)]
+    zeros = [watched(tracer, event) for event in events]
+    tracer.check(span)
+    outputs = (
+        command.values,
+        force,
+        ca.vertcat(rates, command.rates),
+        ca.vertcat(NONE, *parts),
+        ca.vertcat(NONE, *zeros),
+        command.next_held,
+    )
+    sampler = forces if isinstance(forces, Sampler) else None
+    function, quantities, timed = closed(tracer, command.held, outputs)
+    return Acting(
+        names=tracer.names,
+        function=function,
+        quantities=quantities,
+        timed=timed or sampler is not None,
+        references=tuple(signal for signal, _ in tracer.references),
+        extras=(*of_drives, *own),
+        parameters={name: value for name, (value, _) in tracer.parameters.items()},
+        drives=tuple(drives.get(name, Ideal()) for name in mechanism.actuators),
+        wrenches=tuple(wrenches),
+        events=tuple(events),
+        sampler=sampler,
+    )
+
+
+def require_drives(mechanism: Mechanism, drives: Mapping[str, Drive]) -> None:
+    """Refuse drives of what is no actuated coordinate, and what is no drive."""
+    able = [actuator for actuator in mechanism.actuators if actuator in mechanism.coordinates]
+    for name, drive in drives.items():
+        if name not in able:
+            raise LinkworkError(f"there is no actuator {name!r} for a drive; there are {', '.join(able) or 'none'}")
+        if not isinstance(drive, Drive):
+            raise LinkworkError(
+                f"the drive of {name!r} is {drive!r}; give one of linkwork.control, such as DCMotor(...)"
+            )
+
+
+def require_bodies(mechanism: Mechanism, wrenches: Sequence[Wrench]) -> None:
+    """Refuse wrenches on bodies that do not exist."""
+    for wrench in wrenches:
+        if wrench.body not in mechanism.bodies:
+            bodies = ", ".join(mechanism.bodies)
+            raise LinkworkError(f"there is no body {wrench.body!r} for a wrench; there are {bodies}")
+
+
+def commanded(tracer: Tracer, forces: Signal | Law | Sampler, states: Sequence[str]) -> Command:
+    """Return the commands of a signal, of a controller with the states named, or of a sampled one."""
+    actuators, what = tracer.names.actuators, "the controller"
+    if isinstance(forces, Signal):
+        return Command(ca.vertcat(NONE, *tracer.reference(forces)))
+    if isinstance(forces, Sampler):
+        held = ca.SX.sym("held", len(actuators) * (forces.late + 1))
+        now, later = ca.vertcat(NONE, *ca.vertsplit(held)[: len(actuators)]), ca.vertsplit(held)[len(actuators) :]
+        if not forces.compiled:
+            return Command(now, held=held)
+        newest = tracer.trace(forces.law, lambda result: column(result, actuators, what), what)
+        return Command(now, held=held, next_held=ca.vertcat(*later, newest))
+    if not states:
+        return Command(tracer.trace(forces, lambda result: column(result, actuators, what), what))
+
+    def both(result: Any) -> ca.SX:
+        return ca.vertcat(column(result[0], actuators, what), column(result[1], states, "the controller's states"))
+
+    values = tracer.trace(forces, both, what)
+    return Command(values[: len(actuators)], values[len(actuators) :])
+
+
+def driven(tracer: Tracer, command: ca.SX, drives: Mapping[str, Drive]) -> tuple[ca.SX, ca.SX]:
+    """Return the actuators' forces and the rates of the drives' extra states."""
+    forces, rates = list(ca.vertsplit(command)), []
+    for name, drive in drives.items():
+        numbers = {field: tracer.parameter(f"{name}.{field}", value) for field, value in drive.numbers.items()}
+        symbolic = type(drive)(**{**vars(drive), **numbers})
+        z = [tracer.state.extra(f"{name}.{extra.name}") for extra in drive.extras]
+        i = tracer.names.actuators.index(name)
+        forces[i], change = symbolic.equations(command[i], tracer.state[name], tracer.state.rate(name), z)
+        rates += change
+    return ca.vertcat(NONE, *forces), ca.vertcat(NONE, *rates)
+
+
+def part(tracer: Tracer, wrench: Wrench, values: Any) -> ca.SX:
+    """Return three components of a wrench: constant, over time, or traced."""
+    axes, what = ("x", "y", "z"), f"the wrench on {wrench.body!r}"
+    if not isinstance(values, Sampled | Signal):
+        if callable(values):
+            return tracer.trace(values, lambda result: column(result, axes, what), what)
+        if not np.any(math.array(values)):
+            return column(values, axes, what)
+    return column(tracer.reference(as_signal(values)), axes, what)
+
+
+def watched(tracer: Tracer, event: Event) -> ca.SX:
+    """Return the number whose zeros are an event."""
+    what = f"the event {event.name!r}"
+    return tracer.trace(event.function, lambda value: column(value, ("value",), what), what)
+
+
+def closed(tracer: Tracer, held: ca.SX, outputs: tuple[ca.SX, ...]) -> tuple[ca.Function, tuple[Quantity, ...], bool]:
+    """Return the function of the outputs, the quantities that they depend on, and whether they depend on time."""
+    found = {symbol.element_hash() for symbol in ca.symvar(ca.veccat(*outputs))}
+
+    def used(symbols: ca.SX) -> bool:
+        return any(symbol.element_hash() in found for symbol in ca.vertsplit(symbols))
+
+    quantities = {key: symbols for key, symbols in tracer.quantities.items() if used(symbols)}
+    inputs = {
+        "t": tracer.t,
+        "references": ca.vertcat(NONE, *(symbol for _, symbol in tracer.references)),
+        "held": held,
+        "extras": ca.vertcat(NONE, *tracer.extras.values()),
+        "parameters": ca.vertcat(NONE, *(symbol for _, symbol in tracer.parameters.values())),
+    }
+    symbols, labels = [*inputs.values(), *quantities.values()], [*inputs, *(f"q{i}" for i in range(len(quantities)))]
+    dense = [ca.densify(output) for output in outputs]
+    return ca.Function("acting", symbols, dense, labels, list(OUTPUTS)), tuple(quantities), used(tracer.t)

@@ -1,0 +1,163 @@
+"""Ready controllers. Each is a function of (t, state) with its gains as free parameters, traced like any other.
+
+With the error e = x_d - x of the actuated joints' coordinates:
+
+    PD                u = kp e + kd e' (+ g(q))
+    PID               u = kp e + ki z + kd e' (+ g(q)),    z' = e
+    computed torque   u = M a + C v + G - f,    a = x_d'' + kd e' + kp e
+    sliding mode      the same with  a = x_d'' + slope e' + gain sat(s / boundary),    s = e' + slope e
+
+Sources: Siciliano, Sciavicco, Villani & Oriolo, Robotics, sec. 8.5 (PD with gravity compensation, computed torque);
+Slotine & Li, Applied Nonlinear Control, ch. 7 and 9 (sliding mode with a boundary layer).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linkwork import math
+from linkwork.control.drives import Extra
+from linkwork.control.goals import Goal, Target, target
+from linkwork.control.model import Model
+from linkwork.control.observation import Names, Observation
+from linkwork.errors import LinkworkError
+
+if TYPE_CHECKING:
+    from linkwork.robot import Robot
+
+Gain = float | Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Follower(ABC):
+    """Lead the actuated joints to a goal: a state, a motion (`robot.follow`), coordinates by name, or a signal of them."""
+
+    goal: Goal
+    _targets: dict[Names, Target] = field(default_factory=dict, init=False, repr=False)
+
+    @abstractmethod
+    def __call__(self, t: Any, state: Observation) -> Any:
+        """Return the forces of the actuators, in their order."""
+
+    def errors(self, t: Any, state: Observation) -> tuple[Any, Any, Any]:
+        """Return e, e' and x_d'' (na each)."""
+        names = state.names
+        if names not in self._targets:
+            self._targets[names] = target(self.goal, names)
+        x_d, dx_d, ddx_d = self._targets[names].at(t)
+        x, dx = (math.array([read(name) for name in names.actuators]) for read in (state.__getitem__, state.rate))
+        return x_d - x, dx_d - dx, ddx_d
+
+
+def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
+    """Return a gain (na) as free parameters: one of its name, or name.actuator where it is given by actuator."""
+    actuators = state.names.actuators
+    if not isinstance(value, Mapping):
+        return math.array([state.parameter(name, value)] * len(actuators))
+    missing = [actuator for actuator in actuators if actuator not in value]
+    if missing:
+        raise LinkworkError(
+            f"the gain {name} lacks {missing[0]!r}; give one number, or one for each of {', '.join(actuators)}"
+        )
+    return math.array([state.parameter(f"{name}.{actuator}", value[actuator]) for actuator in actuators])
+
+
+@dataclass(frozen=True, eq=False)
+class PD(Follower):
+    """Pull each actuated joint to its goal: u = kp e + kd e', with a model plus what holds its weight and springs.
+
+    kp: [N/m, N m/rad]; kd: [N s/m, N m s/rad]; one number or one by actuator
+    model: a robot with the same joints, whose weight and springs at the present pose are added
+    """
+
+    kp: Gain
+    kd: Gain
+    model: Robot | None = None
+
+    def __call__(self, t, state):
+        e, de, _ = self.errors(t, state)
+        return gain(state, "kp", self.kp) * e + gain(state, "kd", self.kd) * de + self.holding(state)
+
+    def holding(self, state: Observation) -> Any:
+        """Return the forces (na) that hold the model still at the present pose; zero without a model."""
+        if self._model is None:
+            return np.zeros(len(state.names.actuators))
+        return self._model.forces(state, np.zeros(len(state.names.actuators)), still=True)
+
+    @cached_property
+    def _model(self) -> Model | None:
+        return None if self.model is None else Model(self.model)
+
+
+@dataclass(frozen=True, eq=False)
+class PID(PD):
+    """Add the integral of the error to `PD`: u = kp e + ki z + kd e', z' = e.
+
+    ki: [N/(m s), N m/(rad s)]; joints: names of the actuated joints, whose integrals are extra states "integral.joint"
+    """
+
+    ki: Gain = 0.0
+    joints: tuple[str, ...] = ()
+
+    @property
+    def extras(self) -> tuple[Extra, ...]:
+        """The integrals of the errors."""
+        return tuple(Extra(f"integral.{name}", "m s, rad s", 0.0) for name in self.joints)
+
+    def __call__(self, t, state):
+        e, _, _ = self.errors(t, state)
+        integral = [state.extra(f"integral.{name}") if name in self.joints else 0.0 for name in state.names.actuators]
+        rates = dict(zip((f"integral.{name}" for name in state.names.actuators), e, strict=True))
+        forces = super().__call__(t, state) + gain(state, "ki", self.ki) * math.array(integral)
+        return forces, {extra.name: rates[extra.name] for extra in self.extras}
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTorque(Follower):
+    """Linearise the motion by a model's inverse dynamics; with an exact model e'' + kd e' + kp e = 0.
+
+    model: a robot with the same joints, which may be wrong; kp: [1/s^2]; kd: [1/s]
+    """
+
+    model: Robot
+    kp: Gain
+    kd: Gain
+
+    def __call__(self, t, state):
+        e, de, ddx_d = self.errors(t, state)
+        a = ddx_d + gain(state, "kd", self.kd) * de + gain(state, "kp", self.kp) * e
+        return self._model.forces(state, a)
+
+    @cached_property
+    def _model(self) -> Model:
+        return Model(self.model)
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingMode(Follower):
+    """Drive the error onto s = e' + slope e = 0 and keep it near, whatever a wrong model lacks.
+
+    model: a robot with the same joints; slope: [1/s]; gain: reserve of acceleration [m/s^2, rad/s^2]
+    boundary: thickness of the layer in which the switching is smoothed [m/s, rad/s]
+    """
+
+    model: Robot
+    slope: Gain
+    gain: Gain
+    boundary: float
+
+    def __call__(self, t, state):
+        e, de, ddx_d = self.errors(t, state)
+        slope = gain(state, "slope", self.slope)
+        switch = math.clip((de + slope * e) / state.parameter("boundary", self.boundary), -1, 1)
+        return self._model.forces(state, ddx_d + slope * de + gain(state, "gain", self.gain) * switch)
+
+    @cached_property
+    def _model(self) -> Model:
+        return Model(self.model)

@@ -1,0 +1,136 @@
+"""Drives: what stands between a command and the force on an actuated joint.
+
+    F = F(command, x, w, z),    z' = f(command, x, w, z)            x, w: the joint's coordinate and rate
+
+A drive is frozen data. Its numbers are free parameters of a run, named joint.number ("slide_1.resistance"), and its
+equations are written with its own fields: `equations` takes numbers and symbols alike.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, NamedTuple
+
+from linkwork import math
+from linkwork.errors import LinkworkError
+
+
+class Extra(NamedTuple):
+    """Describe an extra state: its name, unit and value at the start."""
+
+    name: str
+    unit: str
+    initial: float
+
+
+@dataclass(frozen=True)
+class Drive(ABC):
+    """Turn a command into a force [N, N m] on a joint's rate, by way of extra states.
+
+    unit: of the command
+    """
+
+    unit: ClassVar[str] = "N, N m"
+
+    @property
+    def extras(self) -> tuple[Extra, ...]:
+        """The extra states z."""
+        return ()
+
+    @abstractmethod
+    def equations(self, command: Any, x: Any, w: Any, z: Any) -> tuple[Any, tuple[Any, ...]]:
+        """Return the force and z' for a command, the joint's coordinate [m, rad] and rate, and z."""
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The numbers of the drive's equations by name: free parameters."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("initial_")}
+        return {name: float(value) for name, value in values.items() if not isinstance(value, bool)}
+
+    def _require_positive(self, *names: str) -> None:
+        for name in names:
+            value = getattr(self, name)
+            if not math.symbolic(value) and not value > 0:
+                raise LinkworkError(f"{name} of {type(self).__name__} is {value}; give a positive number")
+
+
+@dataclass(frozen=True)
+class Ideal(Drive):
+    """Give the force that is commanded."""
+
+    def equations(self, command, x, w, z):
+        return command, ()
+
+
+@dataclass(frozen=True)
+class Saturated(Drive):
+    """Bound the force: F = command within +-limit; smooth: F = limit tanh(command / limit).
+
+    limit: largest force [N, N m]
+    """
+
+    limit: float
+    smooth: bool = False
+
+    def __post_init__(self) -> None:
+        self._require_positive("limit")
+
+    def equations(self, command, x, w, z):
+        if self.smooth:
+            return self.limit * math.tanh(command / self.limit), ()
+        return math.clip(command, -self.limit, self.limit), ()
+
+
+@dataclass(frozen=True)
+class Lag(Drive):
+    """Follow the command with a first-order lag: time_constant F' = command - F.
+
+    time_constant: [s]; initial_force: at the start [N, N m]
+    """
+
+    time_constant: float
+    initial_force: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._require_positive("time_constant")
+
+    @property
+    def extras(self):
+        return (Extra("force", "N, N m", self.initial_force),)
+
+    def equations(self, command, x, w, z):
+        return z[0], ((command - z[0]) / self.time_constant,)
+
+
+@dataclass(frozen=True)
+class DCMotor(Drive):
+    """Drive a joint by a permanent-magnet motor through a gear; the command is the armature's voltage [V].
+
+        L i' = V - R i - K N w,    F = N K i
+
+    The rotor's inertia J belongs to the joint: its `rotor_inertia` is N^2 J.
+
+    resistance: R [ohm]; inductance: L [H]; torque_constant: K [N m/A = V s/rad]; gear: N, motor angle per joint
+    coordinate [1; rad/m for a slide]; initial_current: [A]
+    Source: Spong, Hutchinson & Vidyasagar, Robot Modeling and Control, sec. 6.2.
+    """
+
+    resistance: float
+    inductance: float
+    torque_constant: float
+    gear: float = 1.0
+    initial_current: float = 0.0
+
+    unit: ClassVar[str] = "V"
+
+    def __post_init__(self) -> None:
+        self._require_positive("resistance", "inductance", "torque_constant")
+
+    @property
+    def extras(self):
+        return (Extra("current", "A", self.initial_current),)
+
+    def equations(self, command, x, w, z):
+        constant = self.torque_constant * self.gear
+        return constant * z[0], ((command - self.resistance * z[0] - constant * w) / self.inductance,)

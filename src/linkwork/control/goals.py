@@ -1,0 +1,89 @@
+"""Goals: what a controller leads the actuated joints to: a fixed configuration, a motion, or sampled coordinates.
+
+x_d(t), x_d'(t), x_d''(t)        of a motion: one spline of its coordinates, and that spline's own derivatives
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+from linkwork.control.observation import Names, require
+from linkwork.errors import LinkworkError
+from linkwork.simulation import Sampled, Signal, as_signal
+
+
+class Configuration(Protocol):
+    """A state of a robot: joint coordinates by name."""
+
+    def __getitem__(self, coordinate: str) -> np.ndarray: ...
+
+
+class Course(Protocol):
+    """A motion of a robot: states over time."""
+
+    time: np.ndarray
+
+    @property
+    def state(self) -> Configuration: ...
+
+
+Goal: TypeAlias = Configuration | Course | Mapping[str, float] | Sampled | Signal
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Hold the coordinates (na) of the actuated joints over time."""
+
+    positions: Signal
+
+    @cached_property
+    def signals(self) -> tuple[Signal, Signal, Signal]:
+        """x_d and its first and second derivative."""
+        rates = self.positions.derivative()
+        return self.positions, rates, rates.derivative()
+
+    @property
+    def still(self) -> bool:
+        """Whether the coordinates are constant."""
+        return not self.positions.coefficients[:, 1:].any() and len(self.positions.coefficients) == 1
+
+    def at(self, t: Any) -> tuple[Any, Any, Any]:
+        """Return x_d, x_d', x_d'' at a time, a number or the symbol."""
+        if self.still:
+            zero = np.zeros(self.positions.coefficients.shape[2])
+            return self.positions(t), zero, zero
+        return tuple(signal(t) for signal in self.signals)  # pyright: ignore[reportReturnType]
+
+
+def target(goal: Goal, names: Names) -> Target:
+    """Return what a goal asks of the actuated joints.
+
+    Args:
+        goal: a `State`, a `Motion`, coordinates by name [m, rad], or a signal of the actuated coordinates in their order.
+        names: of the robot.
+
+    Raises:
+        LinkworkError: actuators without a coordinate of their own, missing coordinates, signals of another width.
+    """
+    for name in names.actuators:
+        if name not in names.coordinates:
+            raise LinkworkError(f"the actuator {name!r} has no coordinate of its own to follow; write a controller")
+    if isinstance(goal, Sampled | Signal):
+        signal = as_signal(goal)
+        width, count = signal.coefficients.shape[2], len(names.actuators)
+        if width != count:
+            raise LinkworkError(f"the goal has {width} columns; give {count}: {', '.join(names.actuators)}")
+        return Target(signal)
+    if hasattr(goal, "time") and hasattr(goal, "state"):
+        columns = [goal.state[name] for name in names.actuators]  # pyright: ignore[reportAttributeAccessIssue]
+        return Target(as_signal(Sampled(goal.time, np.stack(columns, axis=-1))))  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(goal, Mapping):
+        for name in names.actuators:
+            require(name, tuple(goal), "coordinate in the goal")
+    values = np.array([float(goal[name]) for name in names.actuators])  # pyright: ignore
+    return Target(as_signal(values))

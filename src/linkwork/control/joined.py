@@ -1,0 +1,97 @@
+"""The equations of motion in one chart, joined with what acts: the functions that a run is integrated with.
+
+    q' = N L v,    M v' = S' u + sum_i T_i' w_i - (C v + G - f),    z' = f_z          inputs (q, v, z, r, p)
+
+u, w_i and z' are those of `Acting`, at the quantities of this chart. The integrator's inputs r are (t, references, held).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from linkwork.control.acting import OUTPUTS, Acting
+from linkwork.control.observation import expression
+from linkwork.equations import Equations
+from linkwork.equations.equations import solve_symmetric
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Join equations in one chart with what acts on the robot."""
+
+    equations: Equations
+    acting: Acting
+
+    @cached_property
+    def inputs(self) -> dict[str, ca.SX]:
+        """Symbols of the kernels' inputs: q, v, z, r, p."""
+        function = self.acting.function
+        p = ca.SX.sym("p", function.numel_in("parameters"))
+        count = int(self.acting.timed) + function.numel_in("references") + function.numel_in("held")
+        return {
+            "q": self.equations.tree.q,
+            "v": self.equations.v,
+            "z": ca.SX.sym("z", function.numel_in("extras")),
+            "r": ca.SX.sym("r", count),
+            "p": ca.vertcat(self.equations.p, p),
+        }
+
+    @cached_property
+    def outputs(self) -> dict[str, ca.SX]:
+        """What acts, by the names of `Acting`'s outputs, in this chart's symbols; wrenches in the ground's axes."""
+        function, timed, (_, _, z, r, p) = self.acting.function, int(self.acting.timed), self.inputs.values()
+        held = function.numel_in("held")
+        values = [expression(self.equations, quantity) for quantity in self.acting.quantities]
+        references = r[timed : r.numel() - held]
+        own = p[self.equations.p.numel() :]
+        found = function(r[0] if timed else 0, references, r[r.numel() - held :], z, own, *values)
+        outputs = dict(zip(OUTPUTS, found, strict=True))
+        parts = ca.vertsplit(outputs["wrenches"], 6) if self.acting.wrenches else []
+        in_ground = [w.in_ground(self.equations, part) for w, part in zip(self.acting.wrenches, parts, strict=True)]
+        return outputs | {"wrenches": ca.vertcat(ca.SX(0, 1), *in_ground)}
+
+    @cached_property
+    def accelerations(self) -> ca.SX:
+        """The accelerations v' (n)."""
+        equations = self.equations
+        applied = ca.mtimes(equations.actuation.T, self.outputs["force"])
+        parts = ca.vertsplit(self.outputs["wrenches"], 6) if self.acting.wrenches else []
+        for wrench, part in zip(self.acting.wrenches, parts, strict=True):
+            applied += wrench.on_rates(equations, part)
+        return solve_symmetric(equations.inertia[0], applied - equations.bias_forces(equations.gravity))
+
+    @cached_property
+    def derivatives(self) -> ca.SX:
+        """y' = (q', v', z')."""
+        q_dot = self.equations.tree.derivatives(self.equations.rates)
+        return ca.vertcat(q_dot, self.accelerations, self.outputs["extra_rates"])
+
+    def motion(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> y' and the weakest relative pivot."""
+        return self._function("system", {"derivatives": self.derivatives, "pivot": self.equations.elimination[2]})
+
+    def jacobian(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> df/dy and df/dr, column by column."""
+        q, v, z, r, _ = self.inputs.values()
+        f = ca.densify(self.derivatives)
+        return self._function("jacobian", {"f_y": ca.jacobian(f, ca.vertcat(q, v, z)), "f_r": ca.jacobian(f, r)})
+
+    def events(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> the numbers whose zeros are the events."""
+        return self._function("events", {"g": self.outputs["events"]})
+
+    def held(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> the next held inputs of a sampled controller."""
+        return self._function("held", {"held": self.outputs["next_held"]})
+
+    def recorded(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> v', command, force and wrenches (moment, force) in the ground's axes."""
+        names = ("command", "force", "wrenches")
+        return self._function("recorded", {"dv": self.accelerations} | {name: self.outputs[name] for name in names})
+
+    def _function(self, name: str, outputs: dict[str, ca.SX]) -> ca.Function:
+        dense = [ca.densify(value) for value in outputs.values()]
+        return ca.Function(name, [*self.inputs.values()], dense, [*self.inputs], [*outputs], {"cse": True})

@@ -1,0 +1,76 @@
+"""Models: inverse dynamics of a robot inside a controller, of the robot that is controlled or of a wrong one.
+
+    S' u = M v' + C v + G - f            at the coordinates and rates that the controller sees
+
+All rates driven: u follows. More actuators than freedoms: u of least norm. Fewer: the rates y that nothing drives
+accelerate as the others make them,  M_yy y' = -(M_ya a + h_y)  (collocated partial feedback linearisation, Spong 1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from linkwork import math
+from linkwork.control.observation import Observation
+from linkwork.equations.equations import solve_symmetric
+from linkwork.errors import LinkworkError
+
+if TYPE_CHECKING:
+    from linkwork.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Give the actuator forces that a robot needs for accelerations of its actuated joints."""
+
+    robot: Robot
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """(q, v, a, p) -> u for accelerations a of the actuated rates."""
+        equations, actuators = self.robot.equations, self.robot.actuators
+        independent = equations.independent
+        a = ca.SX.sym("a", len(actuators))
+        M, h = equations.inertia[0], equations.bias_forces(equations.gravity)
+        if set(actuators) <= set(independent):
+            driven = [independent.index(name) for name in actuators]
+            free = [i for i in range(len(independent)) if i not in driven]
+            y = solve_symmetric(M[free, free], -(ca.mtimes(M[free, driven], a) + h[free])) if free else ca.SX(0, 1)
+            u = ca.mtimes(M[driven, driven], a) + ca.mtimes(M[driven, free], y) + h[driven]
+        elif set(independent) <= set(actuators):
+            S, places = equations.actuation, [actuators.index(name) for name in independent]
+            u = ca.mtimes(S, solve_symmetric(ca.mtimes(S.T, S), ca.mtimes(M, a[places]) + h))
+        else:
+            raise LinkworkError(
+                f"the model's independent rates {', '.join(independent)} are not those of its actuators; a model in a "
+                "controller has to be driven by them"
+            )
+        inputs = [equations.tree.q, equations.v, a, equations.p]
+        return ca.Function("model", inputs, [ca.densify(u)], {"cse": True})
+
+    def forces(self, state: Observation, accelerations: Any, still: bool = False) -> np.ndarray:
+        """Return u (na) for accelerations (na) of the actuated rates, in the order of the actuators.
+
+        state: what the controller sees; still: whether to leave its rates out
+        """
+        equations, robot = self.robot.equations, self.robot
+        if robot.actuators != state.names.actuators:
+            raise LinkworkError(
+                f"the model has the actuators {', '.join(robot.actuators)}, the robot {', '.join(state.names.actuators)}; they "
+                "have to be the same"
+            )
+        q = [state[label] for label in equations.tree.coordinates]
+        v = [0.0 if still else state.rate(label) for label in equations.independent]
+        p = [state.parameter(f"model.{path}", value) for path, value in robot.parameters.items()]
+        u = self.function(*(ca.vertcat(ca.SX(0, 1), *values) for values in (q, v, math.array(accelerations), p)))
+        return numeric(math.vector(u))
+
+
+def numeric(values: np.ndarray) -> np.ndarray:
+    """Return constant symbols as numbers."""
+    return values.astype(float) if all(value.is_constant() for value in values) else values

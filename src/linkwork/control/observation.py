@@ -1,0 +1,211 @@
+"""Observation: what a controller sees of a robot, by name; the same class holds numbers, or symbols while tracing.
+
+A quantity is read when it is first asked for, from a source (`Source`): of a state's numbers, or of fresh symbols.
+`expression` gives every quantity as a function of the tree's coordinates and independent rates of any chart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from linkwork import math
+from linkwork.equations import Equations, measures
+from linkwork.equations.algebra import SX, matrix_quaternion, vector
+from linkwork.equations.effects import rotation_vector
+from linkwork.equations.tree import near_offset, offset
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+
+
+class Quantity(NamedTuple):
+    """Name a measurable quantity: its kind, and which one of them.
+
+    kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R row by row, omega, v (18);
+    "actuation": determinant of S (1)
+    """
+
+    kind: str
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies and extra states.
+
+    pose: number of components of the tool's pose, 0 without a tool
+    """
+
+    coordinates: tuple[str, ...]
+    rates: tuple[str, ...]
+    actuators: tuple[str, ...]
+    bodies: tuple[str, ...]
+    pose: int
+    extras: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
+        """Return the names of a mechanism; planar: whether its poses are (x, y, angle)."""
+        pose = (3 if planar else 6) if mechanism.tools else 0
+        return cls(
+            mechanism.coordinates, mechanism.rates, mechanism.actuators, tuple(mechanism.bodies), pose, tuple(extras)
+        )
+
+    def size(self, quantity: Quantity) -> int:
+        """Return how many numbers a quantity has."""
+        return {"position": 1, "rate": 1, "actuation": 1, "body": 18}.get(quantity.kind, self.pose)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Say where quantities come from: each is a function that returns a vector of numbers or of symbols.
+
+    quantity: by `Quantity`; parameter: by name and default; extra: states of drives and controllers by name
+    """
+
+    quantity: Callable[[Quantity], np.ndarray]
+    parameter: Callable[[str, float], Any]
+    extra: Callable[[str], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """Hold a body's frame and its motion, in the ground's axes.
+
+    position: p_0B (3) [m]; rotation: R_0B (3, 3); angular_velocity: omega (3) [rad/s]; velocity: of the frame's origin
+    (3) [m/s]
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    angular_velocity: np.ndarray
+    velocity: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """Show a robot's present state to a controller, by name.
+
+    state["slide_1"] is a joint coordinate [m, rad], state.rate("slide_1") its rate; `positions` and `rates` hold those
+    of all joints, in the order of the robot's `coordinates` and `rates`. All are numbers when the controller is called
+    with numbers, and symbols while it is traced: write it with `linkwork.math`, and without branches on values.
+    """
+
+    names: Names
+    source: Source
+
+    def __getitem__(self, coordinate: str) -> Any:
+        """Return one joint coordinate [m, rad; 1 of a quaternion's part]."""
+        require(coordinate, self.names.coordinates, "joint coordinate")
+        return self.source.quantity(Quantity("position", coordinate))[0]
+
+    def rate(self, name: str) -> Any:
+        """Return one joint rate [m/s, rad/s]."""
+        require(name, self.names.rates, "joint rate")
+        return self.source.quantity(Quantity("rate", name))[0]
+
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """Coordinates of all joints (m) [m, rad]."""
+        return math.array([self[label] for label in self.names.coordinates])
+
+    @cached_property
+    def rates(self) -> np.ndarray:
+        """Rates of all joints [m/s, rad/s]."""
+        return math.array([self.rate(label) for label in self.names.rates])
+
+    @cached_property
+    def tool_pose(self) -> np.ndarray:
+        """The tool's pose: x, y, angle in the plane; x, y, z, rotation vector in space [m, rad]."""
+        self._require_tool()
+        return self.source.quantity(Quantity("tool_pose"))
+
+    @cached_property
+    def tool_velocity(self) -> np.ndarray:
+        """The tool's velocity: x', y', angular velocity in the plane; v (3), omega (3) in space, ground's axes [m/s, rad/s]."""
+        self._require_tool()
+        return self.source.quantity(Quantity("tool_velocity"))
+
+    @property
+    def actuation(self) -> Any:
+        """The determinant of S, which gives the actuated rates S v: zero where they do not determine the motion.
+
+        It is that of the rates v which are independent at the moment; where these are the actuated ones it is 1.
+        """
+        return self.source.quantity(Quantity("actuation"))[0]
+
+    def body(self, name: str) -> BodyMotion:
+        """Return pose and velocity of a body's frame."""
+        require(name, self.names.bodies, "body")
+        values = self.source.quantity(Quantity("body", name))
+        return BodyMotion(values[:3], values[3:12].reshape(3, 3), values[12:15], values[15:])
+
+    def parameter(self, name: str, default: float) -> Any:
+        """Return a free parameter: `default`, or what simulate(parameters={name: ...}) sets without compiling anew."""
+        return self.source.parameter(name, default)
+
+    def extra(self, name: str) -> Any:
+        """Return an extra state of a drive ("slide_1.current") or of the controller itself, by name."""
+        require(name, self.names.extras, "extra state")
+        return self.source.extra(name)
+
+    def _require_tool(self) -> None:
+        if not self.names.pose:
+            raise LinkworkError("the mechanism names no tool; add one under 'tools'")
+
+
+def require(name: str, known: tuple[str, ...], kind: str) -> None:
+    """Refuse a name that is not among the known ones."""
+    if name not in known:
+        raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(known) or 'none'}")
+
+
+def numbers(names: Names, values: Mapping[Quantity, np.ndarray], extras: np.ndarray, parameters: Mapping[str, float]):
+    """Return an observation of numbers: quantities, extra states in the order of the names, parameters by name."""
+
+    def quantity(key: Quantity) -> np.ndarray:
+        if key not in values:
+            raise LinkworkError(
+                f"the {key.kind.replace('_', ' ')} {key.name!r} was not read when the function was traced"
+            )
+        return values[key]
+
+    def extra(name: str) -> float:
+        return float(extras[names.extras.index(name)])
+
+    return Observation(names, Source(quantity, lambda name, default: parameters.get(name, default), extra))
+
+
+def expression(equations: Equations, quantity: Quantity) -> ca.SX:
+    """Return a quantity as a function of q and v of a chart."""
+    tree, mechanism, name = equations.tree, equations.mechanism, quantity.name
+    match quantity.kind:
+        case "position":
+            return equations.joints.position(name)
+        case "rate":
+            return ca.mtimes(equations.joints.rate_row(name), equations.rates)
+        case "body":
+            node = tree.node(name)
+            twist = ca.mtimes(measures.jacobian(tree, node, near_offset(node, np.zeros(3))), equations.rates)
+            return ca.vertcat(node.O + offset(node, np.zeros(3)), ca.vec(node.R.matrix.T), twist)
+        case "actuation":
+            if len(mechanism.actuators) != equations.mobility:
+                raise LinkworkError(
+                    f"{len(mechanism.actuators)} actuators and {equations.mobility} freedoms have no actuator-singular poses"
+                )
+            return ca.det(equations.actuation)
+    tool = next(iter(mechanism.tools.values()))
+    planar = measures.is_planar(tree)
+    if quantity.kind == "tool_pose":
+        p, R, angle = measures.tool_pose(tree, tool)
+        turn = rotation_vector(matrix_quaternion(ca.reshape(R, 3, 3).T)) if not planar else SX(0, 1)
+        return ca.vertcat(p[:2], angle) if planar else ca.vertcat(p, turn)
+    node = tree.node(tool.body)
+    J = measures.jacobian(tree, node, near_offset(node, vector(tool.frame.position)))
+    twist = ca.mtimes(J, equations.rates)
+    return twist[[3, 4, 2]] if planar else twist[[3, 4, 5, 0, 1, 2]]

@@ -1,0 +1,86 @@
+"""Sampled control: a function called at a fixed rate, its result held in between (zero-order hold).
+
+    u(t) = f(t_k, what is measured at t_k)    for  t_k + delay <= t < t_(k+1) + delay,    t_k = k / rate
+
+What is measured may be quantised: a coordinate is read in whole steps, and its rate, the difference of two readings over
+a period, in whole steps per period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from linkwork import math
+from linkwork.control.observation import Observation, Quantity, Source
+from linkwork.control.tracing import Law
+from linkwork.errors import LinkworkError
+
+
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """Call a function of (t, state) at a fixed rate, as a real controller is called.
+
+    function: (t, state) -> forces or commands, by name or in the order of the actuators; any Python code, it may branch
+    and keep memory
+    rate: calls per second [Hz]; delay: from a measurement until its result acts [s], a whole number of periods
+    quantise: step in which joint coordinates are read [m, rad], one for all or by name
+    compiled: trace the function and run it as machine code; it may then neither branch nor keep memory
+    """
+
+    function: Law
+    rate: float = 1000.0
+    delay: float = 0.0
+    quantise: float | Mapping[str, float] | None = None
+    compiled: bool = False
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise LinkworkError(f"a sampler calls a function of (t, state), not {self.function!r}")
+        if not 0 < self.rate < np.inf:
+            raise LinkworkError(f"the rate of a sampler is {self.rate}; give a positive number [Hz]")
+        periods = self.delay * self.rate
+        if not (0 <= periods < 1000 and abs(periods - round(periods)) < 1e-6):
+            raise LinkworkError(
+                f"the delay of a sampler is {self.delay} s, {periods:g} periods; give a whole number of periods, or a higher "
+                "rate"
+            )
+        steps = self.quantise.values() if isinstance(self.quantise, Mapping) else [self.quantise or 1.0]
+        for step in steps:
+            if not 0 < step < np.inf:
+                raise LinkworkError(f"the step of a quantised coordinate is {step}; give a positive number [m, rad]")
+
+    @property
+    def period(self) -> float:
+        """Time from one call to the next [s]."""
+        return 1 / self.rate
+
+    @property
+    def late(self) -> int:
+        """The delay in periods."""
+        return round(self.delay * self.rate)
+
+    def seen(self, state: Observation) -> Observation:
+        """Return what is measured of a state."""
+        if self.quantise is None:
+            return state
+
+        def quantity(key: Quantity) -> np.ndarray:
+            value = state.source.quantity(key)
+            step = self._step(key.name) if key.kind in ("position", "rate") else None
+            if step is None:
+                return value
+            step = step if key.kind == "position" else step * self.rate
+            return step * math.floor(value / step + 0.5)
+
+        return Observation(state.names, Source(quantity, state.source.parameter, state.source.extra))
+
+    def law(self, t: Any, state: Observation) -> Any:
+        """Return what the function gives for what is measured."""
+        return self.function(t, self.seen(state))
+
+    def _step(self, name: str) -> float | None:
+        return self.quantise.get(name) if isinstance(self.quantise, Mapping) else self.quantise

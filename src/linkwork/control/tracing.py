@@ -1,0 +1,190 @@
+"""Tracing: call functions of (t, state) once with symbols, and check the result against calling them with numbers.
+
+A `Tracer` hands out one symbol for every quantity, parameter and reference that the functions read. What they return is
+then an expression in these symbols, in whatever chart of a robot it is evaluated later. A reference over time (`Sampled`,
+`Signal`) that is called with the symbolic t becomes an input of the system; the integrator evaluates it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from linkwork import math
+from linkwork.control.observation import Names, Observation, Quantity, Source, numbers
+from linkwork.errors import LinkworkError
+from linkwork.simulation import Signal
+
+Law = Callable[[Any, Observation], Any]
+TRIALS = 4
+AGREE = 1e-9
+CURE = (
+    "write it with linkwork.math (where, minimum ...) as a function of its arguments alone, or wrap it in a "
+    "linkwork.control.Sampler"
+)
+
+
+@dataclass(frozen=True)
+class Traced:
+    """Hold a traced function: how to read a column from what it returns, the column of symbols, and how to name it."""
+
+    function: Law
+    read: Callable[[Any], ca.SX]
+    column: ca.SX
+    what: str
+
+
+class Time(ca.SX):
+    """The symbol of time [s], which signals know how to read themselves with."""
+
+    reference: Callable[[Signal], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Tracer:
+    """Collect what traced functions read.
+
+    names: by which they read; quantities, references, parameters: symbols so far, with the signals and default values
+    traced: the functions so far
+    """
+
+    names: Names
+    t: Time = field(default_factory=lambda: Time(ca.SX.sym("t")))
+    quantities: dict[Quantity, ca.SX] = field(default_factory=dict)
+    extras: dict[str, ca.SX] = field(default_factory=dict)
+    references: list[tuple[Signal, ca.SX]] = field(default_factory=list)
+    parameters: dict[str, tuple[float, ca.SX]] = field(default_factory=dict)
+    traced: list[Traced] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.t.reference = self.reference
+        self.extras.update({name: ca.SX.sym(name) for name in self.names.extras})
+
+    @property
+    def state(self) -> Observation:
+        """The observation that holds the symbols."""
+        return Observation(self.names, Source(self.quantity, self.parameter, self.extras.__getitem__))
+
+    def quantity(self, key: Quantity) -> np.ndarray:
+        """Return the symbols of a quantity."""
+        if key not in self.quantities:
+            self.quantities[key] = ca.SX.sym(".".join(filter(None, key)), self.names.size(key))
+        return math.vector(self.quantities[key])
+
+    def parameter(self, name: str, default: float) -> ca.SX:
+        """Return the symbol of a parameter; one name has one value."""
+        value, symbol = self.parameters.setdefault(name, (float(default), ca.SX.sym(name)))
+        if value != float(default):
+            raise LinkworkError(
+                f"the parameter {name!r} is given twice, as {value:g} and as {float(default):g}; give two names"
+            )
+        return symbol
+
+    def reference(self, signal: Signal) -> np.ndarray:
+        """Return the symbols of a signal's values at t (nu)."""
+        for known, symbol in self.references:
+            if known is signal:
+                return math.vector(symbol)
+        symbol = ca.SX.sym("reference", signal.coefficients.shape[2])
+        self.references.append((signal, symbol))
+        return math.vector(symbol)
+
+    def trace(self, function: Law, read: Callable[[Any], ca.SX], what: str) -> ca.SX:
+        """Return the column of what a function gives for the symbols.
+
+        Args:
+            function: of (t, state).
+            read: makes a column of what the function returns.
+            what: how to name it.
+
+        Raises:
+            LinkworkError: a function that cannot be called with symbols, in one sentence.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # NumPy's functions are welcome on symbols
+            try:
+                result = function(self.t, self.state)
+            except LinkworkError:
+                raise
+            except Exception as error:
+                raise LinkworkError(
+                    f"{what} cannot be traced with symbols ({type(error).__name__}: {first_line(error)}); {CURE}"
+                ) from error
+        traced = Traced(function, read, read(result), what)
+        self.traced.append(traced)
+        return traced.column
+
+    def check(self, span: tuple[float, float]) -> None:
+        """Compare all traced functions with their own values at random states and times within a span [s].
+
+        Raises:
+            LinkworkError: values that differ: a function that branches on values or keeps memory.
+        """
+        symbols = [self.t, *self.quantities.values(), *self.extras.values()]
+        symbols += [symbol for _, symbol in self.references] + [symbol for _, symbol in self.parameters.values()]
+        evaluate = ca.Function("traced", symbols, [ca.densify(traced.column) for traced in self.traced])
+        parameters = {name: default for name, (default, _) in self.parameters.items()}
+        random = np.random.default_rng(0)
+        for _ in range(TRIALS):
+            t = float(random.uniform(*span))
+            values = {key: random.uniform(-1, 1, self.names.size(key)) for key in self.quantities}
+            extras = random.uniform(-1, 1, len(self.extras))
+            given = [t, *values.values(), *extras, *(signal(t) for signal, _ in self.references), *parameters.values()]
+            state = numbers(self.names, values, extras, parameters)
+            for traced, found in zip(self.traced, evaluate.call([ca.DM(value) for value in given]), strict=True):
+                require_same(traced, np.array(found, float).ravel(), t, state)
+
+
+def require_same(traced: Traced, found: np.ndarray, t: float, state: Observation) -> None:
+    """Refuse a traced function whose values with numbers are not those `found` with its symbols."""
+    with np.errstate(all="ignore"):
+        try:
+            result = traced.read(traced.function(t, state))
+        except Exception as error:
+            raise LinkworkError(
+                f"{traced.what} does other things with numbers than with symbols ({first_line(error)}); {CURE}"
+            ) from error
+    expected = np.array(ca.DM(ca.densify(result)), float).ravel()
+    if found.shape != expected.shape or not np.allclose(found, expected, AGREE, AGREE, equal_nan=True):
+        raise LinkworkError(
+            f"{traced.what} returns other values with numbers than it did with symbols: it branches on values, or keeps "
+            f"memory from call to call; {CURE}"
+        )
+
+
+def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
+    """Return numbers or symbols in the order of the names, from a sequence of all of them, or a mapping of some.
+
+    Raises:
+        LinkworkError: another number of values, or names that are not among them.
+    """
+    if isinstance(values, Mapping):
+        unknown = [name for name in values if name not in names]
+        if unknown:
+            raise LinkworkError(f"{what} returns a value for {unknown[0]!r}; there are {', '.join(names) or 'none'}")
+        values = [values.get(name, 0.0) for name in names]
+    try:
+        array = math.array(values)
+    except (TypeError, ValueError):
+        raise LinkworkError(f"{what} returns {values!r}; give {len(names)} numbers: {', '.join(names)}") from None
+    if array.size != len(names) or array.ndim > 2 or (not array.ndim and len(names) != 1):
+        raise LinkworkError(
+            f"{what} returns {array.size} values; give {len(names)}: {', '.join(names) or 'none'}, in this order or by name"
+        )
+    return array.ravel()
+
+
+def column(values: Any, names: Sequence[str], what: str) -> ca.SX:
+    """Return what `ordered` does as a column."""
+    return ca.vertcat(ca.SX(0, 1), *[ca.SX(value) for value in ordered(values, names, what)])
+
+
+def first_line(error: BaseException) -> str:
+    """Return the last line of an exception's text that says something."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0][-120:] if lines else type(error).__name__

@@ -1,0 +1,54 @@
+"""External wrenches: forces and moments from outside on a body, as generalised forces  Q = T' w  on the rates v."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations, measures
+from linkwork.equations.tree import near_offset
+from linkwork.errors import LinkworkError
+from linkwork.simulation import Sampled, Signal
+
+Part = Sequence[float] | np.ndarray | Sampled | Signal | Callable[[Any, Any], Any]
+ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Wrench:
+    """Act on a body with a force [N] at a point and a moment [N m].
+
+    force, moment: three numbers, three numbers over time (`Sampled`, `Signal`), or a traced function (t, state) -> three
+    body: name of the body; point: where the force acts, in the body's frame [m]
+    frame: whether force and moment are given in the axes of the "ground" or of the "body"
+    """
+
+    body: str
+    force: Part = ZERO
+    moment: Part = ZERO
+    point: Sequence[float] = ZERO
+    frame: Literal["ground", "body"] = "ground"
+
+    def __post_init__(self) -> None:
+        if self.frame not in ("ground", "body"):
+            raise LinkworkError(f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or 'body'")
+        point = np.asarray(self.point, float)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise LinkworkError(f"the point of the wrench on {self.body!r} is {self.point!r}; give three numbers [m]")
+
+    def in_ground(self, equations: Equations, wrench: ca.SX) -> ca.SX:
+        """Return (moment, force) (6) in the ground's axes."""
+        if self.frame == "ground":
+            return wrench
+        R = equations.tree.node(self.body).R.matrix
+        return ca.vertcat(ca.mtimes(R, wrench[:3]), ca.mtimes(R, wrench[3:]))
+
+    def on_rates(self, equations: Equations, wrench: ca.SX) -> ca.SX:
+        """Return the generalised forces (n) of (moment, force) given in the ground's axes: L' J' w."""
+        node = equations.tree.node(self.body)
+        J = measures.jacobian(equations.tree, node, near_offset(node, np.array(self.point, float)))
+        return ca.mtimes(equations.elimination[0].T, ca.mtimes(J.T, wrench))

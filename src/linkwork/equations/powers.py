@@ -1,0 +1,35 @@
+"""Powers: what actuators, friction and dampers bring into the mechanism, force times rate.
+
+actuator  u w        friction and damper in a joint  f(w) . w <= 0        damper between points  -d l'^2
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from linkwork.equations import effects
+from linkwork.equations.algebra import SX
+from linkwork.equations.equations import Equations
+from linkwork.equations.functions import function
+
+
+def powers(equations: Equations) -> ca.Function:
+    """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m) and of the damper of each
+    spring between points [W], and the weakest relative pivot.
+    """
+    mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
+    friction = SX.zeros(len(mechanism.rates))
+    for freedom in equations.freedoms:
+        own = ca.mtimes(freedom.J, w)
+        friction[[mechanism.rates.index(label) for label in freedom.rates]] = freedom.drag(own) * own
+    dampers = []
+    for pull in effects.pulls(mechanism, tree):
+        stretching = ca.jtimes(pull.length, tree.q, tree.derivatives(w))
+        dampers.append(-pull.spring.damping * stretching**2)
+    outputs = {
+        "actuated": ca.mtimes(equations.actuation, equations.v),
+        "friction": friction,
+        "dampers": ca.vertcat(SX(0, 1), *dampers),
+        "pivot": equations.elimination[2],
+    }
+    return function("powers", equations, {"q": tree.q, "v": equations.v}, outputs)

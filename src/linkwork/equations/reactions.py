@@ -1,0 +1,113 @@
+"""What the wrenches in the joints follow from: what every body and every joint's freedoms need, and where the joints are.
+
+Newton and Euler for each body about its mass centre, in the ground's axes; the joints bring
+
+    moment = I alpha + omega x I omega - moments of point springs,    force = m (a - g) - forces of point springs
+
+and along its own freedoms a joint brings a known force for each rate w: that of friction, spring and rotor J,
+
+    f = -k (x - rest) - d w - friction - J w'        beside the actuator's and those of gears.
+
+A unit rate of a joint moves F2 in F1 by the twist s = [z; u], u at the origin of F2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import effects
+from linkwork.equations.algebra import SX, cross, present, spin, vector, zero
+from linkwork.equations.closure import Side, side
+from linkwork.equations.equations import Equations
+from linkwork.equations.functions import function
+from linkwork.equations.joint_map import derivative
+from linkwork.equations.joints import KINDS
+from linkwork.equations.moments import tensor
+from linkwork.equations.tree import in_base, near_offset
+from linkwork.mechanism import PairJoint
+
+
+def joint_loads(equations: Equations) -> ca.Function:
+    """Return (q, v, v') -> what the joints have to bring, where they are, and the weakest relative pivot.
+
+    Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body (6r), `centres` (3r); of
+    every joint that connects two bodies the `origins` of F1 and F2 (6J); of every rate the `twists` s (6m) and the known
+    forces f (m).
+    """
+    dv = SX.sym("dv", equations.mobility)
+    L, b, pivot = equations.elimination
+    accelerations = ca.mtimes(L, dv) + b
+    needed, centres = bodies_need(equations, accelerations)
+    pairs = equations.mechanism.pairs
+    sides = {name: frames(equations, joint) for name, joint in pairs.items()}
+    twists = [twist for name, joint in pairs.items() for twist in joint_twists(joint, *sides[name])]
+    outputs = {
+        "needed": ca.vertcat(SX(0, 1), *needed),
+        "centres": ca.vertcat(SX(0, 1), *centres),
+        "origins": ca.vertcat(SX(0, 1), *[frame.P for pair in sides.values() for frame in pair]),
+        "twists": ca.vertcat(SX(0, 1), *twists),
+        "f": known_forces(equations, accelerations),
+        "pivot": pivot,
+    }
+    return function("joint_loads", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
+
+
+def joint_axes(equations: Equations) -> ca.Function:
+    """Return q -> the axes R_1, R_2 of every joint that connects two bodies, row by row (18J), in the ground's axes."""
+    sides = (frame for joint in equations.mechanism.pairs.values() for frame in frames(equations, joint))
+    axes = ca.vertcat(SX(0, 1), *[ca.vec(frame.R.matrix.T) for frame in sides])
+    return function("joint_axes", equations, {"q": equations.tree.q}, {"axes": axes})
+
+
+def bodies_need(equations: Equations, accelerations: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Return [moment about the mass centre; force] that the joints bring to each body, and the mass centres."""
+    tree, w, mechanism = equations.tree, equations.rates, equations.mechanism
+    omega = tree.angular_velocities(w)
+    alpha, a = tree.accelerations(omega, w, accelerations, -equations.gravity)
+    pulls = effects.point_wrenches(mechanism, tree, w)
+    needed, centres = [], []
+    for name, body in mechanism.bodies.items():
+        node, c = tree.node(name), vector(body.centre_of_mass)
+        i, d = node.index, near_offset(node, c)
+        inertia = ca.mtimes(ca.mtimes(node.R.near, SX(tensor(body.inertia))), node.R.near.T)
+        pulled = pulls.get(i, (zero(), zero()))
+        force = body.mass * (a[i] + cross(alpha[i], d) + spin(omega[i], d)) - pulled[1]
+        moment = ca.mtimes(inertia, alpha[i]) + cross(omega[i], ca.mtimes(inertia, omega[i]))
+        moment -= pulled[0] - cross(d, pulled[1])
+        needed += [ca.mtimes(node.axes.matrix, moment), ca.mtimes(node.axes.matrix, force)]
+        centres.append(tree.point(node, c))
+    return needed, centres
+
+
+def frames(equations: Equations, joint: PairJoint) -> tuple[Side, Side]:
+    """Return a joint's frames F1 and F2."""
+    first, second = (
+        side(equations.tree, body, frame) for body, frame in zip(joint.connects, joint.frames, strict=True)
+    )
+    return first, second
+
+
+def joint_twists(joint: PairJoint, first: Side, second: Side) -> Iterator[ca.SX]:
+    """Yield s of each rate of a joint; the second axis of two turns (a universal joint) is fixed in F2."""
+    motions = KINDS[joint.type].motions(joint)
+    crossed = sum(motion.turns for motion in motions) == 2
+    for motion in motions:
+        if motion.ball:
+            yield from (ca.vertcat(in_base(first.R, e), zero()) for e in np.eye(3))
+        else:
+            R = second.R if crossed and motion is motions[-1] else first.R
+            yield ca.vertcat(in_base(R, motion.turn), in_base(R, motion.slide))
+
+
+def known_forces(equations: Equations, accelerations: ca.SX) -> ca.SX:
+    """Return f (m) of friction, springs and rotors for the rates of all joints, in the mechanism's order."""
+    labels, w = equations.mechanism.rates, equations.rates
+    f = SX.zeros(len(labels))
+    for freedom in equations.freedoms:
+        turning = ca.mtimes(derivative(freedom.J, equations.tree, w), w)
+        rotor = freedom.rotor * (ca.mtimes(freedom.J, accelerations) + turning) if present(freedom.rotor) else 0
+        f[[labels.index(label) for label in freedom.rates]] += freedom.force(ca.mtimes(freedom.J, w)) - rotor
+    return f

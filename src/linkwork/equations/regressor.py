@@ -1,0 +1,123 @@
+"""Regressor: inverse dynamics as a linear function of masses, moments, friction and rotors.
+
+    M v' + C v + G - f = Y(q, v, v') pi + r(q, v)
+
+pi are, of every body, m, m c and the inertia I_O about the origin of its frame, in its axes, and of every freedom of a
+joint the coefficients of viscous friction (a damper's included), Coulomb friction and rotor inertia; r is what springs
+take. In a body's axes, with the acceleration a of its origin less gravity, and [x] the matrix of x cross,
+
+    F = m a + ([alpha] + [omega][omega]) m c,      N = m c x a + I_O alpha + omega x I_O omega.
+
+Source: Khalil & Dombre 2002, ch. 9 and 12 (linearity in the inertial parameters).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import effects, measures
+from linkwork.equations.algebra import SX, cross, spin, zero
+from linkwork.equations.equations import Equations
+from linkwork.equations.joint_map import derivative
+from linkwork.equations.moments import Moments
+from linkwork.equations.tree import near_offset
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.joints import OneFreedom
+
+ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+OF_BODIES = ("mass", *(f"first_moment.{axis}" for axis in "xyz"), *(f"inertia_at_origin.{name}" for name in ELEMENTS))
+
+
+def names(mechanism: Mechanism) -> tuple[str, ...]:
+    """Name the parameters pi: "platform.mass", "platform.first_moment.x", "slide_1.friction.viscous" ..."""
+    return (*(f"{body}.{name}" for body in mechanism.bodies for name in OF_BODIES), *of_freedoms(mechanism))
+
+
+def values(mechanism: Mechanism) -> np.ndarray:
+    """Return the parameters pi (k) of a description, in the order of `names` [kg, kg m, kg m^2, N s/m, N ...]."""
+    pi: list[float] = []
+    for body in mechanism.bodies.values():
+        moments = Moments.of_body(body, np.zeros(3))
+        pi += [moments.m, *moments.h, *(moments.I[place] for place in ELEMENTS.values())]
+    for joint in mechanism.pairs.values():
+        for friction, spring, _, rotor in joint.effects().values():
+            pi += [friction.viscous + spring.damping, friction.coulomb, rotor]
+    return np.array(pi)
+
+
+def of_freedoms(mechanism: Mechanism) -> Iterator[str]:
+    """Name the parameters of the joints' freedoms, as in the description."""
+    for name, joint in mechanism.pairs.items():
+        for freedom in joint.effects():
+            part = "" if isinstance(joint, OneFreedom) else f".{freedom}"
+            yield from (
+                f"{name}.friction{part}.viscous",
+                f"{name}.friction{part}.coulomb",
+                f"{name}.rotor_inertia{part}",
+            )
+
+
+def regressor(equations: Equations, dv: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return Y (n x k) and r (n) for the accelerations v' (n)."""
+    L, b, _ = equations.elimination
+    tree, w, dw = equations.tree, equations.rates, ca.mtimes(L, dv) + b
+    columns = [body_columns(equations, w, dw), freedom_columns(equations, w, dw)]
+    return ca.mtimes(L.T, ca.horzcat(SX(len(tree.rates), 0), *columns)), ca.mtimes(L.T, spring_forces(equations))
+
+
+def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
+    """Return the forces (nv x 10 r) on the tree's rates that a unit of each body's parameters takes."""
+    tree, mechanism = equations.tree, equations.mechanism
+    omega = tree.angular_velocities(w)
+    alpha, a = tree.accelerations(omega, w, dw, -equations.gravity)
+    blocks = [SX(len(tree.rates), 0)]
+    for name in mechanism.bodies:
+        node = tree.node(name)
+        i, d, own = node.index, near_offset(node, np.zeros(3)), node.R.near.T
+        turn, turn_rate = ca.mtimes(own, omega[i]), ca.mtimes(own, alpha[i])
+        origin = ca.mtimes(own, a[i] + cross(alpha[i], d) + spin(omega[i], d))
+        wrenches = ca.horzcat(*unit_wrenches(turn, turn_rate, origin))
+        R = node.R.matrix
+        J = measures.jacobian(tree, node, d)
+        blocks.append(ca.mtimes(J[:3, :].T, ca.mtimes(R, wrenches[:3, :])))
+        blocks[-1] += ca.mtimes(J[3:, :].T, ca.mtimes(R, wrenches[3:, :]))
+    return ca.horzcat(*blocks)
+
+
+def unit_wrenches(omega: ca.SX, alpha: ca.SX, a: ca.SX) -> Iterator[ca.SX]:
+    """Yield the wrench [N; F] that a unit of m, of each element of m c and of each element of I_O takes, in the body's axes."""
+    yield ca.vertcat(zero(), a)
+    for e in np.eye(3):
+        e = SX(e)
+        yield ca.vertcat(cross(e, a), cross(alpha, e) + spin(omega, e))
+    for place in ELEMENTS.values():
+        E = np.zeros((3, 3))
+        E[place] = E[place[::-1]] = 1
+        yield ca.vertcat(ca.mtimes(SX(E), alpha) + cross(omega, ca.mtimes(SX(E), omega)), zero())
+
+
+def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
+    """Return the forces (nv x 3 per freedom) on the tree's rates that a unit of friction and rotor inertia takes."""
+    blocks = [SX(len(equations.tree.rates), 0)]
+    for freedom in effects.freedoms(equations.joints, every=True):
+        J, rate = freedom.J, ca.mtimes(freedom.J, w)
+        sharp = rate / ca.sqrt(ca.sumsqr(rate) + freedom.friction.coulomb_rate**2)
+        acceleration = ca.mtimes(J, dw) + ca.mtimes(derivative(J, equations.tree, w), w)
+        blocks.append(ca.mtimes(J.T, ca.horzcat(rate, sharp, acceleration)))
+    return ca.horzcat(*blocks)
+
+
+def spring_forces(equations: Equations) -> ca.SX:
+    """Return the forces (nv) on the tree's rates that springs take, dampers between points included."""
+    tree, mechanism = equations.tree, equations.mechanism
+    total = SX.zeros(len(tree.rates))
+    for freedom in equations.freedoms:
+        total += freedom.spring.stiffness * ca.mtimes(freedom.J.T, freedom.x - freedom.spring.rest)
+    for index, wrench in effects.point_wrenches(mechanism, tree, equations.rates).items():
+        node = tree.nodes[index]
+        moment, force = (ca.mtimes(node.axes.matrix, part) for part in wrench)
+        total -= ca.mtimes(measures.jacobian(tree, node, zero()).T, ca.vertcat(moment, force))
+    return total

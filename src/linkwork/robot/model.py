@@ -1,0 +1,114 @@
+"""Model: what a robot is made of (description, equations, charts, kernels), and the checks at its doors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from linkwork.equations import Equations, derive, measures, mobility
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
+from linkwork.mechanism import Mechanism
+from linkwork.robot import checks
+from linkwork.robot.assembly import Assembler, AssemblyKernel
+from linkwork.robot.charts import Charts, CompiledChart, shorter
+from linkwork.robot.labels import Labels
+from linkwork.robot.posing import OPEN_LOOPS
+from linkwork.robot.state import State
+
+
+class Model:
+    """Hold a mechanism, its equations in one or more charts, and their kernels, which are compiled when first needed.
+
+    `Robot` is made of it, and the modules of this package work on it.
+    """
+
+    def __init__(self, mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()):
+        if not isinstance(mechanism, Mechanism):
+            raise LinkworkError(
+                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, or Robot.from_file"
+            )
+        self.mechanism = mechanism
+        wanted = checks.names(independent, "independent")
+        self.equations: Equations = derive(mechanism, wanted, free)
+        self.parameters: dict[str, float] = dict(self.equations.parameters)
+        self.p = np.array(list(self.parameters.values()))
+        self.chart = CompiledChart(self.equations, self.p)
+        self.labels = Labels(self.equations)
+        checks.known(wanted, self.equations.tree.rates, "rate of the tree")
+        self.independent: tuple[str, ...] = self.equations.independent
+        self.coordinates: tuple[str, ...] = mechanism.coordinates
+        self.rates: tuple[str, ...] = mechanism.rates
+        self.joints: tuple[str, ...] = tuple(mechanism.joints)
+        self.actuators: tuple[str, ...] = mechanism.actuators
+        self.bodies: tuple[str, ...] = tuple(mechanism.bodies)
+        self.redundant: tuple[str, ...] = self.equations.redundant
+        self.idle: tuple[str, ...] = self.equations.idle
+        self.mobility: int = self.equations.mobility
+        self.planar: bool = measures.is_planar(self.equations.tree)
+        self.gruebler: int = mobility.gruebler(mechanism, self.planar)
+        self.charts = Charts(self.p, {self.independent: self.chart})
+        self.run_charts = Charts(self.p, {self.chart.key: self.chart})
+        self.origin: Model | None = None
+
+    @cached_property
+    def home(self) -> State:
+        """Return the closed reference configuration, at rest."""
+        return self.make_state(self.equations.reference, np.zeros(self.mobility))
+
+    def chart_of(self, state: State) -> CompiledChart:
+        return self.charts[state.independent]
+
+    @property
+    def kernel(self) -> Callable[[str], Kernel]:
+        """Return a compiled kernel of the home chart by name: motion, inverse_dynamics, terms, maps, closure_step ..."""
+        return self.chart.kernel
+
+    @cached_property
+    def size(self) -> float:
+        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
+        return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
+
+    @cached_property
+    def run_chart(self) -> CompiledChart:
+        """Return the chart that runs start in: of the home chart and that of free bodies' own rates the shorter one."""
+        if self.origin is not None:
+            return self.origin.run_chart.with_parameters(self.p)
+        chart = shorter(self.chart, self.equations.reference)
+        return self.charts.setdefault(chart.independent, chart)
+
+    @cached_property
+    def _assembly(self) -> AssemblyKernel:
+        return AssemblyKernel(self.kernel("assembly"), self.planar)
+
+    @cached_property
+    def assembler(self) -> Assembler:
+        tree, rows = self.equations.tree, self.equations.rows.names
+        evaluate = self._assembly.evaluate
+        return Assembler(evaluate, tree, self.coordinates, self.rates, self.labels.angular, rows, self.planar)
+
+    def tool_poses(self, q: np.ndarray) -> np.ndarray:
+        """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
+        self.require_tool()
+        return self._assembly.tool_poses(q)
+
+    def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
+        q = np.ascontiguousarray(q)
+        (positions,) = self.kernel("positions")(q)
+        return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
+
+    def own(self, state: State) -> State:
+        if getattr(state, "coordinates", None) is not self.coordinates:
+            checks.refuse_foreign(state, self.coordinates, self.charts)
+            gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
+            if gap > OPEN_LOOPS:
+                raise LinkworkError(
+                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
+                )
+        return state
+
+    def require_tool(self) -> None:
+        if not self.mechanism.tools:
+            raise LinkworkError("the mechanism names no tool; add one under 'tools'")

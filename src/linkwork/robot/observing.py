@@ -1,0 +1,66 @@
+"""Observing: the numbers of a state as a controller sees them, by name, each read when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from linkwork.control.observation import Names, Observation, Quantity, Source, expression
+from linkwork.equations import Equations, functions
+from linkwork.robot.charts import CompiledChart
+
+JOINTS = ("position", "rate")
+
+
+def observation(
+    chart: CompiledChart,
+    names: Names,
+    q: np.ndarray,
+    v: np.ndarray,
+    extras: np.ndarray | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Observation:
+    """Return the observation of q and v in a chart; the joints' quantities are evaluated together.
+
+    extras: extra states in the order of the names; parameters: of controllers and drives, by name
+    """
+    labels = {"position": names.coordinates, "rate": names.rates}
+
+    @cache
+    def joints() -> dict[str, np.ndarray]:
+        kernel = chart.compiled("observation of joints", joints_function)
+        return dict(zip(JOINTS, kernel(q, v, chart.p), strict=True))
+
+    @cache
+    def quantity(key: Quantity) -> np.ndarray:
+        if key.kind in JOINTS:
+            place = labels[key.kind].index(key.name)
+            return joints()[key.kind][place : place + 1]
+        kernel = chart.compiled(f"observation of {key}", lambda equations: quantity_function(equations, key))
+        return kernel(q, v, chart.p)[0]
+
+    def parameter(name: str, default: float) -> float:
+        return (parameters or {}).get(name, default)
+
+    def extra(name: str) -> float:
+        return float(np.asarray(extras)[names.extras.index(name)])
+
+    return Observation(names, Source(quantity, parameter, extra))
+
+
+def joints_function(equations: Equations) -> ca.Function:
+    """Return (q, v) -> coordinates and rates of all joints."""
+    outputs = {
+        "positions": equations.joints.positions(),
+        "rates": ca.mtimes(equations.joints.rate_rows(), equations.rates),
+    }
+    return functions.function("observation", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
+
+
+def quantity_function(equations: Equations, key: Quantity) -> ca.Function:
+    """Return (q, v) -> one quantity."""
+    inputs = {"q": equations.tree.q, "v": equations.v}
+    return functions.function("observation", equations, inputs, {"quantity": expression(equations, key)})

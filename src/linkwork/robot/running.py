@@ -1,0 +1,138 @@
+"""Running: check what a simulation is asked for, make its system, and start or resume it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from linkwork.control.events import Event, limit_events, singular_events
+from linkwork.errors import LinkworkError
+from linkwork.robot import checks, recording
+from linkwork.robot.state import State
+from linkwork.robot.system import Forces, system
+from linkwork.simulation import DORMAND_PRINCE, RK4, RODAS, Control, Pace, Run, SymplecticEuler, dop853
+from linkwork.simulation import Method as IntegrationMethod
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+Method = Literal["dormand_prince", "dop853", "rodas", "rk4", "symplectic_euler"]
+METHODS = get_args(Method)
+READY_EVENTS = {"limits": limit_events, "singular": singular_events}
+
+
+def simulate(
+    robot: Robot,
+    state: State,
+    forces: Forces = None,
+    *,
+    duration: float,
+    drives: Mapping[str, Any] | None = None,
+    wrenches: Sequence[Any] = (),
+    method: str = "dormand_prince",
+    step: float | None = None,
+    events: Sequence[Event | Callable[..., Any] | str] | str = (),
+    parameters: Mapping[str, float] | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    save_at: Any = None,
+    max_step: float = np.inf,
+    max_steps: int = 1_000_000,
+    on_singular: str = "stop",
+    start: float = 0.0,
+    extras: np.ndarray | None = None,
+    pace: Pace | None = None,
+    held: tuple[np.ndarray, int] | None = None,
+) -> Run:
+    """Run from a state: see `Robot.simulate`.
+
+    start: time at the start [s]; extras: extra states there; pace: step size; held: inputs held and number of the next
+    sample of a sampled controller
+    """
+    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
+        checks.positive(value, name)
+    if max_step != np.inf:
+        checks.positive(max_step, "max_step")
+    given = dict(parameters or {})
+    own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
+    robot = robot.with_parameters(own) if own else robot
+    options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
+    options |= {"method": integrator(method, step)}
+    if pace is not None and step is None:
+        options["first_step"] = pace
+    span = (start, start + duration)
+    runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, joined=method == "rodas")
+    z = runs.start if extras is None else extras
+    if z.size != len(runs.extras):
+        raise LinkworkError(
+            f"the run ended with {z.size} extra states, but these drives and controllers have {len(runs.extras)}"
+        )
+    control = Control(0, runs.sampler.period, *held) if held and runs.sampler else None
+    return recording.simulate(robot, robot.own(state), runs, duration, save_at, on_singular, options, start, z, control)
+
+
+def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run:
+    """Go on from the end of a run: see `Robot.resume`."""
+    try:
+        q, v = (np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v"))
+        independent = tuple(str(run.attrs["final_rates"]).split(", "))
+        start, pace = float(run.attrs["final_time"]), Pace(*np.asarray(run.attrs["final_pace"], float).tolist())
+    except KeyError as error:
+        raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
+    n = len(independent)
+    if q.size != robot.equations.nq or n != robot.mobility:
+        raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
+    state = robot.make_state(q, np.zeros(n))
+    w = chart_named(robot, independent, q).tree_rates(q, v[:n])
+    state = state.with_rates(robot.chart.from_tree(w))
+    held = None
+    if "final_held" in run.attrs:
+        held = np.atleast_1d(np.asarray(run.attrs["final_held"], float)), int(run.attrs["final_sample"])
+    return simulate(robot, state, forces, start=start, extras=v[n:], pace=pace, held=held, **options)
+
+
+def chart_named(robot: Robot, independent: tuple[str, ...], q: np.ndarray):
+    """Return a chart with the given independent rates."""
+    tree = robot.equations.tree.rates
+    checks.known(independent, tree, "rate of the tree")
+    if set(independent) == set(robot.independent):
+        return robot.chart
+    return robot.chart.better(q, tuple(tree.index(name) for name in independent))
+
+
+def integrator(method: str, step: float | None) -> IntegrationMethod:
+    """Return an integration method by its name; refuse names and steps that do not fit."""
+    if method not in METHODS:
+        raise LinkworkError(f"there is no method {method!r}; there are {', '.join(METHODS)}")
+    fixed = method in ("rk4", "symplectic_euler")
+    if fixed != (step is not None):
+        need = (
+            f"{method} needs a step [s]"
+            if fixed
+            else f"{method} chooses its own steps; leave step out, or give max_step"
+        )
+        raise LinkworkError(need)
+    if step is not None:
+        checks.positive(step, "step")
+        return RK4(step) if method == "rk4" else SymplecticEuler(step)
+    return {"dormand_prince": DORMAND_PRINCE, "rodas": RODAS}.get(method) or dop853()
+
+
+def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:
+    """Return events as such: names stand for ready ones, and plain functions are watched without ending the run."""
+    given = [events] if isinstance(events, str | Event) or callable(events) else list(events)
+    found: list[Event] = []
+    for event in given:
+        if isinstance(event, Event):
+            found.append(event)
+        elif callable(event):
+            found.append(Event(event, name=getattr(event, "__name__", "event")))
+        elif event in READY_EVENTS:
+            found.extend(READY_EVENTS[event](robot))
+        else:
+            raise LinkworkError(
+                f"there are no events {event!r}; give {', '.join(READY_EVENTS)}, or a linkwork.control.Event"
+            )
+    return tuple(found)

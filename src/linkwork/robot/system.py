@@ -1,0 +1,206 @@
+"""Systems: what is integrated in a run. A robot under plain forces, or joined with controllers, drives and wrenches.
+
+The state is y = (q, v, z) in a chart of the robot; z, the extra states of drives and controllers, is the same in all charts.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.control.acting import Acting, act
+from linkwork.control.drives import Drive, Extra
+from linkwork.control.events import Event
+from linkwork.control.joined import Joined
+from linkwork.control.sampler import Sampler
+from linkwork.control.tracing import ordered
+from linkwork.control.wrenches import Wrench
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
+from linkwork.robot import checks
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.observing import observation
+from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
+KERNEL = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Give the kernels of a run in any chart.
+
+    inputs: u over time, of the integrator; acting: what acts, None for plain forces
+    parameters: values of the parameters of controllers and drives, in the order of `acting.parameters`
+    faults: what a sampled function raised
+    """
+
+    inputs: Signal
+    acting: Acting | None = None
+    parameters: np.ndarray = field(default_factory=lambda: np.empty(0))
+    faults: list[BaseException] = field(default_factory=list)
+
+    @property
+    def extras(self) -> tuple[Extra, ...]:
+        """The extra states z."""
+        return self.acting.extras if self.acting else ()
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The events to watch for."""
+        return self.acting.events if self.acting else ()
+
+    @property
+    def sampler(self) -> Sampler | None:
+        """The sampled controller, if there is one."""
+        return self.acting.sampler if self.acting else None
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """z at the start of a run."""
+        return np.array([extra.initial for extra in self.extras])
+
+    def p(self, chart: CompiledChart) -> np.ndarray:
+        """Return the parameters of the mechanism, then those of controllers and drives."""
+        return np.concatenate([chart.p, self.parameters])
+
+    def kernel(self, chart: CompiledChart, name: str) -> Kernel:
+        """Return a kernel of `Joined` in a chart: motion, jacobian, events, held or recorded."""
+        if self.acting is None:
+            return chart.kernel(name)
+        make = getattr(self.joined(chart), name)
+        return chart.compiled(f"{self.acting.key} {name}", lambda _: make())
+
+    def control(self, chart: CompiledChart, before: Control | None = None) -> Control | None:
+        """Return the sampled controller in a chart, if there is one.
+
+        before: the same in another chart: what it holds and its next sample are taken over
+        """
+        if self.acting is None or self.sampler is None:
+            return None
+        function = self.kernel(chart, "held") if self.sampler.compiled else self._callback(chart)
+        if before is not None:
+            return replace(before, address=function.address)
+        return Control(function.address, self.sampler.period, np.zeros(self.acting.held))
+
+    def conditions(self, chart: CompiledChart) -> Events | None:
+        """Return the events in a chart, if there are any."""
+        if not self.events:
+            return None
+        conditions = tuple(Condition(event.terminal, event.direction) for event in self.events)
+        return Events(self.kernel(chart, "events").address, conditions)
+
+    @cached_property
+    def joined(self) -> Callable[[CompiledChart], Joined]:
+        """Join a chart's equations with what acts."""
+        acting = self.acting
+        assert acting is not None
+        return lru_cache(maxsize=None)(lambda chart: Joined(chart.equations, acting))
+
+    @cached_property
+    def _callback(self) -> Callable[[CompiledChart], Callback]:
+        return lru_cache(maxsize=None)(lambda chart: Callback(self, chart))
+
+
+@dataclass(frozen=True, eq=False)
+class Callback:
+    """Call a sampled Python function from machine code: (y, u, p) -> held inputs, oldest command first.
+
+    What the function raises is kept, and numbers that are undefined end the run.
+    """
+
+    system: System
+    chart: CompiledChart
+
+    @cached_property
+    def _function(self) -> Any:
+        return KERNEL(self._call)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        """Where q, v, z, the signals and the held inputs end in a kernel's input."""
+        acting, equations = self.system.acting, self.chart.equations
+        assert acting is not None
+        signals = self.system.inputs.coefficients.shape[2]
+        return np.cumsum([equations.nq, equations.mobility, len(acting.extras), signals, acting.held]).tolist()
+
+    @property
+    def address(self) -> int:
+        """Address of void(const double *in, double *out)."""
+        return ctypes.cast(self._function, ctypes.c_void_p).value or 0
+
+    def _call(self, x: Any, out: Any) -> None:
+        try:
+            acting = self.system.acting
+            assert acting is not None
+            actuators, ends = acting.names.actuators, self._ends
+            q, v, z, references, held = np.split(np.ctypeslib.as_array(x, (ends[-1],)).copy(), ends[:-1])
+            result = np.ctypeslib.as_array(out, (held.size,))
+            result[:] = np.nan
+            if self.system.faults:
+                return
+            parameters = dict(zip(acting.parameters, self.system.parameters, strict=True))
+            state = observation(self.chart, acting.names, q, v, z, parameters)
+            forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore[reportOptionalMemberAccess]
+            result[:] = [*held[len(actuators) :], *ordered(forces, actuators, "the controller")]
+        except BaseException as error:
+            self.system.faults.append(error)
+
+
+def system(
+    robot: Robot,
+    forces: Forces,
+    drives: Mapping[str, Drive] | None,
+    wrenches: Sequence[Wrench],
+    events: Sequence[Event],
+    parameters: Mapping[str, float],
+    span: tuple[float, float],
+    joined: bool = False,
+) -> System:
+    """Make the system of a run; refuse what does not fit.
+
+    Args:
+        robot: the robot.
+        forces: zero, constant, by name, over time, or a controller.
+        drives: by actuator; wrenches on bodies; events to watch for.
+        parameters: values of parameters of controllers and drives, by name.
+        span: start and end of the run [s].
+        joined: whether kernels of `Joined` are needed for plain forces, too.
+    """
+    given = forces if callable(forces) and not isinstance(forces, Sampled | Signal) else None
+    given = forces if isinstance(forces, Sampler) else given
+    if given is None and not (drives or wrenches or events or joined):
+        checks.known(parameters, (), "parameter")
+        return System(as_input(robot, forces))
+    law = as_input(robot, forces) if given is None else given
+    acting = act(robot.mechanism, robot.planar, law, drives or {}, tuple(wrenches), tuple(events), span)
+    checks.known(parameters, tuple(acting.parameters), "parameter")
+    values = {**acting.parameters} | {name: checks.number(value, name) for name, value in parameters.items()}
+    return System(acting.inputs(), acting, np.array([float(value) for value in values.values()]))
+
+
+def as_input(robot: Robot, forces: Any) -> Signal:
+    """Return actuator forces as a signal: zero, constant, by name, or sampled."""
+    n = len(robot.actuators)
+    if forces is None:
+        return as_signal(np.zeros(n))
+    if isinstance(forces, Mapping):
+        checks.known(forces, robot.actuators, "actuator")
+        forces = [forces.get(name, 0.0) for name in robot.actuators]
+    if not isinstance(forces, Sampled | Signal):
+        forces = checks.values_by_name(forces, robot.actuators, "forces")
+    signal = as_signal(forces)
+    if signal.coefficients.shape[2] != n:
+        raise LinkworkError(
+            f"the forces have {signal.coefficients.shape[2]} columns; give {n}: {', '.join(robot.actuators)}"
+        )
+    return signal

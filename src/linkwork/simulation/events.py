@@ -1,0 +1,80 @@
+"""What an integration watches for and what acts at sample times: addresses of kernels and how to use them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Say which zeros of an event function count: `terminal`, the run ends there; `direction`, 1 for zeros passed upwards
+    only, -1 for downwards, 0 for both.
+    """
+
+    terminal: bool = False
+    direction: int = 0
+
+    def __post_init__(self):
+        if self.direction not in (-1, 0, 1):
+            raise LinkworkError(f"the direction of an event is {self.direction!r}; give -1, 0 or 1")
+
+
+@dataclass(frozen=True)
+class Events:
+    """Watch for zeros of functions g(y, u, p).
+
+    address: of the kernel (y, u, p) -> g (k,), a C function void(const double *, double *); conditions: one for each g_i.
+
+    A zero is found where g_i has another sign at the end of a step than at its start; two zeros of one function within
+    a step are missed. A function that is 0 at the start of a run has to leave 0 first.
+    """
+
+    address: int
+    conditions: tuple[Condition, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Occurrences:
+    """Hold the E events of a run in the order of their times.
+
+    times (E,) in s; index (E,): which function passed zero; states (E, nq + nv): y there.
+    """
+
+    times: np.ndarray
+    index: np.ndarray
+    states: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+
+@dataclass(frozen=True, eq=False)
+class Control:
+    """Let a sampled controller act: at t = k period it computes inputs that are held until the next sample.
+
+    address: of the kernel (y, u, p) -> held inputs (nh,), a C function void(const double *, double *); u holds the signals,
+    then the inputs held so far. period: s. held (nh,): the inputs before the first sample. next_sample: the k of the first
+    sample; None is the first one from the start of the run on.
+
+    Raises `LinkworkError` for a period that is not positive and finite.
+    """
+
+    address: int
+    period: float
+    held: np.ndarray
+    next_sample: int | None = None
+
+    def __post_init__(self):
+        if not 0 < self.period < math.inf:
+            raise LinkworkError(f"the period of a sampled controller must be positive and finite, not {self.period} s")
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Go on with a step size: `step`, in s, and `growth`, the largest factor by which the one after it may be longer."""
+
+    step: float
+    growth: float

@@ -1,0 +1,278 @@
+"""Integrate many members: check what is asked, deal chunks of them to threads, and keep what is done.
+
+Each thread runs the compiled loop of `lanes` on a chunk at a time, without Python's lock. A chunk is long enough that its
+ends, where registers run empty, cost little, and short enough that all threads end together.
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.errors import LinkworkError
+from linkwork.simulation.integrate import ROUNDING
+from linkwork.simulation.signals import Sampled, Signal, as_signal, require_increasing
+from linkwork.simulation.status import Status
+
+LARGEST_CHUNK = 1024
+CHUNKS_PER_THREAD = 4
+GLANCE = 0.05  # time between two looks at how far the threads are [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Hold what N integrations computed, a row for each member.
+
+    `status` (N,), numbers of `Status`; `end_time` (N,) in s and `y_end` (N, n), the last states reached; `samples`
+    (N, K, n), the states at the saved times, of which a member has the first `saved` (N,), the others are nan;
+    `nfev`, `steps`, `rejected` (N,): evaluations of the motion kernel, accepted and rejected steps; `pivot` (N,), the
+    smallest pivot met; `closure_error` (N,), the largest residual of the samples and of the first and last state;
+    `next_step` (N,), in s; `rejected_pivot`, `rejected_residual` (N,): why a step was last refused.
+    """
+
+    status: np.ndarray
+    end_time: np.ndarray
+    y_end: np.ndarray
+    samples: np.ndarray
+    saved: np.ndarray
+    nfev: np.ndarray
+    steps: np.ndarray
+    rejected: np.ndarray
+    pivot: np.ndarray
+    closure_error: np.ndarray
+    next_step: np.ndarray
+    rejected_pivot: np.ndarray
+    rejected_residual: np.ndarray
+
+    def part(self, members: np.ndarray) -> "Outcomes":
+        """Return the outcomes of some members."""
+        return Outcomes(**{name: values[members] for name, values in vars(self).items()})
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Hold the inputs of all members: their signals one after the other, or one signal that all share.
+
+    `starts` (P,) in s and `coefficients` (P, 4, nu) of all pieces; `pieces` (S + 1,): signal i has those from pieces[i] to
+    pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`: whether any signal is not constant over the run.
+    """
+
+    starts: np.ndarray
+    coefficients: np.ndarray
+    pieces: np.ndarray
+    breaks: np.ndarray
+    breaking: np.ndarray
+    varies: bool
+
+    def part(self, first: int, last: int) -> "Inputs":
+        """Return the inputs of the members from `first` to before `last`."""
+        if len(self.pieces) == 2:
+            return self
+        pieces, breaking = self.pieces[first : last + 1], self.breaking[first : last + 1]
+        inside, broken = slice(pieces[0], pieces[-1]), slice(breaking[0], breaking[-1])
+        return Inputs(
+            self.starts[inside], self.coefficients[inside], pieces - pieces[0],
+            self.breaks[broken], breaking - breaking[0], self.varies,
+        )  # fmt: skip
+
+
+def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int) -> Inputs:
+    """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N signals for each.
+
+    Numbers that are not finite are let through: they end their own member's run, and no other.
+    """
+    if isinstance(inputs, Signal | Sampled):
+        return _joined([as_signal(inputs)])
+    if isinstance(inputs, Sequence) and inputs and all(isinstance(signal, Signal) for signal in inputs):
+        if len(inputs) != members:
+            raise LinkworkError(f"there are {len(inputs)} signals for {members} members: give one, or one for each")
+        return _joined(inputs)  # pyright: ignore[reportArgumentType]
+    table = np.array(inputs, dtype=float, ndmin=2)
+    if table.ndim != 2 or len(table) not in (1, members):
+        raise LinkworkError(
+            f"the inputs have the shape {table.shape}: give a row for each of the {members} members, or one"
+        )
+    count = len(table)
+    coefficients = np.zeros((count, 4, table.shape[1]))
+    coefficients[:, 0] = table
+    none = np.zeros(count + 1, dtype=np.intp)
+    return Inputs(np.zeros(count), coefficients, np.arange(count + 1), np.empty(0), none, False)
+
+
+def _joined(signals: Sequence[Signal]) -> Inputs:
+    widths = {signal.coefficients.shape[2] for signal in signals}
+    if len(widths) > 1:
+        raise LinkworkError(
+            f"the members' signals have {' and '.join(map(str, sorted(widths)))} inputs: give equally many"
+        )
+    return Inputs(
+        np.concatenate([signal.knots[:-1] for signal in signals]),
+        np.concatenate([signal.coefficients for signal in signals]),
+        np.cumsum([0, *(len(signal.coefficients) for signal in signals)], dtype=np.intp),
+        np.concatenate([signal.breaks for signal in signals]),
+        np.cumsum([0, *(len(signal.breaks) for signal in signals)], dtype=np.intp),
+        any(len(signal.coefficients) > 1 or bool(signal.coefficients[:, 1:].any()) for signal in signals),
+    )
+
+
+def integrate_many(
+    motion: int,
+    closure: int | None,
+    y: ArrayLike,
+    inputs: Signal | Sampled | Sequence[Signal] | ArrayLike,
+    parameters: ArrayLike = (),
+    *,
+    nq: int,
+    duration: float,
+    start: float = 0.0,
+    rtol: ArrayLike = 1e-8,
+    atol: ArrayLike = 1e-10,
+    save_at: ArrayLike = (),
+    max_step: float = math.inf,
+    max_steps: int = 1_000_000,
+    pivot_bound: float = 1e-4,
+    closure_tol: float = 1e-13,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Outcomes:
+    """Integrate N members as `integrate` does each of them, by Dormand-Prince 5(4), many at a time.
+
+    Arguments, where they differ from those of `integrate`:
+        motion, closure: addresses of the kernels for blocks of states, void(int64, const double *, double *).
+        y: states y = (q, v, z) at the start (N, n), of which the first nq are q.
+        inputs: u for all members: numbers (nu,), `Sampled` or a `Signal`; or of each: numbers (N, nu), or N signals.
+        parameters: p (np,) for all members, or (N, np).
+        save_at: increasing times (K,), s, common to all members, at which to save; none: only the last states are kept.
+        threads: of the processor to use; None: all.
+        progress: called with the numbers of members that have ended and of all members, now and then.
+
+    Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every member that was not
+    ended when KeyboardInterrupt came, CANCELLED, wherever it was.
+
+    Raises `LinkworkError` as `integrate` does.
+    """
+    if not 0 < duration < math.inf:
+        raise LinkworkError(f"the duration of a run must be positive and finite, not {duration} s")
+    stop = start + duration
+    states = np.array(y, dtype=float, order="C")
+    if states.ndim != 2 or not states.shape[1]:
+        raise LinkworkError(f"the states have the shape {states.shape}: give a row for each member")
+    members, n = states.shape
+    given, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
+    _require_cover(inputs, start, stop)
+    times = _times(save_at, start, stop)
+    if max_steps < 1:
+        raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
+    tolerance = np.stack([np.broadcast_to(np.asarray(given, float), n) for given in (rtol, atol)])
+    if not ((tolerance > 0) & (tolerance < math.inf)).all():
+        raise LinkworkError(f"rtol and atol must be positive and finite, not {rtol} and {atol}")
+    threads = threads or usable_processors()
+
+    from linkwork.simulation import lanes
+
+    samples = np.full((members, times.size, n), np.nan)
+    numbers = np.full((members, lanes.NUMBERS), np.nan)
+    counts = np.zeros((members, lanes.COUNTS), dtype=np.intp)
+    numbers[:, lanes.TIME], counts[:, lanes.STATUS] = start, Status.CANCELLED
+    cancel = np.zeros(1, dtype=np.intp)
+    size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))
+    chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
+    ended = np.zeros((len(chunks), 1), dtype=np.intp)
+
+    def run(i: int, chunk: slice) -> None:
+        if cancel[0]:
+            return
+        part = given.part(chunk.start, chunk.stop)
+        lanes.integrate(
+            motion, closure or 0, p if len(p) == 1 else p[chunk],
+            part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
+            tolerance, pivot_bound, closure_tol, nq, states[chunk], times, start, stop, max_step, max_steps,
+            samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
+        )  # fmt: skip
+
+    def report() -> None:
+        if progress is not None:
+            progress(int(ended.sum()), members)
+
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(run, i, chunk) for i, chunk in enumerate(chunks)]
+        try:
+            _watch(futures, report)
+        except KeyboardInterrupt:
+            cancel[0] = 1
+    for future in futures:
+        future.result()
+    samples[np.arange(times.size) >= counts[:, lanes.SAVED, None]] = np.nan
+    return Outcomes(
+        status=counts[:, lanes.STATUS],
+        end_time=numbers[:, lanes.TIME],
+        y_end=states,
+        samples=samples,
+        saved=counts[:, lanes.SAVED],
+        nfev=counts[:, lanes.EVALUATIONS],
+        steps=counts[:, lanes.ACCEPTED],
+        rejected=counts[:, lanes.REJECTED],
+        pivot=numbers[:, lanes.PIVOT],
+        closure_error=numbers[:, lanes.CLOSURE_ERROR],
+        next_step=numbers[:, lanes.STEP_SIZE],
+        rejected_pivot=numbers[:, lanes.REJECTED_PIVOT],
+        rejected_residual=numbers[:, lanes.REJECTED_RESIDUAL],
+    )
+
+
+def usable_processors() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _watch(futures: Sequence[Future], report: Callable[[], None]) -> None:
+    """Wait until all is done, and report now and then."""
+    left = set(futures)
+    while left:
+        left = wait(left, timeout=GLANCE, return_when=FIRST_COMPLETED).not_done
+        report()
+
+
+def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:
+    """Return a table with one row, or one for each member."""
+    table = np.array(values, dtype=float, ndmin=2)
+    if table.ndim != 2 or len(table) not in (1, members):
+        raise LinkworkError(
+            f"{what} have the shape {table.shape}: give a row for each of the {members} members, or one"
+        )
+    return table
+
+
+def _times(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
+    """Return the times to save at; a last one that lies beyond the end by rounding only is the end."""
+    times = np.array(save_at, dtype=float, ndmin=1)
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise LinkworkError(f"save_at is {save_at!r}: give a list of finite times")
+    require_increasing("the times in save_at", times)
+    if times.size and (times[0] < start or times[-1] > stop + ROUNDING * (stop - start)):
+        raise LinkworkError(
+            f"the times in save_at run from {times[0]:g} s to {times[-1]:g} s: give times within the run,"
+            f" from {start:g} s to {stop:g} s"
+        )
+    return np.minimum(times, stop)
+
+
+def _require_cover(inputs: object, start: float, stop: float) -> None:
+    signals = inputs if isinstance(inputs, Sequence) else [inputs]
+    for i, signal in enumerate(signals):
+        signal = as_signal(signal) if isinstance(signal, Sampled) else signal
+        if not isinstance(signal, Signal):
+            continue
+        first, last = signal.knots[0], signal.knots[-1]
+        if start < first or stop > last + ROUNDING * (stop - start):
+            which = f" of member {i}" if isinstance(inputs, Sequence) else ""
+            raise LinkworkError(
+                f"the forces{which} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} s to"
+                f" {stop:g} s: give samples for the whole run"
+            )

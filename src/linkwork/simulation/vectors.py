@@ -1,0 +1,208 @@
+"""Vectors: a double for each lane of a vector register, as values in compiled code.
+
+Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=, & and | and the functions
+below. They live in registers; arrays (rows, LANES) hold them in memory, a vector a row.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, models, register_model
+
+from linkwork.kernels.machine import this_machine
+
+LANES = this_machine().lanes
+FLAGS = ("contract",)
+
+
+class Vector(types.Type):
+    """Type of a double for each lane."""
+
+    def __init__(self):
+        super().__init__(name="Vector")
+
+
+class Mask(types.Type):
+    """Type of a truth value for each lane."""
+
+    def __init__(self):
+        super().__init__(name="Mask")
+
+
+VECTOR, MASK = Vector(), Mask()
+_NUMBERS, _BITS = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(1), LANES)
+
+
+@register_model(Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _NUMBERS)
+
+
+@register_model(Mask)
+class _MaskModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _BITS)
+
+
+def _operator(
+    python: Callable, result: types.Type, instruction: str, *arguments: str, kind: types.Type = VECTOR
+) -> None:
+    """Teach Numba one operator on two vectors, or two masks, by its LLVM instruction."""
+    shape = signature(result, kind, kind)
+
+    class Typing(ConcreteTemplate):
+        cases = [shape]  # noqa: RUF012
+
+    infer_global(python)(Typing)  # pyright: ignore[reportOptionalCall]
+
+    @lower_builtin(python, kind, kind)
+    def generate(context, builder, signature, values):
+        flags = {"flags": FLAGS} if kind is VECTOR else {}
+        return getattr(builder, instruction)(*arguments, *values, **flags)
+
+
+_operator(operator.add, VECTOR, "fadd")
+_operator(operator.sub, VECTOR, "fsub")
+_operator(operator.mul, VECTOR, "fmul")
+_operator(operator.truediv, VECTOR, "fdiv")
+_operator(operator.le, MASK, "fcmp_ordered", "<=")
+_operator(operator.ge, MASK, "fcmp_ordered", ">=")
+_operator(operator.and_, MASK, "and_", kind=MASK)
+_operator(operator.or_, MASK, "or_", kind=MASK)
+
+
+def _row(context, builder, array_type, array, row):
+    """Return the pointer to a vector in an array (rows, LANES)."""
+    data = context.make_array(array_type)(context, builder, value=array).data
+    place = builder.gep(data, [builder.mul(row, ir.Constant(row.type, LANES))])
+    return builder.bitcast(place, _NUMBERS.as_pointer())
+
+
+def _load(typing_context, array, row):
+    """Return the vector in a row of an array (rows, LANES)."""
+
+    def generate(context, builder, signature, values):
+        return builder.load(_row(context, builder, signature.args[0], *values), align=8)
+
+    return VECTOR(array, types.intp), generate
+
+
+def _store(typing_context, array, row, vector):
+    """Write a vector to a row of an array (rows, LANES)."""
+
+    def generate(context, builder, signature, values):
+        builder.store(values[2], _row(context, builder, signature.args[0], *values[:2]), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, VECTOR), generate
+
+
+def _overwrite(typing_context, array, row, mask, vector):
+    """Write numbers of a vector to a row of an array (rows, LANES) where the mask holds.
+
+    old ^ ((old ^ new) & mask) instead of a choice: of that LLVM makes a masked store, which some processors are slow at.
+    """
+
+    def generate(context, builder, signature, values):
+        place = _row(context, builder, signature.args[0], *values[:2])
+        integers = ir.VectorType(ir.IntType(64), LANES)
+        old, new = (builder.bitcast(numbers, integers) for numbers in (builder.load(place, align=8), values[3]))
+        change = builder.and_(builder.xor(old, new), builder.sext(values[2], integers))
+        builder.store(builder.bitcast(builder.xor(old, change), _NUMBERS), place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, MASK, VECTOR), generate
+
+
+def _splat(typing_context, number):
+    """Return a vector of equal numbers."""
+
+    def generate(context, builder, signature, values):
+        single = builder.insert_element(ir.Constant(_NUMBERS, ir.Undefined), values[0], ir.Constant(ir.IntType(32), 0))
+        first = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        return builder.shuffle_vector(single, ir.Constant(_NUMBERS, ir.Undefined), first)
+
+    return VECTOR(types.float64), generate
+
+
+def _choose(typing_context, mask, where_true, where_false):
+    """Return numbers of the one vector where the mask holds, else of the other."""
+
+    def generate(context, builder, signature, values):
+        return builder.select(*values)
+
+    return VECTOR(MASK, VECTOR, VECTOR), generate
+
+
+def _every(typing_context, mask):
+    """Tell whether a mask holds in every lane."""
+
+    def generate(context, builder, signature, values):
+        bits = ir.IntType(LANES)
+        return builder.icmp_unsigned("==", builder.bitcast(values[0], bits), ir.Constant(bits, -1))
+
+    return types.boolean(MASK), generate
+
+
+def _larger(typing_context, one, other):
+    """Return the larger number in each lane; the other's where one of them is not a number."""
+
+    def generate(context, builder, signature, values):
+        return builder.select(builder.fcmp_ordered(">", *values), *values)
+
+    return VECTOR(VECTOR, VECTOR), generate
+
+
+def _smaller(typing_context, one, other):
+    """Return the smaller number in each lane; the other's where one of them is not a number."""
+
+    def generate(context, builder, signature, values):
+        return builder.select(builder.fcmp_ordered("<", *values), *values)
+
+    return VECTOR(VECTOR, VECTOR), generate
+
+
+def _by_llvm(name: str):
+    def typed(typing_context, vector):
+        def generate(context, builder, signature, values):
+            kind = ir.FunctionType(_NUMBERS, [_NUMBERS])
+            function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
+            return builder.call(function, values, fastmath=FLAGS)
+
+        return VECTOR(VECTOR), generate
+
+    return typed
+
+
+def _call_batch(typing_context, address, x, out, row):
+    """Call the C function void(int64 blocks, const double *x, double *out) for one block, its output from row `row` on."""
+
+    def generate(context, builder, signature, values):
+        x, out = (context.make_array(signature.args[i])(context, builder, value=values[i]).data for i in (1, 2))
+        count = ir.IntType(64)
+        kernel = ir.FunctionType(ir.VoidType(), [count, x.type, out.type])
+        target = builder.gep(out, [builder.mul(values[3], ir.Constant(values[3].type, LANES))])
+        builder.call(builder.inttoptr(values[0], kernel.as_pointer()), [ir.Constant(count, 1), x, target])
+        return context.get_dummy_value()
+
+    return types.void(types.intp, x, out, types.intp), generate
+
+
+load: Callable[..., Any] = intrinsic(_load)
+store: Callable[..., None] = intrinsic(_store)
+overwrite: Callable[..., None] = intrinsic(_overwrite)
+splat: Callable[..., Any] = intrinsic(_splat)
+choose: Callable[..., Any] = intrinsic(_choose)
+every: Callable[..., bool] = intrinsic(_every)
+larger: Callable[..., Any] = intrinsic(_larger)
+smaller: Callable[..., Any] = intrinsic(_smaller)
+absolute: Callable[..., Any] = intrinsic(_by_llvm("fabs"))
+root: Callable[..., Any] = intrinsic(_by_llvm("sqrt"))
+call_batch: Callable[..., None] = intrinsic(_call_batch)

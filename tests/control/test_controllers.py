@@ -1,0 +1,203 @@
+"""Ready controllers against closed forms: second-order responses, exact error dynamics, balance, steady errors, Riccati."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.control import LQR, PD, PID, ComputedTorque, Sampler, SlidingMode, Wrench
+from linkwork.control.model import Model
+
+from tests.control.plants import cart, circle_motion, pendulum
+
+TIMES = np.linspace(0, 2, 41)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return lw.Robot(lw.robots.prr3())
+
+
+def second_order(t, x, rate, kp, kd):
+    """Return x(t) of x'' + kd x' + kp x = 0."""
+    roots = np.roots([1, kd, kp]).astype(complex)
+    weights = np.linalg.solve(np.vstack([[1, 1], roots]), [x, rate])
+    return np.real(np.exp(np.outer(t, roots)) @ weights)
+
+
+@pytest.mark.parametrize("goal", [{"slide": 0.4}, "state", lw.Sampled([0, 2], [0.4, 0.4], "linear")])
+def test_pd_on_a_mass_is_a_second_order_response(goal):
+    plant = cart(mass=2.0)
+    goal = plant.state([0.4]) if goal == "state" else goal
+    run = plant.simulate(plant.state([0.1], [0.5]), PD(goal, 18.0, 4.0), duration=2.0, save_at=TIMES)
+    expected = 0.4 + second_order(TIMES, -0.3, 0.5, 9.0, 2.0)
+    assert np.allclose(run.dataset.joint_position.values[:, 0], expected, 0, 1e-7)
+
+
+def test_gains_are_parameters_by_name_or_by_actuator(robot):
+    goal = robot.assemble(tool=[0.51, 0.28, 0.5])
+    one = robot.simulate(robot.home, PD(goal, 300.0, 30.0), duration=0.5, save_at=[0, 0.5], parameters={"kp": 500.0})
+    each = {name: 500.0 for name in robot.actuators}
+    other = robot.simulate(robot.home, PD(goal, each, 30.0), duration=0.5, save_at=[0, 0.5])
+    assert np.allclose(one.dataset.tool_pose, other.dataset.tool_pose, 0, 1e-12)
+    changed = robot.simulate(
+        robot.home, PD(goal, each, 30.0), duration=0.5, save_at=[0, 0.5], parameters={"kp.slide_2": 100.0}
+    )
+    assert np.abs(changed.dataset.tool_pose[-1] - other.dataset.tool_pose[-1]).max() > 1e-4
+
+
+def test_gravity_compensation_leaves_no_steady_error():
+    plant = pendulum()
+    goal = {"hinge_1": 0.6}
+    bare = plant.simulate(plant.home, PD(goal, 40.0, 8.0), duration=15.0, save_at=[15.0])
+    held = plant.simulate(plant.home, PD(goal, 40.0, 8.0, model=plant), duration=15.0, save_at=[15.0])
+    (bare,), (held,) = (run.dataset.joint_position.values[-1] for run in (bare, held))
+    weight = 1.5 * 9.81 * 0.7
+    assert abs(held - 0.6) < 1e-6
+    assert abs(40 * (0.6 - bare) - weight * np.cos(bare)) < 1e-5 and abs(bare - 0.6) > 0.1
+
+
+def test_gravity_compensation_of_a_platform():
+    robot = lw.Robot(lw.robots.delta())
+    model = Model(robot)
+    state = robot.assemble(tool=robot.tool_pose(robot.home)[:3] + np.array([0.05, 0.02, -0.03]))
+    found = model.forces(robot.observe(state.with_rates(1.0 + 0 * state.rates)), np.zeros(3), still=True)
+    assert np.allclose(found, robot.inverse_dynamics(state, 0 * state.rates), 1e-9, 1e-9)
+
+
+def test_pid_leaves_no_steady_error_under_a_constant_wrench():
+    plant = cart(mass=2.0)
+    law = PID({"slide": 0.1}, 60.0, 20.0, ki=40.0, joints=("slide",))
+    push = Wrench("cart", force=[-5.0, 0, 0])
+    run = plant.simulate(plant.home, law, duration=20.0, wrenches=[push], save_at=[0, 20.0])
+    assert abs(run.dataset.joint_position.values[-1, 0] - 0.1) < 1e-7
+    assert np.isclose(run.dataset.drive_state.sel(extra="integral.slide").values[-1], 5.0 / 40.0, 1e-6)
+
+
+def test_computed_torque_gives_the_error_dynamics_exactly(robot):
+    """With the exact model e'' + kd e' + kp e = 0 in every actuated joint: its closed form to 1e-8."""
+    motion = circle_motion(robot)
+    law = ComputedTorque(motion, robot, 100.0, 12.0)
+    start = robot.assemble(
+        {name: motion.state.at(0)[name] + d for name, d in zip(robot.actuators, (0.01, -0.02, 0.015), strict=True)}
+    )
+    start = start.with_rates([0.1, -0.1, 0.05])
+    save = np.linspace(0, 1, 51)
+    run = robot.simulate(start, law, duration=1.0, save_at=save, rtol=1e-11, atol=1e-12)
+    course = lw.Sampled(motion.time, motion.positions[:, :3])
+    e = course(save) - run.dataset.joint_position.values[:, :3]
+    de = course.derivative()(save) - run.dataset.joint_rate.values[:, :3]
+    expected = np.stack([second_order(save, e[0, i], de[0, i], 100.0, 12.0) for i in range(3)], axis=1)
+    assert np.abs(e - expected).max() < 1e-8
+
+
+def test_computed_torque_with_too_few_actuators():
+    """The driven joint of a double pendulum obeys its error dynamics, whatever the free one does."""
+    mechanism = lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)})
+    robot = lw.Robot(mechanism)
+    law = ComputedTorque({"hinge_1": -1.0}, robot, 29.0, 10.0)
+    run = robot.simulate(robot.home, law, duration=1.0, save_at=np.linspace(0, 1, 21), rtol=1e-10)
+    expected = -1.0 + second_order(np.linspace(0, 1, 21), 1.0, 0.0, 29.0, 10.0)
+    assert np.allclose(run.dataset.joint_position.sel(coordinate="hinge_1"), expected, 0, 1e-7)
+
+
+def test_computed_torque_with_too_many_actuators():
+    """All six joints of a 3-RRR-like plane mechanism driven: least forces, the same error dynamics."""
+    mechanism = lw.robots.prr3()
+    robot = lw.Robot(mechanism.model_copy(update={"actuators": (*mechanism.actuators, "pivot_1")}))
+    goal = {name: float(robot.home[name]) for name in robot.actuators}
+    start = robot.assemble(tool=[0.505, 0.29, 0.53])
+    law = ComputedTorque(goal, robot, 100.0, 16.0)
+    save = np.linspace(0, 1, 11)
+    run = robot.simulate(start, law, duration=1.0, save_at=save, rtol=1e-10)
+    names = list(robot.independent)
+    e = run.dataset.joint_position.sel(coordinate=names).values - [goal[name] for name in names]
+    expected = np.stack([second_order(save, e[0, i], 0.0, 100.0, 16.0) for i in range(3)], axis=1)
+    assert np.abs(e - expected).max() < 1e-8
+    assert not np.allclose(run.dataset.actuator_force.sel(actuator="pivot_1").values, 0)
+
+
+def test_sliding_mode_bears_a_wrong_model(robot):
+    """With a platform lighter by a third the error stays within the boundary layer's bound; computed torque's does not."""
+    motion = circle_motion(robot)
+    wrong = lw.Robot(lw.robots.prr3(platform_mass=0.9))
+    start = motion.state.at(0)
+    slope, boundary = 30.0, 0.02
+    run = robot.simulate(start, SlidingMode(motion, wrong, slope, 20.0, boundary), duration=1.0, save_at=motion.time)
+    e = np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max()
+    assert e < boundary / slope  # |s| <= boundary gives |e| <= boundary / slope
+    soft = robot.simulate(start, ComputedTorque(motion, wrong, 30.0, 10.0), duration=1.0, save_at=motion.time)
+    assert np.abs(soft.dataset.joint_position.values - motion.positions)[:, :3].max() > e
+
+
+def test_lqr_of_a_double_integrator_is_known():
+    """m x'' = u with Q = diag(1, 0), R = 1 has K = (1, sqrt(2 m)) (Anderson & Moore)."""
+    law = LQR.about(cart(mass=2.0), cart(mass=2.0).home, [1.0, 0.0], [1.0])
+    assert np.allclose(law.gains, [[1.0, 2.0]], 1e-9)
+
+
+def test_lqr_holds_an_upright_pendulum():
+    plant = pendulum()
+    upright = plant.state([np.pi / 2])
+    law = LQR.about(plant, upright, [10.0, 1.0], [1.0])
+    run = plant.simulate(plant.state([np.pi / 2 + 0.2]), law, duration=10.0, save_at=[10.0])
+    assert abs(run.dataset.joint_position.values[-1, 0] - np.pi / 2) < 1e-6
+
+
+def test_lqr_balances_a_pole_on_a_cart():
+    """One actuator, two freedoms: the upright pole is held by moving the cart (its slide) alone."""
+    pole = lw.Body(mass=0.3, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.02))
+    robot = lw.Robot(
+        lw.Mechanism(
+            gravity=(0, -9.81, 0),
+            bodies={"cart": lw.Body(mass=1.0, inertia=lw.Inertia(zz=1.0)), "pole": pole},
+            joints={
+                "slide": lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0)),
+                "hinge": lw.RevoluteJoint(connects=("cart", "pole")),
+            },
+            actuators=("slide",),
+        )
+    )
+    law = LQR.about(robot, robot.state({"slide": 0.0, "hinge": np.pi / 2}), [1, 1, 1, 1], [0.1])
+    run = robot.simulate(robot.state({"slide": 0.3, "hinge": np.pi / 2 + 0.1}), law, duration=20.0, save_at=[20.0])
+    assert np.allclose(run.dataset.joint_position.values[-1], [0, np.pi / 2], 0, 1e-5)
+
+
+def test_lqr_of_a_closed_loop_robot(robot):
+    law = LQR.about(robot, robot.home, [100] * 3 + [1] * 3, [1] * 3)
+    run = robot.simulate(robot.assemble(tool=[0.51, 0.28, 0.5]), law, duration=8.0, save_at=[8.0])
+    assert np.allclose(run.dataset.tool_pose[-1], robot.tool_pose(robot.home), 0, 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: PD({"slid": 1.0}, 1.0, 1.0), "there is no coordinate in the goal 'slide'; there are slid"),
+        (lambda: PD(lw.Sampled([0, 1], np.zeros((2, 2))), 1.0, 1.0), "the goal has 2 columns; give 1: slide"),
+        (lambda: PD({"slide": 0.0}, {"slid": 1.0}, 1.0), "the gain kp lacks 'slide'"),
+        (
+            lambda: ComputedTorque({"slide": 0.0}, pendulum(), 1.0, 1.0),
+            "the model has the actuators hinge_1, the robot slide",
+        ),
+    ],
+)
+def test_refusals(make, sentence):
+    plant = cart()
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        plant.simulate(plant.home, make(), duration=1.0)
+
+
+def test_weights_of_another_shape_are_refused():
+    with pytest.raises(lw.LinkworkError, match=r"the weights Q have the shape \(3,\); give 2 numbers, or 2 x 2"):
+        LQR.about(cart(), cart().home, [1, 2, 3], [1])
+
+
+def test_controllers_work_with_numbers_too(robot):
+    """A ready controller can be sampled from Python: the same forces as traced."""
+    motion = circle_motion(robot)
+    law = ComputedTorque(motion, robot, 100.0, 12.0)
+    runs = [
+        robot.simulate(motion.state.at(0), Sampler(law, 200, compiled=c), duration=0.2, save_at=[0, 0.2])
+        for c in (True, False)
+    ]
+    first, second = (run.dataset.joint_position.values[-1] for run in runs)
+    assert np.allclose(first, second, 0, 1e-12)

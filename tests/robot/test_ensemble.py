@@ -1,0 +1,187 @@
+"""Ensembles against the same runs one by one."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import Sampled, Status
+from linkwork.errors import LinkworkError
+from linkwork.simulation import as_signal
+
+T = np.linspace(0.0, 0.4, 5)
+
+
+@pytest.fixture(scope="module")
+def prr3():
+    return lw.Robot(lw.robots.prr3())
+
+
+def random(*shape, seed=3):
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def require_equal(members, runs):
+    """Require that every member came to what its own run came to."""
+    assert len(members) == len(runs)
+    for i, run in enumerate(runs):
+        assert members.status[i] == run.status, members.message(i)
+        assert members.message(i) == run.message
+        assert members.end_time[i] == pytest.approx(run.attrs["final_time"], rel=1e-12)
+        np.testing.assert_allclose(members.final.q[i], run.attrs["final_q"], rtol=1e-12, atol=1e-13)
+        for name in ("nfev", "steps", "rejected"):
+            assert getattr(members, name)[i] == getattr(run, name)
+        for name in ("joint_position", "joint_rate", "tool_pose", "drive_state"):
+            if name in run.dataset:
+                given, reached = run.dataset[name].values, members.dataset[name].values[i]
+                np.testing.assert_allclose(reached[: len(given)], given, rtol=1e-11, atol=1e-12)
+                assert np.isnan(reached[len(given) :]).all()
+
+
+@pytest.mark.parametrize("name", ["prr3", "spatial_slider_crank", "pendulum", "rpr3"])
+def test_members_come_to_what_they_come_to_alone(name):
+    robot = lw.Robot(getattr(lw.robots, name)())
+    state = robot.home.with_rates(0.3 * random(robot.mobility))
+    forces = 0.5 * random(9, len(robot.actuators))
+    members = robot.ensemble(state, forces, duration=0.4, save_at=T)
+    require_equal(members, [robot.simulate(state, u, duration=0.4, save_at=T) for u in forces])
+    assert members.closure_error.max() < 1e-12
+    np.testing.assert_allclose(
+        robot.joint_rates(members.final), members.dataset.joint_rate.values[:, -1], rtol=1e-9, atol=1e-11
+    )
+
+
+def test_states_on_both_sides_of_a_singular_surface(prr3):
+    """The pivots of the chart have the other sign on the other side; both sides keep to vector lanes."""
+    poses = np.array([[0.5, 0.28, angle] for angle in (1.2, 0.3, 1.1, 0.2, 1.3)])
+    states = prr3.assemble(tool=poses)
+    members = prr3.ensemble(states, [0.2, 0.1, 0.0], duration=0.4, save_at=T)
+    require_equal(
+        members, [prr3.simulate(states.at(i), [0.2, 0.1, 0.0], duration=0.4, save_at=T) for i in range(len(poses))]
+    )
+
+
+@pytest.mark.parametrize(("name", "fastest", "push"), [("five_bar", 12.0, 0.0), ("prr3", 1.5, 1.0)])
+def test_members_that_change_charts(name, fastest, push):
+    robot = lw.Robot(getattr(lw.robots, name)())
+    rates = np.linspace(0.1, fastest, 6)[:, None] * np.cos(np.arange(robot.mobility))
+    states = robot.state(np.broadcast_to(robot.home.positions, (6, len(robot.coordinates))), rates)
+    u = push * np.ones(len(robot.actuators))
+    runs = [robot.simulate(states.at(i), u, duration=0.4, save_at=T) for i in range(6)]
+    assert len({run.attrs["charts"].count("from") for run in runs}) > 1
+    require_equal(robot.ensemble(states, u, duration=0.4, save_at=T), runs)
+
+
+def test_each_member_has_its_signal(prr3):
+    t = np.linspace(0, 0.4, 5)
+    signals = [Sampled(t, 0.3 * random(5, 3, seed=i), kind) for i, kind in enumerate(("spline", "linear", "hold"))]
+    members = prr3.ensemble(prr3.home, signals, duration=0.4, save_at=T)
+    require_equal(members, [prr3.simulate(prr3.home, u, duration=0.4, save_at=T) for u in signals])
+    one = prr3.ensemble(prr3.assemble(tool=[[0.5, 0.28, 1.2], [0.5, 0.3, 1.2]]), signals[1], duration=0.4, save_at=T)
+    again = prr3.simulate(prr3.assemble(tool=[0.5, 0.28, 1.2]), signals[1], duration=0.4, save_at=T)
+    np.testing.assert_allclose(one.dataset.tool_pose[0], again.dataset.tool_pose, rtol=1e-12)
+
+
+def test_forces_by_name(prr3):
+    pushes = np.array([0.1, 0.2, 0.3])
+    by_name = prr3.ensemble(prr3.home, {"slide_1": pushes, "slide_3": 0.1}, duration=0.2)
+    table = np.column_stack([pushes, 0 * pushes, 0 * pushes + 0.1])
+    assert np.array_equal(by_name.final.q, prr3.ensemble(prr3.home, table, duration=0.2).final.q)
+
+
+def test_each_member_has_its_parameters():
+    robot = lw.Robot(lw.robots.prr3()).free("platform.mass", "link_1.mass")
+    values = {"platform.mass": np.linspace(0.5, 3.0, 6), "link_1.mass": 0.7}
+    members = robot.ensemble(robot.home, [0.3, 0.1, 0.0], values, duration=0.4, save_at=T)
+    runs = [
+        robot.with_parameters({"platform.mass": mass, "link_1.mass": 0.7}).simulate(
+            robot.home, [0.3, 0.1, 0.0], duration=0.4, save_at=T
+        )
+        for mass in values["platform.mass"]
+    ]
+    require_equal(members, runs)
+    assert np.array_equal(members.dataset["platform.mass"], values["platform.mass"])
+    assert len({run.attrs["final_q"].tobytes() for run in runs}) == 6
+
+
+def test_a_traced_controller_with_gains_of_each_member(prr3):
+    def law(t, state):
+        kp = state.parameter("kp", 40.0)
+        return {name: -kp * (state[name] - 0.2 - 0.05 * lw.math.sin(3 * t)) for name in prr3.actuators}
+
+    gains = np.array([10.0, 40.0, 90.0])
+    members = prr3.ensemble(prr3.home, law, {"kp": gains}, duration=0.4, save_at=T)
+    runs = [prr3.simulate(prr3.home, law, duration=0.4, save_at=T, parameters={"kp": gain}) for gain in gains]
+    require_equal(members, runs)
+
+
+def test_members_that_fail_are_named_and_the_others_go_on(prr3):
+    forces = 0.3 * random(7, 3)
+    forces[4, 1] = np.nan
+    members = prr3.ensemble(prr3.home, forces, duration=0.4, save_at=T)
+    assert members.failed.tolist() == [4]
+    assert not members.success
+    assert members.status[4] == Status.NON_FINITE
+    assert "t = 0 s" in members.message(4)
+    assert members.dataset.status.values.tolist() == ["FINISHED"] * 4 + ["NON_FINITE"] + ["FINISHED"] * 2
+    others = np.arange(7) != 4
+    require_equal(
+        prr3.ensemble(prr3.home, forces[others], duration=0.4, save_at=T),
+        [prr3.simulate(prr3.home, u, duration=0.4, save_at=T) for u in forces[others]],
+    )
+
+
+def test_no_members_and_one(prr3):
+    none = prr3.ensemble(prr3.home, np.empty((0, 3)), duration=0.1, save_at=[0.1])
+    assert len(none) == 0
+    assert none.success
+    assert none.dataset.sizes["member"] == 0
+    one = prr3.ensemble(prr3.home, duration=0.1)
+    assert len(one) == 1
+    assert one.dataset.sizes["time"] == 0
+
+
+def test_threads_make_no_difference_to_a_bit(prr3):
+    forces = 0.3 * random(40, 3)
+    one, two = (prr3.ensemble(prr3.home, forces, duration=0.2, threads=threads) for threads in (1, 2))
+    assert np.array_equal(one.final.q, two.final.q)
+    assert np.array_equal(one.final.rates, two.final.rates)
+
+
+def test_an_interruption_keeps_what_is_done(prr3):
+    def interrupt(done, members):
+        if done:
+            raise KeyboardInterrupt
+
+    members = prr3.ensemble(prr3.home, 0.1 * random(4000, 3), duration=1.0, threads=1, progress=interrupt)
+    done = members.status == Status.FINISHED
+    assert 0 < done.sum() < len(members)
+    assert set(members.status[~done].tolist()) == {Status.CANCELLED}
+    assert "cancelled" in members.message(int(members.failed[-1]))
+    assert np.isfinite(members.final.q).all()
+
+
+def test_progress_on_the_terminal(prr3, capfd):
+    prr3.ensemble(prr3.home, 0.1 * random(20, 3), duration=0.1, progress=True)
+    assert "20/20" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("forces", "options", "sentence"),
+    [
+        (np.zeros((4, 2)), {}, "give 3 numbers in the last dimension"),
+        (np.zeros((4, 3)), {"states": 3}, "4 of forces"),
+        ([0.0, 0.0], {}, "give 3 numbers"),
+        (None, {"parameters": {"kp": 1.0}}, "no parameter 'kp'"),
+        (None, {"duration": 0.0}, "duration is 0.0; give a positive number"),
+        (None, {"on_singular": "jump"}, "on_singular is 'jump'"),
+        (None, {"save_at": [0.3, 0.1]}, "must increase"),
+        (lw.control.Sampler(lambda t, state: [0, 0, 0], rate=100), {}, "Sampler"),
+        ([as_signal([1.0])] * 2, {}, "have 1 columns"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(prr3, forces, options, sentence):
+    given = {"duration": 0.1} | options
+    count = given.pop("states", None)
+    states = prr3.home if count is None else prr3.assemble(tool=np.tile([0.5, 0.28, 1.2], (count, 1)))
+    with pytest.raises(LinkworkError, match=sentence):
+        prr3.ensemble(states, forces, **given)

@@ -1,0 +1,258 @@
+"""Free parameters: a robot with other values is the robot of the edited description, and nothing is compiled anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.equations import derive, functions
+from linkwork.kernels import kernel as kernels
+from linkwork.mechanism.numbers import edited, free_numbers
+
+from tests.equations.evaluation import close, values
+from tests.oracle.random_joints import random_loops, random_tree
+
+NEVER = ("rotation", "axis", "axes", "limits", "reference")
+CASES = {
+    "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
+    "loops with everything": partial(random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1),
+    "loop of a screw": partial(random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True),
+    "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
+    "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1),
+    "platform on rods": lw.robots.stewart,
+    "pin jointed": lw.robots.prr3,
+    "governor": lw.robots.flyball_governor,
+}
+PLANAR = ("planar loops", "pin jointed")
+
+
+def numbers(data: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Yield the places of all numbers in plain data."""
+    if isinstance(data, float):
+        yield where
+    parts = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, tuple) else ()
+    for key, part in parts:
+        yield from numbers(part, (*where, str(key)))
+
+
+def can_be_free(mechanism: lw.Mechanism, planar: bool) -> list[str]:
+    """Return the paths of all numbers that can be free; in a planar mechanism those out of the plane would open loops."""
+    places = [where for where in numbers(mechanism.model_dump()) if not set(NEVER) & set(where)]
+    if planar:
+        places = [where for where in places if not (where[-1] == "2" and {"position", "points"} & set(where))]
+    paths = map(".".join, places)
+    return [path for path in paths if not path.endswith("spring.turn.rest")]
+
+
+def changed(mechanism: lw.Mechanism, paths: list[str]) -> dict[str, float]:
+    """Return other values, none of them zero: lengths near the old ones, inertias scaled as a whole."""
+    random = np.random.default_rng(1)
+    scale = dict(zip(mechanism.bodies, random.uniform(0.5, 1.5, len(mechanism.bodies)), strict=True))
+
+    def other(path: str, value: float) -> float:
+        if ".inertia." in path:
+            return value * scale[path.split(".")[1]]
+        if any(part in path for part in ("position", "points", "length", "pitch", "ratios", "offset")):
+            return value * random.uniform(0.97, 1.03) + ("position" in path) * random.uniform(0.001, 0.01)
+        return value * random.uniform(0.5, 1.5) + (value == 0) * random.uniform(0.1, 0.2)
+
+    return {path: other(path, value) for path, value in free_numbers(mechanism, paths).items()}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_all_numbers_free_at_once(name):
+    """Every function of q, v, u and p is that of the description edited to p."""
+    mechanism = CASES[name]()
+    paths = can_be_free(mechanism, name in PLANAR)
+    given = changed(mechanism, paths)
+    free = derive(mechanism, free=paths)
+    plain = derive(edited(mechanism, given), free.independent)
+    assert free.tree.coordinates == plain.tree.coordinates
+    assert plain.independent == free.independent
+    random = np.random.default_rng(2)
+    q, v, p = plain.reference, random.normal(size=plain.mobility), list(given.values())
+    u, w = random.normal(size=len(mechanism.actuators)), random.normal(size=plain.nv)
+    inputs = {
+        "motion": (q, v, u),
+        "inverse_dynamics": (q, v, v),
+        "terms": (q, v),
+        "closure_step": (q,),
+        "maps": (q,),
+        "joints_motion": (q, v, v),
+        "bodies_motion": (q, v),
+        "energy": (q, v),
+        "assembly": (q, w),
+    }
+    for function, arguments in inputs.items():
+        found, expected = (
+            values(getattr(functions, function)(equations), *arguments, *more)
+            for equations, more in ((free, (p,)), (plain, ()))
+        )
+        for output in expected.keys() - {"pivot", "phi", "Phi", "gamma"}:
+            close(found[output], expected[output], 1e-10 if "accelerations" in output else 1e-12)
+
+
+def perturbations() -> dict[str, dict[str, float]]:
+    """Return new values by kind of path, as a user writes them, for the 3-PRR."""
+    return {
+        "mass": {"platform.mass": 3.0},
+        "mass centre": {"link_1.com.x": 0.07, "link_1.com.1": 0.01},
+        "inertia": {"bodies.platform.inertia.zz": 0.02},
+        "joint frame": {"wrist_1.frames.1.position.x": 0.09, "pivot_2.frames.0.position.y": 0.004},
+        "friction": {"slide_1.friction.viscous": 0.3, "pivot_1.friction.coulomb": 0.2},
+        "spring": {"slide_2.spring.stiffness": 40.0, "slide_2.spring.rest": 0.1},
+        "rotor": {"slide_3.rotor_inertia": 0.5},
+        "gravity": {"gravity.y": -9.81},
+        "tool": {"tip.frame.position.x": 0.02},
+    }
+
+
+@pytest.fixture(scope="module")
+def platform() -> tuple[lw.Mechanism, lw.Robot]:
+    mechanism = lw.robots.prr3()
+    tool = next(iter(mechanism.tools.values()))
+    mechanism = mechanism.model_copy(update={"tools": {"tip": tool}})
+    return mechanism, lw.Robot(mechanism).free(*(path for values in perturbations().values() for path in values))
+
+
+@pytest.mark.parametrize("kind", perturbations())
+def test_a_robot_with_other_values_is_the_robot_of_the_edited_description(platform, kind):
+    mechanism, free = platform
+    given = perturbations()[kind]
+    ours, plain = free.with_parameters(given), lw.Robot(edited(mechanism, given))
+    assert ours.parameters == dict(free.parameters) | given
+    assert ours.mechanism == plain.mechanism
+    close(ours.home.positions, plain.home.positions, 1e-12)
+    state, v = plain.home, np.array([0.3, -0.2, 0.1])
+    own = ours.state(state.positions, v)
+    state = state.with_rates(v)
+    close(ours.mass_matrix(own), plain.mass_matrix(state), 1e-12)
+    close(ours.forward_dynamics(own, [1.0, 2.0, 3.0]), plain.forward_dynamics(state, [1.0, 2.0, 3.0]), 1e-11)
+    close(ours.energy(own), plain.energy(state), 1e-12)
+    close(ours.tool_pose(own), plain.tool_pose(state), 1e-12)
+    assert ours.closure_error(own) < 1e-12
+    ends = [robot.simulate(start, duration=0.2, save_at=[0.2]) for robot, start in ((ours, own), (plain, state))]
+    close(ends[0].variables["joint_position"].values, ends[1].variables["joint_position"].values, 1e-7)
+
+
+def test_nothing_is_compiled_anew(platform, monkeypatch):
+    _, free = platform
+
+    def use(robot: lw.Robot) -> None:
+        state = robot.assemble({"slide_1": float(robot.home["slide_1"]) + 0.01})
+        robot.forward_dynamics(state, [1.0, 0.0, 0.0])
+        for measure in (robot.energy, robot.tool_pose, robot.closure_error, robot.mass_matrix):
+            measure(state)
+        robot.simulate(state, [1.0, 0.0, 0.0], duration=0.1)
+
+    use(free)
+    compiled = []
+    monkeypatch.setattr(kernels, "load", lambda *arguments: compiled.append(arguments))
+    use(free.with_parameters({"platform.mass": 2.0, "wrist_1.frames.1.position.x": 0.1}))
+    use(free.with_parameters({"platform.mass": 4.0}).with_parameters({"gravity.y": -1.0}))
+    assert not compiled
+
+
+def test_charts_found_in_one_run_serve_the_others():
+    """A parameter does not change in which rates a run can go on: the double pendulum's rod passes its dead points."""
+    free = lw.Robot(lw.robots.four_bar()).free("gravity.y")
+    heavier = free.with_parameters({"gravity.y": -20.0})
+    free.run_charts[("known",)] = free.chart
+    known = heavier.run_charts[("known",)]
+    assert known.p == [-20.0] and known is heavier.run_charts[("known",)]
+    assert known.kernel("motion").address == free.chart.kernel("motion").address
+
+
+def test_zero_is_a_value_like_any_other():
+    """What is zero in the description may be free, and what is free may become zero."""
+    robot = lw.Robot(lw.robots.four_bar())
+    free = robot.free(*(f"{body}.mass" for body in robot.bodies[:1]), "gravity.y")
+    state = free.home
+    light = free.with_parameters({f"{robot.bodies[0]}.mass": 0.0, "gravity.y": 0.0})
+    assert light.energy(state)[1] == 0
+    close(free.with_parameters({}).mass_matrix(state), robot.mass_matrix(robot.home), 1e-12)
+
+
+def test_freedoms_that_a_joint_says_nothing_of():
+    mechanism = random_loops(8, 1, platform="free")
+    name = next(
+        name for name, joint in mechanism.joints.items() if joint.type in ("cylindrical", "planar", "universal")
+    )
+    freedom = mechanism.joints[name].freedoms[0]
+    path = f"{name}.friction.{freedom}.viscous"
+    free, plain = derive(mechanism, free=[path]), derive(edited(mechanism, {path: 2.0}))
+    q, v = plain.reference, np.ones(plain.mobility)
+    f = values(functions.terms(plain), q, v)["f"]
+    assert f.any()
+    close(values(functions.terms(free), q, v, [2.0])["f"], f, 1e-12)
+
+
+REFUSALS = {
+    "platform.mas": "'platform.mas' leads to no number: bodies.platform has no 'mas' (did you mean mass?)",
+    "nothing.mass": "the mechanism has no 'nothing'",
+    "platform": "bodies.platform is not one; go on with mass, centre_of_mass, inertia",
+    "platform.com": "bodies.platform.centre_of_mass is not one; go on with 0, 1, 2",
+    "platform.inertia.xx": "bodies.platform.inertia.xx is not one",
+    "platform.com.w": "bodies.platform.centre_of_mass has no 'w'",
+    "pivot_1.frames.0.rotation.z": "'pivot_1.frames.0.rotation.z' is part of a direction and cannot be free",
+    "slide_1.axis.x": "'slide_1.axis.x' is part of a direction",
+    "reference.slide_1": "'reference.slide_1' enters no equation of motion",
+    "bodies.platform.mass": "'platform.mass' and 'bodies.platform.mass' are the same number; name it once",
+    "": "leads to no number",
+}
+
+
+@pytest.mark.parametrize("path", REFUSALS)
+def test_refused_paths(path):
+    with pytest.raises(lw.LinkworkError) as refusal:
+        free_numbers(lw.robots.prr3(), ("platform.mass", path))
+    assert REFUSALS[path] in str(refusal.value)
+
+
+def test_a_name_of_a_body_and_a_joint():
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=1.0))
+    arm = lw.RevoluteJoint(connects=("ground", "arm"))
+    mechanism = lw.Mechanism(bodies={"arm": body}, joints={"arm": arm})
+    assert free_numbers(mechanism, ["arm.mass", "arm.rotor_inertia"]) == {"arm.mass": 1.0, "arm.rotor_inertia": 0.0}
+
+
+VALUES = {
+    "a negative mass": ({"platform.mass": -1.0}, "bodies.platform.mass: -1.0 is below 0"),
+    "no number": ({"platform.mass": "heavy"}, "'platform.mass' is 'heavy'"),
+    "not finite": ({"platform.mass": np.nan}, "'platform.mass' is nan"),
+    "not free": ({"link_1.mass": 1.0}, "there is no free parameter 'link_1.mass'; there are platform.mass"),
+    "no mapping": (3.0, "the parameters are 3.0; give values by path"),
+}
+
+
+@pytest.mark.parametrize("case", VALUES)
+def test_refused_values(platform, case):
+    given, sentence = VALUES[case]
+    with pytest.raises(lw.LinkworkError) as refusal:
+        platform[1].with_parameters(given)
+    assert sentence in str(refusal.value)
+
+
+def test_lengths_with_which_the_loops_do_not_close():
+    free = lw.Robot(lw.robots.four_bar()).free("joints.crank_pin.frames.0.position.x")
+    with pytest.raises(lw.MechanismError, match="the loops do not close near the reference configuration: position"):
+        free.with_parameters({"joints.crank_pin.frames.0.position.x": 9.0})
+
+
+def test_a_robot_without_free_numbers():
+    robot = lw.Robot(lw.robots.four_bar())
+    assert robot.parameters == {} and robot.p.shape == (0,)
+    with pytest.raises(lw.LinkworkError, match="no number of this robot is free"):
+        robot.with_parameters({"coupler.mass": 1.0})
+
+
+def test_states_of_another_geometry_are_refused(platform):
+    _, free = platform
+    longer = free.with_parameters({"wrist_1.frames.1.position.x": 0.09})
+    with pytest.raises(lw.LinkworkError, match="the state belongs to another robot: its loops are open"):
+        longer.mass_matrix(free.home)
