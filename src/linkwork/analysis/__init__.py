@@ -1,0 +1,54 @@
+"""Study a robot: its branches, singularities and workspace, small motions, parameters from measurements, statics."""
+
+from linkwork.analysis.assembly_modes import Modes, assembly_modes, working_modes
+from linkwork.analysis.base_parameters import Base, base_parameters
+from linkwork.analysis.equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
+from linkwork.analysis.excitation import Excitation, exciting_trajectory
+from linkwork.analysis.identification import Identification, Measured, identify, periodic
+from linkwork.analysis.jacobians import Jacobians, input_output, jacobians
+from linkwork.analysis.linearisation import (
+    LinearModel,
+    NaturalModes,
+    holding,
+    linearise,
+    natural_modes,
+    stiffness_matrix,
+    tool_stiffness,
+)
+from linkwork.analysis.singularities import Singularity, along, loci, singularity
+from linkwork.analysis.workspace import content, inscribed, workspace
+
+__all__ = [
+    "Base",
+    "Equilibrium",
+    "Excitation",
+    "Identification",
+    "Jacobians",
+    "LinearModel",
+    "Measured",
+    "Modes",
+    "NaturalModes",
+    "Singularity",
+    "along",
+    "assembly_modes",
+    "base_parameters",
+    "content",
+    "distributed_forces",
+    "equilibria",
+    "equilibrium",
+    "exciting_trajectory",
+    "holding",
+    "identify",
+    "input_output",
+    "inscribed",
+    "jacobians",
+    "linearise",
+    "loci",
+    "natural_modes",
+    "periodic",
+    "singularity",
+    "stiffness_matrix",
+    "tool_stiffness",
+    "working_modes",
+    "workspace",
+]

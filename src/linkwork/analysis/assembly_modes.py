@@ -1,0 +1,275 @@
+"""Assembly modes and working modes: all real solutions of the direct and of the inverse kinematics.
+
+Newton's method runs from very many random configurations (`newton`). What they end in is gathered by where the tool is
+(direct kinematics) or where the actuated joints are (inverse kinematics). How often each solution was found tells how
+sure the count is: with f_1 of them found once and f_2 found twice, about
+
+    f_1 (f_1 - 1) / (2 (f_2 + 1))
+
+are missing. The search goes on until each solution was found several times, and nothing new for as long as it took.
+Source: Chao, Scandinavian J. Statistics 11 (1984) 265-270, bias-corrected (the number of unseen classes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.analysis.newton import Solver, random_configurations, solver
+from linkwork.analysis.square import Square, of_joints, of_tool, pose_names
+from linkwork.equations import functions, measures
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
+from linkwork.robot import Robot, State, checks, limits
+
+ROUND = 8192
+ITERATIONS = 60
+SAME = 1e-5
+SURE = 5
+MOST = 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Hold the real solutions of a direct or inverse kinematic problem, and how sure their number is.
+
+    what, asked: names and values [m, rad] of what was asked for: joint coordinates, or the tool's pose
+    states: the solutions, at rest, stacked, those nearest to the reference first
+    hits: how many starts ended in each; first: the number of the start that found it first
+    starts: how many there were; converged: how many of them ended in a solution
+    signs: (modes, stages) of the determinants of the system's stages, relative to the reference
+    within_limits: whether all joints are within their limits
+    """
+
+    what: tuple[str, ...]
+    asked: np.ndarray
+    states: State
+    hits: np.ndarray
+    first: np.ndarray
+    starts: int
+    converged: int
+    signs: np.ndarray
+    within_limits: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.hits)
+
+    @property
+    def missing(self) -> float:
+        """Estimate of how many solutions were not found (Chao 1984)."""
+        once, twice = int(np.sum(self.hits == 1)), int(np.sum(self.hits == 2))
+        return once * (once - 1) / (2 * (twice + 1))
+
+    @property
+    def found(self) -> tuple[np.ndarray, np.ndarray]:
+        """How many solutions (k) were known after how many starts (k): where the count went up."""
+        return np.sort(self.first) + 1, np.arange(1, len(self) + 1)
+
+    @property
+    def sure(self) -> bool:
+        """Tell whether each solution was found several times, and none in the second half of the starts."""
+        return bool(len(self)) and self.hits.min() >= SURE and 2 * (self.first.max() + 1) <= self.starts
+
+    def __repr__(self) -> str:
+        rarest = f", the rarest {self.hits.min()} times" if len(self) else ""
+        return f"Modes({len(self)} found from {self.starts} starts{rarest}; about {self.missing:.2g} missing)"
+
+
+def assembly_modes(
+    robot: Robot, joints: Mapping[str, float] | None = None, *, starts: int = 400_000, seed: int = 0
+) -> Modes:
+    """Find the assembly modes: all real solutions of the direct kinematics, told apart by the tool's pose.
+
+    Without a tool they are told apart by the poses of all bodies.
+
+    Args:
+        robot: its closed loops are solved.
+        joints: as many joint coordinates as the mobility, by name [m, rad]; the actuated ones at home if left out.
+        starts: most random starts to try; the search ends earlier once the count is sure.
+        seed: of the random starts.
+
+    Returns:
+        `Modes`; none where the joint coordinates cannot be reached.
+
+    Raises:
+        LinkworkError: unknown names, wrong count, coordinates that do not determine the motion, a continuum of solutions.
+    """
+    if joints is None:
+        joints = {name: float(robot.home[name]) for name in actuated(robot)}
+    if not isinstance(joints, Mapping):
+        raise LinkworkError(
+            f"the joints are {joints!r}; give coordinates by name, such as {{'{robot.coordinates[0]}': 0.1}}"
+        )
+    square = of_joints(robot, tuple(joints))
+    asked = np.array([checks.number(value, f"joint {name!r}") for name, value in joints.items()])
+    return search(square, asked, by_tool if robot.mechanism.tools else by_bodies, starts, seed)
+
+
+def working_modes(
+    robot: Robot,
+    tool: ArrayLike | None = None,
+    *,
+    what: Sequence[str] | None = None,
+    starts: int = 400_000,
+    seed: int = 0,
+) -> Modes:
+    """Find the working modes: all real solutions of the inverse kinematics, told apart by the actuated joints.
+
+    Args:
+        robot: its closed loops are solved.
+        tool: the tool's pose in the coordinates `what` [m, rad]; that at home if left out.
+        what: coordinates of the pose, of x, y, angle in the plane, x, y, z, rx, ry, rz (rotation vector) in space; as
+            many as the tool can be led in if left out.
+        starts, seed: as in `assembly_modes`.
+
+    Raises:
+        LinkworkError: no tool, a pose of another size, coordinates that do not determine the motion, a continuum of
+            solutions.
+    """
+    square = of_tool(robot, what)
+    if tool is None:
+        names = pose_names(robot)
+        asked = robot.tool_pose(robot.home)[[names.index(name) for name in square.what]]
+    else:
+        asked = checks.vector(tool, "the tool's pose", square.what)
+        if asked.ndim != 1:
+            raise LinkworkError(f"the tool's pose has the shape {asked.shape}; give one pose: {', '.join(square.what)}")
+        asked = checks.finite(asked, "the tool's pose")
+    return search(square, asked, by_actuators if robot.actuators else by_bodies, starts, seed)
+
+
+def actuated(robot: Robot) -> tuple[str, ...]:
+    """Return the actuated coordinates, of which there have to be as many as the mobility."""
+    if len(robot.actuators) != robot.mobility - len(robot.idle):
+        raise LinkworkError(
+            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; say which "
+            f"{robot.mobility - len(robot.idle)} joint coordinates are given"
+        )
+    return robot.actuators
+
+
+def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Modes:
+    """Run Newton's method from random starts until the count of solutions is sure."""
+    if not isinstance(most, int) or most < 1:
+        raise LinkworkError(f"starts is {most!r}; give a whole number above zero")
+    problem, random = solver(square), np.random.default_rng(seed)
+    gathered, tried = Gathered.none(square.equations.nq, key(square, square.equations.reference[None]).shape[1]), 0
+    while tried < most:
+        count = min(ROUND, most - tried)
+        q, good = problem.solve(scattered(problem, asked, count, random), asked, ITERATIONS)
+        gathered = gathered.with_more(q[good], key(square, q[good]), tried + np.flatnonzero(good))
+        tried += count
+        if len(gathered.q) > MOST:
+            raise LinkworkError(
+                f"more than {MOST} solutions are found: {', '.join(square.what)} leave a continuum of them"
+            )
+        if len(gathered.q) and gathered.hits.min() >= SURE and 2 * (gathered.first.max() + 1) <= tried:
+            break
+    return told(problem, asked, gathered, key, tried)
+
+
+def scattered(problem: Solver, asked: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+    """Return random starts at which the tree's own coordinates already have the asked values."""
+    square = problem.square
+    q = random_configurations(square, problem.length, count, random)
+    for name, value in zip(square.what, asked, strict=True):
+        if name in square.equations.tree.coordinates:
+            q[:, square.equations.tree.coordinates.index(name)] = value
+    return q
+
+
+def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int) -> Modes:
+    """Return the solutions in order, with what is known about them."""
+    square, robot = problem.square, problem.square.robot
+    home = key(square, robot.equations.reference[None])
+    order = np.argsort(np.linalg.norm(gathered.key - home, axis=1), kind="stable")
+    q = gathered.q[order]
+    states = robot.make_state(q, np.zeros((len(q), robot.mobility)))
+    signs = problem.signs(q).astype(int)
+    inside = np.array([not limits.passed(robot.mechanism, robot.coordinates, row) for row in states.positions], bool)
+    hits, first = gathered.hits[order], gathered.first[order]
+    return Modes(square.what, asked, states, hits, first, tried, int(hits.sum()), signs, inside)
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Hold solutions that differ, by their keys: q (M, nq), key (M, d), hits (M), first (M)."""
+
+    q: np.ndarray
+    key: np.ndarray
+    hits: np.ndarray
+    first: np.ndarray
+
+    @classmethod
+    def none(cls, nq: int, size: int) -> Gathered:
+        return cls(np.empty((0, nq)), np.empty((0, size)), np.empty(0, int), np.empty(0, int))
+
+    def with_more(self, q: np.ndarray, key: np.ndarray, number: np.ndarray) -> Gathered:
+        """Return the solutions with more of them: those that are known are counted, the others added.
+
+        Args:
+            q, key: of the new ones (N, nq), (N, d); number: of their starts (N), increasing.
+        """
+        from scipy.spatial import KDTree
+
+        known = np.asarray(KDTree(self.key).query(key)[1] if len(self.key) else np.zeros(len(key)), int)
+        new = np.ones(len(key), bool)
+        if len(self.key):
+            new = np.linalg.norm(self.key[known] - key, axis=1) > SAME
+        hits = self.hits + np.bincount(known[~new], minlength=len(self.hits)) if len(self.hits) else self.hits
+        if not new.any():
+            return Gathered(self.q, self.key, hits, self.first)
+        group = groups(key[new])
+        _, leader, counts = np.unique(group, return_index=True, return_counts=True)
+        return Gathered(
+            np.concatenate([self.q, q[new][leader]]),
+            np.concatenate([self.key, key[new][leader]]),
+            np.concatenate([hits, counts]),
+            np.concatenate([self.first, number[new][leader]]),
+        )
+
+
+def groups(key: np.ndarray) -> np.ndarray:
+    """Return a number for each point (N, d) that those within a small distance, directly or by others, share (N)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    # Equal points are joined first: pairs among thousands of hits of one solution would be too many.
+    rounded, inverse = np.unique(np.round(key / SAME), axis=0, return_inverse=True)
+    pairs = KDTree(rounded).query_pairs(2.0, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(rounded), len(rounded)))
+    return connected_components(links, directed=False)[1][inverse.ravel()]
+
+
+def by_tool(square: Square, q: np.ndarray) -> np.ndarray:
+    """Return the tool's position and orientation (N, 12), in which equal poses have equal numbers."""
+    return np.concatenate(tool_kernel(square.robot)(q), axis=1)
+
+
+@lru_cache(maxsize=16)
+def tool_kernel(robot: Robot) -> Kernel:
+    """Return the kernel q -> position (3) and orientation (9) of the tool."""
+    equations, tool = robot.equations, next(iter(robot.mechanism.tools.values()))
+    position, orientation, _ = measures.tool_pose(equations.tree, tool)
+    outputs = {"position": position, "orientation": orientation}
+    return compile_function(functions.function("tool", equations, {"q": equations.tree.q}, outputs)).given(robot.p)
+
+
+def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
+    """Return the actuated coordinates (N, d), angles by their cosines and sines."""
+    robot = square.robot
+    places = [robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates]
+    values, angular = robot.kernel("positions")(q)[0][:, places], robot.labels.angular[places]
+    turns = values[:, angular]
+    return np.concatenate([values[:, ~angular], np.cos(turns), np.sin(turns)], axis=1)
+
+
+def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:
+    """Return the positions and orientations of all bodies (N, 12 r)."""
+    origins, orientations, *_ = square.robot.kernel("bodies_motion")(q, np.zeros(square.robot.mobility))
+    return np.concatenate([origins, orientations], axis=1)

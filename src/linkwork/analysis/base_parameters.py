@@ -1,0 +1,155 @@
+"""Base parameters: the combinations of masses, moments, friction and rotors that a robot's motions can tell.
+
+    M v' + C v + G - f = Y(q, v, v') pi + r = Y_b beta + known,    beta = pi_b + B pi_d,    Y_d = Y_b B
+
+Y is the regressor of the equations of motion (`linkwork.equations.regressor`). On random motions its columns are taken in
+order: each that is no combination of the columns before it belongs to a base parameter, and the others are added to
+those that they cannot be told from. Parameters that are not asked for are known, as are springs (r).
+Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, ch. 12; Gautier, J. Robotic Systems 8 (1991)
+485-506 (base parameters by QR).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from linkwork.equations import regressor
+from linkwork.equations.reference import unit
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State, checks
+
+DEPENDENT = 1e-8
+NEGLIGIBLE = 1e-9
+CLOSED = 1e-10
+ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
+SPREAD = 0.3
+ROUNDS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Regressor:
+    """Evaluate Y for the parameters that are asked for, and what is known besides.
+
+    names: of pi (k): "link.mass" [kg], "link.first_moment.x" .. [kg m] and "link.inertia_at_origin.xx" .. [kg m^2] about
+        the origin of the body's frame, "joint.friction.viscous" [N s/m, N m s/rad], "joint.friction.coulomb" [N, N m],
+        "joint.rotor_inertia" [kg, kg m^2]
+    described: values in the description (k); places: among all parameters of the robot (k)
+    """
+
+    robot: Robot
+    names: tuple[str, ...]
+    described: np.ndarray
+    places: np.ndarray
+
+    def __call__(self, states: State, accelerations: np.ndarray) -> np.ndarray:
+        """Return Y (..., n, k) at states in the home chart and accelerations (..., n)."""
+        return self.with_known(states, accelerations)[0]
+
+    def with_known(self, states: State, accelerations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return Y (..., n, k), and what the motion needs besides Y pi (..., n) [N, N m]."""
+        Y, rest, _ = self.robot.kernel("regressor")(states.q, states.rates, accelerations)
+        values = regressor.values(self.robot.mechanism)
+        Y = np.swapaxes(Y.reshape(*rest.shape[:-1], values.size, rest.shape[-1]), -1, -2)
+        values[self.places] = 0.0
+        return Y[..., self.places], rest + Y @ values
+
+
+def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
+    """Return the regressor for the masses and moments of all bodies, and for named effects of joints.
+
+    Args:
+        effects: friction and rotors to identify, named as in the description: "slide_1.friction.viscous",
+            "slide_1.friction.coulomb", "slide_1.rotor_inertia".
+
+    Raises:
+        LinkworkError: unknown names.
+    """
+    names = regressor.names(robot.mechanism)
+    bodies = names[: len(robot.bodies) * len(regressor.OF_BODIES)]
+    effects = checks.names(effects, "effects")
+    checks.known(effects, names[len(bodies) :], "effect")
+    places = np.array([*range(len(bodies)), *(names.index(name) for name in effects)], int)
+    return Regressor(robot, (*bodies, *effects), regressor.values(robot.mechanism)[places], places)
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """Hold the base parameters beta = combination pi (r x k).
+
+    columns: the places of pi_b in pi (r); names: the combinations, written out; described: beta of the description (r)
+    """
+
+    regressor: Regressor
+    columns: np.ndarray
+    combination: np.ndarray
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def described(self) -> np.ndarray:
+        return self.combination @ self.regressor.described
+
+
+def base_parameters(robot: Robot, effects: Sequence[str] = (), *, samples: int = 200, seed: int = 0) -> Base:
+    """Find the combinations of parameters that motions can tell: by the rank of Y on random motions.
+
+    Args:
+        effects: as in `regressor_of`.
+        samples: number of random closed configurations near the reference, rates and accelerations; seed: of these.
+
+    Raises:
+        LinkworkError: unknown names; a mechanism that nothing moves in.
+    """
+    made = regressor_of(robot, effects)
+    states, accelerations = random_motions(robot, samples, seed)
+    Y = made(states, accelerations).reshape(-1, len(made.names))
+    size = np.linalg.norm(Y, axis=0)
+    seen = np.flatnonzero(size > NEGLIGIBLE * size.max(initial=0.0))
+    if not seen.size:
+        raise LinkworkError("no parameter can be seen: the motions need no forces")
+    columns = Y[:, seen] / size[seen]
+    kept = independent(columns)
+    found = np.linalg.lstsq(columns[:, kept], columns, rcond=None)[0]
+    found = np.where(np.abs(found) < ROUNDING, 0.0, found) * size[seen] / size[seen][kept][:, None]
+    combination = np.zeros((len(kept), len(made.names)))
+    combination[:, seen] = found
+    return Base(made, seen[kept], combination, tuple(written(row, made.names) for row in combination))
+
+
+def independent(columns: np.ndarray) -> list[int]:
+    """Return the columns, in order, that are no combination of the columns before them (Gram-Schmidt, twice)."""
+    kept: list[int] = []
+    basis = np.empty((len(columns), 0))
+    for k, column in enumerate(columns.T):
+        rest = column - basis @ (basis.T @ column)
+        rest -= basis @ (basis.T @ rest)
+        if np.linalg.norm(rest) > DEPENDENT:
+            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+            kept.append(k)
+    return kept
+
+
+def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.ndarray]:
+    """Return random closed states near the reference (N) with random rates, and accelerations (N, n)."""
+    random = np.random.default_rng(seed)
+    q = robot.equations.reference + SPREAD * random.standard_normal((samples, robot.equations.nq))
+    q = unit(robot.equations.tree, q)
+    for _ in range(ROUNDS):
+        q, gap = robot.kernel("closure_step")(q)
+    q = q[(gap[:, 0] < CLOSED) & np.isfinite(q).all(axis=1)]
+    v, dv = (random.standard_normal((len(q), robot.mobility)) for _ in range(2))
+    return robot.make_state(q, v), dv
+
+
+def written(row: np.ndarray, names: Sequence[str]) -> str:
+    """Return a combination in words: "a.mass + 0.25 b.mass - 3 c.rotor_inertia"."""
+    parts = []
+    for k in np.flatnonzero(row).tolist():
+        size = "" if abs(abs(row[k]) - 1) < 1e-9 else f"{abs(row[k]):.4g} "
+        parts.append(f"{'-' if row[k] < 0 else '+'} {size}{names[k]}")
+    return " ".join(parts).removeprefix("+ ")

@@ -1,0 +1,290 @@
+"""Static equilibrium: where a robot stays at rest under constant actuator forces, and the forces that hold it.
+
+    S' u - G + f = 0,    f: springs
+
+is solved for the configuration by Newton's method along the constraint manifold, with the exact stiffness K
+(`linearisation`). Where K is not positive, the step goes downhill along -r of the eigenvectors' stiffnesses |k_i|, so
+that from a rough guess the potential energy falls and a stable equilibrium is found; unstable ones are found from near.
+
+Redundant actuators share what is needed: of all u with S' u = f_needed within bounds, that of least sum w_i u_i^2:
+
+    u = u_0 + N z,    min |z|,    lower <= u_0 + N z <= upper
+
+with u_0 the unbounded solution and N orthonormal internal forces (in sqrt(w) u): a least distance problem, which a
+non-negative least-squares problem solves exactly, or shows to be without solution.
+Source: Lawson & Hanson 1974, Solving Least Squares Problems, ch. 23.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.analysis.linearisation import actuator_forces, at_rest, evaluated, one_state
+from linkwork.analysis.newton import random_configurations, solver
+from linkwork.analysis.square import of_joints
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State, checks
+
+ROUNDS = 200
+BALANCED = 1e-10
+LONGEST = 0.3
+WEAK = 0.05
+SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Hold an equilibrium.
+
+    state: at rest; forces: u of the actuators [N, N m]
+    stiffness: K (n x n), symmetric, in the coordinates of the state's `independent`
+    residual: largest unbalanced force [N, N m]; stable: whether K is positive definite
+    """
+
+    state: State
+    forces: np.ndarray
+    stiffness: np.ndarray
+    residual: float
+    stable: bool
+
+
+def equilibrium(
+    robot: Robot,
+    forces: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    guess: State | None = None,
+    stable: bool = True,
+) -> Equilibrium:
+    """Find a configuration that stays at rest under constant actuator forces.
+
+    Without forces this is a pose in which weight and springs balance each other.
+
+    Args:
+        forces: u (actuators) [N, N m], or by name (others zero); zero if left out.
+        guess: where to start; `home` if left out.
+        stable: look for a stable equilibrium, downhill from the guess; if not, for the nearest one of any kind.
+
+    Raises:
+        LinkworkError: no equilibrium is found from this guess.
+    """
+    u = actuator_forces(robot, forces)
+    state = at_rest(robot.home if guess is None else robot.own(guess))
+    one_state(robot, state)
+    for _ in range(ROUNDS):
+        with checks.at("on the way to an equilibrium: "):
+            state = in_good_rates(robot, state)
+            r, K = unbalanced(robot, state, u)
+            size = np.abs(r).max(initial=0.0)
+            if size <= BALANCED * scale(robot, state, u) and (not stable or settled(K)):
+                return Equilibrium(state, u, K, float(size), positive(K))
+            state = moved(robot, state, u, step(r, K, stable), stable)
+    raise LinkworkError(
+        f"no {'stable ' if stable else ''}equilibrium is found from this guess: {size:.3g} stays unbalanced on "
+        f"{state.independent[int(np.argmax(np.abs(r)))]}; choose another guess, or other forces"
+    )
+
+
+def equilibria(
+    robot: Robot,
+    forces: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    starts: int = 50,
+    seed: int = 0,
+) -> list[Equilibrium]:
+    """Find equilibria under constant actuator forces from random configurations, stable ones first.
+
+    Args:
+        starts: number of random configurations of the independent joints, each on the branch that is found first.
+        seed: of the random configurations.
+    """
+    u = actuator_forces(robot, forces)
+    names = tuple(name for name in robot.independent if name in robot.coordinates)
+    problem = solver(of_joints(robot, names))
+    q = random_configurations(problem.square, problem.length, starts, np.random.default_rng(seed))
+    asked = robot.kernel("positions")(q)[0][:, [robot.coordinates.index(name) for name in names]]
+    q, good = problem.solve(q, asked, 60)
+    found: list[Equilibrium] = []
+    for start in (robot.equations.reference, *q[good]):
+        for stable in (True, False):
+            try:
+                one = equilibrium(robot, u, guess=robot.make_state(start, np.zeros(robot.mobility)), stable=stable)
+            except (LinkworkError, np.linalg.LinAlgError):
+                continue
+            if not any(alike(robot, one.state, other.state) for other in found):
+                found.append(one)
+    return sorted(found, key=lambda one: not one.stable)
+
+
+def in_good_rates(robot: Robot, state: State) -> State:
+    """Return the state in independent rates that determine the motion well there: in its own, or in others."""
+    if abs(robot.chart_of(state).pivot(state.q)) > WEAK:
+        return state
+    return robot.in_chart(state, robot.chart.better(state.q, ()).independent)
+
+
+def alike(robot: Robot, one: State, other: State) -> bool:
+    """Tell whether all bodies are in the same poses."""
+    poses = robot.body_poses(one), robot.body_poses(other)
+    return all(
+        np.allclose(a, b, atol=SAME) for name in poses[0] for a, b in zip(poses[0][name], poses[1][name], strict=True)
+    )
+
+
+def unbalanced(robot: Robot, state: State, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unbalanced forces S' u - G + f (n), and the stiffness K (n x n)."""
+    values = evaluated(robot, state, u)
+    return values["force"][:, 0], values["K"]
+
+
+def scale(robot: Robot, state: State, u: np.ndarray) -> float:
+    """Return the size of the forces that balance each other."""
+    parts = (robot.gravity(state), robot.passive_forces(state), u)
+    return max(1.0, *(float(np.abs(part).max(initial=0.0)) for part in parts))
+
+
+def step(r: np.ndarray, K: np.ndarray, downhill: bool) -> np.ndarray:
+    """Return the shift xi that balances r: K xi = r; downhill with the absolute values of the eigenvalues of K.
+
+    Directions without stiffness are left alone where nothing pushes along them.
+    """
+    if not downhill:
+        return np.linalg.lstsq(K, r, rcond=1e-12)[0]
+    values, vectors = np.linalg.eigh((K + K.T) / 2)
+    along = vectors.T @ r
+    flat = 1e-6 * max(np.abs(r).max(initial=0.0), 1.0)
+    summit = (values < -1e-9 * np.abs(values).max(initial=0.0)) & (np.abs(along) < flat)
+    along = np.where(summit, np.abs(values) * LONGEST, along)  # at the top of a hill: leave it
+    steepness = np.maximum(np.abs(values), np.abs(along) / LONGEST)
+    return vectors @ (along / np.where(steepness > 0, steepness, 1.0))
+
+
+def moved(robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, downhill: bool) -> State:
+    """Return the state after a shift, shortened until it closes and, downhill, the potential energy falls."""
+    xi = xi * min(1.0, LONGEST / max(np.abs(xi).max(initial=0.0), 1e-300))
+    before = potential(robot, state, u)
+    for _ in range(40):
+        trial = shifted(robot, state, xi)
+        if trial is not None:
+            fallen = potential(robot, trial, u) - before
+            if not downhill or fallen <= 1e-12 * max(1.0, abs(before)):
+                return trial
+        xi = xi / 2
+    return state
+
+
+def potential(robot: Robot, state: State, u: np.ndarray) -> float:
+    """Return the potential energy of weight, springs and constant actuator forces [J]."""
+    actuated = [robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates]
+    driven = [k for k, name in enumerate(robot.actuators) if name in robot.coordinates]
+    return float(robot.energy(state)[1] - u[driven] @ state.positions[actuated])
+
+
+def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:
+    """Return the closed state at a shift of the independent joints; None where it does not close nearby."""
+    chart = robot.chart_of(state)
+    w = chart.tree_rates(state.q, xi)
+    q = robot.assembler.moved(state.q, w)
+    for _ in range(12):
+        q, gap = chart.kernel("closure_step")(q)
+        if not np.isfinite(q).all():
+            return None
+        if gap[0] <= 1e-13:
+            break
+    if gap[0] > 1e-9 or np.abs(q - state.q).max() > 10 * max(np.abs(w).max(), 1e-9):
+        return None
+    (positions,) = robot.kernel("positions")(q)
+    return State(positions, state.rates, q, state.coordinates, state.independent)
+
+
+def settled(K: np.ndarray) -> bool:
+    """Tell whether no direction is unstable."""
+    values = np.linalg.eigvalsh((K + K.T) / 2)
+    return bool(values.min(initial=0.0) >= -1e-9 * np.abs(values).max(initial=1.0))
+
+
+def positive(K: np.ndarray) -> bool:
+    values = np.linalg.eigvalsh((K + K.T) / 2)
+    return bool(values.min(initial=np.inf) > 1e-9 * np.abs(values).max(initial=0.0))
+
+
+def distributed_forces(
+    robot: Robot,
+    state: State,
+    accelerations: ArrayLike,
+    *,
+    lower: ArrayLike | Mapping[str, float] = -np.inf,
+    upper: ArrayLike | Mapping[str, float] = np.inf,
+    weights: ArrayLike | None = None,
+) -> np.ndarray:
+    """Return actuator forces within bounds that give accelerations, of least weighted norm.
+
+    Args:
+        state: one state; accelerations: v' (n) [m/s^2, rad/s^2] in the order of its `independent`.
+        lower, upper: bounds of the forces [N, N m]: one number, one each, or by name; cables pull only: lower=0.
+        weights: of the actuators (positive); all 1 if left out.
+
+    Returns:
+        u (actuators) [N, N m] with S' u = M v' + C v + G - f and lower <= u <= upper.
+
+    Raises:
+        LinkworkError: bounds within which no forces give these accelerations; directions that no actuator drives.
+    """
+    one_state(robot, state)
+    low, high = bound(robot, lower, "the lower bounds"), bound(robot, upper, "the upper bounds")
+    if not (low <= high).all():
+        k = int(np.argmax(~(low <= high)))
+        raise LinkworkError(
+            f"the bounds of {robot.actuators[k]!r} are {low[k]:g} and {high[k]:g}; the lower one is not below"
+        )
+    u = np.asarray(robot.inverse_dynamics(state, accelerations, weights=weights))
+    if ((u >= low) & (u <= high)).all():
+        return u
+    root = np.sqrt(np.ones(u.size) if weights is None else np.asarray(weights, float))
+    internal = internal_basis(robot.actuation(state) / root[:, None]) / root[:, None]  # u = internal z, |z| = |root u|
+    G = np.vstack([internal[np.isfinite(low)], -internal[np.isfinite(high)]])
+    h = np.concatenate([(low - u)[np.isfinite(low)], (u - high)[np.isfinite(high)]])
+    z = least_distance(G, h)
+    if z is None:
+        worst = int(np.argmax(np.maximum(low - u, u - high)))
+        raise LinkworkError(
+            f"no forces within the bounds give these accelerations: without bounds {robot.actuators[worst]!r} needs "
+            f"{u[worst]:.6g}; ask for less, or widen the bounds"
+        )
+    return np.clip(u + internal @ z, low, high)
+
+
+def internal_basis(S: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis (actuators, k) of S' x = 0."""
+    U, sigma, _ = np.linalg.svd(S)
+    return U[:, int(np.sum(sigma > 1e-9 * max(sigma.max(initial=0.0), 1e-300))) :]
+
+
+def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:
+    """Return the shortest z with G z >= h, None where there is none (Lawson & Hanson 1974, algorithm LDP)."""
+    from scipy.optimize import nnls
+
+    if not G.size:
+        return None
+    E = np.vstack([G.T, h])
+    f = np.append(np.zeros(G.shape[1]), 1.0)
+    y, _ = nnls(E, f)
+    r = E @ y - f
+    return -r[:-1] / r[-1] if np.linalg.norm(r) > 1e-9 else None
+
+
+def bound(robot: Robot, values: ArrayLike | Mapping[str, float], what: str) -> np.ndarray:
+    """Return bounds of all actuators (actuators), which may be infinite."""
+    if isinstance(values, Mapping):
+        checks.known(values, robot.actuators, "actuator")
+        missing = [name for name in robot.actuators if name not in values]
+        if missing:
+            raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(robot.actuators)}")
+        values = [values[name] for name in robot.actuators]
+    array = np.asarray(values, float)
+    if array.shape not in ((), (len(robot.actuators),)) or np.isnan(array).any():
+        raise LinkworkError(f"{what} {array.tolist()} do not fit; give one number, or one per actuator")
+    return np.broadcast_to(array, len(robot.actuators)).copy()

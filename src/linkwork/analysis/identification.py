@@ -1,0 +1,191 @@
+"""Identification: masses and friction from measured motions and forces, by least squares.
+
+    S' u - known = Y_b(q, v, v') beta + noise
+
+stacked over all samples, rows weighted by the size of their noise. With W the weighted stack and r what remains,
+
+    beta = W^+ s,    sigma^2 = |r|^2 / (rows - r),    cov beta = sigma^2 (W' W)^-1
+
+A periodic motion is measured best by fitting a Fourier series to it, whose derivatives need no differences. Its
+coordinates are those of the actuators; the other joints follow by the direct kinematics, and so no sensors but the
+motors' are needed.
+Source: Khalil & Dombre 2002, ch. 12; Swevers, Ganseman, Tukel, De Schutter & Van Brussel, IEEE Trans. Robotics and
+Automation 13 (1997) 730-740 (periodic excitation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.analysis.base_parameters import Base, base_parameters
+from linkwork.analysis.newton import solver
+from linkwork.analysis.square import of_joints
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State, UnreachableError, checks
+from linkwork.simulation import Run
+
+REWEIGHTED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Hold measured motion and forces: states (N), accelerations of the independent rates (N, n), forces u (N, actuators)."""
+
+    states: State
+    accelerations: np.ndarray
+    forces: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Hold identified base parameters.
+
+    base: what they stand for; values, deviations: beta and its standard deviation (r), in the unit of the first of the
+        parameters in each
+    condition: of the stacked regressor, its columns brought to equal length; residual: root mean square of what remains of
+        the forces, by independent rate (n) [N, N m]
+    """
+
+    base: Base
+    values: np.ndarray
+    deviations: np.ndarray
+    condition: float
+    residual: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each parameter stands for."""
+        return self.base.names
+
+    @property
+    def described(self) -> np.ndarray:
+        """Values of the description (r)."""
+        return self.base.described
+
+    def forces(self, states: State, accelerations: np.ndarray) -> np.ndarray:
+        """Return what the identified parameters foretell for the forces on the independent rates (..., n) [N, N m]."""
+        Y, known = self.base.regressor.with_known(states, accelerations)
+        return Y[..., self.base.columns] @ self.values + known
+
+
+def identify(robot: Robot, measured: Measured | Run, effects: Sequence[str] = (), *, seed: int = 0) -> Identification:
+    """Identify the base parameters of a robot from a measured motion.
+
+    Args:
+        robot: its geometry, springs and all that is not identified are taken as described.
+        measured: a motion with its forces, or a run.
+        effects: joint effects to identify beside the masses: "slide_1.friction.viscous",
+            "slide_1.friction.coulomb", "slide_1.rotor_inertia".
+        seed: of the random motions on which the base parameters are found.
+
+    Raises:
+        LinkworkError: too few samples, a motion that does not tell all base parameters apart.
+    """
+    data = of_run(robot, measured) if isinstance(measured, Run) else measured
+    base = base_parameters(robot, effects, seed=seed)
+    states, n = data.states, robot.mobility
+    applied = np.einsum("kan,ka->kn", robot.actuation(states), data.forces)
+    Y, known = base.regressor.with_known(states, data.accelerations)
+    right = (applied - known).T.ravel()  # all samples of one rate, then of the next
+    rows = np.swapaxes(Y[..., base.columns], 0, 1).reshape(right.size, -1)
+    if right.size <= rows.shape[1]:
+        raise LinkworkError(
+            f"{right.size} measured forces do not give {rows.shape[1]} parameters; measure more samples"
+        )
+    lengths = np.linalg.norm(rows, axis=0)
+    sigma = np.linalg.svd(rows / np.where(lengths > 0, lengths, 1.0), compute_uv=False)
+    if not sigma[-1] > 1e-10 * sigma[0]:
+        weakest = base.names[int(np.argmin(lengths))]
+        raise LinkworkError(
+            f"the motion does not tell the {rows.shape[1]} base parameters apart (least seen: {weakest}); use a richer one, "
+            "such as analysis.exciting_trajectory gives"
+        )
+    beta, weights = np.zeros(rows.shape[1]), np.ones(n)
+    for _ in range(REWEIGHTED):
+        scale = np.repeat(weights, len(right) // n)
+        beta = np.linalg.lstsq(rows * scale[:, None], right * scale, rcond=None)[0]
+        remains = (right - rows @ beta).reshape(n, -1)
+        noise = np.sqrt(np.mean(remains**2, axis=1))
+        weights = 1 / np.maximum(noise, 1e-12 * max(np.abs(right).max(), 1e-300))
+    weighted = rows * np.repeat(weights, len(right) // n)[:, None]
+    freedom = right.size / (right.size - beta.size)
+    R = np.linalg.qr(weighted / lengths, mode="r")
+    deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths * np.sqrt(freedom)
+    return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise)
+
+
+def of_run(robot: Robot, run: Run) -> Measured:
+    """Return the samples of a run as a measured motion."""
+    missing = [name for name in robot.independent if name not in robot.rates]
+    if missing:
+        raise LinkworkError(f"a run does not hold the rates {', '.join(missing)}; give a `Measured` motion")
+    places = [robot.rates.index(name) for name in robot.independent]
+    rates = run.variables["joint_rate"].values[:, places]
+    states = robot.state(run.variables["joint_position"].values, rates)
+    accelerations = run.variables["joint_acceleration"].values[:, places]
+    return Measured(states, accelerations, run.variables["actuator_force"].values)
+
+
+def periodic(
+    robot: Robot,
+    time: ArrayLike,
+    positions: ArrayLike,
+    forces: ArrayLike,
+    *,
+    period: float,
+    harmonics: int,
+    guess: State | None = None,
+) -> Measured:
+    """Return a measured periodic motion, its positions smoothed and differentiated by a Fourier series.
+
+    Args:
+        robot: with as many actuators as freedoms, whose rates are the independent ones.
+        time: (N) [s]; positions: of the actuators (N, n) [m, rad]; forces: u (N, n) [N, N m].
+        period: of the motion [s]; harmonics: number of harmonics of the series.
+        guess: a state on the assembly mode of the motion, near its start; `home` if left out.
+
+    Raises:
+        LinkworkError: wrong shapes, fewer samples than coefficients; UnreachableError where the loops do not close.
+    """
+    n = len(robot.actuators)
+    if robot.independent != robot.actuators:
+        raise LinkworkError("a motion is measured in its actuators where their rates are the independent ones")
+    t = checks.finite(time, "time")
+    q_a, u = (checks.finite(part, name) for part, name in ((positions, "positions"), (forces, "forces")))
+    if t.ndim != 1 or q_a.shape != (t.size, n) or u.shape != (t.size, n):
+        raise LinkworkError(
+            f"time, positions and forces have the shapes {t.shape}, {q_a.shape}, {u.shape}; give (N,), (N, {n})"
+        )
+    checks.positive(period, "the period")
+    if not isinstance(harmonics, int) or harmonics < 1 or t.size <= 2 * harmonics + 1:
+        raise LinkworkError(
+            f"harmonics is {harmonics!r} for {t.size} samples; give a number from 1 to less than half of these"
+        )
+    series = [fourier(t, 2 * np.pi / period, harmonics, order) for order in range(3)]
+    coefficients = np.linalg.lstsq(series[0], q_a, rcond=None)[0]
+    smooth, v, dv = (basis @ coefficients for basis in series)
+    start = (robot.home if guess is None else robot.own(guess)).q
+    return Measured(robot.make_state(tracked(robot, smooth, start), v), dv, u)
+
+
+def fourier(t: np.ndarray, omega: float, harmonics: int, order: int) -> np.ndarray:
+    """Return the basis (N, 1 + 2 harmonics) 1, cos, sin of a Fourier series at times, or its time derivative of an order."""
+    k = omega * np.arange(1, harmonics + 1)
+    phase = np.multiply.outer(t, k) + order * np.pi / 2
+    constant = np.ones((t.size, 1)) if order == 0 else np.zeros((t.size, 1))
+    return np.hstack([constant, k**order * np.cos(phase), k**order * np.sin(phase)])
+
+
+def tracked(robot: Robot, positions: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return q (N, nq) along actuated coordinates (N, n), on the assembly mode of a start (nq)."""
+    problem = solver(of_joints(robot, robot.actuators))
+    q, good = problem.solve(start, positions, 30, problem.signs(start))
+    if not good.all():
+        k = int(np.argmin(good))
+        where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(robot.actuators, positions[k], strict=True))
+        raise UnreachableError(f"sample {k} ({where}) cannot be reached on this assembly mode; give another guess")
+    return q

@@ -1,0 +1,164 @@
+"""Input-output Jacobians: how the actuated rates q' and the tool's velocity x' depend on each other.
+
+    A x' = B q'        K = B^-1 A:  q' = K x'        J = A^-1 B:  x' = J q'        u = J' f (forces, without motion)
+
+K and J follow from the two square systems of a robot, [Phi; J_x] (inverse kinematics) and [Phi; J_q] (direct): their
+determinants are det B and det A up to a common factor, so that the one vanishes where a leg is stretched out or folded
+(kind I), the other where the tool can move with the actuators locked (kind II).
+
+What mixes lengths and angles has no condition number. Turns are therefore measured by the way of a point at the
+characteristic length l: omega l and moments over l, and so are the turns of actuators where others slide.
+
+Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Angeles 2014, sec. 5.8 (characteristic
+length).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from linkwork.analysis.newton import extent
+from linkwork.analysis.square import Square, of_joints, of_tool
+from linkwork.equations import functions
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
+from linkwork.robot import Robot, State, checks
+
+HARDLY = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobians:
+    """Evaluate the input-output Jacobians of a robot, many configurations at a time.
+
+    inverse, direct: the square systems of the tool's coordinates and of the actuators
+    """
+
+    inverse: Square
+    direct: Square
+
+    @property
+    def robot(self) -> Robot:
+        return self.inverse.robot
+
+    @property
+    def what(self) -> tuple[str, ...]:
+        """Names of the tool's coordinates: the components of x'."""
+        return self.inverse.what
+
+    @property
+    def turning(self) -> np.ndarray:
+        """Which components of x' are angular velocities (n)."""
+        return np.array([name in ("angle", "rx", "ry", "rz") for name in self.what])
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """q -> K (n x n), J (n x n), and det B, det A over their values at the reference."""
+        joints, equations = self.robot.equations.joints, self.robot.equations
+        outputs = {
+            "K": ca.mtimes(joints.rate_rows(self.direct.what), self.inverse.solution),
+            "J": ca.mtimes(self.inverse.J, self.direct.solution),
+            "det_B": self.inverse.determinant,
+            "det_A": self.direct.determinant,
+        }
+        function = functions.function("input_output", equations, {"q": equations.tree.q}, outputs)
+        return compile_function(function).given(self.robot.p)
+
+    def __call__(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return K (..., n, n), J (..., n, n), det B (...) and det A (...) for configurations q (..., nq)."""
+        K, J, det_B, det_A = self.kernel(q)
+        n, batch = len(self.what), q.shape[:-1]
+        K, J = (np.swapaxes(part.reshape(*batch, n, n), -1, -2) for part in (K, J))
+        return K, J, det_B[..., 0], det_A[..., 0]
+
+    def lengths(self, characteristic: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return what x' and q' are multiplied by to be lengths over time: 1, or l for turns.
+
+        Where all actuators turn, or all slide, theirs are left as they are.
+        """
+        scale = self.characteristic_length if characteristic is None else characteristic
+        checks.positive(scale, "the characteristic length")
+        turns = np.array([self.robot.unit(name) == "rad" for name in self.direct.what])
+        mixed = turns.any() and not turns.all()
+        return np.where(self.turning, scale, 1.0), np.where(turns & mixed, scale, 1.0)
+
+    @cached_property
+    def characteristic_length(self) -> float:
+        """Length l [m] that makes the columns of K for turns and for shifts equally long, in the mean, at the reference.
+
+        1 m where the tool only turns or only shifts; the mechanism's largest length where turns hardly move the actuators.
+        """
+        K = self(self.inverse.base)[0]
+        turns, shifts = K[:, self.turning], K[:, ~self.turning]
+        if not (turns.size and shifts.size):
+            return 1.0
+        mean = [float(np.sqrt(np.mean(np.sum(part**2, axis=0)))) for part in (turns, shifts)]
+        largest = extent(self.inverse)
+        return mean[0] / mean[1] if HARDLY * largest < mean[0] / max(mean[1], 1e-300) < largest / HARDLY else largest
+
+    def homogeneous(self, K: np.ndarray, characteristic: float | None = None) -> np.ndarray:
+        """Return K (..., n, n) free of units: between lengths over time."""
+        x, q = self.lengths(characteristic)
+        return K / x * q[:, None]
+
+
+def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
+    """Return the input-output Jacobians of a robot that has as many actuators as freedoms, and a tool.
+
+    Args:
+        what: coordinates of the tool, as in `square.of_tool`.
+
+    Raises:
+        LinkworkError: no tool, more or fewer actuators than freedoms, a reference around which all is singular.
+    """
+    inverse = of_tool(robot, what)
+    if len(robot.actuators) != len(inverse.what):
+        raise LinkworkError(
+            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; input-output Jacobians "
+            "need as many actuators as freedoms"
+        )
+    return Jacobians(inverse, of_joints(robot, robot.actuators))
+
+
+def input_output(robot: Robot, state: State, what: tuple[str, ...] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return A and B (..., n, n) with A x' = B q' at states, each row of one actuator and of unit length.
+
+    Row i is the relation between x' and the rate q_i' of actuator i alone, so that B is diagonal: the vector of
+    [Phi; J_x; J_q,i]'s left null space with the largest part in q_i'. It stays finite where B or A is singular.
+
+    Args:
+        state: closed configurations; their rates do not matter.
+        what: coordinates of the tool, as in `square.of_tool`.
+    """
+    made = jacobians(robot, what)
+    q = robot.own(state).q.reshape(-1, robot.equations.nq)
+    rows, n = stacked_rows(made), len(made.what)
+    A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
+    for k, one in enumerate(q):
+        Phi, J_x, J_q = (np.array(part) for part in rows(one, robot.p))
+        for i in range(n):
+            relation = widest_relation(np.vstack([Phi[list(robot.equations.chart.rows)], J_x, J_q[i]]))
+            row = relation[-1 - n :]
+            row = row / np.linalg.norm(row)
+            A[k, i], B[k, i, i] = row[:n], -row[n]
+    return A.reshape(*state.batch, n, n), B.reshape(*state.batch, n, n)
+
+
+def widest_relation(rows: np.ndarray) -> np.ndarray:
+    """Return the vector y with y' rows = 0, of length 1, whose last component is the largest positive."""
+    U, sigma, _ = np.linalg.svd(rows)
+    rank = int(np.sum(sigma > 1e-12 * sigma[0]))
+    null = U[:, rank:]
+    y = null @ null[-1]
+    return y / np.linalg.norm(y) if np.linalg.norm(y) > 1e-9 else null[:, 0]
+
+
+def stacked_rows(made: Jacobians) -> ca.Function:
+    """Return the function (q, p) -> Phi, J_x, J_q."""
+    equations = made.robot.equations
+    outputs = [ca.densify(part) for part in (equations.rows.Phi, made.inverse.J, made.direct.J)]
+    return ca.Function("rows", [equations.tree.q, equations.p], outputs)

@@ -1,0 +1,165 @@
+"""Newton's method on many starts at a time: closed configurations with asked joint coordinates or tool poses.
+
+    q_next = q + N w s,    [Phi; J] w = -[phi; error],    s = min(1, 1 / largest of |w_k| / limit_k)
+
+Steps are limited, so that an almost singular Jacobian throws no start far away. States are worked off in chunks that
+fit the processor's cache, over threads; those that have converged leave their chunk.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+
+from linkwork.analysis.square import Square
+from linkwork.equations import functions
+from linkwork.kernels import Kernel, compile_function
+
+CHUNK = 4096
+TURN = 1.0  # largest turn of a step [rad]
+SLIDE = 3.0  # largest slide of a step, in lengths of the mechanism
+CONVERGED = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """Solve a square system from many starts.
+
+    length: unit of slides in a step's limit [m]
+    """
+
+    square: Square
+    length: float
+
+    @cached_property
+    def step(self) -> Kernel:
+        """(q, y) -> q after a step, and the largest of |phi| and |error| before it."""
+        square, tree = self.square, self.square.equations.tree
+        w = square.newton
+        limits = np.where(sliding(square), SLIDE * self.length, TURN)
+        w = w * (1 / ca.fmax(1, ca.mmax(ca.fabs(w / limits))))
+        q = tree.q + tree.derivatives(w)
+        for places, _ in tree.quaternions:
+            q[list(places)] /= ca.sqrt(ca.sumsqr(q[list(places)]))
+        gap = ca.mmax(ca.fabs(ca.vertcat(square.equations.rows.phi, square.error, *tree.norms())))
+        return self._compiled("newton_step", {"q_next": q, "gap": gap})
+
+    @cached_property
+    def verdict(self) -> Kernel:
+        """(q, y) -> the alignment of the joints' frames, and the stages' determinants."""
+        return self._compiled(
+            "verdict", {"alignment": self.square.equations.rows.alignment, "determinants": self.square.determinants}
+        )
+
+    def _compiled(self, name: str, outputs: dict[str, ca.SX]) -> Kernel:
+        square = self.square
+        inputs = {"q": square.equations.tree.q, "y": square.target}
+        return compile_function(functions.function(name, square.equations, inputs, outputs)).given(square.robot.p)
+
+    def signs(self, q: np.ndarray) -> np.ndarray:
+        """Return the signs of the stages' determinants (..., stages), relative to those at the reference."""
+        return np.sign(self.verdict(q, np.zeros(len(self.square.what)))[1])
+
+    def solve(
+        self, q: np.ndarray, y: np.ndarray, iterations: int, mode: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Solve for configurations from starts.
+
+        Args:
+            q: starts (N, nq) or (nq); y: what is asked (N, rows) or (rows).
+            iterations: most steps to take.
+            mode: signs of the stages' determinants (stages) that solutions have to have; any if left out.
+
+        Returns:
+            q (N, nq), and which of them have converged, in the mode and with the joints' frames facing the right way (N).
+        """
+        count = max(len(part) for part in (q, y) if part.ndim == 2)
+        q, y = (np.broadcast_to(part, (count, part.shape[-1])) for part in (q, y))
+        found, good = np.empty(q.shape), np.zeros(count, bool)
+
+        def work(part: slice) -> None:
+            found[part], good[part] = self._solve(q[part], y[part], iterations, mode)
+
+        in_threads(work, [slice(k, k + CHUNK) for k in range(0, count, CHUNK)])
+        return found, good
+
+    def _solve(
+        self, q: np.ndarray, y: np.ndarray, iterations: int, mode: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        found, good = np.array(q), np.zeros(len(q), bool)
+        index = np.arange(len(q))
+        for _ in range(iterations):
+            q, gap = self.step(q, y)
+            done = gap[:, 0] <= CONVERGED * max(1.0, self.length)
+            found[index[done]], good[index[done]] = q[done], True
+            going = ~done & np.isfinite(gap[:, 0])
+            if not going.any():
+                break
+            if going.mean() < 0.9:
+                q, y, index = q[going], y[going], index[going]
+        alignment, determinants = self.verdict(found[good], np.zeros(y.shape[-1]))
+        fits = True if mode is None else (np.sign(determinants) == mode).all(axis=1)
+        good[good] = (alignment[:, 0] > 0) & fits
+        return found, good
+
+
+def solver(square: Square) -> Solver:
+    """Return the solver of a square system."""
+    return Solver(square, extent(square))
+
+
+def extent(square: Square) -> float:
+    """Return the mechanism's largest length at its reference [m], 1 m where it has none: joint frames, slides, bodies."""
+    robot = square.robot
+    frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
+    lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
+    slides = [
+        abs(x) for x, label in zip(robot.home.positions, robot.coordinates, strict=True) if robot.unit(label) == "m"
+    ]
+    origins = [float(np.linalg.norm(p)) for p, _ in robot.body_poses(robot.home).values()]
+    return max(*lengths, *slides, *origins) or 1.0
+
+
+def sliding(square: Square) -> np.ndarray:
+    """Tell which of the tree's rates are slides (nv)."""
+    tree = square.equations.tree
+    slides = np.zeros(square.equations.nv, bool)
+    for node in tree.nodes:
+        for column in node.columns:
+            slides[column.rate] = not node.turns
+    return slides
+
+
+Result = TypeVar("Result")
+
+
+def in_threads(work: Callable[[slice], Result], parts: Sequence[slice]) -> list[Result]:
+    """Do the parts of a job in as many threads as there are processors; compiled code runs side by side."""
+    if len(parts) <= 1:
+        return [work(part) for part in parts]
+    with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
+        return list(pool.map(work, parts))
+
+
+def random_configurations(square: Square, length: float, count: int, random: np.random.Generator) -> np.ndarray:
+    """Return random configurations (count, nq): angles and orientations uniform, slides within a length of home.
+
+    Their loops are open. Coordinates that are asked for are set by the caller.
+    """
+    tree, home = square.equations.tree, square.equations.reference
+    q = np.empty((count, len(tree.coordinates)))
+    slides = sliding(square)
+    for place, k in tree.single:
+        spread = random.uniform(-1, 1, count)
+        q[:, place] = home[place] + length * spread if slides[k] else np.pi * spread
+    for places, _ in tree.quaternions:
+        p = random.standard_normal((count, 4))
+        q[:, list(places)] = p / np.linalg.norm(p, axis=1, keepdims=True)
+    return q

@@ -1,0 +1,226 @@
+"""Singularities: where a parallel robot loses or gains a freedom, and how far away that is.
+
+    kind I     det B = 0    leg-singular: the joints move, the tool stands still; the edge of the workspace
+    kind II    det A = 0    actuator-singular: the tool moves with the actuators locked, and bears no force there
+    kind III   both
+    constraint  rank Phi < its rank elsewhere: the loops themselves let go of a freedom
+
+At one state the kinds are told by singular values: of the rows of the tool and of the actuators on the motions that the
+loops allow, and of Phi. Over a workspace or along a motion the signed determinants are smooth functions of q, whose zeros
+are the loci. The way to a locus is |det| / |d det / ds|, to first order: kind II by the way s of the tool (turns times the
+characteristic length), kind I by that of the actuators, in which the determinants change regularly.
+
+Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Zlatanov, Bonev & Gosselin, ICRA 2002
+(constraint singularities).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from linkwork.analysis.jacobians import Jacobians, jacobians, stacked_rows
+from linkwork.analysis.singular_values import singular_values
+from linkwork.equations import functions
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
+from linkwork.robot import Motion, Robot, State, checks
+from linkwork.simulation import Run
+
+if TYPE_CHECKING:
+    import xarray
+
+BOUND = 1e-6
+SENTENCES = {
+    "I": "leg-singular: joints can move with the tool held still",
+    "II": "actuator-singular: the tool can move with the actuators locked",
+    "III": "leg-singular and actuator-singular at once",
+    "constraint": "the loops let go of a freedom more than elsewhere",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Singularity:
+    """Hold what is singular at a state.
+
+    kinds: of "I", "II", "III" and "constraint"; empty where the state is regular
+    leg, actuator, constraint: smallest over largest singular value of the tool's rows and the actuators' rows on the
+        motions that the loops allow, and of the loops' rows; free of units, 0 singular
+    tool: for kind II the tool's motion with the actuators locked, by coordinate [m/s, rad/s], its largest 1; else empty
+    """
+
+    kinds: tuple[str, ...]
+    leg: float
+    actuator: float
+    constraint: float
+    tool: dict[str, float]
+
+    @property
+    def message(self) -> str:
+        return "; ".join(SENTENCES[kind] for kind in self.kinds) or "regular"
+
+
+def singularity(
+    robot: Robot, state: State, *, what: tuple[str, ...] | None = None, bound: float = BOUND
+) -> Singularity:
+    """Tell of which kinds a state is singular.
+
+    Args:
+        robot: with as many actuators as freedoms, and a tool.
+        state: one closed configuration.
+        what: coordinates of the tool that count, of x, y, angle or x, y, z, rx, ry, rz; all that it is led in if left out.
+        bound: ratio of singular values below which a matrix counts as singular.
+
+    Raises:
+        LinkworkError: a stack of states; no tool; other than as many actuators as freedoms.
+    """
+    made, q = jacobians(robot, what), robot.own(state).q
+    checks.positive(bound, "the bound")
+    if q.ndim != 1:
+        raise LinkworkError("singularities are told of one state, not of a stack; take one by state.at(index)")
+    Phi, J_x, J_q = (np.array(part) for part in stacked_rows(made)(q, robot.p))
+    columns, _ = robot.equations.sizes
+    rank = len(robot.equations.chart.rows)
+    sigma = np.linalg.svd(robot.equations.scaled(Phi), compute_uv=False)
+    constraint = float(sigma[rank - 1] / sigma[0]) if rank else 1.0
+    allowed = null_space(robot.equations.scaled(Phi), rank, bound) / columns[:, None]
+    x_scale, q_scale = made.lengths()
+    X, Q = x_scale[:, None] * (J_x @ allowed), q_scale[:, None] * (J_q @ allowed)
+    leg, actuator = ratio(X), ratio(Q)
+    kinds = ["III"] if max(leg, actuator) < bound else [k for k, r in (("I", leg), ("II", actuator)) if r < bound]
+    kinds += ["constraint"] * (constraint < bound)
+    free = X @ np.linalg.svd(Q)[2][-1] / x_scale
+    largest = free[np.argmax(np.abs(free))]
+    loose = actuator < bound and abs(largest) > bound
+    tool = dict(zip(made.what, (free / largest).tolist(), strict=True)) if loose else {}
+    return Singularity(tuple(kinds), leg, actuator, constraint, tool)
+
+
+def null_space(A: np.ndarray, rank: int, bound: float) -> np.ndarray:
+    """Return an orthonormal basis of the null space of a matrix (by columns), of at most the given rank."""
+    if not A.size:
+        return np.eye(A.shape[1])
+    _, sigma, V = np.linalg.svd(A)
+    return V[min(rank, int(np.sum(sigma > bound * sigma[0]))) :].T
+
+
+def ratio(A: np.ndarray) -> float:
+    """Return the smallest over the largest singular value of n rows and at least as many columns; 0 for zero."""
+    sigma = np.linalg.svd(A, compute_uv=False)
+    return float(sigma[-1] / max(sigma[0], 1e-300))
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """Evaluate determinants and their slopes along the tool's and the actuators' ways."""
+
+    made: Jacobians
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """q -> d det A / d x (n) along the tool, d det B / d q (n) along the actuators."""
+        made, equations = self.made, self.made.robot.equations
+        tree = equations.tree
+        slopes = [
+            ca.jtimes(vanishing.determinant, tree.q, tree.derivatives(moved.solution)).T
+            for vanishing, moved in ((made.direct, made.inverse), (made.inverse, made.direct))
+        ]
+        function = functions.function(
+            "determinant_slopes", equations, {"q": tree.q}, {"slope_A": slopes[0], "slope_B": slopes[1]}
+        )
+        return compile_function(function).given(made.robot.p)
+
+    def __call__(self, q: np.ndarray, length: float | None) -> dict[str, np.ndarray]:
+        """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations (N, nq)."""
+        K, _, det_B, det_A = self.made(q)
+        sigma = singular_values(self.made.homogeneous(K, length))
+        slope_A, slope_B = self.kernel(q)
+        x_scale, q_scale = self.made.lengths(length)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return {
+                "det_A": det_A,
+                "det_B": det_B,
+                "conditioning": sigma[:, -1] / sigma[:, 0],
+                "tool_distance": np.abs(det_A) / np.linalg.norm(slope_A / x_scale, axis=1),
+                "actuator_distance": np.abs(det_B) / np.linalg.norm(slope_B / q_scale, axis=1),
+            }
+
+
+def along(
+    robot: Robot,
+    motion: Motion | Run | State,
+    *,
+    what: tuple[str, ...] | None = None,
+    length: float | None = None,
+) -> xarray.Dataset:
+    """Measure how near a motion comes to singularities.
+
+    Args:
+        motion: a `Motion`, a `Run`, or a stack of states.
+        what: coordinates of the tool, as in `singularity`.
+        length: characteristic length [m]; that of `Jacobians.characteristic_length` if left out.
+
+    Returns:
+        A dataset over time (or over `sample`): det_A and det_B over their values at the reference, conditioning,
+        tool_distance [m] to an actuator-singular and actuator_distance [m, rad] to a leg-singular configuration, to
+        first order. `crossings` and `leg_crossings` are the times at which det A and det B change sign.
+    """
+    import xarray
+
+    made, (axis, values, q) = jacobians(robot, what), samples(robot, motion)
+    found = Distance(made)(q, length)
+    units = {"tool_distance": "m", "actuator_distance": made.robot.unit(made.direct.what[0])}
+    variables = {name: ((axis,), part, {"units": units.get(name, "1")}) for name, part in found.items()}
+    attrs = {
+        "mechanism": robot.mechanism.name,
+        "characteristic_length": made.characteristic_length if length is None else length,
+    }
+    at = {"units": "s"} if axis == "time" else {}
+    for name, of in (("crossing", "det_A"), ("leg_crossing", "det_B")):
+        variables[f"{name}s"] = ((name,), zeros(values, found[of]), at)
+    return xarray.Dataset(variables, {axis: ((axis,), values, at)}, attrs)
+
+
+def samples(robot: Robot, motion: Motion | Run | State) -> tuple[str, np.ndarray, np.ndarray]:
+    """Return the axis, its values and the configurations (N, nq) of a motion."""
+    if isinstance(motion, Motion):
+        return "time", motion.time, robot.own(motion.state).q
+    if isinstance(motion, Run):
+        states = robot.state(motion.variables["joint_position"].values)
+        return "time", motion.coords["time"].values, states.q
+    q = robot.own(motion).q
+    if q.ndim != 2:
+        raise LinkworkError(f"the states have the leading shape {q.shape[:-1]}; give a stack of one leading dimension")
+    return "sample", np.arange(len(q)), q
+
+
+def zeros(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return where y (N) changes sign over x, by linear interpolation."""
+    k = np.flatnonzero(np.sign(y[1:]) * np.sign(y[:-1]) < 0)
+    return x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1])
+
+
+def loci(mapped: xarray.Dataset, name: str = "det_A", level: float = 0.0) -> list[np.ndarray]:
+    """Return the lines on which a quantity of a workspace over two axes has a value: the singularity loci for det_A, 0.
+
+    Args:
+        mapped: a workspace over two axes.
+        name: det_A for kind II; `reachable` at the level 0.5 for the edge of the workspace (kind I, or joint limits);
+            or any quantity.
+
+    Returns:
+        lines (K, 2), in the order of the dataset's axes [m, rad].
+    """
+    from contourpy import contour_generator
+
+    if name not in mapped or mapped[name].ndim != 2:
+        given = ", ".join(f"{key} over {', '.join(map(str, part.dims))}" for key, part in mapped.items())
+        raise LinkworkError(f"{name!r} is no quantity over two axes; there are {given}")
+    first, second = (mapped[axis].values for axis in mapped[name].dims)
+    values = np.ma.masked_invalid(mapped[name].values.astype(float))
+    lines = contour_generator(second, first, values).lines(level)
+    return [np.asarray(line)[:, ::-1] for line in lines]

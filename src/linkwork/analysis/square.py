@@ -1,0 +1,242 @@
+"""Square systems: what is asked of a mechanism, together with its loops, as one elimination.
+
+    [Phi; J] w = [0; y']        J: rows of what is asked: joint rates, or the tool's twist
+
+Such a system decides the direct (J: the actuators' rates) and the inverse kinematics (J: the tool's). It is solved as
+the equations of motion are: an order of elimination chosen once, traced as straight-line code, evaluated many states
+at a time. Rates that the rows leave undetermined (idle freedoms) are held. The determinant of each stage of the
+block triangular form vanishes where the system is singular and nowhere else: between its zeros its sign tells
+working modes and assembly modes apart.
+Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290 (the two Jacobians); Chablat & Wenger,
+ICRA 1998 (working modes by the signs of the inverse problem's determinant).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations, measures
+from linkwork.equations.algebra import SX, matrix_quaternion
+from linkwork.equations.chart import Chart, choose_chart, choose_independent, solve
+from linkwork.equations.effects import rotation_vector
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, checks
+
+PLANE = ("x", "y", "angle")
+SPACE = ("x", "y", "z", "rx", "ry", "rz")
+TWIST_ROWS = {"x": 3, "y": 4, "z": 5, "rx": 0, "ry": 1, "rz": 2, "angle": 2}
+SAMPLES = 4
+DEPENDENT = 1e-6
+SPREAD = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Square:
+    """Hold the rows of what is asked of a robot, and the elimination that solves them together with the loops.
+
+    what: names of the rows; J: rows x nv; target: y (rows); error: value - target (rows), angles the short way round
+    """
+
+    robot: Robot
+    what: tuple[str, ...]
+    J: ca.SX
+    target: ca.SX
+    error: ca.SX
+
+    @property
+    def equations(self) -> Equations:
+        return self.robot.equations
+
+    @property
+    def chart(self) -> Chart:
+        """Order of elimination of [Phi; J], the loops' rows first."""
+        return self._chosen[0]
+
+    @property
+    def base(self) -> np.ndarray:
+        """Configuration (nq) at which it was chosen: the reference, or one near it where that itself is singular."""
+        return self._chosen[1]
+
+    @cached_property
+    def _chosen(self) -> tuple[Chart, np.ndarray]:
+        equations, rows = self.equations, self.equations.rows
+        A = ca.vertcat(rows.Phi, self.J)
+        read = ca.Function("A", [equations.tree.q, equations.p], [ca.densify(A)])
+        kept = (*equations.chart.rows, *range(len(rows.names), A.shape[0]))
+        values = [(q, np.array(read(q, self.robot.p))) for q in around(self.robot)]
+        regular = [(q, value) for q, value in values if full_rank(scaled(value)[list(kept)])]
+        if not regular:
+            raise LinkworkError(
+                f"{', '.join(self.what)} do not determine the configuration near the reference of "
+                f"{self.robot.mechanism.name!r}; choose others, or another reference"
+            )
+        samples = [value for _, value in regular]
+        held = choose_independent(scaled(samples[0])[list(kept)], ())
+        return choose_chart(A, samples, kept, held), regular[0][0]
+
+    @cached_property
+    def solution(self) -> ca.SX:
+        """W (nv x rows): the rates w = W y' for which the loops stay closed, at closed configurations."""
+        count = self.J.shape[0]
+        return self._solve(self.equations.rows.Phi, SX.zeros(len(self.equations.rows.names), count), SX.eye(count))[0]
+
+    @cached_property
+    def determinant(self) -> ca.SX:
+        """Determinant of [Phi; J] over its value at `base`."""
+        return product(ca.vertsplit(self.determinants))
+
+    @cached_property
+    def determinants(self) -> ca.SX:
+        """Determinant of each stage over its value at `base`."""
+        _, pivots = self._solve(self.equations.rows.Phi, SX(len(self.equations.rows.names), 0), SX(self.J.shape[0], 0))
+        ends = np.cumsum([len(stage.blocks) for stage in self.chart.stages])
+        parts = [pivots[end - len(stage.blocks) : end] for end, stage in zip(ends, self.chart.stages, strict=True)]
+        return ca.vertcat(SX(0, 1), *[product(part) for part in parts])
+
+    @cached_property
+    def newton(self) -> ca.SX:
+        """The rates' Newton step for phi = 0 and error = 0, from open configurations, too."""
+        return self._solve(self.equations.rows.open_Phi, -self.equations.rows.phi, -self.error)[0]
+
+    def _solve(self, Phi: ca.SX, loops: ca.SX, asked: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+        X, pivots = solve(self.chart, ca.vertcat(Phi, self.J), ca.vertcat(loops, asked))
+        held = SX.zeros(1, asked.shape[1])
+        return ca.densify(ca.vertcat(*[X.get(k, held) for k in range(self.equations.nv)])), pivots
+
+
+def product(factors: Sequence[ca.SX]) -> ca.SX:
+    """Return the product of expressions."""
+    result = SX(1)
+    for factor in factors:
+        result = result * factor
+    return result
+
+
+def of_joints(robot: Robot, names: Sequence[str]) -> Square:
+    """Return the system that asks for joint coordinates: the direct kinematics where they are the actuated ones.
+
+    Args:
+        names: joint coordinates that have a rate of their own.
+
+    Raises:
+        LinkworkError: names that are unknown or part of a quaternion; coordinates that do not determine the motion.
+    """
+    checks.known(names, robot.coordinates, "joint")
+    for name in names:
+        if name not in robot.rates:
+            raise LinkworkError(f"{name!r} is part of a quaternion and cannot be asked for; name angles and slides")
+    joints, y = robot.equations.joints, SX.sym("y", len(names))
+    angular = dict(zip(robot.coordinates, robot.labels.angular, strict=True))
+    errors = [
+        short_way(difference) if angular[name] and name not in robot.equations.tree.coordinates else difference
+        for name, difference in ((name, joints.position(name) - y[k]) for k, name in enumerate(names))
+    ]
+    return square(robot, tuple(names), joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors))
+
+
+def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
+    """Return the system that asks for coordinates of the tool's pose: the inverse kinematics.
+
+    Args:
+        what: some of x, y, angle in the plane; of x, y, z, rx, ry, rz (rotation vector, all three or none) in space; as
+            many as the tool can follow if left out.
+
+    Raises:
+        LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
+    """
+    robot.require_tool()
+    what = tool_coordinates(robot) if what is None else tuple(what)
+    checks.known(what, pose_names(robot), "coordinate of the tool")
+    turns = [name for name in what if name in ("rx", "ry", "rz")]
+    if turns and len(turns) < 3:
+        raise LinkworkError(f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none")
+    tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
+    position, orientation, angle = measures.tool_pose(tree, tool)
+    J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
+    y = SX.sym("y", len(what))
+    errors = {name: position[k] - y[what.index(name)] for k, name in enumerate("xyz") if name in what}
+    if "angle" in what:
+        errors["angle"] = short_way(angle - y[what.index("angle")])
+    if turns:
+        r = ca.vertcat(*[y[what.index(name)] for name in ("rx", "ry", "rz")])
+        R = ca.reshape(orientation, 3, 3).T
+        error = rotation_vector(matrix_quaternion(ca.mtimes(R, exponential(r).T)))
+        errors |= {name: error[k] for k, name in enumerate(("rx", "ry", "rz"))}
+    return square(
+        robot, what, J[[TWIST_ROWS[name] for name in what], :], y, ca.vertcat(*[errors[name] for name in what])
+    )
+
+
+def pose_names(robot: Robot) -> tuple[str, ...]:
+    """Return the names of the numbers of a tool pose."""
+    return PLANE if robot.planar else SPACE
+
+
+def tool_coordinates(robot: Robot) -> tuple[str, ...]:
+    """Return the coordinates of the tool's pose that the robot can lead near its reference: positions first."""
+    names, freedoms = pose_names(robot), robot.mobility - len(robot.idle)
+    maps = twist_maps(robot)
+    for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
+        rows = [TWIST_ROWS[name] for name in chosen]
+        if chosen and len(chosen) == freedoms and any(full_rank(J[rows]) for J in maps):
+            return chosen
+    raise LinkworkError(
+        f"the tool's pose has {len(names)} coordinates and the robot {freedoms} freedoms; name the coordinates that the "
+        f"tool is led in, of {', '.join(names)}"
+    )
+
+
+def twist_maps(robot: Robot) -> list[np.ndarray]:
+    """Return the tool's twist (6 x n) for the independent rates, at the reference and near it."""
+    tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
+    J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
+    read = ca.Function("twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination[0])])
+    return [np.array(read(q, robot.p)) for q in around(robot)]
+
+
+def full_rank(rows: np.ndarray) -> bool:
+    """Tell whether the rows are independent."""
+    return bool(np.linalg.matrix_rank(rows, rtol=DEPENDENT) == len(rows))
+
+
+def short_way(angle: ca.SX) -> ca.SX:
+    """Return an angle [rad] between -pi and pi."""
+    return ca.atan2(ca.sin(angle), ca.cos(angle))
+
+
+def exponential(r: ca.SX) -> ca.SX:
+    """Return R = exp([r x]) of a rotation vector."""
+    square_length = ca.sumsqr(r)
+    t = ca.sqrt(square_length + 1e-300)
+    K = ca.skew(r)
+    return SX.eye(3) + ca.sin(t) / t * K + 2 * (ca.sin(t / 2) / t) ** 2 * ca.mtimes(K, K)
+
+
+def square(robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX) -> Square:
+    """Return the system; refuse another number of rows than freedoms."""
+    freedoms = robot.mobility - len(robot.idle)
+    if len(what) != freedoms:
+        besides = " besides idle freedoms" if robot.idle else ""
+        raise LinkworkError(
+            f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the mobility is {freedoms}{besides}; "
+            "give as many"
+        )
+    return Square(robot, what, J, target, error)
+
+
+def around(robot: Robot) -> list[np.ndarray]:
+    """Return the reference and configurations near it (fixed seed), whose loops are open by a little."""
+    random = np.random.default_rng(1990)
+    q = robot.equations.reference
+    return [q, *(q + SPREAD * random.standard_normal(q.size) for _ in range(SAMPLES))]
+
+
+def scaled(A: np.ndarray) -> np.ndarray:
+    """Return A with its columns, then its rows, brought to length 1: free of units."""
+    A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    return A / np.maximum(np.linalg.norm(A, axis=1), 1e-300)[:, None]

@@ -1,0 +1,340 @@
+"""Workspace: which poses of a grid the tool can reach, on one working mode, and how well the robot works there.
+
+All poses are solved at a time by Newton's method (`newton`), first from one configuration of the working mode, then,
+wave by wave, from neighbours that are solved. A solution counts where it is on the working mode: where the
+determinants of the inverse problem's stages have the signs that they have at the guess (`square`). So the boundary is
+drawn by the determinants, not by where Newton's method happens to end. Legs that are coupled make one stage: of two
+modes whose determinants have equal signs (an arm's elbow and shoulder both turned over) the nearer one is taken.
+
+    conditioning         1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
+    isotropic velocity   min_i rate_i / |row i of K|        what the tool reaches in every direction, without turning
+    isotropic force      min_i force_i / |column i of J|    what it bears in every direction, without moment
+
+A constant-orientation workspace is a grid with the angle constant; the reachable one is `reachable.any("angle")` of a
+grid over angles, too, the dexterous one `reachable.all("angle")`.
+Source: Merlet 2006, Parallel Robots, ch. 7 (workspaces); Gosselin & Angeles 1991, J. Mech. Design 113 (conditioning).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.analysis.jacobians import Jacobians, jacobians
+from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
+from linkwork.analysis.singular_values import singular_values
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State, checks
+from linkwork.robot.assembly import wrapped
+from linkwork.robot.limits import limited
+
+if TYPE_CHECKING:
+    import xarray
+
+FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
+SINGULAR = 1e-9
+ANGLES = ("angle", "rx", "ry", "rz")
+MEANING = {
+    "conditioning": ("1", "1 / cond K"),
+    "det_A": ("1", "det A over that at the reference"),
+    "det_B": ("1", "det B over that at the reference"),
+    "isotropic_velocity": ("m/s", "velocity reached in every direction"),
+    "isotropic_turn_rate": ("rad/s", "angular velocity reached about every axis"),
+    "isotropic_force": ("N", "force borne in every direction"),
+    "isotropic_moment": ("N m", "moment borne about every axis"),
+}
+
+
+def workspace(
+    robot: Robot,
+    grid: Mapping[str, ArrayLike],
+    *,
+    guess: State | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    rates: ArrayLike | Mapping[str, float] | None = None,
+    forces: ArrayLike | Mapping[str, float] | None = None,
+    length: float | None = None,
+) -> xarray.Dataset:
+    """Map the workspace over a grid of tool poses, on the working mode of a guess.
+
+    Args:
+        robot: with as many actuators as freedoms, and a tool.
+        grid: coordinates of the pose by name, as many as freedoms: of x, y, angle in the plane, of x, y, z, rx, ry, rz
+            (rotation vector) in space [m, rad]; each an increasing or decreasing sequence, or one number.
+        guess: a state on the working mode; `home` if left out.
+        limits: lower and upper bounds of joint coordinates by name [m, rad], beside those in the description.
+        rates: largest actuator rates [m/s, rad/s], for the isotropic velocity.
+        forces: largest actuator forces [N, N m], for the isotropic force.
+        length: characteristic length l [m]; that of `Jacobians.characteristic_length` if left out.
+
+    Returns:
+        A dataset over the coordinates that are sequences: reachable; actuator_position [m, rad], angles within half a turn
+        of home's; conditioning; det_A, det_B over their values at the reference; isotropic_velocity [m/s],
+        isotropic_turn_rate [rad/s], isotropic_force [N], isotropic_moment [N m] where rates and forces are given. What is
+        out of reach is NaN. Its attrs say what was computed, in `message` how much is reached.
+
+    Raises:
+        LinkworkError: unknown coordinates or joints, another number of them than freedoms, sequences that are no grid, a guess
+            that is leg-singular.
+    """
+    axes = read_grid(robot, grid)
+    J = jacobians(robot, tuple(axes))
+    problem = solver(J.inverse)
+    start = (robot.home if guess is None else robot.own(guess)).q
+    if start.ndim != 1:
+        raise LinkworkError("the guess is a stack of states; give one of them")
+    poses = Poses.of(axes)
+    q, good = reach(problem, poses, start)
+    good[good] = within(robot, q[good], bounds(robot, limits))
+    return dataset(J, poses, q, good, positive(robot, rates, "rates"), positive(robot, forces, "forces"), length)
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Hold a grid of poses: axes by name, and all poses (N, n) in the order of the grid."""
+
+    axes: dict[str, np.ndarray]
+    values: np.ndarray
+
+    @classmethod
+    def of(cls, axes: dict[str, np.ndarray]) -> Poses:
+        mesh = np.meshgrid(*(np.atleast_1d(axis) for axis in axes.values()), indexing="ij")
+        return cls(axes, np.stack([part.ravel() for part in mesh], axis=1))
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the coordinates that are sequences."""
+        return tuple(name for name, axis in self.axes.items() if axis.ndim)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(axis.size for axis in self.axes.values() if axis.ndim)
+
+
+def read_grid(robot: Robot, grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+    """Return the axes of a grid: finite numbers, sequences strictly monotonic."""
+    if not isinstance(grid, Mapping):
+        raise LinkworkError(
+            f"the grid is {grid!r}; give the tool's coordinates by name, such as {{'x': numbers, 'y': 0.2}}"
+        )
+    axes = {str(name): checks.finite(values, f"the grid's {name}") for name, values in grid.items()}
+    for name, axis in axes.items():
+        steps = np.diff(axis) if axis.ndim == 1 else np.zeros(0)
+        if axis.ndim > 1 or not axis.size or not ((steps > 0).all() or (steps < 0).all()):
+            raise LinkworkError(f"the grid's {name} is no sequence of increasing or decreasing numbers, nor one number")
+    return axes
+
+
+def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return configurations (N, nq) at the poses, and which of these are reached on the working mode of the start (N)."""
+    determinants = problem.verdict(start, poses.values[0])[1]
+    if np.abs(determinants).min(initial=np.inf) < SINGULAR:
+        raise LinkworkError("the guess is leg-singular, where working modes meet; give a guess on one of them")
+    mode = np.sign(determinants)
+    q, good = problem.solve(start, poses.values, FAR, mode)
+    fresh = good.copy()
+    while fresh.any():
+        targets, sources = neighbours(poses.shape, fresh, ~good)
+        fresh = np.zeros(good.size, bool)
+        if not targets.size:
+            break
+        tried, solved = problem.solve(q[sources], poses.values[targets], NEAR, mode)
+        q[targets[solved]] = tried[solved]
+        fresh[targets[solved]] = good[targets[solved]] = True
+    return q, good
+
+
+def neighbours(shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the targets that have a source beside them on the grid, and one such source for each (indices)."""
+    index, source = np.arange(sources.size).reshape(shape), np.full(shape, -1)
+    sources, targets = sources.reshape(shape), targets.reshape(shape)
+    for axis in range(len(shape)):
+        for here, there in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+            to, of = ((*(slice(None),) * axis, part) for part in (here, there))
+            beside = targets[to] & sources[of]
+            source[to][beside] = index[of][beside]
+    found = np.flatnonzero(source >= 0)
+    return found, source.ravel()[found]
+
+
+def bounds(robot: Robot, given: Mapping[str, tuple[float, float]] | None) -> list[tuple[str, float, float]]:
+    """Return lower and upper bounds of coordinates: those described, and those given."""
+    found = [
+        (label, -np.inf if limit.lower is None else limit.lower, np.inf if limit.upper is None else limit.upper)
+        for label, limit, _ in limited(robot.mechanism)
+    ]
+    for name, pair in (given or {}).items():
+        checks.known((name,), robot.coordinates, "joint")
+        ends = np.asarray(pair, float)
+        if ends.shape != (2,) or not ends[0] < ends[1]:
+            raise LinkworkError(f"the limits of {name!r} are {pair!r}; give a lower and a larger upper bound")
+        found.append((name, float(ends[0]), float(ends[1])))
+    return found
+
+
+def within(robot: Robot, q: np.ndarray, limits: list[tuple[str, float, float]]) -> np.ndarray:
+    """Tell which configurations (N, nq) keep the bounds; angles may differ by whole turns."""
+    inside = np.ones(len(q), bool)
+    if not limits:
+        return inside
+    (positions,) = robot.kernel("positions")(q)
+    for label, lower, upper in limits:
+        values = positions[:, robot.coordinates.index(label)]
+        if label.endswith(".qw") and robot.unit(label) == "1":
+            values = 2 * np.arccos(np.clip(np.abs(values), 0, 1))
+        elif robot.unit(label) == "rad" and upper - lower < 2 * np.pi:
+            middle = (lower + upper) / 2
+            values = middle + wrapped(values - middle)
+        inside &= (values >= lower) & (values <= upper)
+    return inside
+
+
+def positive(robot: Robot, values: ArrayLike | Mapping[str, float] | None, what: str) -> np.ndarray | None:
+    """Return positive bounds of all actuators: one number, one each, or by name."""
+    if values is None:
+        return None
+    if np.ndim(values) == 0 and not isinstance(values, Mapping):  # pyright: ignore[reportArgumentType]
+        values = [checks.number(values, what)] * len(robot.actuators)
+    numbers = checks.values_by_name(values, robot.actuators, what)
+    if not (numbers > 0).all() or numbers.ndim != 1:
+        raise LinkworkError(f"{what} {numbers.tolist()} do not fit; give one positive number per actuator")
+    return numbers
+
+
+def dataset(
+    J: Jacobians,
+    poses: Poses,
+    q: np.ndarray,
+    good: np.ndarray,
+    rates: np.ndarray | None,
+    forces: np.ndarray | None,
+    length: float | None,
+) -> xarray.Dataset:
+    """Measure the reached configurations and name the result."""
+    import xarray
+
+    robot, scale = J.robot, J.characteristic_length if length is None else length
+    reached = np.flatnonzero(good)
+    values = measured(J, q[reached], rates, forces, scale)
+    variables = {"reachable": (poses.dims, good.reshape(poses.shape), {"long_name": "tool can reach the pose"})}
+    for name, part in values.items():
+        full = np.full((good.size, *part.shape[1:]), np.nan)
+        full[reached] = part
+        dims = (*poses.dims, "actuator") if part.ndim == 2 else poses.dims
+        variables[name] = (dims, full.reshape((*poses.shape, *part.shape[1:])), attributes(name, J))
+    coords = {name: ((name,) if axis.ndim else (), axis, {"units": unit(name)}) for name, axis in poses.axes.items()}
+    attrs = {
+        "mechanism": robot.mechanism.name,
+        "characteristic_length": scale,
+        "characteristic_length_units": "m",
+        "message": message(good, poses),
+    }
+    return xarray.Dataset(variables, {**coords, "actuator": list(J.direct.what)}, attrs)
+
+
+def attributes(name: str, J: Jacobians) -> dict[str, str]:
+    """Return the unit and the meaning of a quantity."""
+    if name == "actuator_position":
+        return {"units": ", ".join(J.robot.unit(label) for label in J.direct.what)}
+    return {"units": MEANING[name][0], "long_name": MEANING[name][1]}
+
+
+def unit(name: str) -> str:
+    return "rad" if name in ANGLES else "m"
+
+
+def message(good: np.ndarray, poses: Poses) -> str:
+    """Say how much of a grid is reached."""
+    if good.any():
+        return f"{int(good.sum())} of {good.size} poses are reached"
+    ranges = ", ".join(f"{name} from {axis.min():g} to {axis.max():g}" for name, axis in poses.axes.items())
+    return f"none of {good.size} poses is reached on this working mode ({ranges}); choose others, or another guess"
+
+
+def measured(
+    J: Jacobians, q: np.ndarray, rates: np.ndarray | None, forces: np.ndarray | None, scale: float
+) -> dict[str, np.ndarray]:
+    """Return what is measured at configurations (N, nq), by name."""
+    parts = [slice(k, k + CHUNK) for k in range(0, max(len(q), 1), CHUNK)]
+    made = in_threads(lambda part: measured_at(J, q[part], rates, forces, scale), parts)
+    return {name: np.concatenate([part[name] for part in made]) for name in made[0]}
+
+
+def measured_at(
+    J: Jacobians, q: np.ndarray, rates: np.ndarray | None, forces: np.ndarray | None, scale: float
+) -> dict[str, np.ndarray]:
+    """Return what is measured at few configurations."""
+    turns = J.turning
+    K, inverse, det_B, det_A = J(q)
+    sigma = singular_values(J.homogeneous(K, scale))
+    found = {
+        "actuator_position": actuated(J, q),
+        "conditioning": sigma[:, -1] / sigma[:, 0],
+        "det_A": det_A,
+        "det_B": det_B,
+    }
+    for own, velocity, force in ((~turns, "velocity", "force"), (turns, "turn_rate", "moment")):
+        if rates is not None and own.any():
+            found[f"isotropic_{velocity}"] = largest_ball(K[:, :, own], rates)
+        if forces is not None and own.any():
+            found[f"isotropic_{force}"] = largest_ball(np.swapaxes(inverse[:, own, :], -1, -2), forces)
+    return found
+
+
+def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
+    """Return the actuated coordinates (N, n), angles within half a turn of those at home."""
+    robot = J.robot
+    places = [robot.coordinates.index(name) for name in J.direct.what]
+    values, home = robot.kernel("positions")(q)[0][:, places], robot.home.positions[places]
+    return np.where(robot.labels.angular[places], home + wrapped(values - home), values)
+
+
+def largest_ball(rows: np.ndarray, bound: np.ndarray) -> np.ndarray:
+    """Return the radius of the largest ball in {x: |rows x|_i <= bound_i}: min_i bound_i / |row_i|.
+
+    Args:
+        rows: (..., actuators, k); bound: (actuators).
+    """
+    with np.errstate(divide="ignore"):
+        return (bound / np.linalg.norm(rows, axis=-1)).min(axis=-1)
+
+
+def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[str, float], float]:
+    """Return the centre and radius of the largest circle or sphere of reached poses, to the accuracy of the grid.
+
+    Args:
+        mapped: a workspace over two or three lengths, equally spaced each; other coordinates constant.
+        at_least: least conditioning that counts.
+
+    Returns:
+        centre by coordinate [m], radius [m]; the radius is zero where nothing is reached.
+
+    Raises:
+        LinkworkError: axes that are angles or not equally spaced.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    dims = mapped["reachable"].dims
+    axes = [mapped[name].values for name in dims]
+    for name, axis in zip(dims, axes, strict=True):
+        steps = np.diff(axis)
+        if name in ANGLES or len(axis) < 2 or not np.allclose(steps, steps[0], rtol=1e-6):
+            raise LinkworkError(f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z")
+    inside = mapped["reachable"].values & ~(mapped["conditioning"].values < at_least)
+    spacing = [abs(axis[1] - axis[0]) for axis in axes]
+    distance = np.asarray(distance_transform_edt(np.pad(inside, 1), spacing))[(slice(1, -1),) * len(dims)]
+    best = np.unravel_index(int(np.argmax(distance)), distance.shape)
+    centre = {str(name): float(axis[k]) for name, axis, k in zip(dims, axes, best, strict=True)}
+    return centre, float(distance[best])
+
+
+def content(mapped: xarray.Dataset) -> float:
+    """Return the area or volume of the reached poses [m, rad to the number of axes], to the accuracy of the grid."""
+    share = mapped["reachable"]
+    for name in share.dims:
+        share = share.astype(float).integrate(name)
+    return float(share)

@@ -1,0 +1,142 @@
+"""`linkwork analyse ROBOT SUBJECT`: the subjects and their options; what each does is in `studies`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+analyse = typer.Typer(
+    no_args_is_help=True, help="Study a robot: branches, singularities, workspace, small motions, statics."
+)
+
+Joints = Annotated[str | None, typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad.")]
+ToolPose = Annotated[
+    str | None,
+    typer.Option("--tool", metavar="POSE", help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad."),
+]
+Forces = Annotated[
+    str | None, typer.Option(metavar="VALUES", help="Actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero).")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+
+
+@analyse.callback()
+def robot(
+    context: typer.Context,
+    robot: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT", help="A robot of the catalogue (see 'linkwork robots') or a mechanism file."),
+    ],
+) -> None:
+    context.obj = robot
+
+
+@analyse.command()
+def modes(
+    context: typer.Context,
+    joints: Joints = None,
+    tool: ToolPose = None,
+    starts: Annotated[int, typer.Option(help="Most random starts to try.")] = 400_000,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
+) -> None:
+    """Find all assembly modes (for --joints; the actuated ones at home if left out), or all working modes (for --tool)."""
+    from linkwork.cli import studies
+
+    studies.modes(context.obj, joints, tool, starts, seed)
+
+
+@analyse.command()
+def singularities(context: typer.Context, joints: Joints = None, tool: ToolPose = None) -> None:
+    """Tell of which kinds a configuration is singular, and how far it is from being so."""
+    from linkwork.cli import studies
+
+    studies.singularities(context.obj, joints, tool)
+
+
+@analyse.command()
+def workspace(
+    context: typer.Context,
+    grid: Annotated[
+        str, typer.Option(metavar="AXES", help="Poses: 'x=0:1:101,y=0:1:101,angle=0.5' (from:to:count, or one number).")
+    ],
+    joints: Joints = None,
+    tool: ToolPose = None,
+    limits: Annotated[
+        str | None, typer.Option(metavar="RANGES", help="Joint limits 'slide_1=0:0.5,...' beside the description's.")
+    ] = None,
+    rates: Annotated[
+        str | None, typer.Option(metavar="VALUES", help="Largest actuator rates, for the isotropic velocity.")
+    ] = None,
+    forces: Annotated[
+        str | None, typer.Option(metavar="VALUES", help="Largest actuator forces, for the isotropic force.")
+    ] = None,
+    quantity: Annotated[str, typer.Option(help="What the picture shows.")] = "conditioning",
+    out: Annotated[Path | None, typer.Option(metavar="FILE.nc", help="Write the map as NetCDF.")] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the map: .svg, .pdf or .png.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Map what the tool reaches, and how well, on the working mode of --tool or --joints (home if left out)."""
+    from linkwork.cli import studies
+
+    asked = studies.Map(grid, limits, rates, forces, quantity, out, picture, overwrite)
+    studies.workspace(context.obj, joints, tool, asked)
+
+
+@analyse.command()
+def linearise(context: typer.Context, joints: Joints = None, tool: ToolPose = None, forces: Forces = None) -> None:
+    """Show how the robot moves near a configuration at rest: poles, natural frequencies and shapes, controllability.
+
+    Where --forces is left out, the actuators hold the configuration.
+    """
+    from linkwork.cli import studies
+
+    studies.linearise(context.obj, joints, tool, forces)
+
+
+@analyse.command()
+def stiffness(
+    context: typer.Context,
+    joint_stiffness: Annotated[
+        str, typer.Option("--joint-stiffness", metavar="VALUES", help="N/m or N m/rad: 'slide_1=1e5,slide_2=1e5'.")
+    ],
+    joints: Joints = None,
+    tool: ToolPose = None,
+) -> None:
+    """Show the stiffness at the tool that the stiffnesses of joints give."""
+    from linkwork.cli import studies
+
+    studies.stiffness(context.obj, joints, tool, joint_stiffness)
+
+
+@analyse.command()
+def equilibrium(
+    context: typer.Context,
+    joints: Joints = None,
+    tool: ToolPose = None,
+    forces: Forces = None,
+    every: Annotated[bool, typer.Option("--all", help="Look for all equilibria, from random configurations.")] = False,
+) -> None:
+    """Find where the robot rests under its weight, springs and constant actuator forces (none if left out)."""
+    from linkwork.cli import studies
+
+    studies.equilibrium(context.obj, joints, tool, forces, every)
+
+
+@analyse.command()
+def parameters(
+    context: typer.Context,
+    effects: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES", help="Joint effects beside masses: 'slide_1.friction.viscous,slide_1.rotor_inertia'."
+        ),
+    ] = None,
+    run: Annotated[
+        Path | None,
+        typer.Option(metavar="RUN.nc", help="Identify them from this run; left out: show the described values."),
+    ] = None,
+) -> None:
+    """List the base parameters: the combinations of masses and friction that motions can tell."""
+    from linkwork.cli import studies
+
+    studies.parameters(context.obj, effects, run)

@@ -1,0 +1,345 @@
+"""What `linkwork analyse` does: each subject computes by `linkwork.analysis`, and prints tables that fit 80 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linkwork import analysis
+from linkwork.analysis.linearisation import actuator_forces
+from linkwork.analysis.square import pose_names
+from linkwork.cli.catalogue import find, refuse_existing
+from linkwork.cli.entries import by_name, number, numbers
+from linkwork.cli.simulate import Start
+from linkwork.cli.terminal import console, facts, patience, table
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State
+from linkwork.simulation import Run
+
+FEW = 6  # columns of joint coordinates that are shown
+PICTURES = (".svg", ".pdf", ".png")
+
+
+@dataclass(frozen=True)
+class Map:
+    """Say what is mapped, and where it is written."""
+
+    grid: str
+    limits: str | None
+    rates: str | None
+    forces: str | None
+    quantity: str
+    out: Path | None
+    picture: Path | None
+    overwrite: bool
+
+    def check(self) -> None:
+        """Refuse what cannot be written before anything is computed."""
+        for option, file, suffixes in (("--out", self.out, (".nc",)), ("--picture", self.picture, PICTURES)):
+            if file is None:
+                continue
+            if file.suffix.lower() not in suffixes:
+                raise LinkworkError(
+                    f"{option} {file}: give a name that ends in {' or '.join(suffixes)}, not {file.suffix!r}"
+                )
+            if not file.parent.is_dir():
+                raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
+            refuse_existing(file, self.overwrite)
+
+
+def modes(name: str, joints: str | None, tool: str | None, starts: int, seed: int) -> None:
+    """Print all assembly modes or working modes, and how sure their number is."""
+    if joints is not None and tool is not None:
+        raise LinkworkError(
+            "--joints and --tool are both given; the one asks for assembly modes, the other for working modes"
+        )
+    robot = made(name)
+    with patience("looking for all solutions"):
+        if tool is not None:
+            found = analysis.working_modes(robot, numbers(tool, "--tool"), starts=starts, seed=seed)
+        else:
+            asked = None if joints is None else by_name(joints, robot.coordinates, "--joints")
+            found = analysis.assembly_modes(robot, asked, starts=starts, seed=seed)
+    kind = "working" if tool is not None else "assembly"
+    values = zip(found.what, found.asked, strict=True)
+    rows = [
+        (f"{kind} modes", f"{len(found)}{' (sure)' if found.sure else ''}"),
+        ("with", ", ".join(f"{label} = {value:.6g}" for label, value in values)),
+        ("starts", f"{found.starts}, of which {found.converged} ended in a solution"),
+        ("last one found", f"by start {found.first.max() + 1}" if len(found) else "none"),
+        ("likely missing", f"{found.missing:.2g}"),
+    ]
+    out = console()
+    out.print(facts(rows))
+    if not len(found):
+        return
+    shown = (
+        robot.actuators[:FEW]
+        if tool is not None
+        else pose_names(robot)
+        if robot.mechanism.tools
+        else robot.coordinates[:FEW]
+    )
+    numbers_of = found.states.positions[
+        :, [robot.coordinates.index(label) for label in shown if label in robot.coordinates]
+    ]
+    if tool is None and robot.mechanism.tools:
+        numbers_of = robot.tool_pose(found.states)
+    lines = [
+        (str(k), *(f"{value:.5g}" for value in row), str(hits), "yes" if inside else "no")
+        for k, (row, hits, inside) in enumerate(zip(numbers_of, found.hits, found.within_limits, strict=True), start=1)
+    ]
+    out.print()
+    out.print(table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2)))
+
+
+def singularities(name: str, joints: str | None, tool: str | None) -> None:
+    """Print of which kinds a configuration is singular."""
+    robot = made(name)
+    state = configuration(robot, joints, tool)
+    told = analysis.singularity(robot, state)
+    rows = [
+        ("configuration", pose_of(robot, state)),
+        ("singular", f"{', '.join(told.kinds) or 'no'}: {told.message}"),
+        ("leg", f"{told.leg:.4g}  smallest over largest singular value; 0: kind I"),
+        ("actuator", f"{told.actuator:.4g}  0: kind II"),
+        ("constraint", f"{told.constraint:.4g}  0: the loops let go"),
+    ]
+    if told.tool:
+        rows.append(("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items())))
+    elif not told.kinds:
+        stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
+        near = analysis.along(robot, stack).isel(sample=0)
+        rows += [
+            ("det A, det B", f"{float(near.det_A):.4g}, {float(near.det_B):.4g}  over those at the reference"),
+            (
+                "conditioning",
+                f"{float(near.conditioning):.4g}  1 / cond, l = {near.attrs['characteristic_length']:.4g} m",
+            ),
+            ("way to kind II", f"{float(near.tool_distance):.4g} m of the tool, to first order"),
+            (
+                "way to kind I",
+                f"{float(near.actuator_distance):.4g} {near.actuator_distance.attrs['units']} of the actuators",
+            ),
+        ]
+    console().print(facts(rows))
+
+
+def workspace(name: str, joints: str | None, tool: str | None, asked: Map) -> None:
+    """Print what a map of the workspace holds; write and draw it."""
+    asked.check()
+    robot = made(name)
+    limits = None if asked.limits is None else ranges(asked.limits)
+    rates, forces = (
+        None if text is None else spread(robot, text, option)
+        for text, option in ((asked.rates, "--rates"), (asked.forces, "--forces"))
+    )
+    with patience("mapping the workspace"):
+        guess = configuration(robot, joints, tool)
+        mapped = analysis.workspace(robot, axes(asked.grid), guess=guess, limits=limits, rates=rates, forces=forces)
+    rows = [("reached", str(mapped.attrs["message"]))]
+    rows += [
+        (str(label), spread_of(mapped, str(label)))
+        for label in mapped
+        if label not in ("reachable", "actuator_position")
+    ]
+    rows += [("inscribed", ball(mapped))] if bool(mapped.reachable.any()) and len(mapped.reachable.dims) > 1 else []
+    console().print(facts(rows))
+    if asked.out is not None:
+        mapped.to_netcdf(asked.out, engine="scipy")
+        console().print(f"{asked.out} written", soft_wrap=True)
+    if asked.picture is not None:
+        from linkwork.views.maps import plot_workspace
+
+        figure = plot_workspace(mapped, asked.quantity).get_figure(root=True)
+        if figure is not None:
+            figure.savefig(asked.picture)
+        console().print(f"{asked.picture} written", soft_wrap=True)
+
+
+def linearise(name: str, joints: str | None, tool: str | None, forces: str | None) -> None:
+    """Print poles, natural modes and controllability."""
+    robot = made(name)
+    with patience("linearising"):
+        state = configuration(robot, joints, tool)
+        held = analysis.holding(robot, state) if forces is None else by_name(forces, robot.actuators, "--forces")
+        model = analysis.linearise(robot, state, held)
+        acceleration = robot.forward_dynamics(state, actuator_forces(robot, held))
+        modes = analysis.natural_modes(robot, state, held) if np.abs(acceleration).max(initial=0) < 1e-6 else None
+    out = console()
+    out.print(
+        facts(
+            [
+                ("configuration", pose_of(robot, state)),
+                ("states", f"{len(model.states)}: {', '.join(model.states)}"),
+                ("controllable", "yes" if model.controllable else "no"),
+                ("equilibrium", "no: it accelerates" if modes is None else "stable" if modes.stable else "not stable"),
+            ]
+        )
+    )
+    out.print()
+    poles = [(f"{pole.real:.6g}", f"{pole.imag:+.6g}", f"{abs(pole) / (2 * np.pi):.6g}") for pole in model.poles]
+    out.print(table(("pole, real [1/s]", "imaginary [rad/s]", "size [Hz]"), poles, numbers=(0, 1, 2)))
+    if modes is not None:
+        shown = robot.independent[:FEW]
+        shapes = modes.shapes[: len(shown)] / np.abs(modes.shapes).max(axis=0)
+        rows = [
+            (f"{frequency:.6g}", *(f"{value:.4f}" for value in shape))
+            for frequency, shape in zip(modes.frequencies, shapes.T, strict=True)
+        ]
+        out.print()
+        out.print(table(("frequency [Hz]", *shown), rows, numbers=range(len(shown) + 1)))
+
+
+def stiffness(name: str, joints: str | None, tool: str | None, given: str) -> None:
+    """Print the stiffness at the tool."""
+    robot = made(name)
+    state = configuration(robot, joints, tool)
+    named = by_name(given, robot.rates, "--joint-stiffness") if "=" in given else None
+    if named is None:
+        raise LinkworkError(
+            "--joint-stiffness: give name=value for each stiff joint, such as 'slide_1=1e5,slide_2=1e5'"
+        )
+    K, _ = analysis.tool_stiffness(robot, state, named)
+    labels = ("rx", "ry", "rz", "x", "y", "z")
+    shown = [3, 4, 2] if robot.planar else [3, 4, 5, 0, 1, 2]
+    rows = [(labels[i], *(f"{K[i, j]:.4g}" for j in shown)) for i in shown]
+    out = console()
+    out.print(facts([("configuration", pose_of(robot, state)), ("units", "N/m, N/rad, N m/rad; forces by rows")]))
+    out.print()
+    out.print(table(("", *(labels[i] for i in shown)), rows, numbers=range(1, len(shown) + 1)))
+
+
+def equilibrium(name: str, joints: str | None, tool: str | None, forces: str | None, every: bool) -> None:
+    """Print where a robot rests."""
+    robot = made(name)
+    u = None if forces is None else by_name(forces, robot.actuators, "--forces")
+    with patience("looking for equilibria"):
+        guess = configuration(robot, joints, tool)
+        found = analysis.equilibria(robot, u) if every else [analysis.equilibrium(robot, u, guess=guess)]
+    if not found:
+        raise LinkworkError("no equilibrium is found; give other forces")
+    out = console()
+    for one in found:
+        energy = float(robot.energy(one.state)[1])
+        values = np.linalg.eigvalsh((one.stiffness + one.stiffness.T) / 2)
+        out.print(
+            facts(
+                [
+                    ("equilibrium", "stable" if one.stable else "not stable"),
+                    ("at", pose_of(robot, one.state)),
+                    ("stiffnesses", ", ".join(f"{value:.4g}" for value in values)),
+                    ("energy", f"{energy:.6g} J"),
+                    ("unbalanced", f"{one.residual:.2g}"),
+                ]
+            )
+        )
+        out.print()
+
+
+def parameters(name: str, effects: str | None, run: Path | None) -> None:
+    """Print the base parameters, described or identified."""
+    robot = made(name)
+    wanted = () if effects is None else tuple(part.strip() for part in effects.split(","))
+    out = console()
+    with patience("looking for the base parameters"):
+        if run is None:
+            base = analysis.base_parameters(robot, wanted)
+            rows = [(f"{value:.6g}", label) for value, label in zip(base.described, base.names, strict=True)]
+            out.print(table(("described", f"{len(base)} base parameters"), rows, numbers=(0,)))
+            return
+        found = analysis.identify(robot, Run.load(run), wanted)
+    lines = zip(found.values, found.deviations, found.described, found.names, strict=True)
+    rows = [(f"{value:.6g}", f"{own:.2g}", f"{told:.6g}", label) for value, own, told, label in lines]
+    out.print(table(("identified", "+-", "described", f"{len(rows)} base parameters"), rows, numbers=(0, 1, 2)))
+    out.print()
+    residual = ", ".join(f"{label} {value:.3g}" for label, value in zip(robot.independent, found.residual, strict=True))
+    out.print(facts([("condition", f"{found.condition:.4g}"), ("remains", residual)]))
+
+
+# What is typed, and what is shown
+
+
+def made(name: str) -> Robot:
+    """Derive the equations of a robot."""
+    with patience("deriving the equations of motion"):
+        return Robot(find(name))
+
+
+def configuration(robot: Robot, joints: str | None, tool: str | None) -> State:
+    """Return the configuration of --joints and --tool, home where neither is given."""
+    with patience("closing the loops"):
+        return Start(tool, joints, None).state(robot)
+
+
+def axes(text: str) -> dict[str, np.ndarray | float]:
+    """Return the axes of "x=0:1:101,y=0.2"."""
+    found: dict[str, np.ndarray | float] = {}
+    for name, value in pairs(text, "--grid"):
+        parts = [number(part, f"--grid: {name}") for part in value.split(":")]
+        if len(parts) == 1:
+            found[name] = parts[0]
+        elif len(parts) == 3 and parts[2] == int(parts[2]) >= 1:
+            found[name] = np.linspace(parts[0], parts[1], int(parts[2]))
+        else:
+            raise LinkworkError(f"--grid: {name}={value} is no axis; give from:to:count, or one number")
+    return found
+
+
+def ranges(text: str) -> dict[str, tuple[float, float]]:
+    """Return the bounds of "slide_1=0:0.5"."""
+    found = {}
+    for name, value in pairs(text, "--limits"):
+        parts = [number(part, f"--limits: {name}") for part in value.split(":")]
+        if len(parts) != 2:
+            raise LinkworkError(f"--limits: {name}={value} is no range; give lower:upper")
+        found[name] = (parts[0], parts[1])
+    return found
+
+
+def pairs(text: str, option: str) -> Iterable[tuple[str, str]]:
+    """Yield the names and values of "a=1,b=2"."""
+    seen: set[str] = set()
+    for part in text.split(","):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals:
+            raise LinkworkError(f"{option}: {part.strip()!r} has no name; write name=value")
+        if name in seen:
+            raise LinkworkError(f"{option}: {name!r} is given twice; keep one of them")
+        seen.add(name)
+        yield name, value
+
+
+def spread(robot: Robot, text: str, option: str) -> float | dict[str, float]:
+    """Return one number for all actuators, or one each."""
+    return number(text, option) if "=" not in text and "," not in text else by_name(text, robot.actuators, option)
+
+
+def spread_of(mapped, name: str) -> str:
+    """Return the range of a quantity where it is reached."""
+    values = mapped[name].values[np.isfinite(mapped[name].values)]
+    unit = mapped[name].attrs.get("units", "")
+    return (
+        f"from {values.min():.4g} to {values.max():.4g} {'' if unit == '1' else unit}".strip()
+        if values.size
+        else "none"
+    )
+
+
+def ball(mapped) -> str:
+    """Return the largest circle or sphere that is reached."""
+    try:
+        centre, radius = analysis.inscribed(mapped)
+    except LinkworkError:
+        return "none: an axis is an angle, or not equally spaced"
+    return f"radius {radius:.4g} m about {', '.join(f'{label} {value:.4g}' for label, value in centre.items())}"
+
+
+def pose_of(robot: Robot, state: State) -> str:
+    """Return a configuration in words: the tool's pose where there is a tool, else joint coordinates."""
+    labels: Sequence[str] = pose_names(robot) if robot.mechanism.tools else robot.coordinates[:FEW]
+    values = robot.tool_pose(state) if robot.mechanism.tools else state.positions[: len(labels)]
+    return ", ".join(f"{label} {value:.5g}" for label, value in zip(labels, values, strict=True))

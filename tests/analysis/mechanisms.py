@@ -1,0 +1,151 @@
+"""Mechanisms of the tests: a general 3-RPR, Dietmaier's platform, a planar arm, a cart and a mass on springs."""
+
+from functools import cache
+from math import atan2, hypot
+
+import numpy as np
+
+import linkwork as lw
+
+LIGHT = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+ALONG_X = (1.0, 0.0, 0.0)
+
+# Dietmaier 1998: base points, platform points, squares of the legs' lengths
+BASE = np.array(
+    [
+        [0, 0, 0],
+        [1.107915, 0, 0],
+        [0.549094, 0.756063, 0],
+        [0.735077, -0.223935, 0.525991],
+        [0.514188, -0.526063, -0.368418],
+        [0.590473, 0.094733, -0.205018],
+    ]
+)
+PLATFORM = np.array(
+    [
+        [0, 0, 0],
+        [0.542805, 0, 0],
+        [0.956919, -0.528915, 0],
+        [0.665885, -0.353482, 1.402538],
+        [0.478359, 1.158742, 0.107672],
+        [-0.137087, -0.235121, 0.353913],
+    ]
+)
+SQUARES = np.array([1, 0.416379826, 1.180012929, 2.260328827, 1.643352216, 0.594550487])
+
+
+@cache
+def dietmaier():
+    home = lw.Frame(position=(0.3, 0.5, 0.8), rotation=(0.1, 0.2, 0.3))
+    sizes = {"tube_radii": (0.003, 0.005), "platform_radius": 0.1, "platform_thickness": 0.01}
+    return lw.Robot(lw.robots.stewart(BASE, PLATFORM, home, **sizes))
+
+
+def rpr(corners, vertices, pose):
+    """Return a 3-RPR with any corners and platform vertices (3, 2), its reference at a pose (x, y, angle)."""
+    x, y, angle = pose
+    joints, reference = {}, {}
+    for i, (corner, vertex) in enumerate(zip(np.array(corners), np.array(vertices), strict=True), start=1):
+        tip = np.array([x, y]) + turned(vertex, angle)
+        aim = atan2(*(tip - corner)[::-1])
+        joints |= {
+            f"pivot_{i}": lw.RevoluteJoint(
+                connects=("ground", f"cylinder_{i}"), frames=(lw.Frame.planar(*corner), lw.Frame())
+            ),
+            f"slide_{i}": lw.PrismaticJoint(connects=(f"cylinder_{i}", f"piston_{i}"), axis=ALONG_X),
+            f"wrist_{i}": lw.RevoluteJoint(
+                connects=(f"piston_{i}", "platform"), frames=(lw.Frame(), lw.Frame.planar(*vertex))
+            ),
+        }
+        reference |= {f"pivot_{i}": aim, f"slide_{i}": hypot(*(tip - corner)), f"wrist_{i}": angle - aim}
+    bodies = [f"{part}_{i}" for part in ("cylinder", "piston") for i in (1, 2, 3)]
+    return lw.Robot(
+        lw.Mechanism(
+            name="general 3-RPR",
+            bodies=dict.fromkeys((*bodies, "platform"), LIGHT),
+            joints=joints,
+            actuators=("slide_1", "slide_2", "slide_3"),
+            tools={"platform": lw.Tool(body="platform")},
+            reference=reference,
+        )
+    )
+
+
+def turned(vector, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]]) @ np.asarray(vector)
+
+
+def postures(corners, vertices, lengths, samples=20001):
+    """Return the platform's angles at which three circles about the corners hold its vertices, by their common point.
+
+    Two differences of |P + R b_i - A_i|^2 = l_i^2 are linear in P; the sign changes of the third, times the square of
+    their determinant, are the solutions.
+    """
+    A, b, rho = (np.asarray(part, float) for part in (corners, vertices, lengths))
+    phi = np.linspace(-np.pi, np.pi, samples)
+    R = np.moveaxis(np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]), -1, 0)
+    c = np.einsum("nij,kj->nki", R, b) - A
+    M = 2 * (c[:, 1:] - c[:, :1])
+    h = rho[1:] ** 2 - rho[0] ** 2 - np.sum(c[:, 1:] ** 2, axis=2) + np.sum(c[:, :1] ** 2, axis=2)
+    det = np.linalg.det(M)
+    P = np.stack([h[:, 0] * M[:, 1, 1] - h[:, 1] * M[:, 0, 1], h[:, 1] * M[:, 0, 0] - h[:, 0] * M[:, 1, 0]], axis=1)
+    f = np.sum((P + det[:, None] * c[:, 0]) ** 2, axis=1) - det**2 * rho[0] ** 2
+    return phi[:-1][np.sign(f[1:]) * np.sign(f[:-1]) < 0]
+
+
+@cache
+def arm(first=1.0, second=0.6):
+    """Return a planar arm of two links, bent in its reference."""
+    described = lw.robots.pendulum((first, second), (1.0, 1.0))
+    return lw.Robot(described.model_copy(update={"reference": {"hinge_1": 0.3, "hinge_2": 1.2}}))
+
+
+@cache
+def cart(mass=2.0, stiffness=50.0, damping=0.0):
+    """Return a mass on a slide with a spring."""
+    slide = lw.PrismaticJoint(
+        connects=("ground", "mass"), axis=ALONG_X, spring=lw.Spring(stiffness=stiffness, rest=0.1, damping=damping)
+    )
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"mass": lw.Body(mass=mass)},
+            joints={"slide": slide},
+            actuators=("slide",),
+            tools={"mass": lw.Tool(body="mass")},
+            gravity=(0.0, 0.0, 0.0),
+        )
+    )
+
+
+@cache
+def cables():
+    """Return a mass in the plane that three slides pull from corners, one of them more than it has freedoms."""
+    corners = ((0.0, 0.0), (2.0, 0.0), (1.0, 2.0))
+    joints, reference = {}, {}
+    for i, (x, y) in enumerate(corners, start=1):
+        along = np.array([1.0, 0.8]) - (x, y)
+        joints |= {
+            f"pivot_{i}": lw.RevoluteJoint(
+                connects=("ground", f"drum_{i}"), frames=(lw.Frame.planar(x, y), lw.Frame())
+            ),
+            f"cable_{i}": lw.PrismaticJoint(connects=(f"drum_{i}", f"cord_{i}"), axis=ALONG_X),
+            f"knot_{i}": lw.RevoluteJoint(connects=(f"cord_{i}", "mass")),
+        }
+        reference |= {f"pivot_{i}": float(np.arctan2(along[1], along[0])), f"cable_{i}": float(np.hypot(*along))}
+        reference |= {f"knot_{i}": -reference[f"pivot_{i}"]}
+    del joints["knot_1"]
+    joints["knot_1"] = lw.RevoluteJoint(connects=("cord_1", "mass"))
+    joints["level"] = lw.GearJoint(ratios={"pivot_1": 1.0, "knot_1": 1.0})
+    cord = lw.Body(mass=0.01, inertia=lw.Inertia(zz=1e-4))
+    return lw.Robot(
+        lw.Mechanism(
+            gravity=(0.0, -9.81, 0.0),
+            bodies=dict.fromkeys((f"{part}_{i}" for part in ("drum", "cord") for i in (1, 2, 3)), cord)
+            | {"mass": lw.Body(mass=5.0, inertia=lw.Inertia(zz=0.01))},
+            joints=joints,
+            actuators=("cable_1", "cable_2", "cable_3"),
+            tools={"mass": lw.Tool(body="mass")},
+            reference=reference,
+        )
+    )

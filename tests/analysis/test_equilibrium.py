@@ -1,0 +1,132 @@
+"""Static equilibrium and forces within bounds: closed forms, energy, an independent quadratic programme."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import linkwork as lw
+from linkwork.analysis import distributed_forces, equilibria, equilibrium
+
+from tests.analysis.mechanisms import arm, cables, cart
+from tests.catalogue import built
+
+G = 9.81
+
+
+def test_a_mass_on_a_spring_under_a_force():
+    found = equilibrium(cart(2.0, 50.0), [10.0])
+    assert found.state["slide"] == pytest.approx(0.1 + 10 / 50)
+    assert found.stable and found.residual < 1e-9
+    np.testing.assert_allclose(found.stiffness, [[50.0]])
+
+
+def test_a_pendulum_hangs_and_stands():
+    robot = built("pendulum")
+    hanging = equilibrium(robot)
+    assert np.sin(hanging.state["hinge_1"]) == pytest.approx(-1) and hanging.stable
+    upright = equilibrium(robot, guess=robot.state({"hinge_1": 1.4}), stable=False)
+    assert upright.state["hinge_1"] == pytest.approx(np.pi / 2) and not upright.stable
+    away = equilibrium(robot, guess=upright.state)
+    assert np.sin(away.state["hinge_1"]) == pytest.approx(-1)
+
+
+def test_a_motor_holds_the_pendulum_at_its_angle():
+    """m g l cos q = u."""
+    found = equilibrium(built("pendulum"), {"hinge_1": 5.0})
+    assert G * np.cos(found.state["hinge_1"]) == pytest.approx(5.0)
+    assert found.stable
+
+
+def test_two_links_have_four_equilibria_of_which_one_is_stable():
+    found = equilibria(arm(1.0, 0.6))
+    angles = {
+        tuple(np.round(np.sin([one.state["hinge_1"], one.state["hinge_1"] + one.state["hinge_2"]]), 6)) for one in found
+    }
+    assert angles == {(-1, -1), (-1, 1), (1, -1), (1, 1)}
+    assert [one.stable for one in found] == [True, False, False, False]
+
+
+def test_a_four_bar_rests_where_its_potential_energy_is_least_on_each_assembly_mode():
+    robot = lw.Robot(lw.robots.four_bar(gravity=(0.0, -9.81, 0.0)))
+    found = equilibrium(robot)
+    around = [
+        robot.assemble({"crank_pivot": float(found.state["crank_pivot"]) + d}, guess=found.state)
+        for d in (-0.01, 0, 0.01)
+    ]
+    energies = [float(robot.energy(state)[1]) for state in around]
+    assert min(energies) == energies[1]
+    assert robot.closure_error(found.state) < 1e-12
+    np.testing.assert_allclose(robot.forward_dynamics(found.state, [0.0]), 0, atol=1e-9)
+    assert sum(one.stable for one in equilibria(robot)) == 2
+
+
+def test_the_bricard_linkage_finds_its_rest_in_other_rates_than_its_motor_s():
+    """On the way down the motor's rate ceases to determine the motion."""
+    found = equilibrium(built("bricard"))
+    assert found.stable and found.residual < 1e-8
+    assert robot_energy(built("bricard"), found.state) < robot_energy(built("bricard"), built("bricard").home)
+
+
+def robot_energy(robot, state):
+    return float(robot.energy(state)[1])
+
+
+def test_the_forces_are_those_of_least_norm_within_their_bounds():
+    robot = cables()
+    S = robot.actuation(robot.home)
+    free = robot.inverse_dynamics(robot.home, np.zeros(2))
+    assert free.max() > 0 or free.min() < -1  # cables pull where their slides' forces are negative
+    bounds = (-np.inf, -2.0)
+    u = distributed_forces(robot, robot.home, np.zeros(2), lower=bounds[0], upper=bounds[1])
+    np.testing.assert_allclose(S.T @ u, S.T @ free, atol=1e-9)
+    assert (u <= -2.0).all()
+    programme = minimize(
+        lambda x: x @ x,
+        u - 1.0,
+        jac=lambda x: 2 * x,
+        bounds=[bounds] * 3,
+        constraints={"type": "eq", "fun": lambda x: S.T @ (x - free), "jac": lambda x: S.T},
+        method="SLSQP",
+        options={"ftol": 1e-14},
+    )
+    np.testing.assert_allclose(u, programme.x, atol=1e-5)
+
+
+def test_within_wide_bounds_they_are_those_of_the_robot():
+    robot = cables()
+    np.testing.assert_array_equal(
+        distributed_forces(robot, robot.home, np.zeros(2), lower=-1e3, upper=1e3),
+        robot.inverse_dynamics(robot.home, np.zeros(2)),
+    )
+    weighted = distributed_forces(robot, robot.home, np.zeros(2), upper=-2.0, weights=[1.0, 1.0, 100.0])
+    plain = distributed_forces(robot, robot.home, np.zeros(2), upper=-2.0)
+    assert abs(weighted[2]) <= abs(plain[2]) + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("ask", "told"),
+    [
+        (
+            lambda: distributed_forces(cables(), cables().home, [0, 0], lower=-20.0, upper=-10.0),
+            "no forces within the bounds",
+        ),
+        (
+            lambda: distributed_forces(cables(), cables().home, [0, 0], lower=1.0, upper=0.0),
+            "the lower one is not below",
+        ),
+        (
+            lambda: distributed_forces(cables(), cables().home, [0, 0], lower=[1.0, 2.0]),
+            "one number, or one per actuator",
+        ),
+        (lambda: distributed_forces(cables(), cables().home, [0, 0], upper={"cable_1": 1.0}), "lack cable_2, cable_3"),
+        (lambda: distributed_forces(built("five_bar"), built("five_bar").home, [1e3, 0], upper=1e-3), "needs"),
+        (lambda: equilibrium(arm(), guess=arm().state({"hinge_1": [0, 1], "hinge_2": [0, 1]})), "not a stack"),
+        (lambda: equilibrium(built("pendulum"), [20.0]), "no stable equilibrium is found"),
+        (lambda: equilibrium(built("pendulum"), {"x": 1.0}), "there is no actuator 'x'"),
+        (lambda: equilibria(built("pendulum"), [1.0, 2.0]), "1 numbers"),
+    ],
+)
+def test_refusals(ask, told):
+    with pytest.raises(lw.LinkworkError, match=told) as refusal:
+        ask()
+    assert "\n" not in str(refusal.value)

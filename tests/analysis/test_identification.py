@@ -1,0 +1,195 @@
+"""Identification: the number of base parameters, known values recovered from noisy runs, better motions for it."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.analysis import base_parameters, exciting_trajectory, identify, periodic
+
+from tests.analysis.mechanisms import arm, cart
+from tests.catalogue import built
+
+FRICTION = (
+    "hinge_1.friction.viscous",
+    "hinge_1.friction.coulomb",
+    "hinge_2.friction.viscous",
+    "hinge_2.friction.coulomb",
+)
+
+
+def rubbing(**damping):
+    """Return the arm with friction in its hinges and bodies of size."""
+    described = lw.robots.pendulum((0.5, 0.4), (3.0, 2.0))
+    friction = {"hinge_1": lw.Friction(viscous=0.8, coulomb=1.5), "hinge_2": lw.Friction(viscous=0.4, coulomb=0.6)}
+    joints = {name: joint.model_copy(update={"friction": friction[name]}) for name, joint in described.joints.items()}
+    bodies = {
+        "rod_1": lw.Body(mass=3.0, centre_of_mass=(0.2, 0.01, 0), inertia=lw.Inertia(zz=0.07)),
+        "rod_2": lw.Body(mass=2.0, centre_of_mass=(0.15, -0.02, 0), inertia=lw.Inertia(zz=0.03)),
+    }
+    changes = {"joints": joints, "bodies": bodies, "reference": {"hinge_1": 0.2, "hinge_2": 0.5}}
+    return lw.Robot(described.model_copy(update=changes))
+
+
+def test_a_planar_arm_under_gravity_has_six_base_parameters():
+    """Khalil & Dombre: I_1 + m_2 l^2, m_1 c_1x + m_2 l, m_1 c_1y; I_2, m_2 c_2x, m_2 c_2y."""
+    base = base_parameters(arm(1.0, 0.6))
+    assert len(base) == 6
+    names, row = base.regressor.names, dict(zip(base.names, base.combination, strict=True))
+    assert "rod_1.first_moment.x + rod_2.mass" in row
+    inertia = row["rod_1.inertia_at_origin.zz + rod_2.mass"]
+    assert inertia[names.index("rod_2.mass")] == pytest.approx(1.0)
+    assert {
+        "rod_1.first_moment.y",
+        "rod_2.first_moment.x",
+        "rod_2.first_moment.y",
+        "rod_2.inertia_at_origin.zz",
+    } <= set(row)
+
+
+def test_six_joints_with_a_spherical_wrist_have_thirty_six():
+    """Khalil & Dombre 2002, sec. 9.4: 40 of the Staubli RX-90, of the same build, four of them rotors."""
+    assert len(base_parameters(built("puma560"))) == 36
+
+
+def test_the_link_s_length_is_in_the_combinations():
+    names = base_parameters(arm(0.5, 0.6)).names
+    assert "rod_1.first_moment.x + 0.5 rod_2.mass" in names
+    assert "rod_1.inertia_at_origin.zz + 0.25 rod_2.mass" in names
+
+
+@pytest.mark.parametrize("name", ["prr3", "five_bar", "four_bar"])
+def test_base_parameters_give_the_forces_of_all_motions(name):
+    robot, random = built(name), np.random.default_rng(11)
+    base = base_parameters(robot)
+    state = robot.home.with_rates(random.standard_normal(robot.mobility))
+    dv = random.standard_normal(robot.mobility)
+    Y, known = base.regressor.with_known(state, dv)
+    forces = robot.mass_matrix(state) @ dv + robot.coriolis(state) + robot.gravity(state) - robot.passive_forces(state)
+    np.testing.assert_allclose(
+        Y[:, base.columns] @ base.described + known, forces, atol=1e-9 * max(1, np.abs(forces).max())
+    )
+    assert len(base) < np.linalg.matrix_rank(base.regressor.described[None]) + len(base.regressor.names)
+
+
+def test_masses_and_friction_are_recovered_exactly_from_an_exact_run():
+    robot = rubbing()
+    time = np.linspace(0, 2, 400)
+    push = lw.Sampled(time, np.stack([12 * np.sin(5 * time) + 8, 5 * np.cos(7 * time)], axis=1))
+    run = robot.simulate(robot.home, push, duration=2.0, save_at=np.linspace(0.01, 1.99, 150))
+    found = identify(robot, run, FRICTION)
+    np.testing.assert_allclose(found.values, found.described, rtol=1e-6, atol=1e-7)
+    assert found.residual.max() < 1e-7
+    assert dict(zip(found.names, found.values, strict=True))["hinge_1.friction.coulomb"] == pytest.approx(1.5)
+
+
+def test_a_wrong_description_does_not_matter():
+    """What is identified is what was measured, not what was described."""
+    truth, robot = rubbing(), arm(0.5, 0.4)
+    time = np.linspace(0, 2, 400)
+    push = lw.Sampled(time, np.stack([12 * np.sin(5 * time) + 8, 5 * np.cos(7 * time)], axis=1))
+    run = truth.simulate(truth.home, push, duration=2.0, save_at=np.linspace(0.01, 1.99, 150))
+    found, right = identify(robot, run, FRICTION), identify(truth, run, FRICTION)
+    np.testing.assert_allclose(found.values, right.described, rtol=1e-6, atol=1e-7)
+
+
+@pytest.fixture(scope="module")
+def excited():
+    """Return the 3-PRR with rubbing slides, and an exciting motion of it."""
+    described = lw.robots.prr3(gravity=(0.0, -9.81, 0.0))
+    friction = lw.Friction(viscous=2.0, coulomb=1.0)
+    joints = {
+        name: joint.model_copy(update={"friction": friction}) if name.startswith("slide") else joint
+        for name, joint in described.joints.items()
+    }
+    robot = lw.Robot(described.model_copy(update={"joints": joints}))
+    ranges = {name: (robot.home[name] - 0.08, robot.home[name] + 0.08) for name in robot.actuators}
+    options = {"period": 2.0, "ranges": ranges, "rates": 1.0, "accelerations": 10.0, "effects": effects(robot)}
+    return robot, options, exciting_trajectory(robot, trials=60, **options)
+
+
+def effects(robot):
+    return [f"{name}.friction.{kind}" for name in robot.actuators for kind in ("viscous", "coulomb")]
+
+
+def test_known_parameters_are_recovered_from_noisy_measurements_within_their_deviations(excited):
+    """Of nine trials with other noise each, errors over deviations have the mean square 1."""
+    robot, _, motion = excited
+    random, time = np.random.default_rng(4), np.arange(1000) * 4e-3
+    q, v, dv = motion.sample(time)
+    exact = periodic(robot, time, q, np.zeros_like(q), period=2.0, harmonics=3)
+    forces = robot.inverse_dynamics(exact.states, dv)
+    np.testing.assert_allclose(exact.accelerations, dv, atol=1e-8)
+    np.testing.assert_allclose(exact.states.rates, v, atol=1e-9)
+    squares = []
+    for _ in range(9):
+        noise = [size * random.standard_normal(q.shape) for size in (1e-6, 0.1)]
+        noisy = periodic(robot, time, q + noise[0], forces + noise[1], period=2.0, harmonics=3)
+        found = identify(robot, noisy, effects(robot))
+        squares.append(np.mean(((found.values - found.described) / found.deviations) ** 2))
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.35)
+    np.testing.assert_allclose(found.residual, 0.1, rtol=0.1)
+    named = dict(zip(found.names, found.values, strict=True))
+    assert named["slide_1.friction.viscous"] == pytest.approx(2.0, rel=0.2)
+    foretold = found.forces(exact.states, exact.accelerations)
+    assert np.abs(foretold - forces).max() < 0.2
+
+
+def test_excitation_keeps_its_bounds_and_beats_chance(excited):
+    robot, options, motion = excited
+    q, v, dv = motion.sample(np.linspace(0, 2, 2001))
+    lower, upper = np.array([options["ranges"][name] for name in robot.actuators]).T
+    assert (q >= lower - 2e-3).all() and (q <= upper + 2e-3).all()
+    assert np.abs(v).max() <= 1.02 and np.abs(dv).max() <= 10.4
+    assert motion.condition < 0.8 * exciting_trajectory(robot, trials=6, seed=3, **options).condition
+    whole = motion.motion(robot, samples=11)
+    np.testing.assert_allclose(whole.positions[:, :3], motion.sample(whole.time)[0], atol=1e-9)
+    assert np.max(robot.closure_error(whole.state)) < 1e-12
+
+
+def test_rates_of_sampled_motions_are_derivatives():
+    motion = lw.analysis.Excitation(("a",), 2.0, np.array([[0.1], [0.2], [0.3], [0.4], [0.5]]), 1.0)
+    t, h = np.array([0.3, 0.9]), 1e-5
+    for order in (0, 1):
+        slope = (motion.sample(t + h)[order] - motion.sample(t - h)[order]) / (2 * h)
+        np.testing.assert_allclose(motion.sample(t)[order + 1], slope, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("ask", "told"),
+    [
+        (lambda: base_parameters(arm(), ["hinge_1.friction.sticky"]), "there is no effect"),
+        (lambda: base_parameters(arm(), "hinge_1"), "a list of names"),
+        (lambda: identify(rubbing(), resting(rubbing(), 2)), "measure more samples"),
+        (lambda: identify(rubbing(), resting(rubbing(), 50)), "a richer one"),
+        (lambda: periodic(arm(), [0, 1], [[0, 0]], [[0, 0]], period=1.0, harmonics=1), "have the shapes"),
+        (
+            lambda: periodic(arm(), np.arange(3), np.zeros((3, 2)), np.zeros((3, 2)), period=1.0, harmonics=2),
+            "harmonics is 2",
+        ),
+        (lambda: excite({"slide": (0, 1), "x": (0, 1)}), "there is no actuator 'x'"),
+        (lambda: excite({}), "lack slide"),
+        (lambda: excite({"slide": (1, 0)}), "lower < upper"),
+        (lambda: excite({"slide": (0, 1)}, harmonics=0), "whole numbers above zero"),
+        (lambda: excite({"slide": (0, 1)}, rates=-1.0), "one positive number per actuator"),
+        (lambda: far(), "stays in the workspace"),
+    ],
+)
+def test_refusals(ask, told):
+    with pytest.raises(lw.LinkworkError, match=told) as refusal:
+        ask()
+    assert "\n" not in str(refusal.value)
+
+
+def resting(robot, count):
+    states = robot.state({"hinge_1": np.full(count, 0.2), "hinge_2": np.full(count, 0.5)})
+    return lw.analysis.Measured(states, np.zeros((count, 2)), np.zeros((count, 2)))
+
+
+def excite(ranges, rates=1.0, **options):
+    return exciting_trajectory(cart(), period=1.0, ranges=ranges, rates=rates, accelerations=1.0, **options)
+
+
+def far():
+    robot = built("five_bar")
+    ranges = {"motor_1": (-3.0, 3.0), "motor_2": (3.0, 9.0)}
+    return exciting_trajectory(robot, period=1.0, ranges=ranges, rates=1e3, accelerations=1e4, trials=5)

@@ -1,0 +1,193 @@
+"""Workspaces: areas and edges by geometry, branches kept, isotropic velocity and force by brute force."""
+
+import sys
+
+import numpy as np
+import pytest
+import xarray
+
+import linkwork as lw
+from linkwork.analysis import content, inscribed, jacobians, loci, workspace
+
+from tests.analysis.mechanisms import arm, cart
+from tests.catalogue import built
+
+BASE, PROXIMAL, DISTAL = 0.3, 0.25, 0.35  # of the five-bar
+
+
+def plane(n, low, high, **constant):
+    return {"x": np.linspace(low[0], high[0], n), "y": np.linspace(low[1], high[1], n), **constant}
+
+
+def test_a_planar_arm_reaches_a_ring():
+    mapped = workspace(arm(1.0, 0.6), plane(201, (-1.7, -1.7), (1.7, 1.7)))
+    x, y = np.meshgrid(mapped.x, mapped.y, indexing="ij")
+    radius = np.hypot(x, y)
+    inside = (radius > 0.4) & (radius < 1.6)
+    np.testing.assert_array_equal(
+        mapped.reachable.values[np.abs(radius - 0.4) > 1e-6], inside[np.abs(radius - 0.4) > 1e-6]
+    )
+    assert content(mapped) == pytest.approx(np.pi * (1.6**2 - 0.4**2), rel=0.01)
+    centre, r = inscribed(mapped)
+    assert r == pytest.approx(0.6, abs=0.04)
+    assert np.hypot(centre["x"], centre["y"]) == pytest.approx(1.0, abs=0.04)
+    assert mapped.attrs["message"] == f"{int(inside.sum())} of 40401 poses are reached"
+
+
+def test_the_arm_s_conditioning_and_elbow_in_closed_form():
+    """l = 1 m as the tool only shifts; J = [[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]], elbow by the cosine law."""
+    mapped = workspace(arm(1.0, 0.6), plane(23, (-1.5, -1.5), (1.5, 1.5)))
+    for x, y in ((0.9, 0.4), (-0.7, 0.6), (0.3, -1.1)):
+        cell = mapped.sel(x=x, y=y, method="nearest")
+        x, y = float(cell.x), float(cell.y)
+        bend = np.arccos((x**2 + y**2 - 1.36) / 1.2)
+        first = np.arctan2(y, x) - np.arctan2(0.6 * np.sin(bend), 1 + 0.6 * np.cos(bend))
+        turn = cell.actuator_position.values - [first, bend]
+        np.testing.assert_allclose(np.sin(turn / 2), 0, atol=1e-9)
+        s, c = np.sin([first, first + bend]), np.cos([first, first + bend])
+        J = np.array([[-s[0] - 0.6 * s[1], -0.6 * s[1]], [c[0] + 0.6 * c[1], 0.6 * c[1]]])
+        assert float(cell.conditioning) == pytest.approx(1 / np.linalg.cond(J), rel=1e-9)
+
+
+def test_the_five_bar_reaches_what_both_legs_reach_on_every_working_mode():
+    robot = built("five_bar")
+    x, y = np.meshgrid(np.linspace(-0.5, 0.8, 131), np.linspace(-0.7, 0.7, 141), indexing="ij")
+    legs = [np.hypot(x - foot, y) for foot in (0.0, BASE)]
+    expected = np.all([(d < PROXIMAL + DISTAL) & (d > DISTAL - PROXIMAL) for d in legs], axis=0)
+    edge = np.any([np.abs(d - bound) < 1e-6 for d in legs for bound in (PROXIMAL + DISTAL, DISTAL - PROXIMAL)], axis=0)
+    for guess in lw.analysis.working_modes(robot).states.positions:
+        mapped = workspace(robot, {"x": x[:, 0], "y": y[0]}, guess=robot.state(guess))
+        np.testing.assert_array_equal(mapped.reachable.values | edge, expected | edge)
+
+
+def test_the_3_prr_at_constant_orientation_reaches_a_triangle():
+    """Each vertex stays within l1 of its slide's line: three half planes, for the distances add up to a constant > 2 l1."""
+    angle, l1, l2 = 0.5, 0.3, 0.15
+    mapped = workspace(built("prr3"), plane(241, (0.32, 0.12), (0.68, 0.48), angle=angle))
+    x, y = np.meshgrid(mapped.x, mapped.y, indexing="ij")
+    heights = []
+    for i, corner in enumerate(((0, 0), (1, 0), (0.5, np.sqrt(3) / 2))):
+        a = i * 2 * np.pi / 3
+        vx, vy = x - l2 * np.cos(angle + a) - corner[0], y - l2 * np.sin(angle + a) - corner[1]
+        heights.append(np.cos(a) * vy - np.sin(a) * vx)
+    np.testing.assert_array_equal(mapped.reachable, np.max(np.abs(heights), axis=0) < l1)
+    inradius = l1 - (np.sqrt(3) / 2 - 3 * l2 * np.sin(angle)) / 3
+    assert inscribed(mapped)[1] == pytest.approx(inradius, abs=0.003)
+    assert content(mapped) == pytest.approx(3 * np.sqrt(3) * inradius**2, rel=0.02)
+
+
+def test_neighbours_lead_where_newton_s_method_does_not_get_from_afar(monkeypatch):
+    grid = plane(61, (-0.31, -0.61), (0.62, 0.6))
+    expected = workspace(built("five_bar"), grid)
+    monkeypatch.setattr(sys.modules[workspace.__module__], "FAR", 4)
+    xarray.testing.assert_allclose(workspace(built("five_bar"), grid), expected, rtol=1e-6, atol=1e-7)
+
+
+def test_reachable_at_some_angle_and_at_all():
+    mapped = workspace(built("prr3"), plane(41, (0.3, 0.1), (0.7, 0.5), angle=np.linspace(0.2, 0.8, 7)))
+    assert mapped.reachable.dims == ("x", "y", "angle")
+    some, every = mapped.reachable.any("angle"), mapped.reachable.all("angle")
+    assert 0 < every.sum() < mapped.reachable.sel(angle=0.5, method="nearest").sum() < some.sum()
+
+
+def test_joint_limits_cut_the_workspace():
+    free = workspace(arm(), plane(61, (-1.7, -1.7), (1.7, 1.7)))
+    held = workspace(arm(), plane(61, (-1.7, -1.7), (1.7, 1.7)), limits={"hinge_1": (-0.5, 0.5)})
+    first = (free.actuator_position.sel(actuator="hinge_1") + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_array_equal(held.reachable, free.reachable & (np.abs(first) <= 0.5))
+    assert np.isnan(held.conditioning.values[~held.reachable.values]).all()
+
+
+def test_isotropic_velocity_and_force_are_what_the_worst_direction_allows():
+    robot = built("prr3")
+    rates, forces = np.array([0.5, 1.0, 2.0]), np.array([10.0, 20.0, 5.0])
+    mapped = workspace(robot, {"x": [0.5], "y": 0.3, "angle": 0.5}, rates=rates, forces=forces).isel(x=0)
+    K, J, *_ = jacobians(robot)(robot.assemble(tool=[0.5, 0.3, 0.5]).q)
+    around = np.linspace(0, 2 * np.pi, 100001)
+    shift = np.stack([np.cos(around), np.sin(around), 0 * around])
+    assert float(mapped.isotropic_velocity) == pytest.approx(1 / np.max(np.abs(K @ shift) / rates[:, None]), rel=1e-6)
+    assert float(mapped.isotropic_force) == pytest.approx(1 / np.max(np.abs(J.T @ shift) / forces[:, None]), rel=1e-6)
+    assert float(mapped.isotropic_turn_rate) == pytest.approx(1 / np.max(np.abs(K[:, 2]) / rates), rel=1e-12)
+    assert float(mapped.isotropic_moment) == pytest.approx(1 / np.max(np.abs(J[2]) / forces), rel=1e-12)
+
+
+def test_forces_from_virtual_work_are_inverse_dynamics_of_a_massless_load():
+    """u = J' f: the actuator forces that a weight on the tool needs beyond those without it, at rest."""
+    light, heavy = (lw.Robot(lw.robots.prr3(gravity=(0.0, -9.81, 0.0), platform_mass=mass)) for mass in (1.0, 2.0))
+    state = light.assemble(tool=[0.5, 0.3, 0.5])
+    added = heavy.inverse_dynamics(heavy.assemble(tool=[0.5, 0.3, 0.5]), np.zeros(3)) - light.inverse_dynamics(
+        state, np.zeros(3)
+    )
+    _, J, *_ = jacobians(light)(state.q)
+    np.testing.assert_allclose(added, J.T @ [0, 9.81, 0], rtol=1e-9)
+
+
+def test_spatial_robots_map_volumes():
+    grid = {
+        "x": np.linspace(-1, 1, 9),
+        "y": np.linspace(-1, 1, 9),
+        "z": np.linspace(1, 3, 9),
+        "rx": 0.0,
+        "ry": 0.0,
+        "rz": 0.0,
+    }
+    robot = built("stewart")
+    limits = {f"leg_{i}": (2.5, 3.5) for i in range(1, 7)}
+    mapped = workspace(robot, grid, limits=limits)
+    feet, tips = (np.array(points) for points in (lw.robots.stewart.__defaults__[0], lw.robots.stewart.__defaults__[1]))
+    pose = np.stack(np.meshgrid(*(grid[name] for name in "xyz"), indexing="ij"), axis=-1)
+    lengths = np.linalg.norm(pose[..., None, :] + tips - feet, axis=-1)
+    np.testing.assert_array_equal(mapped.reachable, ((lengths >= 2.5) & (lengths <= 3.5)).all(axis=-1))
+    assert mapped.attrs["characteristic_length"] > 0
+    assert inscribed(mapped)[1] > 0.2
+
+
+def test_the_edge_is_the_ring():
+    mapped = workspace(arm(), plane(201, (-1.7, -1.7), (1.7, 1.7)))
+    radii = np.concatenate([np.hypot(*line.T) for line in loci(mapped, "reachable", 0.5)])
+    assert np.minimum(np.abs(radii - 0.4), np.abs(radii - 1.6)).max() < 0.02
+
+
+def test_a_grid_without_a_reachable_pose_gives_an_empty_result_and_says_so(tmp_path):
+    mapped = workspace(arm(), {"x": [5.0, 6.0], "y": [5.0, 6.0, 7.0]}, rates=1.0, forces=1.0)
+    assert not mapped.reachable.any()
+    assert mapped.conditioning.isnull().all() and mapped.isotropic_force.isnull().all()
+    assert mapped.attrs["message"].startswith("none of 6 poses is reached on this working mode (x from 5 to 6")
+    assert inscribed(mapped)[1] == 0 and content(mapped) == 0
+    mapped.to_netcdf(tmp_path / "map.nc", engine="scipy")
+
+
+def test_one_pose_and_one_axis():
+    one = workspace(arm(), {"x": 1.0, "y": 0.2})
+    assert bool(one.reachable) and one.reachable.dims == ()
+    assert workspace(cart(), {"x": [0.0, 1.0]}).conditioning.values == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("grid", "options", "told"),
+    [
+        ({"x": [0, 1]}, {}, "x: 1 coordinates are given, but the mobility is 2"),
+        ({"x": [0, 1], "q": 0}, {}, "no coordinate of the tool 'q'"),
+        ([0, 1], {}, "by name"),
+        ({"x": [0, 0, 1], "y": 0}, {}, "the grid's x is no sequence"),
+        ({"x": [], "y": 0}, {}, "the grid's x is no sequence"),
+        ({"x": [0, np.nan], "y": 0}, {}, "finite"),
+        ({"x": [0, 1], "y": 0}, {"limits": {"hinge_9": (0, 1)}}, "there is no joint 'hinge_9'"),
+        ({"x": [0, 1], "y": 0}, {"limits": {"hinge_1": (1, 0)}}, "larger upper bound"),
+        ({"x": [0, 1], "y": 0}, {"rates": [1.0]}, "2 numbers"),
+        ({"x": [0, 1], "y": 0}, {"forces": -1.0}, "one positive number per actuator"),
+        ({"x": [0, 1], "y": 0}, {"length": 0.0}, "characteristic length"),
+        ({"x": [0, 1], "y": 0}, {"guess": arm().state({"hinge_1": 0, "hinge_2": 0})}, "leg-singular"),
+        ({"x": [0, 1], "y": 0}, {"guess": arm().state({"hinge_1": [0, 1], "hinge_2": [1, 1]})}, "a stack of states"),
+    ],
+)
+def test_refusals(grid, options, told):
+    with pytest.raises(lw.LinkworkError, match=told) as refusal:
+        workspace(arm(), grid, **options)
+    assert "\n" not in str(refusal.value)
+
+
+def test_circles_lie_in_lengths_equally_spaced():
+    mapped = workspace(built("prr3"), {"x": [0.45, 0.5, 0.6], "y": 0.3, "angle": [0.4, 0.5]})
+    with pytest.raises(lw.LinkworkError, match="equally spaced lengths"):
+        inscribed(mapped)
