@@ -3,14 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+BROWSER := $(VENV)/.browser
 UV_VERSION := 0.13.8
 
-.PHONY: demo test bench lock clean
+.PHONY: demo test bench docs lock clean
 
 demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 	$(BIN)/linkwork reproduce --out demo
 
-test: $(READY)  ## lint, types, all tests
+test: $(READY) $(BROWSER)  ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
@@ -18,6 +19,9 @@ test: $(READY)  ## lint, types, all tests
 
 bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into benchmarks/results
 	$(BIN)/python -m benchmarks
+
+docs: $(READY)  ## the documentation as a site, in ./site; nothing is loaded from a network, neither now nor when it is read
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 lock:  ## resolve the dependencies anew; the lock names no registry, so it works with any index or mirror
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --generate-hashes \
@@ -30,5 +34,10 @@ $(READY): requirements.lock pyproject.toml
 	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+$(BROWSER): $(READY)  # a Chromium for the viewer's tests, where none is installed; without one they are skipped and say so
+	command -v chromium || command -v chromium-browser || command -v google-chrome || command -v google-chrome-stable || \
+	    $(BIN)/playwright install chromium || echo "no Chromium: the viewer's tests in the browser will be skipped"
+	touch $@
+
 clean:
-	rm -rf $(VENV) demo .pytest_cache .ruff_cache
+	rm -rf $(VENV) demo site .pytest_cache .ruff_cache
