@@ -1,0 +1,35 @@
+"""The viewer from the command line: a robot of the catalogue, a mechanism file, or a saved run."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+from linkwork.cli.catalogue import find
+from linkwork.cli.runs import SUFFIX, robot_of
+from linkwork.cli.terminal import console, patience
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot
+from linkwork.simulation import Run
+
+LOCAL = ("127.0.0.1", "::1", "localhost")
+
+
+def view(name: str, of: str | None, host: str, port: int | None, browser: bool) -> None:
+    """Serve a robot, or a run of one, until interrupted."""
+    run = Run.load(name) if Path(name).suffix.lower() == SUFFIX else None
+    if run is None and of is not None:
+        raise LinkworkError(f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})")
+    with patience("preparing the robot"):
+        from linkwork.views.viewer import Viewer
+
+        robot = Robot(find(name)) if run is None else robot_of(run, name, of)
+        viewer = Viewer(robot, run, host=host, port=port)
+    with viewer:
+        out = console()
+        out.print(f"{robot.mechanism.name}: {viewer.url} (Ctrl-C ends it)", soft_wrap=True)
+        if host not in LOCAL:
+            out.print("everyone who reaches this address can see and move the robot", soft_wrap=True)
+        if browser:
+            webbrowser.open(viewer.url)
+        viewer.wait()

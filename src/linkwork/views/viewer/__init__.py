@@ -1,0 +1,9 @@
+"""The viewer in the browser: the platform is dragged while the loops stay closed, runs are played, forces are shown.
+
+`session` is what happens, without a browser; `stage` and `panels` show it by viser, the optional extra `viewer`.
+"""
+
+from linkwork.views.viewer.session import Session, View
+from linkwork.views.viewer.viewer import Viewer
+
+__all__ = ["Session", "View", "Viewer"]

@@ -1,0 +1,255 @@
+"""The controls beside the scene: what is wrong, joints and branches, the run with its curves, a simulation, what is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from html import escape
+from time import monotonic
+from typing import Any, Protocol
+
+import numpy as np
+import viser
+from viser import uplot
+
+from linkwork.simulation import Run
+from linkwork.views.style import COLOURS, INK
+from linkwork.views.viewer.conditioning import colour
+from linkwork.views.viewer.player import SPEEDS
+from linkwork.views.viewer.session import KINDS, Session, View
+from linkwork.views.viewer.simulating import CONTROLLERS
+from linkwork.views.viewer.traces import Traces, quantities, traces
+
+STEPS = 1000  # of a slider
+UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]
+NONE = "none"
+
+
+class Desk(Protocol):
+    """Carry out wishes; `post` hands one to the thread that owns the session."""
+
+    session: Session
+
+    def post(self, wish: Callable[[], None], about: object = None) -> None: ...
+    def find_branches(self, same: str) -> None: ...
+    def show_branch(self, index: int) -> None: ...
+    def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None: ...
+
+
+class Panels:
+    """Hold the controls of a server for a session; refreshed by what is to be seen."""
+
+    def __init__(self, server: viser.ViserServer, desk: Desk):
+        self.gui, self.desk, self.session = server.gui, desk, desk.session
+        self.touched: dict[str, float] = {}
+        self.traces: Traces | None = None
+        self.plot: viser.GuiUplotHandle | None = None
+        self.facts = self.gui.add_html("")
+        tabs = self.gui.add_tab_group()
+        with tabs.add_tab("Pose"):
+            self._add_pose()
+        with tabs.add_tab("Run") as self.run_tab:
+            self._add_run()
+        with tabs.add_tab("Simulate"):
+            self._add_simulation()
+        with tabs.add_tab("Show"):
+            self._add_choices()
+        self.show_run(None)
+
+    # Pose
+
+    def _add_pose(self) -> None:
+        self.sliders = {name: self._add_slider(name, *ends) for name, ends in self.session.sliders.items()}
+        home = self.gui.add_button("Reference pose")
+        home.on_click(lambda _: self._post(lambda: self.session.show(self.session.robot.home)))
+        self.branches = self._add_dropdown("Branch", ("1 of 1",), "Other ways to assemble the robot")
+        self.branches.on_update(self._by_hand(lambda: self.desk.show_branch(self._index())))
+        for what, same in (("Assembly modes", "actuators"), ("Working modes", "tool")):
+            hint = f"Find all configurations with the {same} where {'they are' if same == 'actuators' else 'it is'}"
+            button = self.gui.add_button(what, hint=hint)
+            button.on_click(lambda _, same=same: self.desk.find_branches(same))
+
+    def _add_slider(self, name: str, low: float, high: float) -> viser.GuiSliderHandle:
+        here = float(self.session.robot.home[name])
+        label = f"{name} [{self.session.robot.unit(name)}]"
+        step = fine_step(high - low)
+        slider = self.gui.add_slider(label, low, high, step, here)
+
+        def wished() -> None:
+            self.touched[name] = monotonic()
+            value = float(slider.value)
+            self.desk.post(lambda: self.session.slide(name, value), ("slide", name))
+
+        slider.on_update(self._by_hand(wished))
+        return slider
+
+    def _index(self) -> int:
+        return int(str(self.branches.value).partition(" ")[0]) - 1
+
+    def show_branches(self, count: int, index: int) -> None:
+        """Offer some branches, the one at an index shown."""
+        self.branches.options = tuple(f"{k + 1} of {count}" for k in range(max(count, 1)))
+        self.branches.value = self.branches.options[index]
+
+    # Run
+
+    def _add_run(self) -> None:
+        self.no_run = self.gui.add_html("<p style='margin:0.5em 1em'>There is no run yet: simulate one.</p>")
+        self.play = self.gui.add_button("Play")
+        self.play.on_click(lambda _: self._post(self.session.play))
+        self.clock = self.gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0)
+        self.clock.on_update(self._by_hand(self._scrubbed))
+        self.speed = self.gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+        self.speed.on_update(self._by_hand(lambda: self._post(self._set_speed)))
+        self.loop = self.gui.add_checkbox("Loop", False)
+        self.loop.on_update(self._by_hand(lambda: self._post(self._set_loop)))
+        self.quantity = self._add_dropdown("Curves", (NONE,), "What is drawn over time")
+        self.quantity.on_update(self._by_hand(lambda: self._post(self.show_curves)))
+
+    def _scrubbed(self) -> None:
+        self.touched["time"] = monotonic()
+        time = float(self.clock.value)
+        self.desk.post(lambda: self.session.seek(time), "seek")
+
+    def _set_speed(self) -> None:
+        self.session.player = self.session.player.at_speed(str(self.speed.value))
+
+    def _set_loop(self) -> None:
+        self.session.player = replace(self.session.player, looping=bool(self.loop.value))
+
+    def show_run(self, run: Run | None) -> None:
+        """Offer a run's controls and curves; none where there is no run or it has no samples."""
+        playable = self.session.playable
+        self.no_run.visible = not playable
+        for control in (self.play, self.clock, self.speed, self.loop, self.quantity):
+            control.visible = playable
+        if run is None or not playable:
+            return
+        player = self.session.player
+        span = max(player.end - player.start, 1e-9)
+        self.clock.min, self.clock.max, self.clock.step = player.start, player.start + span, fine_step(span)
+        self.clock.value = player.time
+        self._set_speed()
+        self._set_loop()
+        names = quantities(run)
+        self.quantity.options = (*names, NONE)
+        self.quantity.value = "joint_position" if "joint_position" in names else NONE
+        self.show_curves()
+
+    def show_curves(self) -> None:
+        """Draw the chosen quantity of the run."""
+        if self.plot is not None:
+            self.plot.remove()
+            self.plot = None
+        replay, name = self.session.replay, str(self.quantity.value)
+        if replay is None or replay.empty or name == NONE:
+            return
+        self.traces = found = traces(replay.run, name, tuple(self.sliders))
+        curves = [
+            uplot.Series(label=label, stroke=COLOURS[k % len(COLOURS)], width=2, points=uplot.Series_Points(show=False))
+            for k, label in enumerate(found.labels)
+        ]
+        mark = uplot.Series(label="now", stroke=INK, width=1, points=uplot.Series_Points(show=False))
+        low, high = found.range
+        with self.run_tab:
+            self.plot = self.gui.add_uplot(
+                found.at(self.session.player.time),
+                (uplot.Series(label="time [s]"), *curves, mark),
+                title=f"{name.replace('_', ' ')} [{found.unit}]",
+                scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=(low, high))},
+                aspect=1.4,
+            )
+
+    # Simulation
+
+    def _add_simulation(self) -> None:
+        self.controller = self.gui.add_dropdown("Drive", tuple(CONTROLLERS), hint="What drives the actuators")
+        robot = self.session.robot
+        self.forces = {
+            name: self.gui.add_number(f"{name} [{'N' if robot.unit(name) == 'm' else 'N m'}]", 0.0)
+            for name in robot.actuators
+        }
+        self.duration = self.gui.add_number("Duration [s]", 2.0, min=0.01, max=1000.0)
+        self.start = self.gui.add_button("Simulate from here")
+        self.start.on_click(lambda _: self._simulate())
+
+    def _simulate(self) -> None:
+        forces = {name: float(number.value) for name, number in self.forces.items()}
+        self.desk.simulate(str(self.controller.value), forces, float(self.duration.value))
+
+    def _add_dropdown(self, label: str, options: tuple[str, ...], hint: str) -> viser.GuiDropdownHandle[str]:
+        return self.gui.add_dropdown(label, options, hint=hint)
+
+    # What is shown
+
+    def _add_choices(self) -> None:
+        self.kinds = {kind: self.gui.add_checkbox(kind.capitalize(), False) for kind in KINDS}
+        for box in self.kinds.values():
+            box.on_update(self._by_hand(lambda: self._post(self._choose)))
+        self.coloured = self.gui.add_checkbox(
+            "Conditioning as colour", True, hint="Blue: well conditioned; yellow; vermilion: nearly singular"
+        )
+        self.coloured.on_update(self._by_hand(lambda: self._post(lambda: None)))
+
+    def _choose(self) -> None:
+        self.session.shown = frozenset(kind for kind, box in self.kinds.items() if box.value)
+
+    # What changes
+
+    def refresh(self, view: View, *, texts: bool) -> None:
+        """Show where joints and the run stand; `texts`: also what is written and drawn beside the scene."""
+        if not texts:
+            return
+        now = monotonic()
+        for name, slider in self.sliders.items():
+            if now - self.touched.get(name, -1.0) > UNTOUCHED:
+                slider.value = float(np.clip(view.coordinates[name], slider.min, slider.max))
+        if view.time is not None and now - self.touched.get("time", -1.0) > UNTOUCHED:
+            self.clock.value = float(np.clip(view.time, self.clock.min, self.clock.max))
+        self.play.label = "Pause" if self.session.player.playing else "Play"
+        self.facts.content = facts(self.session, view)
+        if self.plot is not None and self.traces is not None:
+            self.plot.data = self.traces.at(self.session.player.time)
+
+    def settled(self, now: float) -> bool:
+        """Tell whether no hand has touched a control lately."""
+        return all(now - touch > UNTOUCHED for touch in self.touched.values())
+
+    # Callbacks
+
+    def _post(self, wish: Callable[[], None]) -> None:
+        self.desk.post(wish)
+
+    def _by_hand(self, act: Callable[[], None]) -> Callable[[Any], None]:
+        """Return a callback that acts on what a browser changed, and not on what `refresh` did."""
+
+        def callback(event: Any) -> None:
+            if event.client is not None:
+                act()
+
+        return callback
+
+
+def fine_step(span: float) -> float:
+    """Return a power of ten of which a span holds a thousand or more."""
+    return float(10.0 ** np.floor(np.log10(span / STEPS)))
+
+
+def facts(session: Session, view: View) -> str:
+    """Return what is known of the present pose as HTML; names are escaped."""
+    return "".join(lines(session, view))
+
+
+def lines(session: Session, view: View) -> Iterator[str]:
+    red, green, blue = colour(view.conditioning)
+    yield "<div style='margin:0.6em 1em;font-size:0.85em;line-height:1.5' data-linkwork='facts'>"
+    yield f"<strong>{escape(session.robot.mechanism.name)}</strong>"
+    if view.time is not None:
+        yield f" &middot; t = {view.time:.3f} s"
+    yield f"<br>closure error {view.closure:.1e} &middot; conditioning {view.conditioning:.3f} "
+    yield f"<span style='background:rgb({red},{green},{blue});padding:0 0.8em;border-radius:2px'></span>"
+    if view.tool is not None:
+        yield f"<br>tool at {', '.join(f'{x:.4f}' for x in np.round(view.tool[0], 4) + 0.0)} m"
+    if view.notice:
+        yield f"<br><span style='color:#b34700' data-linkwork='notice'>{escape(view.notice)}</span>"
+    yield "</div>"

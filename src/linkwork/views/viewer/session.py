@@ -1,0 +1,249 @@
+"""What happens in the viewer, without a browser: one robot that is posed by hand or follows a run.
+
+A session is told what is wanted (drag, slide, play ...) and then, tick by tick, how much time has passed; `view` tells what
+is to be seen. All browsers that look at it see the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State
+from linkwork.simulation import Run
+from linkwork.views.viewer.arrows import NOTHING, Drawn, Field, Vectors, drawn
+from linkwork.views.viewer.conditioning import conditioning
+from linkwork.views.viewer.goals import Goal
+from linkwork.views.viewer.parts import Parts, parts_of
+from linkwork.views.viewer.player import Player
+from linkwork.views.viewer.pursuit import Pursuit
+from linkwork.views.viewer.replay import Replay, replay_of
+from linkwork.views.viewer.scene import Placement, Scene
+
+KINDS = ("actuator forces", "joint reactions", "velocities")
+SAMPLED = 25  # states of a run at which the largest reactions and velocities are looked for
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Hold what is to be seen of a robot at one instant.
+
+    placement: where all parts are; tool: position (3) [m] and orientation (3, 3) of the tool, or None
+    arrows: by kind, those that are shown; conditioning: 0 to 1; closure: largest |phi| [m, rad]
+    coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m], or None where none are defined
+    time: of the run [s], or None while posing; notice: one sentence on what stands in the way, or empty
+    """
+
+    placement: Placement
+    tool: tuple[np.ndarray, np.ndarray] | None
+    arrows: Mapping[str, Drawn]
+    conditioning: float
+    closure: float
+    coordinates: Mapping[str, float]
+    forces: Mapping[str, float] | None
+    time: float | None
+    notice: str
+
+
+@dataclass(eq=False)
+class Session:
+    """Hold the present state of what is shown; all its methods belong to one thread.
+
+    state: what is shown; goal: what is wanted of it, if anything; replay, player: the run and where it stands
+    following: whether the state is that of the run; shown: kinds of arrows; notice: one sentence on what stands in the way
+    largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the run
+    """
+
+    robot: Robot
+    state: State = field(init=False)
+    goal: Goal | None = None
+    replay: Replay | None = None
+    player: Player = field(default_factory=Player)
+    following: bool = False
+    shown: frozenset[str] = frozenset()
+    notice: str = ""
+    largest: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.state = self.robot.home
+
+    # What never changes
+
+    @cached_property
+    def parts(self) -> Parts:
+        return parts_of(self.robot)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(self.robot, self.parts)
+
+    @cached_property
+    def pursuit(self) -> Pursuit:
+        return Pursuit(self.robot, self.parts.size)
+
+    @cached_property
+    def vectors(self) -> Field:
+        return Field.of(self.robot, self.parts.size)
+
+    @cached_property
+    def sliders(self) -> dict[str, tuple[float, float]]:
+        """Return the joint coordinates that are set by hand, with their ranges [m, rad].
+
+        These are the actuated ones, or where none are, the independent ones; a range is that of the limits, or half a
+        turn, or half the mechanism's size, to both sides.
+        """
+        names = self.robot.actuators or self.robot.independent
+        found = {}
+        for name in names:
+            if name not in self.robot.coordinates or name not in self.robot.rates:
+                continue
+            here = float(self.robot.home[name])
+            reach = 0.5 * self.parts.size if self.robot.unit(name) == "m" else np.pi
+            own = {bound.side: bound.bound for bound in self.pursuit.bounds if bound.name == name}
+            low, high = min(own.get(-1, here - reach), here), max(own.get(1, here + reach), here)
+            found[name] = (float(np.floor(low * 100) / 100), float(np.ceil(high * 100) / 100))
+        return found
+
+    # Wishes
+
+    def drag(self, position: np.ndarray, orientation: np.ndarray) -> None:
+        """Want the tool at a position (3) [m] in an orientation (3, 3)."""
+        self.pose_by_hand()
+        self.goal = self.pursuit.tool_goal(position, orientation)
+
+    def slide(self, name: str, value: float) -> None:
+        """Want one actuated coordinate [m, rad] at a value, the others where they are."""
+        self.pose_by_hand()
+        targets = {other: float(self.state[other]) for other in self.sliders}
+        self.goal = self.pursuit.joint_goal(targets | {name: value})
+
+    def release(self) -> None:
+        """Want nothing further: stay where the robot is."""
+        self.goal = None
+
+    def show(self, state: State, notice: str = "") -> None:
+        """Show a state of this robot, at rest."""
+        self.pose_by_hand()
+        self.state, self.goal, self.notice = self.robot.own(state), None, notice
+
+    def load(self, run: Run) -> None:
+        """Show a run of this robot from its start.
+
+        Raises:
+            LinkworkError: the run is not one of this robot.
+        """
+        replay = replay_of(self.pursuit, run)
+        self.replay, self.goal = replay, None
+        if replay.empty:
+            self.player, self.notice = Player(), "the run holds no samples: there is nothing to play"
+            return
+        self.player = Player.of(float(replay.time[0]), float(replay.time[-1]))
+        alone = "the run holds one sample: it stands still" if len(replay.time) == 1 else ""
+        self.notice = alone if run.success else f"the run ended early: {run.message}"
+        self.largest = {kind: self.largest_of(kind, replay) for kind in KINDS}
+        self.follow_run()
+
+    def largest_of(self, kind: str, replay: Replay) -> tuple[float, float]:
+        """Return the largest magnitudes of a kind of arrows over a run, at some of its samples."""
+        times = replay.time[np.unique(np.linspace(0, len(replay.time) - 1, SAMPLED).astype(int))]
+        each = [self.of_kind(kind, replay.state(t), replay.forces_at(t)).largest() for t in times]
+        return max(straight for straight, _ in each), max(turning for _, turning in each)
+
+    def pose_by_hand(self) -> None:
+        """Stop playing; what is shown stays where it is, at rest."""
+        self.player, self.following = replace(self.player, playing=False), False
+        self.state = self.state.with_rates(np.zeros(self.robot.mobility))
+
+    def play(self) -> None:
+        """Play or pause the run."""
+        if self.playable:
+            self.player, self.following = self.player.toggled(), True
+            self.follow_run()
+
+    def seek(self, time: float) -> None:
+        """Go to a time of the run [s]."""
+        if self.playable:
+            self.player = self.player.at(time)
+            self.follow_run()
+
+    @property
+    def playable(self) -> bool:
+        """Tell whether there is a run with samples."""
+        return self.replay is not None and not self.replay.empty
+
+    # Time
+
+    @property
+    def active(self) -> bool:
+        """Tell whether anything moves by itself."""
+        return self.goal is not None or self.player.playing
+
+    def advance(self, seconds: float) -> bool:
+        """Let time pass; return whether anything moved."""
+        if self.goal is not None:
+            reached = self.pursuit.step(self.state, self.goal)
+            self.notice, self.state = reached.obstacle, reached.state
+            if reached.arrived or reached.obstacle:
+                self.goal = None
+            return True
+        if self.player.playing:
+            self.player = self.player.advanced(seconds)
+            self.follow_run()
+            return True
+        return False
+
+    def follow_run(self) -> None:
+        if self.replay is not None and not self.replay.empty:
+            self.following, self.state = True, self.replay.state(self.player.time)
+
+    # What is seen
+
+    def view(self) -> View:
+        """Return what is to be seen now."""
+        robot, state = self.robot, self.state
+        out = self.pursuit.assembler.still(state.q)
+        tool = (out["position"], out["orientation"].reshape(3, 3)) if robot.mechanism.tools else None
+        u = self.forces()
+        return View(
+            placement=self.scene.place(state),
+            tool=tool,
+            arrows={kind: self.arrows(kind, u) for kind in KINDS if kind in self.shown},
+            conditioning=conditioning(self.pursuit, out),
+            closure=float(np.abs(out["phi"]).max(initial=0.0)),
+            coordinates=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
+            forces=None if u is None else dict(zip(robot.actuators, u.tolist(), strict=True)),
+            time=self.player.time if self.following else None,
+            notice=self.notice,
+        )
+
+    def forces(self) -> np.ndarray | None:
+        """Return the actuators' forces [N, N m]: those of the run, or those that hold the pose; None where none do."""
+        if not self.robot.actuators:
+            return None
+        if self.following and self.replay is not None:
+            return self.replay.forces_at(self.player.time)
+        try:
+            return np.asarray(self.robot.inverse_dynamics(self.state, np.zeros(self.robot.mobility)))
+        except LinkworkError:
+            return None
+
+    def arrows(self, kind: str, u: np.ndarray | None) -> Drawn:
+        """Return the arrows of one kind, the largest of the run (or, while posing, of the pose) drawn in full."""
+        vectors = self.of_kind(kind, self.state, u)
+        largest = self.largest[kind] if self.following else vectors.largest()
+        return drawn(vectors, largest, self.parts.size)
+
+    def of_kind(self, kind: str, state: State, u: np.ndarray | None) -> Vectors:
+        """Return the vectors of one kind; none where they are not defined (a singular configuration)."""
+        try:
+            if kind == "velocities":
+                return self.vectors.velocities(state)
+            if kind == "actuator forces":
+                return NOTHING if u is None else self.vectors.forces(state, u)
+            return self.vectors.reactions(state, np.zeros(0) if u is None else u)
+        except LinkworkError:
+            return NOTHING

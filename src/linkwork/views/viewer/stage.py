@@ -1,0 +1,204 @@
+"""The scene in the browser: nodes for a robot's parts, moved by frames; arrows; the handle on the tool."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+
+from linkwork.mechanism import GROUND
+from linkwork.robot import Robot
+from linkwork.views.style import GREEN, GREY, INK, LINK, ORANGE, PALE, PLATE
+from linkwork.views.viewer.arrows import Drawn
+from linkwork.views.viewer.conditioning import colour, rgb
+from linkwork.views.viewer.meshes import BALL
+from linkwork.views.viewer.parts import Role
+from linkwork.views.viewer.scene import Placement, of_mesh, quaternions
+from linkwork.views.viewer.session import Session
+
+COLOURS: dict[Role, tuple[int, int, int]] = {
+    "member": rgb(LINK),
+    "shell": rgb(PLATE),
+    "joint": rgb(GREY),
+    "driven": rgb(ORANGE),
+    "ground": rgb(PALE),
+    "mass": rgb(INK),
+    "rod": rgb("#5d6b78"),
+}
+ARROWS = {"actuator forces": rgb("#b35900"), "joint reactions": rgb("#a3437f"), "velocities": rgb(GREEN)}
+SHELL = 0.55  # opacity of solids that would hide joints
+SHAFT, HEAD, HEAD_LENGTH = 0.006, 0.016, 0.04  # radii and length of arrows, relative to the mechanism
+ARC = 0.008  # thickness of arcs
+HANDLE = 0.22  # of the tool's handle
+GRID_CELLS = 20
+SKY, EARTH, LIGHT = (
+    (255, 255, 255),
+    (150, 150, 160),
+    1.0,
+)  # light from all around: reflections and shadows cost too much
+FIELD_OF_VIEW = np.radians(40)
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Hold the node of parts of one mesh: their numbers (k), colours (k, 3), which are coloured by conditioning (k).
+
+    stretched: whether their scales change
+    """
+
+    node: viser.BatchedMeshHandle
+    group: np.ndarray
+    colours: np.ndarray
+    coloured: np.ndarray
+    stretched: bool
+
+
+class Stage:
+    """Show one robot in the scene of a server."""
+
+    def __init__(self, server: viser.ViserServer, session: Session):
+        self.server, self.robot, self.parts = server, session.robot, session.parts
+        moving, placement = session.scene.moving, session.scene.place(session.state)
+        self.batches = [self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)]
+        for group in of_mesh(self.parts.parts, ~moving):
+            self._add_batch(group, placement)
+        self.handle = self._add_handle(session.pursuit.turns) if self.robot.mechanism.tools else None
+        self.arrows: dict[str, tuple[Any, Any]] = {}
+        self.shade: tuple[int, int, int] | None = None
+        self._furnish(placement)
+
+    # Nodes
+
+    def _add_batch(self, group: np.ndarray, placement: Placement) -> Batch:
+        """Add parts of one mesh, by their numbers, as one node."""
+        parts = [self.parts.parts[k] for k in group]
+        tools = [tool.body for tool in self.robot.mechanism.tools.values()][:1] or list(self.robot.bodies)
+        colours = np.array([COLOURS[part.role] for part in parts], np.uint8)
+        coloured = np.array([part.role in ("member", "shell") and part.carrier in tools for part in parts])
+        name = "ground" if parts[0].carrier == GROUND else "robot"
+        node = self.server.scene.add_batched_meshes_simple(
+            f"/{name}/{group[0]}",
+            parts[0].mesh.vertices,
+            parts[0].mesh.faces,
+            placement.turns[group],
+            placement.positions[group],
+            batched_scales=placement.scales[group],
+            batched_colors=colours,
+            opacity=SHELL if parts[0].role == "shell" else None,
+            flat_shading=parts[0].mesh is not BALL,
+            lod="off",
+        )
+        stretched = any(isinstance(part.carrier, int) for part in parts)
+        return Batch(node, group, colours, coloured, stretched)
+
+    def _add_handle(self, rotating: bool) -> viser.TransformControlsHandle:
+        return self.server.scene.add_transform_controls(
+            "/tool",
+            scale=HANDLE * self.parts.size,
+            line_width=3.0,
+            disable_rotations=not rotating,
+            active_axes=(True, True, not self.robot.planar),
+            depth_test=False,
+        )
+
+    def _furnish(self, placement: Placement) -> None:
+        """Set the ground, the direction that is up, and where the camera starts."""
+        size, centre = self.parts.size, self.parts.centre
+        scene, camera = self.server.scene, self.server.initial_camera
+        up, towards = outlook(self.robot)
+        scene.set_up_direction(tuple(up))
+        scene.configure_environment_map(None)
+        scene.configure_default_lights(cast_shadow=False)
+        scene.add_light_hemisphere("/light", sky_color=SKY, ground_color=EARTH, intensity=LIGHT)
+        low = float((placement.positions - placement.scales.max(axis=1, keepdims=True))[:, 2].min())
+        scene.add_grid(
+            "/grid",
+            width=GRID_CELLS * size / 5,
+            height=GRID_CELLS * size / 5,
+            plane="xy",
+            cell_size=size / 5,
+            section_size=size,
+            cell_color=(225, 229, 233),
+            section_color=(200, 206, 212),
+            position=(centre[0], centre[1], low),
+        )
+        distance = 0.75 * size / np.tan(FIELD_OF_VIEW / 2)
+        camera.fov = FIELD_OF_VIEW
+        camera.up, camera.look_at = up, centre
+        camera.position = centre + distance * towards
+        camera.near, camera.far = size / 100, 100 * size
+
+    # What changes
+
+    def show(self, placement: Placement) -> None:
+        """Move all parts to their places."""
+        for batch in self.batches:
+            batch.node.batched_positions = placement.positions[batch.group]
+            batch.node.batched_wxyzs = placement.turns[batch.group]
+            if batch.stretched:
+                batch.node.batched_scales = placement.scales[batch.group]
+
+    def hold(self, tool: tuple[np.ndarray, np.ndarray]) -> None:
+        """Bring the handle to the tool."""
+        if self.handle is not None:
+            self.handle.position, self.handle.wxyz = tool[0], quaternions(tool[1][None])[0]
+
+    def paint(self, conditioning: float | None) -> None:
+        """Colour the tool's body by its conditioning, or as other bodies are."""
+        shade = None if conditioning is None else colour(conditioning)
+        if shade == self.shade:
+            return
+        self.shade = shade
+        for batch in self.batches:
+            if batch.coloured.any():
+                colours = batch.colours.copy()
+                colours[batch.coloured] = colours[batch.coloured] if shade is None else shade
+                batch.node.batched_colors = colours
+
+    def draw(self, arrows: Mapping[str, Drawn]) -> None:
+        """Show these arrows, by kind, and no others."""
+        for kind in [kind for kind in self.arrows if kind not in arrows]:
+            for node in self.arrows.pop(kind):
+                node.remove()
+        for kind, found in arrows.items():
+            if kind not in self.arrows:
+                self.arrows[kind] = self._add_arrows(kind)
+            shafts, arcs = self.arrows[kind]
+            for node, points in ((shafts, found.arrows), (arcs, found.arcs)):
+                node.visible = len(points) > 0
+                if len(points):
+                    node.points = points.astype(np.float32)
+
+    def _add_arrows(self, kind: str) -> tuple[Any, Any]:
+        size, nothing = self.parts.size, np.zeros((1, 2, 3), np.float32)
+        nodes = self.server.scene.add_arrows(
+            f"/arrows/{kind}",
+            nothing,
+            ARROWS[kind],
+            shaft_radius=SHAFT * size,
+            head_radius=HEAD * size,
+            head_length=HEAD_LENGTH * size,
+            visible=False,
+        )
+        arcs = self.server.scene.add_line_segments(
+            f"/arcs/{kind}", nothing, ARROWS[kind], thickness=ARC * size, visible=False
+        )
+        return nodes, arcs
+
+
+def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions that are up and towards the viewer; a planar mechanism is seen along z."""
+    gravity = np.array(robot.mechanism.gravity)
+    if robot.planar:
+        flat = -gravity * (1, 1, 0)
+        up = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 0 else np.array([0.0, 1.0, 0.0])
+        towards = np.array([0.0, 0.0, 1.0]) - 0.35 * up
+    else:
+        up = -gravity / np.linalg.norm(gravity) if np.linalg.norm(gravity) > 0 else np.array([0.0, 0.0, 1.0])
+        side = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+        front = np.cross(side, up)
+        towards = 0.8 * front + 0.55 * side + 0.5 * up
+    return up, towards / np.linalg.norm(towards)

@@ -1,0 +1,307 @@
+"""The viewer: a server for browsers, and one thread that moves the robot as they wish, 30 times a second."""
+
+from __future__ import annotations
+
+import errno
+import socket
+import sys
+import traceback
+from collections.abc import Callable
+from threading import Event, Thread
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State
+from linkwork.simulation import Run
+from linkwork.views.viewer.mailbox import Mailbox
+from linkwork.views.viewer.session import Session
+
+if TYPE_CHECKING:
+    import viser
+
+FRAME, IDLE = 1 / 30, 0.25  # between two pictures, and how long to wait for a wish while nothing moves [s]
+LONGEST = 0.2  # time that may pass in one picture [s]
+TEXTS = 0.12  # how often what is written is refreshed [s]
+PORT, PORTS = 8080, 50
+LOOPBACK = "127.0.0.1"
+UNAVAILABLE = (errno.EADDRNOTAVAIL,)
+MISSING = "the viewer needs viser; install linkwork with its extra: pip install 'linkwork[viewer]'"
+
+
+class Viewer:
+    """Show a robot, and a run of it, to browsers until it is closed.
+
+    The platform is dragged by a handle on the tool, actuated joints are set by sliders, runs are played, and new ones are
+    started from the present pose. Everybody who opens the page sees and moves the same robot. With no other thread
+    touching it, `session` holds what is shown.
+
+    Args:
+        robot: the robot.
+        run: a run of it, to be played.
+        host: address to listen on; the default one is reached from this computer alone.
+        port: port to listen on; left out, the first free one from 8080 on.
+
+    Attributes:
+        url: where browsers find it
+
+    Raises:
+        LinkworkError: a run of another robot, an address that cannot be listened on, a port in use, viser not installed.
+    """
+
+    def __init__(self, robot: Robot, run: Run | None = None, *, host: str = LOOPBACK, port: int | None = None):
+        if not isinstance(robot, Robot):
+            raise LinkworkError(f"the viewer shows a Robot, not {robot!r}")
+        self.session = Session(robot)
+        if run is not None:
+            self.session.load(run)
+        self.branches: list[State] = [robot.home]
+        self.mailbox = Mailbox()
+        self.busy = False
+        self.moved, self.held, self.last_texts = True, False, 0.0
+        self.server = serve(host, port)
+        self.url = f"http://{shown_host(host)}:{self.server.get_port()}"
+        self._build(run)
+        self._stopped = Event()
+        self._thread = Thread(target=self._loop, name="linkwork viewer", daemon=True)
+        self._thread.start()
+
+    def _build(self, run: Run | None) -> None:
+        from linkwork.views.viewer.panels import Panels
+        from linkwork.views.viewer.stage import Stage
+
+        session = self.session
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        self.server.gui.set_panel_label("Linkwork")
+        self.server.gui.main_panel.dock_right()
+        self.stage = Stage(self.server, session)
+        self.panels = Panels(self.server, self)
+        if run is not None:
+            self.panels.show_run(run)
+        if self.stage.handle is not None:
+            self.stage.handle.on_update(self._dragged)
+        self.server.on_client_disconnect(lambda _: self.post(self._released))
+        self.refresh(monotonic())
+
+    # Wishes
+
+    def post(self, wish: Callable[[], None], about: object = None) -> None:
+        """Hand a wish to the thread that owns the session; a later one about the same takes its place."""
+        self.mailbox.post(wish, about)
+
+    async def _dragged(self, event: Any) -> None:
+        if event.client is None:
+            return
+        position = np.array(event.target.position)
+        orientation = matrix(event.target.wxyz)
+        if event.phase == "end":
+            self.post(self._released, "drag")
+        else:
+            self.post(lambda: self._drag(position, orientation), "drag")
+
+    def _drag(self, position: np.ndarray, orientation: np.ndarray) -> None:
+        self.held = True
+        self.session.drag(position, orientation)
+
+    def _released(self) -> None:
+        self.held = False
+        self.session.release()
+
+    def find_branches(self, same: str) -> None:
+        """Look for all configurations with the same "actuators" or the same "tool" pose, and offer them."""
+        self.post(lambda: self._work(f"looking for all configurations with the same {same}", self._branches_of(same)))
+
+    def _branches_of(self, same: str) -> Callable[[], Callable[[], None]]:
+        from linkwork.views.viewer.branches import branches
+
+        robot, state = self.session.robot, self.session.state
+
+        def search() -> Callable[[], None]:
+            found, index = branches(robot, state, same)
+            return lambda: self._offer(found, index)
+
+        return search
+
+    def _offer(self, found: list[State], index: int) -> None:
+        self.branches = found
+        self.panels.show_branches(len(found), index)
+        self.session.notice = f"{len(found)} found" if len(found) > 1 else "there is no other one"
+
+    def show_branch(self, index: int) -> None:
+        """Show one of the configurations that were found last."""
+        self.post(lambda: self.session.show(self.branches[index]) if index < len(self.branches) else None)
+
+    def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None:
+        """Simulate from the present pose and play the run."""
+        self.post(lambda: self._work("simulating", self._run_of(controller, forces, duration)))
+
+    def _run_of(self, controller: str, forces: dict[str, float], duration: float) -> Callable[[], Callable[[], None]]:
+        from linkwork.views.viewer.simulating import simulate
+
+        robot, state = self.session.robot, self.session.state.with_rates(np.zeros(self.session.robot.mobility))
+
+        def carry_out() -> Callable[[], None]:
+            run = simulate(robot, state, controller, forces, duration)
+            return lambda: self._show_run(run)
+
+        return carry_out
+
+    def _show_run(self, run: Run) -> None:
+        self.session.load(run)
+        self.panels.show_run(run)
+        self.session.play()
+
+    def _work(self, what: str, work: Callable[[], Callable[[], None]]) -> None:
+        """Carry out what takes long beside the scene, one at a time, and then what it returns in the session's thread."""
+        if self.busy:
+            self.session.notice = "one thing at a time: the last wish is still being carried out"
+            return
+        self.busy, self.session.notice = True, f"{what} ..."
+
+        def carry_out() -> None:
+            try:
+                done = work()
+            except LinkworkError as error:
+                done = self._saying(str(error))
+            except Exception:
+                traceback.print_exc()
+                done = self._saying("this failed unexpectedly; the terminal shows why")
+
+            def finish() -> None:
+                self.busy, self.session.notice = False, ""
+                done()
+
+            self.post(finish)
+
+        Thread(target=carry_out, daemon=True).start()
+
+    def _saying(self, sentence: str) -> Callable[[], None]:
+        def say() -> None:
+            self.session.notice = sentence
+
+        return say
+
+    # Time
+
+    def _loop(self) -> None:
+        last = monotonic()
+        while not self._stopped.is_set():
+            wishes = self.mailbox.take(0.0 if self.moved or self.session.active else IDLE)
+            now = monotonic()
+            self.tick(wishes, min(now - last, LONGEST), now)
+            last = now
+            self._stopped.wait(max(0.0, FRAME - (monotonic() - now)))
+
+    def tick(self, wishes: list[Callable[[], None]], seconds: float, now: float) -> None:
+        """Carry out wishes, let time pass, and show what has changed."""
+        for wish in wishes:
+            try:
+                wish()
+            except LinkworkError as error:
+                self.session.notice = str(error)
+            except Exception:
+                traceback.print_exc(file=sys.stderr)
+        moved = self.session.advance(seconds)
+        self.moved = self.moved or moved or bool(wishes)
+        if self.moved:
+            self.refresh(now)
+
+    def refresh(self, now: float) -> None:
+        """Show what is to be seen."""
+        view, texts = self.session.view(), now - self.last_texts > TEXTS
+        with self.server.atomic():
+            self.stage.show(view.placement)
+            self.stage.draw(view.arrows)
+            self.stage.paint(view.conditioning if self.panels.coloured.value else None)
+            if view.tool is not None and not self.held:
+                self.stage.hold(view.tool)
+            self.panels.refresh(view, texts=texts)
+        if texts:
+            self.last_texts = now
+        self.moved = not (texts and self.panels.settled(now))
+
+    # Its end
+
+    def wait(self) -> None:
+        """Serve until interrupted (Ctrl-C)."""
+        try:
+            while not self._stopped.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Stop serving; browsers say that the connection is lost."""
+        if not self._stopped.is_set():
+            self._stopped.set()
+            self._thread.join(2.0)
+            self.server.stop()
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"Viewer({self.session.robot.mechanism.name!r} at {self.url})"
+
+
+def serve(host: str, port: int | None) -> viser.ViserServer:
+    """Listen at an address, on a port that must be free, or the first free one from 8080 on."""
+    try:
+        import viser
+    except ImportError:
+        raise LinkworkError(MISSING) from None
+    return viser.ViserServer(host=host, port=free_port(host, port), verbose=False)
+
+
+def free_port(host: str, port: int | None) -> int:
+    """Return the port where it is free, the first free one from 8080 on where none is given.
+
+    Raises:
+        LinkworkError: the port is in use or no port, or the address is none of this computer.
+    """
+    if port is not None and not 0 <= port < 65536:
+        raise LinkworkError(f"port {port} is none; give a number from 1 to 65535")
+    for candidate in range(PORT, PORT + PORTS) if port is None else (port,):
+        try:
+            family, kind, _, _, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+                return candidate
+        except socket.gaierror:
+            raise LinkworkError(
+                f"there is no address {host!r}; give one of this computer, such as {LOOPBACK}"
+            ) from None
+        except PermissionError:
+            raise LinkworkError(f"port {candidate} is not free to use here; give one from 1024 on") from None
+        except OSError as error:
+            if error.errno in UNAVAILABLE:
+                raise LinkworkError(
+                    f"{host} is no address of this computer; give one that is, such as {LOOPBACK}"
+                ) from None
+            continue
+    if port is None:
+        raise LinkworkError(f"the ports {PORT} to {PORT + PORTS - 1} on {host} are all in use; give another one")
+    raise LinkworkError(f"port {port} on {host} is in use; give another one, or none for the next free one")
+
+
+def shown_host(host: str) -> str:
+    """Return the address as browsers on this computer reach it."""
+    if host in ("0.0.0.0", "::", ""):
+        return "localhost"
+    return f"[{host}]" if ":" in host else host
+
+
+def matrix(wxyz: Any) -> np.ndarray:
+    """Return the rotation matrix of a unit quaternion w, x, y, z."""
+    from scipy.spatial.transform import Rotation
+
+    w, x, y, z = wxyz
+    return Rotation.from_quat([x, y, z, w]).as_matrix()

@@ -1,0 +1,174 @@
+"""The viewer in a real headless Chromium: it loads, is dragged, plays, and bears two browsers and one that vanishes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+
+from linkwork import Robot, robots
+from linkwork.mechanism import Mechanism
+from linkwork.views.viewer import Viewer
+
+from tests.viewer.browser import launch, on_screen, until
+
+SIZE = {"width": 760, "height": 480}
+EVIL = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with sync_playwright() as playwright:
+        browser = launch(playwright)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot(robots.prr3())
+
+
+@pytest.fixture(scope="module")
+def viewer(robot):
+    with Viewer(robot) as made:
+        yield made
+
+
+class Browser:
+    """A page on a viewer, what went wrong in it, and what the server knows of it."""
+
+    def __init__(self, chromium, viewer: Viewer):
+        before = set(viewer.server.get_clients())
+        self.viewer, self.page, self.wrong = viewer, chromium.new_page(viewport=SIZE), []
+        self.page.on("console", lambda message: message.type == "error" and self.wrong.append(message.text))
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on("dialog", lambda dialog: (self.wrong.append(dialog.message), dialog.dismiss()))
+        self.page.goto(viewer.url)
+        self.page.wait_for_selector("[data-linkwork=facts]")
+        until(lambda: set(viewer.server.get_clients()) - before)
+        self.client = viewer.server.get_clients()[max(set(viewer.server.get_clients()) - before)]
+
+    def pixel(self, along: float = 0.0) -> tuple[float, float]:
+        """Return where the arrow along x of the handle is, at a part of the handle's size."""
+        out = self.viewer.session.view()
+        assert out.tool is not None and self.viewer.stage.handle is not None
+        position, turn = out.tool
+        return on_screen(self.client.camera, position + along * self.viewer.stage.handle.scale * turn[:, 0])
+
+    def grab(self) -> tuple[float, float]:
+        """Take hold of the handle's arrow along x."""
+        x, y = self.settled()
+        self.page.mouse.move(x, y)
+        self.page.wait_for_timeout(300)
+        self.page.mouse.down()
+        return x, y
+
+    def settled(self) -> tuple[float, float]:
+        """Return where the handle is to be grabbed once the page is laid out and the canvas lies open there."""
+        here = "([x, y]) => document.elementFromPoint(x, y)?.tagName"
+        until(lambda: self.page.evaluate(here, list(self.pixel(0.8))) == "CANVAS")
+        last = None
+        while last != (last := self.pixel(0.8)):
+            self.page.wait_for_timeout(300)
+        return last
+
+    def text(self) -> str:
+        return self.page.inner_text("[data-linkwork=facts]")
+
+
+def tool(viewer: Viewer) -> np.ndarray:
+    return viewer.session.robot.tool_pose(viewer.session.state)
+
+
+def home(viewer: Viewer) -> None:
+    viewer.post(lambda: viewer.session.show(viewer.session.robot.home))
+    until(lambda: np.allclose(tool(viewer), viewer.session.robot.tool_pose(viewer.session.robot.home)))
+    viewer.post(lambda: None)
+
+
+def test_the_page_loads_without_errors_and_shows_the_robot(chromium, viewer):
+    browser = Browser(chromium, viewer)
+    assert "3-PRR" in browser.text()
+    assert "slide_2 [m]" in browser.page.inner_text("body")
+    assert browser.wrong == []
+    browser.page.close()
+
+
+def test_a_drag_moves_the_platform_and_the_loops_stay_closed(chromium, viewer, robot):
+    home(viewer)
+    browser = Browser(chromium, viewer)
+    start, gaps = tool(viewer), []
+    x, y = browser.grab()
+    for k in range(1, 9):
+        browser.page.mouse.move(x + 8 * k, y - 2 * k)
+        gaps.append(float(robot.closure_error(viewer.session.state)))
+    until(lambda: np.linalg.norm(tool(viewer) - start) > 0.01)
+    browser.page.mouse.up()
+    until(lambda: not viewer.held)
+    assert max(gaps) < 1e-9 and robot.closure_error(viewer.session.state) < 1e-9
+    assert browser.wrong == []
+    browser.page.close()
+
+
+def test_a_pose_out_of_reach_dragged_at_speed_is_refused_with_a_reason(chromium, viewer, robot):
+    home(viewer)
+    browser = Browser(chromium, viewer)
+    x, y = browser.grab()
+    browser.page.mouse.move(x + 60, y)
+    browser.page.mouse.move(x + 400, y - 100)
+    browser.page.wait_for_selector("[data-linkwork=notice]")
+    assert "edge of the workspace" in browser.text()
+    assert robot.closure_error(viewer.session.state) < 1e-9
+    browser.page.mouse.up()
+    until(lambda: np.allclose(viewer.stage.handle.position, viewer.session.view().tool[0], atol=1e-6))
+    browser.page.close()
+
+
+def test_a_run_plays_to_its_end(chromium, viewer):
+    home(viewer)
+    browser = Browser(chromium, viewer)
+    browser.page.get_by_role("tab", name="Simulate").click()
+    browser.page.get_by_label("slide_1 [N]").fill("3")
+    browser.page.get_by_label("Duration [s]").fill("0.5")
+    browser.page.get_by_role("button", name="Simulate from here").click()
+    until(lambda: viewer.session.playable and viewer.session.player.ended, 60)
+    assert viewer.session.player.time == pytest.approx(0.5)
+    until(lambda: "t = 0.500 s" in browser.text())
+    browser.page.get_by_role("tab", name="Run").click()
+    browser.page.wait_for_selector(".uplot")
+    assert browser.wrong == []
+    browser.page.close()
+
+
+def test_two_browsers_see_the_same_robot_and_one_may_vanish_in_the_middle_of_a_drag(chromium, viewer, robot):
+    home(viewer)
+    first, second = Browser(chromium, viewer), Browser(chromium, viewer)
+    start = tool(viewer)
+    x, y = first.grab()
+    for k in range(1, 5):
+        first.page.mouse.move(x + 8 * k, y)
+    until(lambda: np.linalg.norm(tool(viewer) - start) > 0.005)
+    until(lambda: second.text() == first.text())
+    first.page.close()
+    until(lambda: not viewer.held)
+    second.page.get_by_role("button", name="Reference pose").click()
+    until(lambda: np.allclose(tool(viewer), start))
+    assert second.wrong == []
+    second.page.close()
+
+
+def test_names_with_markup_are_text(chromium):
+    plain = robots.five_bar().model_dump(mode="json", exclude_none=True)
+    plain["name"] = EVIL
+    text = Mechanism.model_validate(plain).model_dump_json().replace("motor_1", EVIL)
+    with Viewer(Robot(Mechanism.model_validate_json(text))) as viewer:
+        browser = Browser(chromium, viewer)
+        assert EVIL in browser.text()
+        viewer.simulate("constant forces", {EVIL: 1.0}, 0.1)
+        until(lambda: viewer.session.playable)
+        browser.page.get_by_role("tab", name="Run").click()
+        browser.page.wait_for_selector(".uplot")
+        assert browser.page.locator("img[src=x]").count() == 0
+        assert browser.wrong == []
+        browser.page.close()

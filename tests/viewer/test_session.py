@@ -1,0 +1,134 @@
+"""What happens in the viewer, without a browser."""
+
+import numpy as np
+import pytest
+
+from linkwork import LinkworkError, Robot, robots
+from linkwork.views.viewer.session import KINDS, Session
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot(robots.prr3())
+
+
+@pytest.fixture
+def session(robot) -> Session:
+    return Session(robot)
+
+
+def settle(session: Session) -> None:
+    for _ in range(300):
+        if not session.advance(1 / 30):
+            return
+    raise AssertionError("it does not come to rest")
+
+
+def test_a_drag_moves_the_tool_and_what_is_seen_agrees(session, robot):
+    before = session.view()
+    session.drag(before.tool[0] + (0.04, 0.02, 0), before.tool[1])
+    settle(session)
+    after = session.view()
+    assert after.tool[0] - before.tool[0] == pytest.approx([0.04, 0.02, 0], abs=1e-8)
+    assert after.closure < 1e-9 and after.notice == ""
+    assert after.coordinates["slide_1"] == pytest.approx(float(session.state["slide_1"]))
+    assert not np.allclose(after.placement.positions, before.placement.positions)
+
+
+def test_out_of_reach_is_said_and_forgotten_with_the_next_drag(session):
+    position, R = session.view().tool
+    session.drag(position + 9 * np.eye(3)[0], R)
+    settle(session)
+    assert "edge of the workspace" in session.notice
+    session.drag(position, R)
+    settle(session)
+    assert session.notice == ""
+    assert session.view().tool[0] == pytest.approx(position, abs=1e-8)
+
+
+def test_release_ends_a_pursuit(session):
+    position, R = session.view().tool
+    session.drag(position + 0.3 * np.eye(3)[0], R)
+    session.advance(0.03)
+    session.release()
+    assert not session.advance(0.03)
+
+
+def test_a_slider_moves_its_joint_alone(session, robot):
+    session.slide("slide_2", 0.2)
+    settle(session)
+    assert session.state["slide_2"] == pytest.approx(0.2)
+    assert session.state["slide_1"] == pytest.approx(float(robot.home["slide_1"]), abs=1e-9)
+
+
+def test_sliders_take_limits_and_joints_of_robots_without_actuators():
+    assert set(Session(Robot(robots.prr3())).sliders) == {"slide_1", "slide_2", "slide_3"}
+    passive = Session(Robot(robots.double_pendulum()))
+    assert len(passive.sliders) == 2
+    name, (low, high) = next(iter(passive.sliders.items()))
+    assert low < passive.robot.home[name] < high
+
+
+def test_a_run_plays_to_its_end_and_is_seen_on_its_way(session, robot):
+    session.shown = frozenset(KINDS)
+    session.load(robot.simulate(robot.home, {"slide_1": 2.0}, duration=0.3))
+    session.play()
+    seen = []
+    while session.advance(0.05):
+        view = session.view()
+        seen.append(view.time)
+        assert view.closure < 1e-9
+        assert view.forces == {"slide_1": 2.0, "slide_2": 0.0, "slide_3": 0.0}
+        assert set(view.arrows) == set(KINDS) and len(view.arrows["actuator forces"].arrows) == 1
+    assert seen == pytest.approx([0.05, 0.1, 0.15, 0.2, 0.25, 0.3])
+    assert session.player.ended and not session.player.playing
+    session.seek(0.1)
+    assert session.view().time == pytest.approx(0.1)
+
+
+def test_dragging_stops_a_run_where_it_is(session, robot):
+    session.load(robot.simulate(robot.home, {"slide_1": 2.0}, duration=0.3))
+    session.play()
+    session.advance(0.2)
+    there = session.view().tool
+    session.drag(*there)
+    assert session.view().time is None and not session.player.playing
+    assert session.view().tool[0] == pytest.approx(there[0])
+
+
+def test_while_posing_forces_are_those_that_hold(session, robot):
+    forces = session.view().forces
+    assert list(forces.values()) == pytest.approx(robot.inverse_dynamics(robot.home, np.zeros(3)))
+
+
+def test_empty_one_sample_and_early_ended_runs_are_said(session, robot):
+    session.load(robot.simulate(robot.home, duration=0.1, save_at=[]))
+    assert "no samples" in session.notice and not session.playable
+    session.play()
+    session.seek(0.05)
+    assert session.view().time is None
+    session.load(robot.simulate(robot.home, duration=0.1, save_at=[0.05]))
+    assert "one sample" in session.notice
+    session.play()
+    assert not session.advance(1.0)
+    session.load(robot.simulate(robot.home, {"slide_1": 9.0}, duration=1.0, max_steps=3))
+    assert "ended early" in session.notice
+
+
+def test_a_run_of_another_robot_leaves_things_as_they_were(session, robot):
+    own = robot.simulate(robot.home, duration=0.1)
+    session.load(own)
+    other = Robot(robots.five_bar())
+    with pytest.raises(LinkworkError, match="not one of the robot"):
+        session.load(other.simulate(other.home, duration=0.1))
+    assert session.replay.run is own
+    with pytest.raises(LinkworkError):
+        session.show(other.home)
+
+
+def test_robots_without_tool_actuators_or_rest_can_be_seen():
+    for name in ("bricard", "double_pendulum", "andrews", "flyball_governor"):
+        session = Session(Robot(getattr(robots, name)()))
+        session.shown = frozenset(KINDS)
+        view = session.view()
+        assert np.isfinite(view.placement.positions).all() and 0 <= view.conditioning <= 1
