@@ -1,10 +1,13 @@
-"""Draw the pictures of the README and of the catalogue's page: python docs/images.py"""
+"""Draw the pictures of the README, of the pages and of the catalogue: python docs/images.py"""
 
 import re
 from pathlib import Path
 
-from linkwork import Robot, robots
-from linkwork.views import plot_mechanism
+import numpy as np
+from matplotlib.axes import Axes
+
+from linkwork import Robot, analysis, robots
+from linkwork.views import plot_mechanism, plot_workspace, save_figure
 from linkwork.views.overlays import summary_figure
 from linkwork.views.reproduction import robot_figure, study
 from linkwork.views.style import svg
@@ -18,9 +21,25 @@ def main() -> None:
     comparison = study()
     for name, figure in {"reproduction": summary_figure(comparison), "prr3": robot_figure(comparison)}.items():
         (FOLDER / f"{name}.svg").write_text(svg(figure), encoding="utf-8")
+    save_figure(workspace(comparison.robot), FOLDER / "workspace.svg")
+    save_figure(singularities(Robot(robots.five_bar())), FOLDER / "singularities.svg")
     CATALOGUE.mkdir(exist_ok=True)
     for name in robots.__all__:
         (CATALOGUE / f"{name}.svg").write_text(portrait(Robot(getattr(robots, name)())), encoding="utf-8")
+
+
+def workspace(robot: Robot) -> Axes:
+    """Draw the conditioning of the 3-PRR robot over its workspace, and the robot upon it."""
+    angle = np.pi / 2
+    grid = {"x": np.linspace(0.2, 0.8, 301), "y": np.linspace(-0.1, 0.5, 301), "angle": angle}
+    axes = plot_workspace(analysis.workspace(robot, grid))
+    return plot_mechanism(robot, robot.assemble(tool=[0.5, 0.29, angle]), axes)
+
+
+def singularities(robot: Robot) -> Axes:
+    """Draw where the five-bar is actuator-singular, and the robot upon it."""
+    grid = {"x": np.linspace(-0.34, 0.64, 393), "y": np.linspace(-0.6, 0.6, 481)}
+    return plot_mechanism(robot, robot.home, plot_workspace(analysis.workspace(robot, grid), "det_A"))
 
 
 def portrait(robot: Robot) -> str:

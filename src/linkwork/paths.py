@@ -67,7 +67,7 @@ def circle(
         centre: (x, y) or (x, y, z) of the circle [m].
         radius: [m].
         orientation: constant angle, or rotation vector in space [rad]; left out: the tool's orientation is not
-        prescribed.
+            prescribed.
         start: angle of the first point, from x [rad].
         turns: number of turns, negative for clockwise.
         law: motion law.

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from linkwork.cli.analyse import analyse
 from linkwork.errors import LinkworkError
 
 REFUSED = 2
@@ -47,6 +48,8 @@ def sentence(error: Exception) -> str:
 
 
 app = typer.Typer(cls=Group, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False)
+
+app.add_typer(analyse, name="analyse")
 
 
 class Reading(StrEnum):
@@ -198,6 +201,65 @@ def reproduce(
     from linkwork.cli.reproduce import reproduce
 
     reproduce(out)
+
+
+@app.command()
+def report(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="A saved run (.nc), of 'simulate --out' or Run.save.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The page to write, ending in .html.")],
+    of: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="Whose the run is, if it does not hold its mechanism."),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write the report of a run: one page with pictures, a film, peaks, energy and closure, that needs no network."""
+    from linkwork.cli.report import report
+
+    report(run, out, of, overwrite)
+
+
+@app.command()
+def sweep(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.yaml", help="The study file.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for the results; left out, one named after the study's file."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786; left out, compute here."),
+    ] = None,
+    threads: Annotated[int | None, typer.Option(help="Threads to use here; left out, all processors.")] = None,
+) -> None:
+    """Simulate a robot over a design of parameters, starts and controllers: DIR/results.zarr, table.csv, plots.svg.
+
+    Called again after an interruption of any kind, it goes on with what is not finished.
+    """
+    from linkwork.cli.sweep import sweep
+
+    sweep(study, out, scheduler, threads)
+
+
+@app.command()
+def view(
+    robot: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|RUN", help="A robot of the catalogue, a mechanism file, or a saved run (.nc)."),
+    ],
+    of: Annotated[str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")] = None,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; the default serves this computer alone.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None, typer.Option(help="Port to listen on; left out, the first free one from 8080 on.")
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+) -> None:
+    """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
+    from linkwork.cli.view import view
+
+    view(robot, of, host, port, browser)
 
 
 def main() -> None:

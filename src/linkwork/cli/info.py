@@ -87,7 +87,7 @@ def kernel_facts(robot: Robot, name: str) -> dict[str, Any]:
     kernel = robot.kernel(name)
     return {
         "name": name,
-        "inputs": dict(kernel.inputs),
+        "inputs": {name: size for name, size in kernel.inputs if size},
         "outputs": dict(kernel.outputs),
         "operations": kernel.operations,
         "instructions": kernel.instruction_count(vector=True),

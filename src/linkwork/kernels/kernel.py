@@ -46,7 +46,7 @@ class Kernel:
     lanes: states in one vector register.
     address: of void(const double* in, double* out), which evaluates one state.
     batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of `lanes` states, laid out
-    in[block][n_in][lanes] and out[block][n_out][lanes] and aligned to 64 bytes.
+    `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned to 64 bytes.
     from_cache: whether all machine code so far was found in the cache.  compile_seconds: the time it took to get it, in s.
 
     `in` and `out` may not overlap. The functions hold no state and may be called by any number of threads at a time; they are

@@ -21,10 +21,14 @@ from linkwork.mechanism.joints import (
 from linkwork.mechanism.json_schema import schema
 from linkwork.mechanism.mechanism import GROUND, Mechanism, Tool
 from linkwork.mechanism.record import MechanismError
+from linkwork.mechanism.shapes import Box, Capsule, Cylinder, Polygon, Shape, Sphere
 
 __all__ = [
     "GROUND",
     "Body",
+    "Box",
+    "Capsule",
+    "Cylinder",
     "CylindricalJoint",
     "FixedJoint",
     "Frame",
@@ -39,10 +43,13 @@ __all__ = [
     "PairJoint",
     "PlanarJoint",
     "PointSpring",
+    "Polygon",
     "PrismaticJoint",
     "RevoluteJoint",
     "RodJoint",
     "ScrewJoint",
+    "Shape",
+    "Sphere",
     "SphericalJoint",
     "Spring",
     "Tool",

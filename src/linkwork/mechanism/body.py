@@ -1,4 +1,4 @@
-"""Rigid bodies: mass, mass centre, inertia about the mass centre in the body frame's axes.
+"""Rigid bodies: mass, mass centre, inertia about the mass centre in the body frame's axes, shapes for drawing.
 
 A body that only ever turns about the z axis of its own frame (a planar mechanism) may give `zz` alone.
 """
@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, model_validator
 
 from linkwork.mechanism.record import MechanismError, Real, Record, Vector3
+from linkwork.mechanism.shapes import Shape
 
 
 class Inertia(Record):
@@ -51,10 +52,14 @@ class Inertia(Record):
 
 
 class Body(Record):
-    """Describe a rigid body by mass [kg], mass centre [m, body frame] and inertia about it [kg m^2, body axes]."""
+    """Describe a rigid body by mass [kg], mass centre [m, body frame] and inertia about it [kg m^2, body axes].
+
+    `shapes` is what it looks like; they have no mass. A body without shapes is drawn between its joints.
+    """
 
     mass: NonNegativeFloat = Field(description="mass [kg], zero or more")
     centre_of_mass: Vector3 = Field(default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]")
     inertia: Inertia = Field(
         default_factory=lambda: Inertia(xx=0.0, yy=0.0, zz=0.0), description="about the mass centre"
     )
+    shapes: tuple[Shape, ...] = Field(default=(), description="what the body looks like; without mass")

@@ -11,6 +11,7 @@ from typing import Any
 from linkwork.mechanism.joints import Joint, ManyFreedoms
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.refusal import records_in
+from linkwork.mechanism.shapes import Shape
 
 FORMAT_VERSION = 1
 
@@ -19,7 +20,7 @@ def schema() -> dict[str, Any]:
     """Return the JSON schema (draft 7) of the mechanism file as a dict, ready for `json.dump`."""
     made = Mechanism.model_json_schema(ref_template="#/definitions/{model}")
     definitions = made.pop("$defs")
-    for record in records_in(Joint):
+    for record in (*records_in(Joint), *records_in(Shape)):
         _say_type(definitions[record.__name__])
         if issubclass(record, ManyFreedoms):
             _name_freedoms(definitions[record.__name__], record.freedoms)
@@ -38,11 +39,11 @@ def schema() -> dict[str, Any]:
     )
 
 
-def _say_type(joint: dict[str, Any]) -> None:
-    """Require the type of a joint, and put it first."""
-    kind = joint["properties"].pop("type")
-    joint["properties"] = {"type": {"const": kind["const"], "title": "Type"}, **joint["properties"]}
-    joint["required"] = ["type", *joint["required"]]
+def _say_type(record: dict[str, Any]) -> None:
+    """Require the type of a joint or a shape, and put it first."""
+    kind = record["properties"].pop("type")
+    record["properties"] = {"type": {"const": kind["const"], "title": "Type"}, **record["properties"]}
+    record["required"] = ["type", *record["required"]]
 
 
 def _name_freedoms(joint: dict[str, Any], freedoms: tuple[str, ...]) -> None:

@@ -6,7 +6,7 @@ the section goes before it: "joints.platform.friction.viscous".
 
 A number that enters the equations of motion may be free, that is, a symbol whose value is chosen later. Directions
 (rotations, axes) may not: what is parallel, and so what vanishes, is decided by them; nor may limits and the reference,
-which enter no equation.
+which enter no equation, nor the shapes of bodies.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SECTIONS = ("bodies", "joints", "springs", "tools")
 SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
 DIRECTIONS = ("rotation", "axis", "axes")
-OUTSIDE = ("limits", "reference")
+OUTSIDE = ("limits", "reference", "shapes")
 
 Where = tuple[str, ...]
 
@@ -47,14 +47,15 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
     values = {}
     for path in paths:
         where, value = located(mechanism, path)
-        if any(part in where for part in DIRECTIONS):
+        fields = {where[0], *where[2:]}  # without the element's name
+        if not fields.isdisjoint(OUTSIDE):
+            raise MechanismError(
+                f"{shown(path)} enters no equation of motion and cannot be free; change the description"
+            )
+        if not fields.isdisjoint(DIRECTIONS):
             raise MechanismError(
                 f"{shown(path)} is part of a direction and cannot be free; free positions, masses, inertias, friction, "
                 "springs, lengths or gravity"
-            )
-        if any(part in where for part in OUTSIDE):
-            raise MechanismError(
-                f"{shown(path)} enters no equation of motion and cannot be free; change the description"
             )
         if where in places:
             raise MechanismError(f"{shown(places[where])} and {shown(path)} are the same number; name it once")

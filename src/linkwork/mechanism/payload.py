@@ -53,7 +53,7 @@ def together(body: Body, payload: Body, frame: Frame) -> Body:
     axes = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in names}
     inertia = Inertia(**{name: float(tensor[place]) for name, place in axes.items()})
     x, y, z = map(float, centre)
-    return Body(mass=float(total), centre_of_mass=(x, y, z), inertia=inertia)
+    return Body(mass=float(total), centre_of_mass=(x, y, z), inertia=inertia, shapes=body.shapes)
 
 
 def rotation(frame: Frame) -> np.ndarray:

@@ -64,12 +64,16 @@ def complaint(kind: str, value: Any, context: Mapping[str, Any], message: str) -
     match kind:
         case "missing" | "too_long":
             return f"give {context['max_length']} {noun(value)}, not {len(value)}"
+        case "too_short":
+            return f"give {context['min_length']} {noun(value)} or more, not {len(value)}"
         case "float_type" | "float_parsing":
             return f"{shown(value)} is not a number"
         case "finite_number":
             return f"{shown(value)} is not a finite number"
         case "greater_than_equal":
             return f"{shown(value)} is below {context['ge']:g}"
+        case "less_than_equal":
+            return f"{shown(value)} is above {context['le']:g}"
         case "greater_than":
             return f"{shown(value)} is not above {context['gt']:g}"
         case "string_type":

@@ -1,6 +1,21 @@
 """Stage 7, see: plots of runs, pictures of mechanisms, comparisons and reports."""
 
 from linkwork.views.drawing import plot_mechanism
+from linkwork.views.maps import plot_workspace
+from linkwork.views.motion import plot_motion
+from linkwork.views.phase import plot_phase
 from linkwork.views.plots import plot_run
+from linkwork.views.precision import plot_work_precision
+from linkwork.views.run_report import write_report
+from linkwork.views.style import save_figure
 
-__all__ = ["plot_mechanism", "plot_run"]
+__all__ = [
+    "plot_mechanism",
+    "plot_motion",
+    "plot_phase",
+    "plot_run",
+    "plot_work_precision",
+    "plot_workspace",
+    "save_figure",
+    "write_report",
+]

@@ -12,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from linkwork.views.solids import RGB, Solid, brightness
 from linkwork.views.style import EDGE
 
 BAR_IN_SPACE = 0.7  # width of bars in space, relative to those in the plane
 OUTLINE = 2.3  # what a bar's dark edges add to its width [pt]
+SHADOW = 0.35  # how much darker the faces of solids are where no light falls
+LAMP = (-0.45, 0.7)  # where the light comes from, to the right and upwards of the viewer
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,11 @@ class Canvas:
         depth = (points.reshape(-1, 3).mean(axis=0) - self.points.mean(axis=0)) @ self.towards / self.size
         return self.level + level + 0.05 * float(np.clip(depth, -1, 1))
 
-    def mixed(self, colour: str) -> tuple[float, ...]:
-        """Return a colour mixed with white."""
+    def mixed(self, colour: RGB | str, dark: float = 0.0) -> tuple[float, ...]:
+        """Return a colour, darkened by a part of itself, mixed with white."""
         from matplotlib.colors import to_rgb
 
-        return tuple(1 - self.strength * (1 - part) for part in to_rgb(colour))
+        return tuple(1 - self.strength * (1 - (1 - dark) * part) for part in to_rgb(colour))
 
     def seen(self, points: np.ndarray) -> np.ndarray:
         """Return coordinates (2 or 3, k) for the axes."""
@@ -86,7 +89,7 @@ class Canvas:
         self.line(points, 0, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE))
         self.line(points, 0, color=colour, lw=width, gid=gid)
 
-    def faces(self, faces: Sequence[np.ndarray], inside: str, edge: str, level: float, **look: Any) -> None:
+    def faces(self, faces: Sequence[np.ndarray], inside: RGB | str, edge: str, level: float, **look: Any) -> None:
         """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a solid in space."""
         look |= {"fc": self.mixed(inside), "ec": self.mixed(edge), "zorder": self.order(np.concatenate(faces), level)}
         if self.flat:
@@ -97,6 +100,21 @@ class Canvas:
             from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
             self.axes.add_collection3d(Poly3DCollection(faces, **look))
+
+    def solid(self, solid: Solid, level: float) -> None:
+        """Draw a solid: its outline in the plane; in space its faces, shaded, with dark edges of the flat ones."""
+        if self.flat:
+            self.faces([solid.shadow], solid.colour, EDGE, level, lw=1.3)
+            return
+        from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+        light = self.towards + LAMP @ self.screen
+        shadows = 1 - brightness(solid.faces, light / np.linalg.norm(light))
+        inside = [self.mixed(solid.colour, SHADOW * dark) for dark in shadows]
+        edges = [self.mixed(EDGE)] * len(solid.flat) + inside[len(solid.flat) :]
+        widths = [0.8] * len(solid.flat) + [0.3] * len(solid.round)
+        order = self.order(solid.corners, level)
+        self.axes.add_collection3d(Poly3DCollection(solid.faces, fc=inside, ec=edges, lw=widths, zorder=order))
 
     def dot(self, point: np.ndarray, level: float, marker: str = "o", **look: Any) -> None:
         """Draw a marker at a point."""

@@ -1,4 +1,4 @@
-"""Draw a mechanism in a pose: ground, bodies between their joints, joints by kind, springs, the tool's frame.
+"""Draw a mechanism in a pose: ground, bodies as their shapes or between their joints, joints by kind, springs, tools.
 
 A planar mechanism is drawn in the xy plane (`plane`), a spatial one in three dimensions (`space`). A stack of states is
 drawn as a stroboscopic picture: the last pose in full, the earlier ones the paler the longer ago. Driven joints are orange.
@@ -113,8 +113,11 @@ def strengths(count: int) -> list[float]:
 
 
 def draw_members(canvas: Canvas, pose: Skeleton) -> None:
-    """Draw bodies as plates, bars or arcs (those with a single point are shown by their joint), rods, telescopes, springs."""
-    for points in pose.bodies.values():
+    """Draw bodies as their shapes, or as plates, bars or arcs (one point is shown by its joint); rods, telescopes, springs."""
+    for solids in pose.solids.values():
+        for solid in solids:
+            canvas.solid(solid, 0.01)
+    for points in (points for name, points in pose.bodies.items() if name not in pose.solids):
         faces = hull(points * (1, 1, 0) if canvas.flat else points)
         if len(faces[0]) > 2:
             look = {"lw": 1.3} if canvas.flat else {"lw": 0.8, "alpha": 0.6}

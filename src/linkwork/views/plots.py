@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.errors import LinkworkError
+from linkwork.simulation import Run
 from linkwork.views.style import label_time, look, new_figure, styled
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from linkwork.simulation import Run
 
 TIME = "time"
 USUAL = ("tool_pose", "joint_position", "joint_rate", "actuator_force")
@@ -23,6 +23,7 @@ ANGLES = ("angle", "rx", "ry", "rz")
 WIDTH, HEIGHT = 7.2, 2.1  # of a panel and its legend [in]
 CURVES, DASH, LETTER = 5.6, 0.5, 0.068  # widths of what a panel and its legend are made of [in]
 LEGEND_ROWS = 9
+ONE = "o"  # marker of a single sample, which has no line
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,13 @@ class Panel:
         return CURVES + self.legend_columns * (DASH + LETTER * max(map(len, self.names)))
 
 
-def plot_run(run: Run, quantities: str | Sequence[str] | None = None) -> Figure:
+def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None = None) -> Figure:
     """Draw quantities of a run over time.
 
     Args:
-        run: the run.
-        quantities: name of a variable of `run.dataset`, or several; left out: the tool's pose, joint positions and
-            rates, and actuator forces.
+        run: the run; or any dataset over time, such as that of `linkwork.analysis.along`.
+        quantities: name of a variable of the dataset, or several; left out: of a run the tool's pose, joint positions
+            and rates, and actuator forces, else all over time.
 
     Returns:
         A matplotlib figure with one panel for each quantity and unit.
@@ -59,9 +60,9 @@ def plot_run(run: Run, quantities: str | Sequence[str] | None = None) -> Figure:
     Raises:
         LinkworkError: a quantity that the run does not hold over time.
     """
-    dataset = run.dataset
+    dataset = run.dataset if isinstance(run, Run) else run
     moving = [str(name) for name, variable in dataset.data_vars.items() if TIME in variable.dims]
-    usual = [name for name in USUAL if name in moving]
+    usual = [name for name in USUAL if name in moving] or moving
     wanted = usual if quantities is None else [quantities] if isinstance(quantities, str) else list(quantities)
     for name in wanted:
         if name not in moving:
@@ -80,8 +81,9 @@ def plot_run(run: Run, quantities: str | Sequence[str] | None = None) -> Figure:
 
 def draw(axes, time: np.ndarray, panel: Panel) -> None:
     """Draw one panel; its legend stands to the right."""
+    marker = "" if len(time) > 1 else ONE
     for index, name in enumerate(panel.names):
-        axes.plot(time, panel.values[:, index], label=name or None, **look(index))
+        axes.plot(time, panel.values[:, index], marker=marker, label=name or None, **look(index))
     axes.set_ylabel(f"{panel.quantity.replace('_', ' ')}\n[{panel.unit}]")
     if panel.names != ("",):
         place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.03), "borderaxespad": 0}

@@ -26,6 +26,7 @@ from linkwork.robots import prr3
 from linkwork.views import overlays
 from linkwork.views.comparison import NOC, PRESCRIBED, RTOL, TITLES, Comparison, Curve, compare, largest_differences
 from linkwork.views.drawing import plot_mechanism
+from linkwork.views.film import film
 from linkwork.views.report import Table, duration, page, picture, short
 from linkwork.views.style import BLUE, new_figure, styled, svg
 
@@ -133,6 +134,7 @@ def render(comparison: Comparison, drawn: dict[str, str]) -> str:
         equations=robot.equations,
         operations=robot.kernel("motion").operations,
         pictures={name: picture(name, CAPTIONS[name], drawing) for name, drawing in drawn.items()},
+        film=film(robot, comparison.time, robot.state(noc.positions)),
         bodies=bodies_table(robot.mechanism),
         differences=differences_table(comparison),
         runs=runs_table(comparison),

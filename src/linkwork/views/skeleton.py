@@ -1,7 +1,8 @@
 """The points of a mechanism in a pose that are worth drawing, seen from the ground.
 
-A body is the set of points where its joints, springs and tools sit; their convex hull is drawn. The mass centre is added
-where these would not show the body: on a body that hangs on one joint, and where the mass is nearly a point.
+A body is its shapes. One without shapes is the set of points where its joints, springs and tools sit; their convex hull
+is drawn. The mass centre is added where these would not show the body: on a body that hangs on one joint, and where the
+mass is nearly a point.
 
 Links whose hinges' axes all meet in one point have all their joints there. But a hinge may stand anywhere on its axis: it
 is moved to the foot of the mass centres of the two bodies it joins, and a link between two such hinges is an arc about
@@ -17,9 +18,10 @@ from math import sqrt
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
-from linkwork.mechanism import GROUND, Frame, Mechanism, PairJoint
+from linkwork.mechanism import GROUND, Body, Frame, Mechanism, PairJoint
 from linkwork.robot import Robot, State
 from linkwork.views.shapes import arc, hull
+from linkwork.views.solids import Solid, solid_of
 
 TOGETHER = 1e-9  # distance of points, relative to the mechanism, below which they are one
 APART = 0.1  # distance of points, relative to the mechanism, above which they are seen apart
@@ -63,6 +65,7 @@ class Skeleton:
     """Hold what is drawn of a mechanism in one pose, in the ground's axes [m].
 
     bodies: the points (k, 3) of each body
+    solids: the shapes of the bodies that have some
     arcs: the polylines of bodies that are arcs between two hinges
     joints: all that connect bodies, but no free joints
     gears: the two or more joints that a gear couples, by its name
@@ -72,6 +75,7 @@ class Skeleton:
     """
 
     bodies: dict[str, np.ndarray]
+    solids: dict[str, tuple[Solid, ...]]
     arcs: dict[str, np.ndarray]
     joints: tuple[JointPlace, ...]
     gears: dict[str, tuple[JointPlace, ...]]
@@ -84,12 +88,14 @@ class Skeleton:
     def points(self) -> np.ndarray:
         """Return all points (N, 3)."""
         ends = [np.stack([joint.near, joint.far]) for joint in self.joints]
-        return np.concatenate([*self.bodies.values(), *self.arcs.values(), *ends, *self.springs.values()])
+        corners = [solid.corners for solids in self.solids.values() for solid in solids]
+        return np.concatenate([*self.bodies.values(), *corners, *self.arcs.values(), *ends, *self.springs.values()])
 
     @property
     def outline(self) -> np.ndarray:
         """Return points (N, 3) close together along all lines that are drawn."""
-        lines = [face for points in self.bodies.values() for face in hull(points)]
+        lines = [face for name, points in self.bodies.items() if name not in self.solids for face in hull(points)]
+        lines += [face for solids in self.solids.values() for solid in solids for face in solid.faces]
         lines += [*self.arcs.values(), *self.springs.values(), *(np.stack([j.near, j.far]) for j in self.joints)]
         t = np.linspace(0, 1, 13)[:, None]
         return np.concatenate(
@@ -117,24 +123,35 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     ends = [*hung, *(end for joint in joints for end in joint.ends)]
     ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
     points = {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
-    masses = {name: centres[name] for name in point_masses(mechanism, points, centres) if name not in meeting}
+    solids = {name: body_solids(body, poses[name]) for name, body in mechanism.bodies.items() if body.shapes}
+    masses = {
+        name: centres[name]
+        for name in point_masses(mechanism, points, centres)
+        if name not in meeting and name not in solids
+    }
     for name, own in points.items():
         if name in masses or (name in centres and len(own) < 2):
             own.append(centres[name])
         elif not own:
             own.append(poses[name][0])
-    arcs = {name: arc(meeting[name], *points[name]) for name in meeting if len(points[name]) == 2}
+    bent = [name for name in meeting if len(points[name]) == 2 and name not in solids]
+    arcs = {name: arc(meeting[name], *points[name]) for name in bent}
     bodies = {name: np.stack(found) for name, found in points.items() if name not in arcs}
     gears = {
         name: tuple(joint for joint in joints if not gear.ratios.keys().isdisjoint(joint.coordinates))
         for name, gear in mechanism.gears.items()
     }
-    return Skeleton(bodies, arcs, joints, gears, springs, anchors, masses, tools)
+    return Skeleton(bodies, solids, arcs, joints, gears, springs, anchors, masses, tools)
 
 
 def placed(pose: Pose, point: Sequence[float]) -> np.ndarray:
     """Return a body's point in the ground's axes."""
     return pose[0] + pose[1] @ np.asarray(point, float)
+
+
+def body_solids(body: Body, pose: Pose) -> tuple[Solid, ...]:
+    """Return the shapes of a body in the ground's axes."""
+    return tuple(solid_of(shape).moved(*frame_pose(pose, shape.frame)) for shape in body.shapes)
 
 
 def frame_pose(pose: Pose, frame: Frame) -> Pose:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+
+from linkwork.errors import LinkworkError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,6 +52,7 @@ STYLE: dict[Any, Any] = {
     "legend.handlelength": 2.4,
     "lines.linewidth": 1.6,
     "lines.solid_capstyle": "round",
+    "pdf.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "linkwork",
     "text.color": INK,
@@ -87,6 +91,31 @@ def svg(figure: Figure, *, cropped: bool = False) -> str:
     with styled():
         figure.savefig(buffer, format="svg", metadata=nothing, bbox_inches="tight" if cropped else None)
     return buffer.getvalue()
+
+
+def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
+    """Write a figure as .svg or .pdf (lines and text as such, the same bytes every time) or as .png (300 dpi).
+
+    Args:
+        drawn: a figure, or axes of it.
+        path: of the file; one that exists is replaced.
+
+    Raises:
+        LinkworkError: another suffix, or a file that cannot be written.
+    """
+    path, figure = Path(path), cast("Figure", getattr(drawn, "figure", drawn))
+    if path.suffix.lower() not in (".svg", ".pdf", ".png"):
+        raise LinkworkError(f"a figure is written as .svg, .pdf or .png, not as {path.name!r}")
+    try:
+        if path.suffix.lower() == ".svg":
+            path.write_text(svg(figure), encoding="utf-8")
+        else:
+            dated = {"CreationDate": None} if path.suffix.lower() == ".pdf" else {}
+            with styled():
+                figure.savefig(path, dpi=300, metadata=dated)
+    except OSError as error:
+        raise LinkworkError(f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}") from None
+    return path
 
 
 def look(index: int) -> dict:

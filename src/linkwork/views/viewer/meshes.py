@@ -5,7 +5,8 @@ All solids of revolution come from one function: a profile (radius, height) turn
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -17,14 +18,18 @@ TUBE_SIDES = 8
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Hold vertices (V, 3) [m] and triangles (F, 3), whose corners run counter-clockwise seen from outside."""
+    """Hold vertices (V, 3) [m] and triangles (F, 3), whose corners run counter-clockwise seen from outside.
+
+    smooth: whether the triangles stand for a surface without edges
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
+    smooth: bool = False
 
     def moved(self, position: np.ndarray, turn: np.ndarray) -> Mesh:
         """Return the mesh with its points p at  position + turn p."""
-        return Mesh(position + self.vertices @ turn.T, self.faces)
+        return Mesh(position + self.vertices @ turn.T, self.faces, self.smooth)
 
     @property
     def volume(self) -> float:
@@ -70,7 +75,16 @@ def ball() -> Mesh:
     t = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)
     profile = np.stack([np.cos(t), np.sin(t)], axis=1)
     profile[[0, -1], 0] = 0.0
-    return turned(profile)
+    return replace(turned(profile), smooth=True)
+
+
+@cache
+def capsule(length: float) -> Mesh:
+    """Return a cylinder of radius 1 about z, half its length to either side, with half balls on its ends."""
+    t = np.linspace(0, np.pi / 2, SIDES // 4 + 1)
+    end = np.stack([np.cos(t), np.sin(t) + length / 2], axis=1)
+    end[-1, 0] = 0.0
+    return replace(turned(np.concatenate([end[::-1] * (1, -1), end])), smooth=True)
 
 
 def block() -> Mesh:

@@ -1,23 +1,25 @@
 """What is shown of a robot: solids, each fixed in a carrier, which is a body, the ground, or a span between two points.
 
-All follow from the skeleton of the reference configuration: bodies are plates, bars or arcs between the places of their
-joints; joints are drawn as their kind. As parts keep their shape, a pose moves only the carriers (`scene`).
+All follow from the skeleton of the reference configuration: bodies are their shapes, or plates, bars or arcs between the
+places of their joints; joints are drawn as their kind. As parts keep their shape, a pose moves only the carriers (`scene`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, assert_never
 
 import numpy as np
 
-from linkwork.mechanism import GROUND, Mechanism
+from linkwork.equations.algebra import rotation_matrix
+from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Mechanism, Polygon, Sphere
+from linkwork.mechanism.shapes import Shape
 from linkwork.robot import Robot
 from linkwork.robot.limits import limited
 from linkwork.views.shapes import hull
 from linkwork.views.skeleton import JointPlace, Pose, Skeleton, skeleton
-from linkwork.views.viewer.meshes import BALL, BLOCK, POST, Mesh, coil, frame_along, plate, solid, tube
+from linkwork.views.viewer.meshes import BALL, BLOCK, POST, Mesh, capsule, coil, frame_along, plate, slab, solid, tube
 
 Role = Literal["member", "shell", "joint", "driven", "ground", "mass", "rod"]
 
@@ -42,7 +44,7 @@ class Part:
     """Hold a solid that is fixed in a carrier: a body, by name, or a span, by number; in the carrier's axes [m].
 
     mesh: its shape, scaled along its own axes by `scale` (3), turned by R (3, 3), and moved by `position` (3). In a span
-    the scale along z is relative to the span's length.
+    the scale along z is relative to the span's length. colour: red, green, blue from 0 to 1; of its role if left out
     """
 
     carrier: str | int
@@ -51,6 +53,7 @@ class Part:
     position: np.ndarray
     turn: np.ndarray
     scale: np.ndarray
+    colour: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +123,11 @@ class Maker:
     # Bodies
 
     def members(self) -> Iterator[Part]:
-        """Yield bodies as plates, solids, bars or arcs; those with a single point are shown by their joint."""
-        for name, points in self.skeleton.bodies.items():
+        """Yield bodies as their shapes, or as plates, solids, bars or arcs; a single point is shown by its joint."""
+        for name, body in self.mechanism.bodies.items():
+            yield from (shaped(name, shape) for shape in body.shapes)
+        bare = {name: points for name, points in self.skeleton.bodies.items() if name not in self.skeleton.solids}
+        for name, points in bare.items():
             faces = hull(points)
             if len(faces) > 1:
                 yield self.mesh(name, "shell", solid(points))
@@ -221,6 +227,32 @@ class Maker:
     def span(self, bodies: tuple[str, str], start: np.ndarray, end: np.ndarray) -> Span:
         (p, R), (o, Q) = (self.poses[body] for body in bodies)
         return Span(bodies, ((start - p) @ R, (end - o) @ Q))
+
+
+def shaped(body: str, shape: Shape) -> Part:
+    """Return a shape of a body."""
+    match shape:
+        case Box():
+            mesh, scale, low = BLOCK, shape.size, 0.0
+        case Cylinder():
+            mesh, scale, low = POST, (shape.radius, shape.radius, shape.length), -shape.length / 2
+        case Sphere():
+            mesh, scale, low = BALL, (shape.radius,) * 3, 0.0
+        case Capsule():
+            mesh, scale, low = capsule(shape.length / shape.radius), (shape.radius,) * 3, 0.0
+        case Polygon():
+            mesh, scale, low = slab(counter_clockwise(np.array(shape.points)), shape.thickness), (1.0,) * 3, 0.0
+        case _:
+            assert_never(shape)
+    turn = rotation_matrix(shape.frame.rotation)
+    position = np.array(shape.frame.position) + low * turn[:, 2]
+    return Part(body, "member", mesh, position, turn, np.array(scale), shape.colour)
+
+
+def counter_clockwise(corners: np.ndarray) -> np.ndarray:
+    """Return the corners (k, 2) of a convex polygon in counter-clockwise order."""
+    (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[1]
+    return corners if a * d > b * c else corners[::-1]
 
 
 def edges(faces: list[np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +14,8 @@ from linkwork.robot import Robot
 from linkwork.views.style import GREEN, GREY, INK, LINK, ORANGE, PALE, PLATE
 from linkwork.views.viewer.arrows import Drawn
 from linkwork.views.viewer.conditioning import colour, rgb
-from linkwork.views.viewer.meshes import BALL
-from linkwork.views.viewer.parts import Role
-from linkwork.views.viewer.scene import Placement, of_mesh, quaternions
+from linkwork.views.viewer.parts import Part, Role
+from linkwork.views.viewer.scene import Placement, of_mesh, quaternions, turned_by
 from linkwork.views.viewer.session import Session
 
 COLOURS: dict[Role, tuple[int, int, int]] = {
@@ -76,7 +75,7 @@ class Stage:
         """Add parts of one mesh, by their numbers, as one node."""
         parts = [self.parts.parts[k] for k in group]
         tools = [tool.body for tool in self.robot.mechanism.tools.values()][:1] or list(self.robot.bodies)
-        colours = np.array([COLOURS[part.role] for part in parts], np.uint8)
+        colours = np.array([colour_of(part) for part in parts], np.uint8)
         coloured = np.array([part.role in ("member", "shell") and part.carrier in tools for part in parts])
         name = "ground" if parts[0].carrier == GROUND else "robot"
         node = self.server.scene.add_batched_meshes_simple(
@@ -88,7 +87,7 @@ class Stage:
             batched_scales=placement.scales[group],
             batched_colors=colours,
             opacity=SHELL if parts[0].role == "shell" else None,
-            flat_shading=parts[0].mesh is not BALL,
+            flat_shading=not parts[0].mesh.smooth,
             lod="off",
         )
         stretched = any(isinstance(part.carrier, int) for part in parts)
@@ -113,7 +112,7 @@ class Stage:
         scene.configure_environment_map(None)
         scene.configure_default_lights(cast_shadow=False)
         scene.add_light_hemisphere("/light", sky_color=SKY, ground_color=EARTH, intensity=LIGHT)
-        low = float((placement.positions - placement.scales.max(axis=1, keepdims=True))[:, 2].min())
+        low = lowest(self.parts.parts, placement)
         scene.add_grid(
             "/grid",
             width=GRID_CELLS * size / 5,
@@ -187,6 +186,24 @@ class Stage:
             f"/arcs/{kind}", nothing, ARROWS[kind], thickness=ARC * size, visible=False
         )
         return nodes, arcs
+
+
+def lowest(parts: Sequence[Part], placement: Placement) -> float:
+    """Return the height [m] of the lowest point of parts."""
+    return min(
+        float((position + turned_by(turn[None], part.mesh.vertices * scale))[:, 2].min())
+        for part, position, turn, scale in zip(
+            parts, placement.positions, placement.turns, placement.scales, strict=True
+        )
+    )
+
+
+def colour_of(part: Part) -> tuple[int, int, int]:
+    """Return the colour of a part, or else of its role."""
+    if part.colour is None:
+        return COLOURS[part.role]
+    red, green, blue = (round(255 * value) for value in part.colour)
+    return red, green, blue
 
 
 def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:

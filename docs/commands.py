@@ -1,0 +1,58 @@
+"""The page of the command line, written from the commands themselves."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+
+from linkwork.cli import app
+
+HEAD = """# Command line
+
+`linkwork COMMAND --help` tells the same. A command that cannot do what it is asked says so in one sentence and exits with 2;
+a run that ends early exits with 1 and keeps what it has. ROBOT is a robot of the [catalogue](catalogue.md) or a
+[mechanism file](mechanism-file.md).
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    return "\n".join([HEAD, *entries(typer.main.get_command(app), "linkwork")])
+
+
+def entries(group: Any, name: str) -> Iterator[str]:
+    """Yield the entries of a group's commands."""
+    for word, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from entries(command, " ".join([name, word, *arguments(command)]))
+        else:
+            yield entry(command, f"{name} {word}")
+
+
+def arguments(command: Any) -> list[str]:
+    return [spelled(p) for p in command.params if p.param_type_name == "argument"]
+
+
+def entry(command: Any, name: str) -> str:
+    """Return the entry of a command: what it does, its arguments and options."""
+    rows = [f"| `{spelled(p)}` | {told(p)} |" for p in command.params if "--help" not in p.opts]
+    table = "\n".join(["| | |", "| --- | --- |", *rows]) if rows else ""
+    usage = " ".join([name, *arguments(command)])
+    return f"## {name}\n\n    {usage}\n\n{command.help or ''}\n\n{table}\n"
+
+
+def spelled(parameter: Any) -> str:
+    """Return an argument or option as it is written."""
+    metavar = parameter.metavar or parameter.name.upper()
+    if parameter.param_type_name == "argument":
+        return metavar
+    return ", ".join(parameter.opts) + ("" if getattr(parameter, "is_flag", False) else f" {metavar}")
+
+
+def told(parameter: Any) -> str:
+    """Return the help of a parameter, and its default."""
+    text = str(parameter.help or "").replace("|", "\\|").replace("<", "&lt;")
+    value = parameter.default
+    if value is None or isinstance(value, bool) or value == "" or callable(value):
+        return text
+    return f"{text} Default: {value}."

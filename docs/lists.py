@@ -1,0 +1,31 @@
+"""Docstrings of classes name fields by lines "name: meaning" or "name, name: meaning"; the site shows these as lists."""
+
+import re
+from typing import Any
+
+import griffe
+
+FIELDS = re.compile(r"^(?!Source:|Note:)((?:`?\w+`?(?:, )?)+): (?=\S)", re.M)
+
+
+class Lists(griffe.Extension):
+    """Turn lines that name fields into list items; lines that go on are part of their item."""
+
+    def on_class(self, *, cls: griffe.Class, **kwargs: Any) -> None:
+        if cls.docstring:
+            cls.docstring.value = listed(cls.docstring.value)
+
+
+def listed(text: str) -> str:
+    """Return a docstring whose named fields are a list, each name as code."""
+
+    def item(match: re.Match) -> str:
+        names = (f"`{name.strip('`')}`" for name in match[1].split(", "))
+        return f"- {', '.join(names)}: "
+
+    lines = FIELDS.sub(item, text).split("\n")
+    spaced = [
+        f"\n{line}" if line.startswith("- ") and before and not before.startswith("- ") else line
+        for before, line in zip(["", *lines], lines, strict=False)
+    ]
+    return "\n".join(spaced)

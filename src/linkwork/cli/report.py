@@ -1,0 +1,27 @@
+"""The report of a saved run from the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from linkwork.cli.catalogue import refuse_existing
+from linkwork.cli.runs import read, robot_of
+from linkwork.cli.terminal import console, patience
+from linkwork.errors import LinkworkError
+
+
+def report(file: str, out: Path, of: str | None, overwrite: bool) -> None:
+    """Write the report of a run as a page, and print where it is."""
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise LinkworkError(f"--out {out}: a report is written as .html, not {out.suffix!r}")
+    if not out.parent.is_dir():
+        raise LinkworkError(f"--out {out}: there is no folder '{out.parent}'")
+    refuse_existing(out, overwrite)
+    run = read(file)
+    with patience("preparing the robot"):
+        robot = robot_of(run, file, of)
+    with patience("drawing and writing"):
+        from linkwork.views import write_report
+
+        write_report(robot, run, out)
+    console().print(f"{out} written", soft_wrap=True)

@@ -1,0 +1,325 @@
+"""The bench: a study made ready to run: robot with free numbers, controllers, starts, and the form of its results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from linkwork.control import Drive
+from linkwork.control.drives import Extra
+from linkwork.control.goals import target
+from linkwork.control.observation import Names
+from linkwork.errors import LinkworkError
+from linkwork.robot import Motion, Robot, State, UnreachableError
+from linkwork.robot.assembly import wrapped
+from linkwork.robot.system import system
+from linkwork.simulation import Signal, Status
+from linkwork.sweeps import starts
+from linkwork.sweeps.controllers import Law, drive
+from linkwork.sweeps.outputs import Output
+from linkwork.sweeps.quantities import QUANTITIES
+from linkwork.sweeps.starts import REFUSED, UNREACHABLE, home
+from linkwork.sweeps.study import Study, StudyError
+
+STATUSES = {status.value: status.name for status in Status} | {UNREACHABLE: "UNREACHABLE", REFUSED: "REFUSED"}
+"""How members end: as runs do; or without a run, as their start is out of reach, or no description may hold their numbers."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """Describe an array of the results: its axes, of which the first is "member", and attributes."""
+
+    axes: tuple[str, ...]
+    kind: str
+    attrs: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """Hold one way to drive the robot: the controller, what it leads to, and the names of its parameters."""
+
+    law: Law | None
+    goal: Any
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Hold a study that is ready to run.
+
+    robot: with the study's numbers free; drives: by actuator; start: where runs start that vary nothing of it
+    cases: one for each controller
+    """
+
+    study: Study
+    robot: Robot
+    drives: Mapping[str, Drive]
+    start: State
+    cases: tuple[Case, ...]
+
+    @classmethod
+    def of(cls, study: Study) -> Bench:
+        """Make a study ready.
+
+        Raises:
+            StudyError: names that fit neither robot nor controllers, poses out of reach; where it stands in the study.
+        """
+        robot = Robot(study.robot, free=study.paths)
+        for name in study.drives:
+            if name not in robot.actuators:
+                there = ", ".join(robot.actuators) or "none"
+                raise StudyError(f"there is no actuator {name!r}; there are {there}", ("drives", name))
+        drives = {name: drive(given, ("drives", name)) for name, given in study.drives.items()}
+        start = home(study, robot)
+        nominal = Robot(study.robot, robot.independent) if study.controllers else robot
+        goals = {name: reached(study, name, nominal, start) for name in study.controllers}
+        first = next(iter(goals.values()), None)
+        if isinstance(first, Motion) and study.start.tool is None and not study.start.joints:
+            start = robot.make_state(first.state.q[0], start.rates)
+        if not study.controllers:
+            constant = forces(study, robot)
+            cases = (Case(constant, None, parameters(robot, constant, drives, study, ("forces",))),)
+        else:
+            laws = {name: given.law(goals[name], nominal) for name, given in study.controllers.items()}
+            cases = tuple(
+                Case(law, goals[name], parameters(robot, law, drives, study, ("controllers", name)))
+                for name, law in laws.items()
+            )
+        bench = cls(study, robot, drives, start, cases)
+        for name in study.varied:
+            bench.require_known(name)
+        bench.require_components()
+        return bench
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """The times that are looked at (K) [s]."""
+        return np.linspace(0, self.study.duration, self.study.samples)
+
+    @cached_property
+    def extras(self) -> tuple[Extra, ...]:
+        """The extra states of the drives."""
+        return tuple(
+            extra._replace(name=f"{name}.{extra.name}") for name, given in self.drives.items() for extra in given.extras
+        )
+
+    @cached_property
+    def labels(self) -> Mapping[str, tuple[str, ...]]:
+        """The names along each axis of components."""
+        robot = self.robot
+        return {
+            "coordinate": robot.coordinates,
+            "rate": robot.rates,
+            "actuator": robot.actuators,
+            "pose": starts.POSES[robot.planar] if robot.mechanism.tools else (),
+            "extra": tuple(extra.name for extra in self.extras),
+        }
+
+    def lengths(self, axis: str | None) -> tuple[int, ...]:
+        """Return the shape of a quantity's components."""
+        return () if axis is None else (len(self.labels[axis]),)
+
+    @cached_property
+    def outputs(self) -> Mapping[str, Output]:
+        """The outputs by name."""
+        return {name: Output.read(text) for name, text in self.study.outputs.items()}
+
+    @cached_property
+    def quantities(self) -> tuple[str, ...]:
+        """The quantities that are measured."""
+        return tuple(dict.fromkeys([*(output.quantity for output in self.outputs.values()), *self.study.trajectories]))
+
+    @cached_property
+    def fields(self) -> Mapping[str, Field]:
+        """The arrays of the results by name."""
+        found = {name: Field(("member",), "f8", {"role": "varied"}) for name in self.study.varied}
+        if len(self.cases) > 1:
+            names = self.study.controllers
+            found["controller"] = Field(("member",), "i1", flags({i: name for i, name in enumerate(names)}))
+        found |= {
+            "status": Field(("member",), "i1", flags(STATUSES)),
+            "end_time": Field(("member",), "f8", {"units": "s"}),
+            "nfev": Field(("member",), "i8", {}),
+            "pivot": Field(("member",), "f8", {"units": "1", "description": "smallest relative pivot met"}),
+            "closure_error": Field(("member",), "f8", {"units": "m, rad"}),
+        }
+        for name, output in self.outputs.items():
+            attrs = {"role": "output", "units": output.unit, "description": self.study.outputs[name]}
+            found[name] = Field(("member", *(() if output.axis is None else (output.axis,))), "f8", attrs)
+        for name in self.study.trajectories:
+            axis = QUANTITIES[name].axis
+            found[name] = Field(
+                ("member", "time", *(() if axis is None else (axis,))), "f8", {"units": QUANTITIES[name].unit}
+            )
+        return found
+
+    def shape(self, field: Field, members: int) -> tuple[int, ...]:
+        """Return the shape of a field's array for a number of members."""
+        sizes = {"member": members, "time": len(self.times)} | {axis: len(names) for axis, names in self.labels.items()}
+        return tuple(sizes[axis] for axis in field.axes)
+
+    def unit(self, output: Output, component: str) -> str:
+        """Return the unit of an output's component: of slides or of turns, where a quantity has both."""
+        slide, *turn = output.unit.split(", ")
+        if QUANTITIES[output.quantity].axis == "pose":
+            angular = component not in ("x", "y", "z")
+        else:
+            angular = self.robot.labels.units.get(component) == "rad"
+        return turn[0] if turn and angular else slide
+
+    @cached_property
+    def same_start(self) -> bool:
+        """Whether all members start at the same coordinates."""
+        return starts.same_start(self.study, self.robot)
+
+    @cached_property
+    def several_in_an_inertia(self) -> bool:
+        """Whether several elements of one inertia vary."""
+        return starts.several_in_an_inertia(self.study)
+
+    # What varies
+
+    def parameter(self, name: str, case: int) -> str | None:
+        """Return the parameter of the runs that a varied name stands for; none if it is another controller's, or a start's."""
+        if name in self.study.paths:
+            return name
+        section, _, rest = name.partition(".")
+        if section == "forces":
+            return name
+        if section == "drives":
+            return rest
+        controller = tuple(self.study.controllers)[case] + "." if self.study.controllers else ""
+        return rest.removeprefix(controller) if section == "controllers" and rest.startswith(controller) else None
+
+    def require_known(self, name: str) -> None:
+        """Refuse a varied name that fits nothing."""
+        section, _, rest = name.partition(".")
+        if name in self.study.paths:
+            return
+        if section == "start":
+            kind, _, label = rest.partition(".")
+            tool = self.labels["pose"][: len(self.study.start.tool or ())]
+            known = {"tool": tool, "joints": self.robot.coordinates, "rates": self.robot.independent}
+            if label in known.get(kind, ()):
+                return
+            allowed = [f"start.{part}.{each}" for part, names in known.items() for each in names]
+        else:
+            own = [self.parameter(name, i) in case.parameters for i, case in enumerate(self.cases)]
+            if any(own):
+                return
+            allowed = self.allowed(section)
+        raise StudyError(f"is nothing that can vary; there are {', '.join(allowed) or 'none'}", self.study.place(name))
+
+    def allowed(self, section: str) -> list[str]:
+        """Return the names of a section that can vary."""
+        if section == "controllers":
+            pairs = zip(self.study.controllers, self.cases, strict=False)
+            return [
+                f"controllers.{name}.{gain}"
+                for name, case in pairs
+                for gain in case.parameters
+                if gain not in self.of_drives
+            ]
+        return [f"drives.{name}" for name in self.of_drives] if section == "drives" else list(self.cases[0].parameters)
+
+    @cached_property
+    def of_drives(self) -> tuple[str, ...]:
+        """The names of the drives' numbers."""
+        return tuple(f"{name}.{number}" for name, given in self.drives.items() for number in given.numbers)
+
+    def require_components(self) -> None:
+        """Refuse outputs that this robot does not have."""
+        for name, output in self.outputs.items():
+            self.require_quantity(output.quantity, ("outputs", name))
+            axis = QUANTITIES[output.quantity].axis
+            names = self.labels[axis] if axis else ()
+            if output.component and output.component not in names:
+                there = f"there are {', '.join(names)}" if names else "it has none"
+                raise StudyError(f"{output.quantity} has no component {output.component!r}; {there}", ("outputs", name))
+        for index, name in enumerate(self.study.trajectories):
+            self.require_quantity(name, ("trajectories", str(index)))
+
+    def require_quantity(self, name: str, where: tuple[str, ...]) -> None:
+        lack = {
+            "tool_pose": ("the robot has no tool", self.labels["pose"]),
+            "drive_state": ("no drive has a state", self.extras),
+            "tracking_error": ("there is no controller", self.study.controllers),
+            "tool_error": ("there is no controller, or no tool", self.study.controllers and self.labels["pose"]),
+        }
+        reason, there = lack.get(name, ("", True))
+        if not there:
+            raise StudyError(f"{name!r} is not defined here: {reason}", where)
+
+    # Goals
+
+    def wanted_joints(self, case: int) -> Signal:
+        """Return the coordinates over time that a controller leads the actuated joints to."""
+        return self._wanted[case]
+
+    @cached_property
+    def _wanted(self) -> tuple[Signal, ...]:
+        names = Names.of(self.robot.mechanism, self.robot.planar)
+        return tuple(target(case.goal, names).positions for case in self.cases if case.goal is not None)
+
+    def tool_error(self, case: int, times: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Return the tool's distance (rows, pose) from the goal's at the saved times of a number (rows)."""
+        wanted = self._wanted_poses[case][times]
+        if self.robot.planar:
+            error = poses - wanted
+            error[:, 2] = wrapped(error[:, 2])
+            return error
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_rotvec(poses[:, 3:]) * Rotation.from_rotvec(wanted[:, 3:]).inv()
+        return np.concatenate([poses[:, :3] - wanted[:, :3], turn.as_rotvec()], axis=1)
+
+    @cached_property
+    def _wanted_poses(self) -> list[np.ndarray]:
+        found = []
+        for case in self.cases:
+            q = case.goal.state.q if isinstance(case.goal, Motion) else np.tile(case.goal.q, (len(self.times), 1))  # pyright: ignore
+            found.append(self.robot.tool_poses(q))
+        return found
+
+
+def reached(study: Study, name: str, robot: Robot, start: State) -> State | Motion:
+    """Return what a controller leads to."""
+    guess = State(start.positions, start.rates, start.q, robot.coordinates, robot.independent)
+    try:
+        return study.controllers[name].goal.reached(robot, guess, study.duration, study.samples)
+    except (UnreachableError, LinkworkError) as error:
+        raise StudyError(str(error), ("controllers", name, "goal")) from None
+
+
+def forces(study: Study, robot: Robot) -> Law | None:
+    """Return the constant forces as a controller, whose parameters they are."""
+    for name in study.forces:
+        if name not in robot.actuators:
+            there = ", ".join(robot.actuators) or "none"
+            raise StudyError(f"there is no actuator {name!r}; there are {there}", ("forces", name))
+    if not robot.actuators:
+        return None
+    return lambda t, state: [state.parameter(f"forces.{name}", study.forces.get(name, 0.0)) for name in robot.actuators]
+
+
+def parameters(
+    robot: Robot, law: Law | None, drives: Mapping[str, Drive], study: Study, where: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return the names of the parameters of a controller and the drives."""
+    try:
+        runs = system(robot, law, drives, (), (), {}, (0.0, study.duration))
+    except LinkworkError as error:
+        raise StudyError(str(error), where) from None
+    return tuple(runs.acting.parameters) if runs.acting else ()
+
+
+def flags(meanings: Mapping[int, str]) -> dict[str, Any]:
+    """Return attributes that say what whole numbers mean (CF conventions)."""
+    return {
+        "flag_values": list(meanings),
+        "flag_meanings": " ".join(name.replace(" ", "_") for name in meanings.values()),
+    }

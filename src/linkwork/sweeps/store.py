@@ -1,0 +1,156 @@
+"""The store: a Zarr group with the results of a study, written chunk by chunk and read by `xarray.open_zarr`.
+
+Its arrays are those of `Bench.fields`, in chunks along "member" that are the study's. The array "checksum" tells which are
+finished: it is written last, so that whatever ends the program at any moment, a chunk is finished or done again.
+"""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+import numpy as np
+
+from linkwork.sweeps.bench import Bench
+from linkwork.sweeps.chunk import Results, digest
+from linkwork.sweeps.study import Study, StudyError
+
+if TYPE_CHECKING:
+    import zarr
+
+CHECKSUM = "checksum"
+STUDY = "study"
+
+
+@dataclass(frozen=True, eq=False)
+class Store:
+    """Hold the results of a study on disk."""
+
+    path: Path
+    bench: Bench
+    arrays: Mapping[str, zarr.Array]
+
+    @classmethod
+    def open(cls, path: Path, bench: Bench) -> Store:
+        """Open the store of a study, or make it, whole or not at all.
+
+        Raises:
+            StudyError: a store of another study, something that is no store, a place that cannot be written.
+        """
+        import zarr
+
+        if not path.exists():
+            create(path, bench)
+        try:
+            with zarr.config.set({"array.write_empty_chunks": True}):
+                group: Any = zarr.open_group(path, mode="r+")
+                text = group.attrs.get(STUDY)
+                arrays = {name: group[name] for name in (*bench.fields, CHECKSUM) if name in group}
+        except Exception as error:  # whatever a decoder says of a file that is damaged
+            raise StudyError(
+                f"{path} is no store of a study that can be read ({reason(error)}); remove it, or give another folder"
+            ) from None
+        if text != bench.study.text:
+            other = Study.model_validate_json(str(text)).name if text else "another program"
+            raise StudyError(f"{path} holds the results of another study ({other}); give another folder, or remove it")
+        wanted = {name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()}
+        if {name: array.shape for name, array in arrays.items()} != wanted | {CHECKSUM: (bench.study.chunks,)}:
+            raise StudyError(f"{path} was written by another version of the program; give another folder, or remove it")
+        return cls(path, bench, arrays)
+
+    def rows(self, index: int) -> slice:
+        """Return the members of a chunk."""
+        length = self.bench.study.chunk_length
+        return slice(index * length, min((index + 1) * length, self.bench.study.members))
+
+    def read(self, index: int) -> Results:
+        """Return the arrays of a chunk by name."""
+        return {name: np.asarray(self.arrays[name][self.rows(index)]) for name in self.bench.fields}
+
+    def write(self, index: int, results: Results) -> None:
+        """Write the arrays of a chunk, and last its checksum.
+
+        Raises:
+            StudyError: the disk is full or otherwise not writable; what was finished before stays so.
+        """
+        with written(self.path):
+            self.arrays[CHECKSUM][index] = 0
+            for name, values in results.items():
+                self.arrays[name][self.rows(index)] = values
+            self.arrays[CHECKSUM][index] = np.uint64(digest(results))
+
+    def state(self, index: int) -> str:
+        """Return "finished", "open", or "corrupted": finished once, but what is on disk is not what was written."""
+        try:
+            found = int(np.asarray(self.arrays[CHECKSUM][index]))
+            if not found:
+                return "open"
+            return "finished" if found == digest(self.read(index)) else "corrupted"
+        except Exception:  # likewise
+            return "corrupted"
+
+
+def create(path: Path, bench: Bench) -> None:
+    """Make an empty store beside its place, and put it there when it is complete."""
+    import zarr
+
+    study = bench.study
+    part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
+    with written(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            from linkwork import __version__
+
+            group = zarr.create_group(part, attributes={STUDY: study.text, "name": study.name, "linkwork": __version__})
+            for name, field in bench.fields.items():
+                shape = bench.shape(field, study.members)
+                add(group, name, shape, (study.chunk_length, *shape[1:]), field.axes, field.kind, dict(field.attrs))
+            add(
+                group, CHECKSUM, (study.chunks,), (1,), ("chunk",), "u8", {"description": "of a finished chunk; else 0"}
+            )
+            add(group, "time", bench.times.shape, bench.times.shape, ("time",), "f8", {"units": "s"})[:] = bench.times
+            used = {axis for field in bench.fields.values() for axis in field.axes}
+            for axis, names in bench.labels.items():
+                if axis in used:
+                    add(group, axis, (len(names),), (len(names),), (axis,), str, {})[:] = np.array(names, dtype=object)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # xarray wants what version 3 of the format leaves open
+                zarr.consolidate_metadata(part)
+            part.rename(path)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def add(group: Any, name: str, shape, chunks, axes: tuple[str, ...], kind: Any, attrs: dict[str, Any]) -> Any:
+    """Make an array of a group."""
+    return group.create_array(
+        name,
+        shape=shape,
+        chunks=tuple(max(length, 1) for length in chunks),
+        dtype=kind,
+        fill_value=np.nan if kind == "f8" else "" if kind is str else 0,
+        dimension_names=axes,
+        attributes=attrs,
+    )
+
+
+@contextmanager
+def written(path: Path) -> Iterator[None]:
+    """Turn what keeps a store from being written into a sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise StudyError(
+            f"{path} cannot be written: {reason(error)}; what is finished is kept: the same command goes on from there"
+        ) from None
+
+
+def reason(error: Exception) -> str:
+    """Say what was wrong, in a few words."""
+    return " ".join(str(getattr(error, "strerror", None) or error).split()).lower()[:200]

@@ -1,0 +1,255 @@
+"""Studies: which robots, starts, forces and controllers are simulated, and what is kept of the runs.
+
+A study is a YAML file with the fields of `Study`; its first line is `study: 1`. Units are SI, angles are in radians.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, PositiveFloat, field_validator, model_validator
+
+from linkwork import robots
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.document import Node, read_document
+from linkwork.mechanism.numbers import edited, free_numbers
+from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record
+from linkwork.mechanism.refusal import shown, suggestion
+from linkwork.sweeps.controllers import AnyController, drive
+from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
+from linkwork.sweeps.outputs import Output, require_quantity
+
+FORMAT_VERSION = 1
+MAX_BYTES = 1_000_000
+NUMBERS_AT_ONCE = 2_000_000  # of one quantity of a chunk, where the study does not say how long chunks are
+CHUNKS = (16, 4096)  # members of the shortest and the longest chunk then
+OWN = ("start", "forces", "controllers", "drives")
+TAKEN = ("member", "time", "chunk", "checksum", "status", "end_time", "nfev", "pivot", "closure_error", "controller",
+         "coordinate", "rate", "actuator", "pose", "extra")  # fmt: skip
+
+
+class StudyError(MechanismError):
+    """Refuse a study, or say why it cannot go on, in one sentence."""
+
+
+class Start(Record):
+    """Say where runs start: at a tool pose, at joint coordinates (with a tool pose they choose the branch), with rates."""
+
+    tool: tuple[Real, ...] | None = Field(default=None, description="pose of the tool [m, rad]")
+    joints: Mapping[PathName, Real] = Field(default_factory=dict, description="joint coordinates by name [m, rad]")
+    rates: Mapping[PathName, Real] = Field(default_factory=dict, description="rates by name [m/s, rad/s]")
+
+
+class Study(Record):
+    """Describe a study.
+
+    What varies is named by the path of a number of the robot ("platform.mass"), or by its place here:
+    "start.tool.x", "start.joints.slide_1", "start.rates.slide_1", "forces.slide_1", "controllers.NAME.kp",
+    "drives.slide_1.resistance". Each controller is tried with every point of the design.
+
+    Raises:
+        MechanismError: one sentence that names the element, the value and what would be accepted.
+    """
+
+    name: str = Field(default="study", description="name of the study")
+    robot: Mechanism = Field(description="a robot of the catalogue, or a mechanism file")
+    duration: PositiveFloat = Field(description="length of each run [s]")
+    samples: Annotated[int, Field(ge=2)] = Field(default=101, description="number of equally spaced times looked at")
+    start: Start = Field(default=Start(), description="where runs start")
+    forces: Mapping[PathName, Real] = Field(default_factory=dict, description="constant actuator forces [N, N m]")
+    controllers: Mapping[Name, AnyController] = Field(default_factory=dict, description="controllers by name")
+    drives: Mapping[PathName, Mapping[str, float | str]] = Field(
+        default_factory=dict, description="drives by actuator, each a type and its numbers"
+    )
+    design: AnyDesign = Field(default=Grid(), description="a design: grid, random or sobol")
+    vary: Mapping[str, AnyVariation] = Field(description="what varies, by name")
+    outputs: Mapping[Name, str] = Field(description="outputs by name, each a reduction and a quantity")
+    trajectories: tuple[str, ...] = Field(default=(), description="quantities to keep at all times")
+    rtol: PositiveFloat = Field(default=1e-8, description="relative tolerance")
+    atol: PositiveFloat = Field(default=1e-10, description="absolute tolerance [m, rad]")
+    max_steps: Annotated[int, Field(ge=1)] = Field(default=1_000_000, description="most steps of a run")
+    on_singular: Literal["stop", "step_over"] = Field(default="stop", description="stop or step_over")
+    chunk: Annotated[int, Field(ge=1)] | None = Field(default=None, description="members that are computed at a time")
+
+    @field_validator("vary", "outputs")
+    @classmethod
+    def _some(cls, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        if not given:
+            raise MechanismError("is empty; name at least one")
+        return given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        taken = (*TAKEN, *self.trajectories, *self.varied)
+        for name, text in self.outputs.items():
+            if name in taken or "/" in name:
+                raise MechanismError("is the name of something else, or holds a '/'; choose another", ("outputs", name))
+            with_place(Output.read, text, ("outputs", name))
+        for index, name in enumerate(self.trajectories):
+            with_place(require_quantity, name, ("trajectories", str(index)))
+        for name, variation in self.vary.items():
+            fault = self.design.refuse(name, variation)
+            if fault:
+                raise MechanismError(f"is {variation.type!r}, but {fault}", ("vary", name))
+        for name in self.varied:
+            if "/" in name or not name.isprintable():
+                raise MechanismError(f"{shown(name)} cannot be varied: its name holds a '/'", ("vary", name))
+            if self.varied.count(name) > 1:
+                raise MechanismError(f"{name!r} varies twice; keep one of them", ("vary", name))
+        if self.controllers and (self.forces or any(name.startswith("forces.") for name in self.varied)):
+            raise MechanismError("and controllers are both given; keep one of them", ("forces",))
+        for actuator, numbers in self.drives.items():
+            drive(numbers, ("drives", actuator))
+        self._check_paths()
+        return self
+
+    def _check_paths(self) -> None:
+        """Refuse paths that lead to no number, and values that no description may hold."""
+        for name in self.paths:
+            with_place(lambda path: free_numbers(self.robot, [path]), name, self.place(name))
+        with_place(lambda paths: free_numbers(self.robot, paths), self.paths, ("vary",))
+        for name, variation in self.vary.items():
+            own = [path for path in (name, *variation.also) if path in self.paths]
+            for value in variation.bounds:
+                reached = f"reaches {value:.6g}, which the robot may not have: "
+                with_place(
+                    lambda values: edited(self.robot, values), {path: value for path in own}, ("vary", name), reached
+                )
+
+    def place(self, name: str) -> tuple[str, ...]:
+        """Return where a varied name stands in the study."""
+        return "vary", next(key for key, variation in self.vary.items() if name in (key, *variation.also))
+
+    @cached_property
+    def varied(self) -> tuple[str, ...]:
+        """The names of all that varies, in the order of the file."""
+        return tuple(name for key, variation in self.vary.items() for name in (key, *variation.also))
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """The column of the design's points that each of `varied` has."""
+        return tuple(i for i, variation in enumerate(self.vary.values()) for _ in (0, *variation.also))
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Those of `varied` that are numbers of the robot."""
+        return tuple(name for name in self.varied if name.partition(".")[0] not in OWN)
+
+    @property
+    def points(self) -> int:
+        """Number of points of the design."""
+        return self.design.count(tuple(self.vary.values()))
+
+    @property
+    def members(self) -> int:
+        """Number of runs: every point with every controller, the controller varying fastest."""
+        return self.points * max(len(self.controllers), 1)
+
+    @property
+    def chunk_length(self) -> int:
+        """Number of members that are computed and written at a time."""
+        least, most = CHUNKS
+        return min(self.chunk or max(least, min(most, NUMBERS_AT_ONCE // self.samples)), self.members)
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.members // self.chunk_length)
+
+    @cached_property
+    def text(self) -> str:
+        """All that the results depend on, as JSON."""
+        return self.model_dump_json()
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells studies apart."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @classmethod
+    def load(cls, path: str | Path) -> Study:
+        """Read a study from a YAML file; refusals name the file and the line."""
+        path = Path(path)
+        with in_file(path):
+            return _study(read_document(_text(path)), path.parent)
+
+
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Name the file, and the line of the element, in a refusal of what stands there."""
+    try:
+        yield
+    except MechanismError as error:
+        place = error.place
+        if error.where and not place:
+            place = f"line {read_document(_text(path)).line_of(error.where)}"
+        raise StudyError(error.what, error.where, f"{path}: {place}" if place else str(path)) from None
+
+
+def with_place(check: Any, value: Any, where: tuple[str, ...], before: str = "") -> None:
+    """Check a value; say in a refusal where it stands."""
+    try:
+        check(value)
+    except MechanismError as error:
+        path = f"{'.'.join(error.where)}: " if error.where and before else ""
+        raise MechanismError(f"{before}{path}{error.what}", where) from None
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise MechanismError(f"cannot be read: {(error.strerror or str(error)).lower()}") from None
+    if len(content) > MAX_BYTES:
+        raise MechanismError(f"is larger than {MAX_BYTES // 10**6} MB; a study is far smaller")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise MechanismError("is not UTF-8 text; a study is YAML text") from None
+
+
+def _study(root: Node, folder: Path) -> Study:
+    first = f"the first line should be 'study: {FORMAT_VERSION}'"
+    if not isinstance(root.data, dict):
+        raise MechanismError(f"holds no study; {first}", place=f"line {root.line}")
+    fields = dict(root.data)
+    version = fields.pop("study", None)
+    try:
+        if version is None:
+            raise MechanismError(f"is missing; {first}", ("study",))
+        if version != FORMAT_VERSION:
+            raise MechanismError(f"{shown(version)} is not a version this program reads; give 1", ("study",))
+        if "robot" in fields:
+            fields["robot"] = _robot(fields["robot"], folder)
+        return Study(**fields)
+    except MechanismError as error:
+        raise MechanismError(error.what, error.where, f"line {root.line_of(error.where)}") from None
+
+
+def _robot(name: Any, folder: Path) -> Mechanism:
+    """Return a robot of the catalogue, or that of a mechanism or model file beside the study."""
+    if not isinstance(name, str):
+        raise MechanismError(f"{shown(name)} is no name; give a robot of the catalogue or a mechanism file", ("robot",))
+    if name in robots.__all__:
+        return getattr(robots, name)()
+    file = folder / name
+    if not file.suffix:
+        known: Iterable[str] = robots.__all__
+        raise MechanismError(
+            f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has {', '.join(known)}", ("robot",)
+        )
+    try:
+        if file.suffix.lower() in (".xml", ".mjcf", ".urdf"):
+            from linkwork import formats
+
+            return formats.load(file).mechanism
+        return Mechanism.load(file)
+    except LinkworkError as error:
+        raise MechanismError(str(error), ("robot",)) from None

@@ -1,0 +1,107 @@
+"""Maps of the workspace: a quantity over a plane of poses as colour, singularity loci and the workspace's edge as lines.
+
+Signed quantities, the determinants, have colours that part at zero; all others run from dark (low) to light (high).
+The colour maps, cividis and one from purple to orange, are read alike by people who see colours differently.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.views.style import INK, VERMILION, new_figure, styled
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+WIDTH, HEIGHT = 5.6, 4.4  # [in]
+POSE = ("x", "y", "z", "angle", "rx", "ry", "rz")  # of two the first lies along the picture, the other upwards
+SEQUENTIAL, SIGNED = "cividis", "PuOr"
+SIGNS = ("det_A", "det_B")
+MOST = 0.98  # quantile of a signed quantity's magnitude at which its colours end
+LINES = {
+    "det_A": (0.0, "actuator-singular", {"color": VERMILION, "linestyle": "-", "lw": 2.0}),
+    "det_B": (0.0, "leg-singular", {"color": VERMILION, "linestyle": (0, (4, 2)), "lw": 1.6}),
+    "reachable": (0.5, "edge of what is reached", {"color": INK, "linestyle": "-", "lw": 1.1}),
+}
+
+
+def plot_workspace(
+    mapped: xarray.Dataset, quantity: str = "conditioning", ax: Axes | None = None, *, lines: bool = True
+) -> Axes:
+    """Draw a quantity of a workspace over two coordinates of the tool's pose.
+
+    Args:
+        mapped: of `linkwork.analysis.workspace`, over two coordinates; of more, choose by `mapped.sel(angle=...)`.
+        quantity: name of a quantity over these two: conditioning, det_A (where it is zero the robot is actuator-singular),
+            det_B, isotropic_force ..., or reachable.
+        ax: where to draw; left out: axes of a new figure.
+        lines: draw where det_A or det_B vanishes, and the edge of what is reached.
+
+    Returns:
+        The axes; `axes.figure` is the figure.
+
+    Raises:
+        LinkworkError: a quantity that the map does not hold over two coordinates.
+    """
+    known = [str(name) for name, array in mapped.data_vars.items() if array.ndim == 2 and set(array.dims) <= set(POSE)]
+    if quantity not in known:
+        have = f"; over two it holds {', '.join(known)}" if known else "; choose a plane of it by mapped.sel(...)"
+        raise LinkworkError(f"the map holds no {quantity!r} over two coordinates{have}")
+    array = mapped[quantity]
+    first, second = sorted(map(str, array.dims), key=POSE.index)
+    array = array.transpose(second, first)
+    with styled():
+        axes: Any = new_figure(WIDTH, HEIGHT).add_subplot() if ax is None else ax
+        x, y, values = mapped[first].values, mapped[second].values, array.values.astype(float)
+        shading = {"shading": "nearest", "rasterized": True, "zorder": 1} | colours(quantity, values)
+        if np.isfinite(values).any() and min(values.shape) > 1:
+            painted = axes.pcolormesh(x, y, values, **shading)
+            bar = axes.figure.colorbar(painted, ax=axes, shrink=0.9, pad=0.02)
+            bar.set_label(f"{meaning(mapped, quantity)} [{units(mapped, quantity)}]")
+            bar.outline.set_visible(False)
+        else:
+            axes.text(0.5, 0.5, "no pose is reached", transform=axes.transAxes, ha="center", va="center")
+        drawn = [draw_line(axes, mapped, name, first) for name in LINES] if lines else []
+        axes.set(xlabel=f"{first} [{units(mapped, first)}]", ylabel=f"{second} [{units(mapped, second)}]")
+        axes.update_datalim([(x.min(), y.min()), (x.max(), y.max())])
+        axes.autoscale_view()
+        if units(mapped, first) == units(mapped, second) == "m":
+            axes.set_aspect("equal", adjustable="box")
+        if any(drawn):
+            axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=sum(drawn), borderaxespad=0.2)
+    return axes
+
+
+def colours(quantity: str, values: np.ndarray) -> dict[str, Any]:
+    """Return the colour map and its limits: about zero for a signed quantity."""
+    if quantity not in SIGNS:
+        return {"cmap": SEQUENTIAL}
+    finite = np.abs(values[np.isfinite(values)])
+    most = float(np.quantile(finite, MOST)) if finite.size else 1.0
+    return {"cmap": SIGNED, "vmin": -(most or 1.0), "vmax": most or 1.0}
+
+
+def draw_line(axes: Any, mapped: xarray.Dataset, name: str, first: str) -> bool:
+    """Draw the line on which a quantity has its level; return whether there is one."""
+    from linkwork.analysis import loci
+
+    if name not in mapped or mapped[name].ndim != 2 or min(mapped[name].shape) < 2:
+        return False
+    level, label, look = LINES[name]
+    order = slice(None) if mapped[name].dims[0] == first else slice(None, None, -1)
+    found = loci(mapped, name, level)
+    for index, line in enumerate(found):
+        axes.plot(*line[:, order].T, label="" if index else label, **look)
+    return bool(found)
+
+
+def units(mapped: xarray.Dataset, name: str) -> str:
+    return str(mapped[name].attrs.get("units", "1"))
+
+
+def meaning(mapped: xarray.Dataset, name: str) -> str:
+    return str(mapped[name].attrs.get("long_name", name.replace("_", " ")))

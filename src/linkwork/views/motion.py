@@ -1,0 +1,92 @@
+"""A mechanism along a motion: poses at equal distances, the last in full, and the path of its tool."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.robot import Motion, Robot, State
+from linkwork.simulation import Run
+from linkwork.views.drawing import plot_mechanism
+from linkwork.views.style import BLUE, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+POSES = 6
+
+
+def plot_motion(
+    robot: Robot, motion: Run | Motion | State, ax: Axes | None = None, *, poses: int = POSES, path: bool = True
+) -> Axes:
+    """Draw a stroboscopic picture of a motion: the later the stronger, at equal distances along it.
+
+    Args:
+        robot: whose motion it is.
+        motion: a run, a motion along a path, or a stack (K,) of states in the order of time.
+        ax: where to draw, three-dimensional for a spatial robot; left out: axes of a new figure.
+        poses: how many to draw, at most.
+        path: draw the path of the tool, if the robot has one.
+
+    Returns:
+        The axes; `axes.figure` is the figure.
+
+    Raises:
+        LinkworkError: a run of another robot, or one that holds no sample; no pose to draw.
+    """
+    if poses < 1:
+        raise LinkworkError(f"poses is {poses}; give at least 1")
+    states = states_of(robot, motion)
+    axes: Any = plot_mechanism(robot, states.at(spaced(robot, states, poses)), ax)
+    if path and robot.mechanism.tools and len(states.q) > 1:
+        place = robot.tool_pose(states)[:, : 2 if robot.planar else 3].T
+        with styled():
+            axes.plot(*place, color="white", lw=3, zorder=5)
+            axes.plot(*place, color=BLUE, lw=1.3, zorder=5.1)
+    return axes
+
+
+def states_of(robot: Robot, motion: Run | Motion | State) -> State:
+    """Return the states (K,) of a motion of this robot.
+
+    Raises:
+        LinkworkError: a run of another robot, or without samples; states that are no stack.
+    """
+    if isinstance(motion, Run):
+        return run_states(robot, motion)
+    states = motion.state if isinstance(motion, Motion) else motion
+    robot.own(states)
+    if len(states.batch) != 1 or not states.batch[0]:
+        raise LinkworkError(f"a stack of states of shape {states.batch} is no motion; give one dimension, not empty")
+    return states
+
+
+def run_states(robot: Robot, run: Run) -> State:
+    """Return the configurations (K,) of a run, at rest."""
+    name, found = robot.mechanism.name, tuple(map(str, run.coords["coordinate"].values))
+    strange = [label for label in found if label not in robot.coordinates]
+    lacking = [label for label in robot.coordinates if label not in found]
+    if strange or lacking:
+        what = f"it has the joint {strange[0]!r}" if strange else f"it has no joint {lacking[0]!r}"
+        raise LinkworkError(f"the run is not one of the robot {name!r}: {what}")
+    if not len(run.coords["time"].values):
+        raise LinkworkError("the run holds no sample; there is nothing to draw (see save_at)")
+    values = run.variables["joint_position"].values
+    try:
+        return robot.state(dict(zip(found, values.T, strict=True)))
+    except LinkworkError as error:
+        raise LinkworkError(f"the run is not one of the robot {name!r}: {error}") from None
+
+
+def spaced(robot: Robot, states: State, count: int) -> np.ndarray:
+    """Return the places of so many states at equal distances along a motion, its first and its last among them.
+
+    Distance is the way of all bodies' origins together.
+    """
+    places = np.stack([p for p, _ in robot.body_poses(states).values()], axis=1)
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=2).sum(axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    marks = np.linspace(1, 0, count) * way[-1]
+    return np.unique(np.searchsorted(way, marks).clip(0, len(way) - 1))

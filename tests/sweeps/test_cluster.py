@@ -1,0 +1,117 @@
+"""Sweeps on a Dask cluster: a scheduler and two workers, each a process; workers and schedulers that are killed."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+import pytest
+
+from linkwork.sweeps import Study, StudyError, runner, sweep
+
+from tests.sweeps.carts import file, finished, results
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+@contextmanager
+def process(*words: object):
+    started = subprocess.Popen(
+        [sys.executable, "-m", "dask", *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        yield started
+    finally:
+        started.kill()
+        started.wait()
+
+
+def listening(port: int) -> None:
+    for _ in range(600):
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.05)
+    raise AssertionError("no scheduler")
+
+
+@contextmanager
+def cluster(folder, workers=2):
+    """Start a scheduler and workers; give the address and their processes."""
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    plain = ("--no-dashboard", "--host", "127.0.0.1")
+    with ExitStack() as stack:
+        scheduler = stack.enter_context(process("scheduler", *plain, "--port", port))
+        listening(port)
+        crew = [
+            stack.enter_context(
+                process("worker", address, *plain, "--no-nanny", "--nthreads", 2, "--local-directory", folder)
+            )
+            for _ in range(workers)
+        ]
+        yield address, scheduler, crew
+
+
+@pytest.fixture(scope="module")
+def wanted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("here")
+    path = file(folder)
+    sweep(Study.load(path), folder / "out")
+    return path, results(folder / "out")
+
+
+def until(condition, run):
+    for _ in range(6000):
+        if condition():
+            return
+        assert not run.done(), run.exception()
+        time.sleep(0.005)
+    raise AssertionError("too slow")
+
+
+def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
+    path, here = wanted
+    out = tmp_path / "out"
+    with ThreadPoolExecutor(1) as pool, cluster(tmp_path) as (address, scheduler, crew):
+        run = pool.submit(sweep, Study.load(path), out, scheduler=address)
+        until(lambda: finished(out).sum() > 8, run)
+        crew[0].send_signal(signal.SIGKILL)
+        count = finished(out).sum()
+        until(lambda: finished(out).sum() > count + 8, run)
+        scheduler.send_signal(signal.SIGKILL)
+        with pytest.raises(StudyError, match=f"the scheduler at {address} was lost .* goes on from there"):
+            run.result(60)
+    kept = finished(out)
+    assert 16 < kept.sum() < kept.size
+    with cluster(tmp_path, workers=1) as (address, _, _):
+        outcome = sweep(Study.load(path), out, scheduler=address)
+    assert outcome.before == kept.sum()
+    assert outcome.computed == kept.size - kept.sum()
+    found = results(out)
+    np.testing.assert_allclose(found["end"], here["end"], rtol=1e-13)
+    assert found.drop_vars("checksum").identical(here.drop_vars("checksum"))
+
+
+def test_a_scheduler_that_is_not_there(wanted, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "PATIENCE", 0.5)
+    with pytest.raises(StudyError, match=r"there is no Dask scheduler at tcp://127\.0\.0\.1:9 .*start one"):
+        sweep(Study.load(wanted[0]), tmp_path, scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(StudyError, match="there is no Dask scheduler at nonsense"):
+        sweep(Study.load(wanted[0]), tmp_path, scheduler="nonsense://x")
+
+
+def test_a_scheduler_without_workers(wanted, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "PATIENCE", 1.0)
+    with cluster(tmp_path, workers=0) as (address, _, _), pytest.raises(StudyError, match="has no workers; start some"):
+        sweep(Study.load(wanted[0]), tmp_path / "out", scheduler=address)

@@ -1,0 +1,169 @@
+"""What a chunk holds: motions known in closed form, runs by `Robot.simulate`, ways to end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import linkwork as lw
+from linkwork.sweeps import Study
+from linkwork.sweeps.bench import REFUSED, UNREACHABLE
+from linkwork.sweeps.chunk import compute, digest
+
+from tests.sweeps.carts import study
+
+
+def whole(given: Study) -> dict[str, np.ndarray]:
+    parts = [compute(given, index) for index in range(given.chunks)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def test_a_cart_under_a_constant_force():
+    T = 0.5
+    found = whole(
+        study(
+            vary={
+                "cart.mass": {"type": "uniform", "low": 1, "high": 3},
+                "forces.rail": {"type": "normal", "mean": 2, "deviation": 1},
+                "start.joints.rail": {"type": "uniform", "low": -1, "high": 1},
+                "start.rates.rail": {"type": "triangular", "low": 0, "mode": 1, "high": 2},
+            },
+            forces={},
+            outputs={
+                "end": "final joint_position",
+                "tool": "final tool_pose.x",
+                "speed": "maximum joint_rate.rail",
+                "acceleration": "mean joint_acceleration.rail",
+                "force": "peak actuator_force.rail",
+                "work": "integral actuator_power.rail",
+                "energy": "final kinetic_energy",
+                "impulse": "total actuator_force.rail",
+            },
+            trajectories=("joint_position",),
+        )
+    )
+    m, F, x0, v0 = (found[name] for name in ("cart.mass", "forces.rail", "start.joints.rail", "start.rates.rail"))
+    a, t = F / m, np.linspace(0, T, 101)
+    end, v = x0 + v0 * T + a * T**2 / 2, v0 + a * T
+    close = {"rtol": 1e-9, "atol": 1e-9}
+    np.testing.assert_allclose(found["end"][:, 0], end, **close)
+    np.testing.assert_allclose(found["tool"], end, **close)
+    np.testing.assert_allclose(found["speed"], np.maximum(v0, v), **close)
+    np.testing.assert_allclose(found["acceleration"], a, **close)
+    np.testing.assert_allclose(found["force"], np.abs(F), **close)
+    np.testing.assert_allclose(found["impulse"], np.abs(F) * T, **close)
+    np.testing.assert_allclose(found["energy"], m * v**2 / 2, **close)
+    np.testing.assert_allclose(
+        found["work"], F * (end - x0), **close
+    )  # of a linear power the trapezoidal rule is exact
+    path = x0[:, None] + v0[:, None] * t + a[:, None] * t**2 / 2
+    np.testing.assert_allclose(found["joint_position"][..., 0], path, **close)
+
+
+def test_two_controllers_on_a_cart():
+    goal = {"type": "pose", "joints": {"rail": 0.2}}
+    found = whole(
+        study(
+            forces={},
+            controllers={
+                "soft": {"type": "pd", "kp": 40, "kd": 0, "goal": goal},
+                "wrong": {"type": "computed_torque", "kp": 100, "kd": 0, "goal": goal, "model": {"cart.mass": 4}},
+            },
+            vary={
+                "cart.mass": {"type": "uniform", "low": 1, "high": 3},
+                "controllers.soft.kp": {"type": "log_uniform", "low": 10, "high": 100},
+            },
+            outputs={
+                "error": "final tracking_error.rail",
+                "force": "peak actuator_force.rail",
+                "off": "final tool_error.x",
+            },
+            rtol=1e-10,
+        )
+    )
+    assert found["controller"].tolist() == [0, 1] * 40
+    np.testing.assert_array_equal(found["cart.mass"][::2], found["cart.mass"][1::2])
+    m, soft = found["cart.mass"], found["controller"] == 0
+    stiffness = np.where(soft, found["controllers.soft.kp"], 4 * 100)
+    error = 0.2 * np.cos(np.sqrt(stiffness / m) * 0.5)  # an undamped spring
+    np.testing.assert_allclose(found["error"], error, atol=1e-8)
+    np.testing.assert_allclose(found["off"], -error, atol=1e-8)
+    np.testing.assert_allclose(found["force"], 0.2 * stiffness, rtol=1e-8)
+
+
+def test_drives_have_numbers_that_vary():
+    found = whole(
+        study(
+            drives={"rail": {"type": "lag", "time_constant": 0.1}},
+            vary={"drives.rail.time_constant": {"type": "uniform", "low": 0.05, "high": 0.2}},
+            outputs={"force": "final actuator_force.rail", "state": "final drive_state"},
+        )
+    )
+    force = 3 * (1 - np.exp(-0.5 / found["drives.rail.time_constant"]))
+    np.testing.assert_allclose(found["force"], force, rtol=1e-7)
+    np.testing.assert_allclose(found["state"][:, 0], force, rtol=1e-7)
+
+
+def test_members_are_the_runs_that_simulate_makes():
+    given = Study(
+        robot=lw.robots.prr3(),
+        duration=0.2,
+        samples=41,
+        forces={"slide_1": 2.0},
+        start={"tool": (0.5, 0.3, 0.5)},
+        vary={
+            "platform.mass": {"type": "uniform", "low": 1, "high": 2, "also": ("link_1.mass",)},
+            "wrist_2.frames.0.position.x": {"type": "normal", "mean": 0.3, "deviation": 1e-3},
+            "start.tool.x": {"type": "uniform", "low": 0.48, "high": 0.52},
+        },
+        design={"type": "sobol", "members": 8},
+        outputs={
+            "force": "peak actuator_force",
+            "drop": "range energy",
+            "speed": "rms joint_rate",
+            "weakest": "minimum conditioning",
+        },
+        trajectories=("joint_position", "tool_pose", "actuator_power"),
+    )
+    found = whole(given)
+    assert (found["status"] == 0).all()
+    times = np.linspace(0, 0.2, 41)
+    for i in (0, 5):
+        values = {path: found[path][i] for path in given.paths}
+        assert values["link_1.mass"] == values["platform.mass"]
+        other = lw.Robot(lw.robots.prr3(), free=given.paths).with_parameters(values)
+        start = other.assemble(tool=(found["start.tool.x"][i], 0.3, 0.5))
+        run = other.simulate(start, {"slide_1": 2.0}, duration=0.2, save_at=times)
+        for name in given.trajectories:
+            np.testing.assert_allclose(found[name][i], run.variables[name].values, atol=1e-7)
+        rate = run.variables["joint_rate"].values
+        np.testing.assert_allclose(
+            found["speed"][i] ** 2, np.trapezoid(rate**2, times, axis=0) / 0.2, rtol=1e-6, atol=1e-12
+        )
+        energy = run.variables["kinetic_energy"].values + run.variables["potential_energy"].values
+        np.testing.assert_allclose(found["drop"][i], np.ptp(energy), atol=1e-7)
+        np.testing.assert_allclose(found["weakest"][i], run.variables["conditioning"].values.min(), rtol=1e-6)
+
+
+def test_a_member_does_not_depend_on_the_chunk_it_is_in():
+    vary = {"cart.mass": {"type": "uniform", "low": 1, "high": 3}}
+    one, other = (whole(study(vary=vary, chunk=length)) for length in (7, 40))
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    assert digest(one) == digest(other) != digest(one | {"end": one["end"] + 1e-15})
+
+
+def test_starts_out_of_reach_and_impossible_numbers_are_told():
+    given = Study(
+        robot=lw.robots.prr3(),
+        duration=0.01,
+        start={"tool": (0.5, 0.3, 0.5)},
+        vary={"start.tool.x": {"type": "values", "values": (0.5, 30.0)}},
+        outputs={"end": "final tool_pose.x"},
+    )
+    found = whole(given)
+    assert found["status"].tolist() == [0, UNREACHABLE]
+    assert np.isnan(found["end"]).tolist() == [False, True]
+    body = {"mass": 1.0, "inertia": {"xx": 1.0, "yy": 1.0, "zz": 1.0}}
+    ball = lw.Mechanism(bodies={"ball": body}, joints={"free": {"type": "free", "connects": ("ground", "ball")}})
+    vary = {f"ball.inertia.{axis}": {"type": "values", "values": (0.4, 1.9)} for axis in ("xx", "yy")}
+    found = whole(Study(robot=ball, duration=0.01, vary=vary, outputs={"energy": "final kinetic_energy"}))
+    assert found["status"].tolist() == [REFUSED, REFUSED, REFUSED, 0]  # 0.4 + 0.4 < 1, and 0.4 + 1 < 1.9

@@ -1,0 +1,191 @@
+"""The store: what xarray reads, what is resumed, what is refused, and what faults of the disk leave behind."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+import tracemalloc
+
+import numpy as np
+import pytest
+import zarr
+
+from linkwork.sweeps import StudyError, runner, summary, sweep, write
+from linkwork.sweeps.chunk import compute
+
+from tests.sweeps.carts import file, finished, results, study
+
+
+def counted(monkeypatch) -> list[int]:
+    """Note which chunks are computed."""
+    done = []
+
+    def noted(study, index, threads=None):
+        done.append(index)
+        return compute(study, index, threads)
+
+    monkeypatch.setattr(runner, "compute", noted)
+    return done
+
+
+def test_xarray_reads_names_units_and_labels(tmp_path):
+    outputs = {"end": "final joint_position", "where": "peak tool_pose"}
+    sweep(study(outputs=outputs, trajectories=("tool_pose",)), tmp_path)
+    found = results(tmp_path)
+    assert found["end"].dims == ("member", "coordinate")
+    assert found["tool_pose"].dims == ("member", "time", "pose")
+    assert found["coordinate"].values.tolist() == ["rail"]
+    assert found["time"].attrs["units"] == "s"
+    assert found["cart.mass"].attrs["role"] == "varied"
+    np.testing.assert_allclose(found["end"].sel(coordinate="rail"), 3 * 0.5**2 / 2 / found["cart.mass"])
+    np.testing.assert_array_equal(found["where"], np.abs(found["tool_pose"]).max("time"))
+
+
+def test_what_is_finished_is_not_computed_again(tmp_path, monkeypatch):
+    done = counted(monkeypatch)
+    outcome = sweep(study(), tmp_path)
+    assert (outcome.before, outcome.computed, done) == (0, 4, [0, 1, 2, 3])
+    outcome = sweep(study(), tmp_path)
+    assert (outcome.before, outcome.computed, done) == (4, 0, [0, 1, 2, 3])
+
+
+@pytest.mark.parametrize("damage", ["flipped bit", "cut off", "gone", "of another chunk"])
+def test_a_corrupted_chunk_is_found_and_computed_again(tmp_path, monkeypatch, damage):
+    sweep(study(), tmp_path)
+    before, done = results(tmp_path), counted(monkeypatch)
+    part = tmp_path / "results.zarr" / "end" / "c" / "2"
+    content = bytearray(part.read_bytes())
+    if damage == "flipped bit":
+        content[-3] ^= 4
+        part.write_bytes(content)
+    elif damage == "cut off":
+        part.write_bytes(content[:10])
+    elif damage == "gone":
+        part.unlink()
+    else:
+        part.write_bytes((part.parent / "1").read_bytes())
+    outcome = sweep(study(), tmp_path)
+    assert (outcome.corrupted, outcome.before, done) == (1, 3, [2])
+    assert results(tmp_path).identical(before)
+
+
+def test_a_store_of_another_study_is_refused(tmp_path):
+    sweep(study(name="first"), tmp_path)
+    before = results(tmp_path)
+    with pytest.raises(StudyError, match=r"holds the results of another study \(first\); give another folder"):
+        sweep(study(duration=0.6), tmp_path)
+    assert results(tmp_path).identical(before)
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"zarr_format": 3, "node_type": "group"}', None])
+def test_what_is_no_store_is_refused(tmp_path, content):
+    sweep(study(), tmp_path)
+    if content is None:
+        (tmp_path / "results.zarr" / "zarr.json").unlink()
+    else:
+        (tmp_path / "results.zarr" / "zarr.json").write_text(content)
+    with pytest.raises(
+        StudyError, match=r"results\.zarr (is no store of a study that can be read|holds the results of another)"
+    ):
+        sweep(study(), tmp_path)
+
+
+def test_a_store_survives_the_loss_of_an_array_s_description(tmp_path):
+    sweep(study(), tmp_path)
+    before = results(tmp_path)
+    (tmp_path / "results.zarr" / "end" / "zarr.json").write_text("{")
+    assert sweep(study(), tmp_path).computed == 0
+    assert results(tmp_path).identical(before)
+
+
+def test_a_full_disk_ends_the_study_in_one_sentence_and_it_goes_on_later(tmp_path, monkeypatch):
+    original, writes = zarr.Array.__setitem__, []
+
+    def full(array, place, values):
+        writes.append(array.name)
+        if array.name == "/end" and writes.count("/end") == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        original(array, place, values)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(zarr.Array, "__setitem__", full)
+        with pytest.raises(StudyError, match="cannot be written: no space left on device; what is finished is kept"):
+            sweep(study(), tmp_path)
+    assert finished(tmp_path).tolist() == [True, True, False, False]
+    done = counted(monkeypatch)
+    sweep(study(), tmp_path)
+    assert done == [2, 3]
+
+
+SMALL_DISK = """
+mount -t tmpfs -o size=300k none "$1" || exit 77
+cp carts.yaml cart.yaml "$1"
+cd "$1"
+"$2" -m linkwork sweep carts.yaml --out out
+echo "status $?"
+mount -o remount,size=100m "$1"
+"$2" -m linkwork sweep carts.yaml --out out
+echo "status $?"
+"""
+
+
+@pytest.mark.skipif(shutil.which("unshare") is None, reason="file systems of our own need unshare")
+def test_a_disk_that_is_really_full(tmp_path):
+    file(tmp_path)
+    (tmp_path / "disk").mkdir()
+    words = ["unshare", "-rm", "sh", "-c", SMALL_DISK, "sh", str(tmp_path / "disk"), sys.executable]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    if done.returncode in (1, 77) and "status" not in done.stdout:
+        pytest.skip(f"no file system of our own: {done.stderr}")
+    sentences = [line for line in done.stderr.splitlines() if "space left" in line]
+    assert "status 2" in done.stdout and done.stdout.rstrip().endswith("status 0"), done.stdout + done.stderr
+    assert len(sentences) == 1 and sentences[0].endswith("the same command goes on from there")
+    assert "1024 finished" in done.stdout and "chunks were finished before" in done.stdout
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(StudyError, match="cannot be written: not a directory"):
+        sweep(study(), tmp_path / "taken" / "deeper")
+
+
+def test_table_and_plots(tmp_path):
+    outcome = sweep(study(outputs={"end": "final joint_position", "force": "peak actuator_force.rail"}), tmp_path)
+    found, data = summary(outcome.store), results(tmp_path)
+    end, force = found.rows
+    assert (end.output, end.unit, end.count) == ("end.rail", "m", 40)
+    assert (force.output, force.unit, force.deviation) == ("force", "N", 0)
+    values = data["end"].values[:, 0]
+    assert end.mean == pytest.approx(values.mean(), rel=1e-13)
+    assert end.deviation == pytest.approx(values.std(ddof=1), rel=1e-12)
+    assert (end.least_member, end.largest_member) == (values.argmin(), values.argmax())
+    assert end.correlation["cart.mass"] == pytest.approx(np.corrcoef(values, data["cart.mass"])[0, 1], rel=1e-12)
+    assert np.isnan(force.correlation["cart.mass"])
+    table, plots = write(outcome.store, found, tmp_path)
+    rows = table.read_text().splitlines()
+    assert len(rows) == 3 and rows[1].startswith(",end.rail,m,40,")
+    assert "cart.mass" in plots.read_text()
+
+
+def test_the_report_reads_a_part_at_a_time_and_draws_a_bounded_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("linkwork.sweeps.report.PLOTTED", 10)
+    outcome = sweep(study(), tmp_path)
+    assert len(summary(outcome.store).points["end"]) == 10
+
+
+def test_memory_does_not_grow_with_the_number_of_members(tmp_path):
+    def peak(members: int) -> int:
+        given = study(design={"type": "random", "members": members}, samples=201, chunk=500)
+        tracemalloc.start()
+        summary(sweep(given, tmp_path / str(members)).store)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    peak(500)
+    few = peak(1000)
+    assert few > 500 * 201 * 8  # it sees the arrays
+    assert peak(8000) < 1.1 * few + 2000 * 3 * 8  # besides points to draw

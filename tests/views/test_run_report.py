@@ -1,0 +1,124 @@
+"""The report of a run: complete, self-contained, escaped, right in its numbers; also of runs that hold little."""
+
+import re
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.views import write_report
+from linkwork.views.report import short
+from linkwork.views.run_report import energy_table, peaks_table, render
+
+from tests.catalogue import built
+from tests.views.pages import Reader
+
+EVIL = '<img src=x onerror="alert(1)">'
+
+
+@pytest.fixture(scope="module")
+def html(robot, run):
+    return render(robot, run)
+
+
+def test_the_page_is_self_contained_and_small(html):
+    page = Reader(html)
+    assert page.open == []
+    assert not {"link", "img", "iframe", "object", "base"} & set(page.tags)
+    assert all(reference.startswith("#") for reference in page.references)
+    assert {reference[1:] for reference in page.references} <= set(page.identifiers)
+    assert len(page.identifiers) == len(set(page.identifiers))
+    assert set(re.findall(r"https?://[^\s\"'<]*", html)) <= {
+        "http://www.w3.org/2000/svg",
+        "http://www.w3.org/1999/xlink",
+    }
+    assert len(html.encode()) < 1_000_000
+
+
+def test_the_page_tells_whose_run_it_is_how_it_went_and_how_it_was_computed(html, robot, run):
+    text = Reader(html).text
+    for words in (
+        run.message,
+        "planar mechanism of 7 bodies and 9 joints with 2 loops and mobility 3",
+        "driven at slide_1, slide_2, slide_3",
+        "Dormand-Prince 5(4), relative tolerance 1.0·10⁻⁸",
+        f"{run.steps:,} taken",
+        "Closure of the loops",
+        "wrist_3",
+        "linkwork: 1",
+    ):
+        assert words in text
+    assert lw.Mechanism.parse(robot.mechanism.text) == robot.mechanism
+    assert html.count("<canvas") == 1
+
+
+def test_peaks_are_those_of_the_motion():
+    """A point on a massless rod of 1 m falls from the horizontal: at the lowest point its rate is sqrt(2 g / l)."""
+    robot = built("pendulum")
+    run = robot.simulate(robot.state([0.0]), duration=2.0, save_at=np.linspace(0, 2, 2001))
+    table = peaks_table(run.dataset, "joint_rate")
+    assert table is not None
+    row = dict(zip(table.header, table.rows[0], strict=True))
+    assert row["joint rate"] == "hinge_1 [rad/s]"
+    assert row["least"] == short(-np.sqrt(2 * 9.81), 4)
+    energy = energy_table(run.dataset)
+    assert energy is not None
+    kinetic = next(row for row in energy.rows if row[0] == "kinetic energy")
+    assert kinetic[-1] == short(9.81 * robot.mechanism.bodies["rod_1"].mass, 4)
+
+
+def test_names_with_markup_are_escaped(tmp_path):
+    plain = lw.robots.pendulum()
+    (joint,), (body,) = plain.joints.values(), plain.bodies.values()
+    evil = lw.Mechanism(
+        name=EVIL,
+        bodies={"b": body},
+        joints={"j": joint.model_copy(update={"connects": ("ground", "b")})},
+        actuators=("j",),
+    )
+    robot = lw.Robot(evil)
+    run = robot.simulate(robot.home, duration=0.1, save_at=[0, 0.1])
+    run.save(tmp_path / "run.nc")
+    page = render(robot, lw.Run.load(tmp_path / "run.nc"))
+    assert "<img" not in page
+    assert "&lt;img src=x onerror=" in page
+
+
+def test_runs_of_few_samples_are_reported(robot):
+    for save_at, words in (([], "The run holds no samples"), ([0.01], "1 saved time ")):
+        page = render(robot, robot.simulate(robot.home, duration=0.01, save_at=save_at))
+        assert "<canvas" not in page
+        assert words in Reader(page).text
+
+
+def test_runs_that_ended_early_say_so():
+    robot = built("n_four_bar")
+    run = robot.simulate(robot.home.with_rates([1.0]), duration=4.0, save_at=np.linspace(0, 4, 41))
+    assert not run.success
+    text = Reader(render(robot, run)).text
+    assert "The run did not reach its end" in text and run.message in text
+
+
+def test_of_many_joints_the_driven_ones_are_shown():
+    robot = built("stewart")
+    run = robot.simulate(robot.home, duration=0.01, save_at=[0, 0.01])
+    table = peaks_table(run.dataset, "joint_position")
+    assert table is not None
+    assert [row[0] for row in table.rows] == [f"leg_{i} [m]" for i in range(1, 7)]
+
+
+def test_parameters_and_fixed_steps_are_told():
+    robot = built("pendulum").free("rod_1.mass").with_parameters({"rod_1.mass": 2.5})
+    run = robot.simulate(robot.home, duration=0.1, method="rk4", step=0.01)
+    text = Reader(render(robot, run)).text
+    assert "Runge-Kutta 4, steps of 0.01 s" in text
+    assert "rod_1.mass = 2.5" in text
+
+
+def test_what_cannot_be_reported_is_refused(run, robot, tmp_path):
+    with pytest.raises(lw.LinkworkError, match="the run is not one of the robot"):
+        write_report(built("five_bar"), run, tmp_path / "x.html")
+    with pytest.raises(lw.LinkworkError, match=r"a report is written as .html, not as 'x.pdf'"):
+        write_report(robot, run, tmp_path / "x.pdf")
+    with pytest.raises(lw.LinkworkError, match="cannot be written: no such file or directory"):
+        write_report(robot, run, tmp_path / "no" / "x.html")
