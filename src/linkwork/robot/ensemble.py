@@ -234,9 +234,9 @@ def together(
 def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, np.ndarray]]:
     """Yield charts with their pivots positive where members start that the first chart is averted from, and these."""
     signs = crew.robot.run_chart.kernel("pivots")(crew.q[averted], crew.p_robot(averted))[0] < 0
-    kinds, kind = np.unique(signs, axis=0, return_inverse=True)
-    for i in range(len(kinds)):
-        indices = averted[kind.ravel() == i]
+    kinds = signs @ 2.0 ** np.arange(signs.shape[1])
+    for kind in np.unique(kinds):
+        indices = averted[kinds == kind]
         robot, _ = crew.alone(int(indices[0]))
         other = robot.run_chart.facing(crew.q[indices[0]])
         yield crew.robot.run_charts.setdefault(other.key, other), indices

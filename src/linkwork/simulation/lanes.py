@@ -1,4 +1,4 @@
-"""Integrate many members at a time by Dormand-Prince 5(4): the loop of `native_loop`, with a member in each lane.
+"""Integrate many members at a time: the loop of `native_loop` for Dormand-Prince 5(4), with a member in each lane.
 
 Each lane has its own time, step size and end. When a member ends the next one is loaded into its lane, so that the
 registers stay full. What a member goes through is what it goes through alone: the same arithmetic in the same order,
@@ -9,7 +9,7 @@ void(int64 blocks, const double *in, double *out) for blocks of LANES states:
     closure    in = (q, p)       out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
 
 Members start in blocks of LANES (`start_block`): q is closed, the first slope evaluated, the first step guessed. Then
-all lanes go step by step together: `choose_steps`, `attempt`, `take_samples`, `accept` or `reject`, `restart`.
+all lanes go step by step together: `choose_steps`, `stage_state`, `judge`, `take_samples`, `reject`, `accept`, `restart`.
 
 Names: `x`, rows (y, u, p); `k`, rows (y', pivot), stage after stage; `z`, rows (q, p); all (rows, LANES). `now` and `tally`
 hold numbers and counts of the members in the lanes, `numbers` and `counts` those of all members, a row each, of which
@@ -24,6 +24,39 @@ import numpy as np
 from numba import njit, types
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.lane_steps import (
+    ACCEPTS,
+    ARRIVAL,
+    CLOSURE_ERROR,
+    DENSE,
+    ERROR,
+    EXPONENT,
+    GROWTH,
+    LIVE,
+    LOWEST,
+    NOW,
+    NUMBERS,
+    PIVOT,
+    POWER,
+    REJECTED_PIVOT,
+    REJECTED_RESIDUAL,
+    RESIDUAL,
+    STAGES,
+    STEP,
+    STEP_SIZE,
+    TARGET,
+    THETA,
+    TIME,
+    WANTED,
+    C,
+    accept,
+    choose_steps,
+    judge,
+    move,
+    project,
+    scaled,
+    stage_state,
+)
 from linkwork.simulation.native_loop import (
     DAMPING,
     LARGEST_FACTOR,
@@ -36,31 +69,12 @@ from linkwork.simulation.native_loop import (
     SMALLEST_STEP,
     STEP_UNDERFLOW,
     TOO_MANY_STEPS,
-)  # fmt: skip
-from linkwork.simulation.native_parts import CLOSURE_LOST, NEWTON_CALLS, NON_FINITE, OK, RESERVE, SINGULAR
-from linkwork.simulation.status import Status
-from linkwork.simulation.tableaus import DORMAND_PRINCE
-from linkwork.simulation.vectors import (
-    LANES,
-    absolute,
-    call_batch,
-    choose,
-    every,
-    larger,
-    load,
-    root,
-    smaller,
-    splat,
-    store,
 )
+from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, SINGULAR
+from linkwork.simulation.status import Status
+from linkwork.simulation.vectors import LANES, address, call_batch, load, splat, store
 
 CANCELLED = int(Status.CANCELLED)
-
-# Rows of `now`; the first NUMBERS are columns of `numbers`, too.
-TIME, STEP_SIZE, GROWTH, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL = range(7)
-NUMBERS = 7
-STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA, POWER = range(7, 18)
-NOW = 18
 
 # Rows of `tally`; the first COUNTS are columns of `counts`, too.
 STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED, CAUSE, PIECE, BREAK = range(8)
@@ -69,10 +83,6 @@ MEMBER, REACHED, AILMENT = range(8, 11)
 TALLY = 11
 
 ALIGNMENT = 64
-
-# Constants to the compiler, which unrolls the sums over the stages.
-A, C, E, DENSE = DORMAND_PRINCE.a, DORMAND_PRINCE.c, DORMAND_PRINCE.e, DORMAND_PRINCE.dense
-STAGES, EXPONENT = len(C), 1 / (DORMAND_PRINCE.error_order + 1)
 
 
 @njit(**OPTIONS)
@@ -112,65 +122,7 @@ def next_target(breaks, breaking, i, tally, t, start, stop, lane):
     return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < breaking[i + 1] else stop
 
 
-@njit(**OPTIONS)
-def project(closure, state, z, z_next, now, tolerance, reserve):
-    """Project q, the head of the state, onto phi(q) = 0 by Newton's method in z, in the lanes where now[WANTED] > 0.
-
-    As in `native_parts`: a lane's q is written only when its residual, left in now[RESIDUAL], is within the tolerance;
-    z is left with what was added to q. A step d with reserve d^2 <= tolerance is the last, its residual taken for 0 (if
-    the residual before it is as small).
-    """
-    nq = z_next.shape[0] - 1
-    limit, residual = splat(tolerance), splat(math.inf)
-    done = load(now, WANTED) <= splat(0.0)
-    for m in range(nq):
-        store(z, m, load(state, m))
-    for _ in range(NEWTON_CALLS):
-        call_batch(closure, z, z_next, 0)
-        residual = choose(done, residual, load(z_next, nq))
-        done = done | (residual <= limit)
-        if every(done):
-            break
-        longest = load(z_next, nq)
-        for m in range(nq):
-            longest = larger(absolute(load(z_next, m) - load(z, m)), longest)
-            overwrite(z, m, going, load(z_next, m))
-        close = splat(reserve) * longest * longest <= limit
-        residual = choose(done, residual, choose(close, splat(0.0), residual))
-        done = done | close
-        if every(done):
-            break
-    for m in range(nq):
-        before, after = load(state, m), load(z, m)
-        store(state, m, choose(done, after, before))
-        store(z, m, after - before)
-    store(now, RESIDUAL, residual)
-
-
-@njit(**OPTIONS)
-def scaled(values, row, y, tolerance):
-    """Return the root mean square of values / (atol + rtol |y|), the values from a row on."""
-    n = tolerance.shape[1]
-    total = splat(0.0)
-    for m in range(n):
-        scale = splat(tolerance[1, m]) + splat(tolerance[0, m]) * absolute(load(y, m))
-        ratio = load(values, row + m) / scale
-        total = total + ratio * ratio
-    return root(total / splat(float(n)))
-
-
-@njit(**OPTIONS)
-def combine(i, now, y, k, x):
-    """x = y + h sum_(j < i) a_ij k_j, with the step h of each lane."""
-    n, h = y.shape[0], load(now, STEP)
-    for m in range(n):
-        total = splat(0.0)
-        for j in range(i):
-            total = total + splat(A[i, j]) * load(k, j * (n + 1) + m)
-        store(x, m, load(y, m) + h * total)
-
-
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def first_ailment(k, stage, n, lane, pivot_bound):
     """Return what a stage's numbers tell of a slope from which no step can retreat: OK, SINGULAR or NON_FINITE."""
     pivot = k[stage * (n + 1) + n, lane]
@@ -182,10 +134,10 @@ def first_ailment(k, stage, n, lane, pivot_bound):
     return OK
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def start_block(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking,
-    tolerance, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
+    scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
     y, x, z, z_next, k, now, tally,
 ):  # fmt: skip
     """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
@@ -205,7 +157,9 @@ def start_block(
         now[TARGET, lane] = next_target(breaks, breaking, signal, tally, start, start, stop, lane)
         now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
     if closure != 0:
-        project(closure, y, z, z_next, now, closure_tol, math.inf)
+        project(
+            closure, nq, address(y), address(z), address(z_next), address(now), closure_tol, math.inf
+        )  # fmt: skip
         for lane in range(LANES):
             now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
             if not now[RESIDUAL, lane] <= closure_tol:
@@ -221,8 +175,8 @@ def start_block(
             now[PIVOT, lane] = now[REJECTED_PIVOT, lane] = k[n, lane]
 
     # The first step, from the slope here, k_0, and one a little ahead, k_1.
-    store(now, ERROR, scaled(y, 0, y, tolerance))
-    store(now, LOWEST, scaled(k, 0, y, tolerance))
+    store(now, ERROR, scaled(address(y), 0, n, address(y), scale))
+    store(now, LOWEST, scaled(address(k), 0, n, address(y), scale))
     for lane in range(LANES):
         size, steepness = now[ERROR, lane], now[LOWEST, lane]
         ahead = 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness
@@ -235,7 +189,7 @@ def start_block(
     store(now, RESIDUAL, load(k, 2 * n + 1))
     for m in range(n):
         store(k, n + 1 + m, load(k, n + 1 + m) - load(k, m))
-    store(now, ERROR, scaled(k, n + 1, y, tolerance))
+    store(now, ERROR, scaled(address(k), n + 1, n, address(y), scale))
     for lane in range(LANES):
         if tally[STATUS, lane] == OK:
             ahead, steepness = now[STEP, lane], now[LOWEST, lane]
@@ -261,7 +215,7 @@ def start_block(
             counts[i, m] = tally[m, lane]
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def load_member(
     i, lane, parameters, starts, coefficients, pieces, breaks, breaking, start, stop, ys, slopes, numbers, counts,
     save_at, samples, y, x, z, k, now, tally,
@@ -287,7 +241,7 @@ def load_member(
         tally[SAVED, lane] = 1
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def store_member(lane, ys, numbers, counts, y, now, tally):
     """Keep what the member in a lane has come to."""
     i = tally[MEMBER, lane]
@@ -300,96 +254,12 @@ def store_member(lane, ys, numbers, counts, y, now, tally):
 
 
 @njit(forceinline=True, **OPTIONS)
-def ended(lane, now, tally, stop, smallest_step, max_steps):
-    """Tell whether the member in a lane has ended, and note how."""
-    if tally[STATUS, lane] != OK or now[TIME, lane] >= stop:
-        return True
-    if tally[ACCEPTED, lane] + tally[REJECTED, lane] >= max_steps:
-        tally[STATUS, lane] = TOO_MANY_STEPS
-        return True
-    if now[STEP_SIZE, lane] < smallest_step:
-        tally[STATUS, lane] = tally[CAUSE, lane]
-        return True
-    return False
-
-
-@njit(**OPTIONS)
-def choose_steps(now):
-    """Let the steps land on their targets, or go half of the way rather than leave slivers; idle lanes stay."""
-    t, h, target = load(now, TIME), load(now, STEP_SIZE), load(now, TARGET)
-    gap = target - t
-    half = gap * splat(0.5)
-    lands = h * splat(1 + ROUNDING) >= gap
-    step = choose(lands, gap, smaller(h, half))
-    store(now, STEP, choose(load(now, LIVE) >= splat(1.0), step, splat(0.0)))
-    store(now, ARRIVAL, choose(lands, target, t + step))
-
-
-@njit(forceinline=True, **OPTIONS)
 def set_forces(i, starts, coefficients, pieces, x, n, now, tally):
     """Evaluate the signals of all lanes at the time of stage i."""
     for lane in range(LANES):
         if now[LIVE, lane] > 0:
             signal, time = shared(tally[MEMBER, lane], pieces.size - 1), now[TIME, lane] + C[i] * now[STEP, lane]
             force(starts, coefficients, pieces, signal, time, True, x, n, lane, tally)
-
-
-@njit(**OPTIONS)
-def error_norm(closed, tolerance, now, y, x, z, k):
-    """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol |y|)."""
-    n, h = y.shape[0], load(now, STEP)
-    total = splat(0.0)
-    for m in range(n):
-        defect = splat(0.0)
-        for i in range(STAGES):
-            defect = defect + splat(E[i]) * load(k, i * (n + 1) + m)
-        error = absolute(h * defect)
-        if m < closed:
-            error = error + absolute(load(z, m))
-        size = larger(absolute(load(y, m)), absolute(load(x, m)))
-        ratio = error / (splat(tolerance[1, m]) + splat(tolerance[0, m]) * size)
-        total = total + ratio * ratio
-    return root(total / splat(float(n)))
-
-
-@njit(**OPTIONS)
-def attempt(
-    motion, closure, starts, coefficients, pieces, timed, tolerance, pivot_bound, closure_tol,
-    y, x, z, z_next, k, now, tally,
-):  # fmt: skip
-    """Try one step in every lane; leave the new, projected states in x, the slopes in k and the errors in now[ERROR].
-
-    The error is not a number where the equations fail.
-    """
-    n, closed = y.shape[0], z_next.shape[0] - 1 if closure != 0 else 0
-    for i in range(1, STAGES):
-        # One call for each stage, so that each is compiled as one chain of products.
-        if i == 1:
-            combine(1, now, y, k, x)
-        elif i == 2:
-            combine(2, now, y, k, x)
-        elif i == 3:
-            combine(3, now, y, k, x)
-        elif i == 4:
-            combine(4, now, y, k, x)
-        elif i == 5:
-            combine(5, now, y, k, x)
-        else:
-            combine(6, now, y, k, x)
-            store(now, RESIDUAL, splat(0.0))
-            if closed > 0:
-                project(closure, x, z, z_next, now, closure_tol, RESERVE)
-        if timed:
-            set_forces(i, starts, coefficients, pieces, x, n, now, tally)
-        call_batch(motion, x, k, i * (n + 1))
-    bound, lowest = splat(pivot_bound), splat(math.inf)
-    healthy = load(now, RESIDUAL) <= splat(closure_tol)
-    for i in range(1, STAGES):
-        pivot = load(k, i * (n + 1) + n)
-        healthy = healthy & (pivot >= bound)
-        lowest = choose(lowest <= pivot, lowest, pivot)
-    store(now, ERROR, choose(healthy, error_norm(closed, tolerance, now, y, x, z, k), splat(math.nan)))
-    store(now, LOWEST, lowest)
 
 
 @njit(**OPTIONS)
@@ -411,7 +281,7 @@ def diagnose(lane, k, n, pivot_bound, closure_tol, now, tally):
     now[REJECTED_PIVOT, lane] = lowest
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def take_samples(closure, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally):
     """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
     n = y.shape[0]
@@ -443,7 +313,10 @@ def take_samples(closure, closure_tol, save_at, samples, y, x, z, z_next, k, sam
                 for m in range(n):
                     sample[m, lane] = x[m, lane]
         if closure != 0:
-            project(closure, sample, z, z_next, now, closure_tol, math.inf)
+            project(
+                closure, z_next.shape[0] - 1, address(sample), address(z), address(z_next), address(now), closure_tol,
+                math.inf,
+            )  # fmt: skip
         for lane in range(LANES):
             if now[WANTED, lane] > 0:
                 if now[RESIDUAL, lane] <= closure_tol:
@@ -454,24 +327,6 @@ def take_samples(closure, closure_tol, save_at, samples, y, x, z, z_next, k, sam
                 else:
                     now[ACCEPTS, lane], tally[AILMENT, lane] = 0.0, CLOSURE_LOST
                     now[REJECTED_RESIDUAL, lane], now[REJECTED_PIVOT, lane] = now[RESIDUAL, lane], now[LOWEST, lane]
-
-
-@njit(**OPTIONS)
-def accept(max_step, now, tally):
-    """Go on to the ends of the accepted steps, and choose the lengths of the next ones."""
-    for lane in range(LANES):
-        accepts, error = now[ACCEPTS, lane] > 0, max(now[ERROR, lane], SMALLEST_ERROR)
-        now[POWER, lane] = error ** (DAMPING * EXPONENT) if accepts else 1.0
-        tally[ACCEPTED, lane] += accepts
-        tally[SAVED, lane] = tally[REACHED, lane] if accepts else tally[SAVED, lane]
-    accepted, step, h = load(now, ACCEPTS) >= splat(1.0), load(now, STEP), load(now, STEP_SIZE)
-    factor = smaller(load(now, GROWTH), splat(SAFETY) / load(now, POWER))
-    proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))
-    proposal = choose(h <= step, proposal, larger(h, proposal))
-    store(now, STEP_SIZE, choose(accepted, proposal, h))
-    store(now, GROWTH, choose(accepted, splat(LARGEST_FACTOR), load(now, GROWTH)))
-    store(now, TIME, choose(accepted, load(now, ARRIVAL), load(now, TIME)))
-    store(now, PIVOT, choose(accepted, smaller(load(now, PIVOT), load(now, LOWEST)), load(now, PIVOT)))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -490,7 +345,7 @@ def reject(lane, pivot_bound, first_pivot, now, tally):
             tally[STATUS, lane] = SINGULAR
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def restart(motion, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k, now, tally):
     """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break of their signal."""
     n, last, broken = y.shape[0], STAGES - 1, 0
@@ -557,17 +412,20 @@ def integrate(
     """
     members, n = ys.shape[0], ys.shape[1]
     inputs, free = coefficients.shape[2], parameters.shape[1]
-    end = np.cumsum(np.array([n, n + inputs + free, STAGES * (n + 1), nq + free, nq + 1, n, STAGES, NOW]))
-    space = room(end[7])
+    end = np.cumsum(np.array([n, n + inputs + free, STAGES * (n + 1), nq + free, nq + 1, n, STAGES, NOW, 2 * n]))
+    space = room(end[8])
     y, x, k = space[: end[0]], space[end[0] : end[1]], space[end[1] : end[2]]
     z, z_next, sample = space[end[2] : end[3]], space[end[3] : end[4]], space[end[4] : end[5]]
-    weights, now = space[end[5] : end[6]], space[end[6] :]
+    weights, now = space[end[5] : end[6]], space[end[6] : end[7]]
+    for m in range(n):
+        space[end[7] + m], space[end[7] + n + m] = tolerance[0, m], tolerance[1, m]
+    scale = address(space[end[7] :])
     tally, slopes = np.zeros((TALLY, LANES), np.intp), np.empty((members, n + 1))
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
             motion, closure, parameters, starts, coefficients, pieces, breaks, breaking,
-            tolerance, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
+            scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
             y, x, z, z_next, k, now, tally,
         )  # fmt: skip
 
@@ -576,11 +434,18 @@ def integrate(
     while True:
         live = 0
         for lane in range(LANES):
-            while tally[MEMBER, lane] < 0 or ended(lane, now, tally, stop, smallest_step, max_steps):
+            while True:  # until the lane has a member that goes on, or there are none left
                 if tally[MEMBER, lane] >= 0:
+                    if tally[STATUS, lane] == OK and now[TIME, lane] < stop:
+                        if tally[ACCEPTED, lane] + tally[REJECTED, lane] >= max_steps:
+                            tally[STATUS, lane] = TOO_MANY_STEPS
+                        elif now[STEP_SIZE, lane] < smallest_step:
+                            tally[STATUS, lane] = tally[CAUSE, lane]
+                        else:
+                            break
                     store_member(lane, ys, numbers, counts, y, now, tally)
                     progress[0] += 1
-                tally[MEMBER, lane] = -1
+                    tally[MEMBER, lane] = -1
                 if waiting == members:
                     break
                 load_member(
@@ -593,10 +458,18 @@ def integrate(
             live += alive
         if live == 0 or cancel[0] != 0:
             break
-        choose_steps(now)
-        attempt(
-            motion, closure, starts, coefficients, pieces, timed, tolerance, pivot_bound, closure_tol,
-            y, x, z, z_next, k, now, tally,
+        choose_steps(address(now))
+        for i in range(1, STAGES):
+            stage_state(
+                i, closure, n, nq, closure_tol, address(y), address(x), address(z), address(z_next), address(k),
+                address(now),
+            )  # fmt: skip
+            if timed:
+                set_forces(i, starts, coefficients, pieces, x, n, now, tally)
+            call_batch(motion, x, k, i * (n + 1))
+        closed = nq if closure != 0 else 0
+        judge(
+            n, closed, scale, pivot_bound, closure_tol, address(y), address(x), address(z), address(k), address(now)
         )  # fmt: skip
         for lane in range(LANES):
             tally[AILMENT, lane], tally[REACHED, lane] = OK, tally[SAVED, lane]
@@ -608,19 +481,22 @@ def integrate(
         if save_at.size > 0:
             take_samples(closure, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally)
         for lane in range(LANES):
-            if now[LIVE, lane] > now[ACCEPTS, lane]:
+            now[POWER, lane] = 1.0
+            if now[ACCEPTS, lane] > 0:
+                now[POWER, lane] = max(now[ERROR, lane], SMALLEST_ERROR) ** (DAMPING * EXPONENT)
+                tally[ACCEPTED, lane] += 1
+                tally[SAVED, lane] = tally[REACHED, lane]
+            elif now[LIVE, lane] > 0:
                 reject(lane, pivot_bound, k[n, lane], now, tally)
-        accept(max_step, now, tally)
+        accept(max_step, address(now))
         if breaks.size > 0:
             restart(
                 motion, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k,
                 now, tally,
             )  # fmt: skip
-        accepted = load(now, ACCEPTS) >= splat(1.0)
-        for m in range(n):
-            store(y, m, choose(accepted, load(x, m), load(y, m)))
-        for m in range(n + 1):
-            store(k, m, choose(accepted, load(k, (STAGES - 1) * (n + 1) + m), load(k, m)))
+        kept = load(now, ACCEPTS) <= splat(0.0)
+        move(address(x), 0, address(y), n, kept)
+        move(address(k), (STAGES - 1) * (n + 1), address(k), n + 1, kept)
 
     for lane in range(LANES):
         if tally[MEMBER, lane] >= 0:

@@ -1,7 +1,8 @@
 """Vectors: a double for each lane of a vector register, as values in compiled code.
 
 Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=, & and | and the functions
-below. They live in registers; arrays (rows, LANES) hold them in memory, a vector a row.
+below. They live in registers. In memory tables hold them, a vector a row: arrays (rows, LANES), or the addresses of such,
+of which Numba counts no references.
 """
 
 import operator
@@ -78,47 +79,44 @@ _operator(operator.and_, MASK, "and_", kind=MASK)
 _operator(operator.or_, MASK, "or_", kind=MASK)
 
 
-def _row(context, builder, array_type, array, row):
-    """Return the pointer to a vector in an array (rows, LANES)."""
-    data = context.make_array(array_type)(context, builder, value=array).data
-    place = builder.gep(data, [builder.mul(row, ir.Constant(row.type, LANES))])
-    return builder.bitcast(place, _NUMBERS.as_pointer())
+def _row(context, builder, table_type, table, row):
+    """Return the pointer to a vector in a table, an array (rows, LANES) or the address of one."""
+    if isinstance(table_type, types.Array):
+        table = _start(context, builder, table_type, table)
+    place = builder.add(table, builder.mul(row, ir.Constant(row.type, 8 * LANES)))
+    return builder.inttoptr(place, _NUMBERS.as_pointer())
 
 
-def _load(typing_context, array, row):
-    """Return the vector in a row of an array (rows, LANES)."""
+def _start(context, builder, array_type, array):
+    return builder.ptrtoint(context.make_array(array_type)(context, builder, value=array).data, ir.IntType(64))
+
+
+def _address(typing_context, array):
+    """Return the address of an array's first number."""
+
+    def generate(context, builder, signature, values):
+        return _start(context, builder, signature.args[0], values[0])
+
+    return types.int64(array), generate
+
+
+def _load(typing_context, table, row):
+    """Return the vector in a row of a table."""
 
     def generate(context, builder, signature, values):
         return builder.load(_row(context, builder, signature.args[0], *values), align=8)
 
-    return VECTOR(array, types.intp), generate
+    return VECTOR(table, types.intp), generate
 
 
-def _store(typing_context, array, row, vector):
-    """Write a vector to a row of an array (rows, LANES)."""
+def _store(typing_context, table, row, vector):
+    """Write a vector to a row of a table."""
 
     def generate(context, builder, signature, values):
         builder.store(values[2], _row(context, builder, signature.args[0], *values[:2]), align=8)
         return context.get_dummy_value()
 
-    return types.void(array, types.intp, VECTOR), generate
-
-
-def _overwrite(typing_context, array, row, mask, vector):
-    """Write numbers of a vector to a row of an array (rows, LANES) where the mask holds.
-
-    old ^ ((old ^ new) & mask) instead of a choice: of that LLVM makes a masked store, which some processors are slow at.
-    """
-
-    def generate(context, builder, signature, values):
-        place = _row(context, builder, signature.args[0], *values[:2])
-        integers = ir.VectorType(ir.IntType(64), LANES)
-        old, new = (builder.bitcast(numbers, integers) for numbers in (builder.load(place, align=8), values[3]))
-        change = builder.and_(builder.xor(old, new), builder.sext(values[2], integers))
-        builder.store(builder.bitcast(builder.xor(old, change), _NUMBERS), place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp, MASK, VECTOR), generate
+    return types.void(table, types.intp, VECTOR), generate
 
 
 def _splat(typing_context, number):
@@ -143,12 +141,20 @@ def _choose(typing_context, mask, where_true, where_false):
 
 def _every(typing_context, mask):
     """Tell whether a mask holds in every lane."""
+    return types.boolean(MASK), _compared("==", -1)
 
+
+def _some(typing_context, mask):
+    """Tell whether a mask holds in some lane."""
+    return types.boolean(MASK), _compared("!=", 0)
+
+
+def _compared(relation: str, pattern: int):
     def generate(context, builder, signature, values):
         bits = ir.IntType(LANES)
-        return builder.icmp_unsigned("==", builder.bitcast(values[0], bits), ir.Constant(bits, -1))
+        return builder.icmp_unsigned(relation, builder.bitcast(values[0], bits), ir.Constant(bits, pattern))
 
-    return types.boolean(MASK), generate
+    return generate
 
 
 def _larger(typing_context, one, other):
@@ -181,26 +187,27 @@ def _by_llvm(name: str):
     return typed
 
 
-def _call_batch(typing_context, address, x, out, row):
+def _call_batch(typing_context, function, x, out, row):
     """Call the C function void(int64 blocks, const double *x, double *out) for one block, its output from row `row` on."""
 
     def generate(context, builder, signature, values):
-        x, out = (context.make_array(signature.args[i])(context, builder, value=values[i]).data for i in (1, 2))
-        count = ir.IntType(64)
-        kernel = ir.FunctionType(ir.VoidType(), [count, x.type, out.type])
-        target = builder.gep(out, [builder.mul(values[3], ir.Constant(values[3].type, LANES))])
-        builder.call(builder.inttoptr(values[0], kernel.as_pointer()), [ir.Constant(count, 1), x, target])
+        first, count = ir.Constant(values[3].type, 0), ir.IntType(64)
+        source = _row(context, builder, signature.args[1], values[1], first)
+        target = _row(context, builder, signature.args[2], *values[2:])
+        kernel = ir.FunctionType(ir.VoidType(), [count, source.type, target.type])
+        builder.call(builder.inttoptr(values[0], kernel.as_pointer()), [ir.Constant(count, 1), source, target])
         return context.get_dummy_value()
 
     return types.void(types.intp, x, out, types.intp), generate
 
 
+address: Callable[..., int] = intrinsic(_address)
 load: Callable[..., Any] = intrinsic(_load)
 store: Callable[..., None] = intrinsic(_store)
-overwrite: Callable[..., None] = intrinsic(_overwrite)
 splat: Callable[..., Any] = intrinsic(_splat)
 choose: Callable[..., Any] = intrinsic(_choose)
 every: Callable[..., bool] = intrinsic(_every)
+some: Callable[..., bool] = intrinsic(_some)
 larger: Callable[..., Any] = intrinsic(_larger)
 smaller: Callable[..., Any] = intrinsic(_smaller)
 absolute: Callable[..., Any] = intrinsic(_by_llvm("fabs"))

@@ -1,0 +1,185 @@
+"""One step of many members at a time by Dormand-Prince 5(4): vector arithmetic, each lane a member with its own step.
+
+The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables are passed by their addresses:
+`y` (n rows), `x`, rows (y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`, numbers of the
+members in the lanes, whose rows are named below.
+"""
+
+import math
+
+from numba import njit
+
+from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.native_loop import LARGEST_FACTOR, ROUNDING, SAFETY, SMALLEST_FACTOR
+from linkwork.simulation.native_parts import NEWTON_CALLS, RESERVE
+from linkwork.simulation.tableaus import DORMAND_PRINCE
+from linkwork.simulation.vectors import (
+    absolute,
+    call_batch,
+    choose,
+    every,
+    larger,
+    load,
+    root,
+    smaller,
+    some,
+    splat,
+    store,
+)
+
+# Rows of `now`; the first NUMBERS are kept of every member.
+TIME, STEP_SIZE, GROWTH, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL = range(7)
+NUMBERS = 7
+STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA, POWER = range(7, 18)
+NOW = 18
+
+# Constants to the compiler, which unrolls the sums over the stages.
+A, C, E, DENSE = DORMAND_PRINCE.a, DORMAND_PRINCE.c, DORMAND_PRINCE.e, DORMAND_PRINCE.dense
+STAGES, EXPONENT = len(C), 1 / (DORMAND_PRINCE.error_order + 1)
+
+
+@njit(forceinline=True, **OPTIONS)
+def move(source, row, target, count, kept):
+    """Copy rows, from `row` on, to the head of the target, but for the lanes that are to be kept: seldom there are any.
+
+    A choice for every lane would cost more, for it becomes a masked store, at which some processors are slow.
+    """
+    if some(kept):
+        for m in range(count):
+            store(target, m, choose(kept, load(target, m), load(source, row + m)))
+    else:
+        for m in range(count):
+            store(target, m, load(source, row + m))
+
+
+@njit(forceinline=True, **OPTIONS)
+def project(closure, nq, state, z, z_next, now, tolerance, reserve):
+    """Project q, the head of the state, onto phi(q) = 0 by Newton's method in z, in the lanes where now[WANTED] > 0.
+
+    As in `native_parts`: a lane's q is written only when its residual, left in now[RESIDUAL], is within the tolerance;
+    z is left with what was added to q. A step d with reserve d^2 <= tolerance is the last, its residual taken for 0 (if
+    the residual before it is as small).
+    """
+    limit, residual = splat(tolerance), splat(math.inf)
+    done = load(now, WANTED) <= splat(0.0)
+    for m in range(nq):
+        store(z, m, load(state, m))
+    for _ in range(NEWTON_CALLS):
+        call_batch(closure, z, z_next, 0)
+        residual = choose(done, residual, load(z_next, nq))
+        done = done | (residual <= limit)
+        if every(done):
+            break
+        longest = load(z_next, nq)
+        for m in range(nq):
+            longest = larger(absolute(load(z_next, m) - load(z, m)), longest)
+        move(z_next, 0, z, nq, done)
+        close = splat(reserve) * longest * longest <= limit
+        residual = choose(done, residual, choose(close, splat(0.0), residual))
+        done = done | close
+        if every(done):
+            break
+    if not every(done):
+        move(state, 0, z, nq, done)
+    for m in range(nq):
+        before, after = load(state, m), load(z, m)
+        store(state, m, after)
+        store(z, m, after - before)
+    store(now, RESIDUAL, residual)
+
+
+@njit(forceinline=True, **OPTIONS)
+def scaled(values, row, n, y, tolerance):
+    """Return the root mean square of values / (atol + rtol |y|), the values from a row on."""
+    total = splat(0.0)
+    for m in range(n):
+        ratio = load(values, row + m) / (load(tolerance, n + m) + load(tolerance, m) * absolute(load(y, m)))
+        total = total + ratio * ratio
+    return root(total / splat(float(n)))
+
+
+@njit(forceinline=True, **OPTIONS)
+def choose_steps(now):
+    """Let the steps land on their targets, or go half of the way rather than leave slivers; idle lanes stay."""
+    t, h, target = load(now, TIME), load(now, STEP_SIZE), load(now, TARGET)
+    gap = target - t
+    half = gap * splat(0.5)
+    lands = h * splat(1 + ROUNDING) >= gap
+    step = choose(lands, gap, smaller(h, half))
+    store(now, STEP, choose(load(now, LIVE) >= splat(1.0), step, splat(0.0)))
+    store(now, ARRIVAL, choose(lands, target, t + step))
+
+
+@njit(forceinline=True, **OPTIONS)
+def combine(i, n, now, y, k, x):
+    """x = y + h sum_(j < i) a_ij k_j, with the step h of each lane."""
+    h = load(now, STEP)
+    for m in range(n):
+        total = splat(0.0)
+        for j in range(i):
+            total = total + splat(A[i, j]) * load(k, j * (n + 1) + m)
+        store(x, m, load(y, m) + h * total)
+
+
+@njit(forceinline=True, **OPTIONS)
+def stage_state(i, closure, n, nq, closure_tol, y, x, z, z_next, k, now):
+    """Leave the state of stage i in x; the last one is the new state, and is projected."""
+    # One call for each stage, so that each is compiled as one chain of products.
+    if i == 1:
+        combine(1, n, now, y, k, x)
+    elif i == 2:
+        combine(2, n, now, y, k, x)
+    elif i == 3:
+        combine(3, n, now, y, k, x)
+    elif i == 4:
+        combine(4, n, now, y, k, x)
+    elif i == 5:
+        combine(5, n, now, y, k, x)
+    else:
+        combine(6, n, now, y, k, x)
+        store(now, RESIDUAL, splat(0.0))
+        if closure != 0:
+            project(closure, nq, x, z, z_next, now, closure_tol, RESERVE)
+
+
+@njit(forceinline=True, **OPTIONS)
+def error_norm(n, closed, tolerance, now, y, x, z, k):
+    """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol |y|)."""
+    h, total = load(now, STEP), splat(0.0)
+    for m in range(n):
+        defect = splat(0.0)
+        for i in range(STAGES):
+            defect = defect + splat(E[i]) * load(k, i * (n + 1) + m)
+        error = absolute(h * defect)
+        if m < closed:
+            error = error + absolute(load(z, m))
+        size = larger(absolute(load(y, m)), absolute(load(x, m)))
+        ratio = error / (load(tolerance, n + m) + load(tolerance, m) * size)
+        total = total + ratio * ratio
+    return root(total / splat(float(n)))
+
+
+@njit(forceinline=True, **OPTIONS)
+def judge(n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, now):
+    """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and the smallest pivots."""
+    bound, lowest = splat(pivot_bound), splat(math.inf)
+    healthy = load(now, RESIDUAL) <= splat(closure_tol)
+    for i in range(1, STAGES):
+        pivot = load(k, i * (n + 1) + n)
+        healthy = healthy & (pivot >= bound)
+        lowest = choose(lowest <= pivot, lowest, pivot)
+    store(now, ERROR, choose(healthy, error_norm(n, closed, tolerance, now, y, x, z, k), splat(math.nan)))
+    store(now, LOWEST, lowest)
+
+
+@njit(forceinline=True, **OPTIONS)
+def accept(max_step, now):
+    """Go on to the ends of the accepted steps, and choose the lengths of the next ones from now[POWER]."""
+    kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
+    factor = smaller(load(now, GROWTH), splat(SAFETY) / load(now, POWER))
+    proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))
+    proposal = choose(h <= step, proposal, larger(h, proposal))
+    store(now, STEP_SIZE, choose(kept, h, proposal))
+    store(now, GROWTH, choose(kept, load(now, GROWTH), splat(LARGEST_FACTOR)))
+    store(now, TIME, choose(kept, load(now, TIME), load(now, ARRIVAL)))
+    store(now, PIVOT, choose(kept, load(now, PIVOT), smaller(load(now, PIVOT), load(now, LOWEST))))
