@@ -12,7 +12,24 @@ from rich.console import Console
 
 from linkwork.kernels.machine import this_machine
 
-from benchmarks import accuracy, catalogue, kernel, ladder, linkages, machine, others, stewart, work_precision
+from benchmarks import (
+    accuracy,
+    analysis,
+    catalogue,
+    control,
+    ensemble,
+    kernel,
+    ladder,
+    linkages,
+    machine,
+    others,
+    seeing,
+    single,
+    stewart,
+    stiff,
+    trajectories,
+    work_precision,
+)
 from benchmarks.table import Page, Section, markdown, terminal
 
 RESULTS = Path(__file__).parent / "results"
@@ -30,6 +47,19 @@ PAGES: Mapping[str, Sections] = {
         "ladder": lambda _: ladder.run(),
         "linkages": lambda _: linkages.run(),
         "catalogue": lambda _: catalogue.run(),
+    },
+    "simulation": {
+        "single": lambda _: single.run(),
+        "ensemble": lambda _: ensemble.run(),
+        "control": lambda _: control.run(),
+        "stiff": lambda _: stiff.run(),
+        "trajectories": lambda _: trajectories.run(),
+    },
+    "analysis": {
+        "modes": lambda _: analysis.modes(),
+        "workspace": lambda _: analysis.maps(),
+        "drag": lambda _: seeing.drag(),
+        "report": lambda _: seeing.report(),
     },
 }
 

@@ -112,8 +112,8 @@ def compiled_anew(function: ca.Function) -> tuple[Kernel, dict[str, float]]:
 
 
 def evaluations(kernel: Kernel, q: np.ndarray, states: int) -> dict[str, Contender]:
-    """Return the kernel (q, v, u) -> (q', v', ...) in both loops, at one configuration with random rates and forces."""
-    (_, nq), (_, nv), (_, nu) = kernel.inputs
+    """Return the kernel (q, v, u, no p) -> (q', v', ...) in both loops, at one configuration with random rates and forces."""
+    nq, nv, nu, _ = (size for _, size in kernel.inputs)
     random = np.random.default_rng(3)
     x = np.hstack([np.tile(q, (states, 1)), random.normal(size=(states, nv + nu))])
     return {"batches": in_batches(kernel, x), "one by one": one_after_another(kernel, x, nq + nv)}

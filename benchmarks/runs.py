@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from inspect import signature
+from types import ModuleType
 from unittest.mock import patch
 
 import numpy as np
@@ -48,20 +49,41 @@ def recorded(robot: lw.Robot, task: Task, tolerance: float) -> Run:
     )
 
 
-def compiled_loop(robot: lw.Robot, task: Task, tolerance: float) -> Callable[[], np.ndarray]:
-    """Return the compiled loop alone as a call that returns the tree's coordinates at the end.
+def joints_at_end(robot: lw.Robot, run: Run) -> np.ndarray:
+    """Return all joint coordinates at the end of a run, without measuring anything else."""
+    return robot.kernel("positions")(run.attrs["final_q"])[0]
 
-    Its arguments are those with which `integrate` calls it; the state, which it overwrites, is set anew.
+
+def compiled_loop(robot: lw.Robot, task: Task, tolerance: float) -> Callable[[], np.ndarray]:
+    """Return the compiled loop alone as a call that returns the tree's coordinates at the end."""
+    call = loop_of(lambda: integrated(robot, task, tolerance))
+    return lambda: call()[: robot.equations.nq]
+
+
+def loop_of(run: Callable[[], object], module: ModuleType = native) -> Callable[[], np.ndarray]:
+    """Return the compiled loop that a run calls, alone, as a call that returns the state y at its end.
+
+    Its arguments are those with which the run called it, once; the state and what a sampled controller holds, which it
+    overwrites, are set anew.
+
+    module: where the loop is: `native`, or `native_rosenbrock` for the stiff method
     """
-    with patch.object(native, "integrate", wraps=native.integrate) as spy:
-        integrated(robot, task, tolerance)
-    arguments, loop = spy.call_args.args, native.integrate
-    start = np.concatenate([task.start.q, task.start.rates])
-    state = arguments[list(signature(loop.py_func).parameters).index("y")]
+    loop = module.integrate
+    places = [list(signature(loop.py_func).parameters).index(name) for name in ("y_end", "held")]
+    found: list[tuple[tuple, list[np.ndarray]]] = []
+
+    def spy(*arguments: object) -> object:
+        found.append((arguments, [np.copy(arguments[i]) for i in places]))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return loop(*arguments)
+
+    with patch.object(module, "integrate", spy):
+        run()
+    ((arguments, starts),) = found
+    state, held = (arguments[i] for i in places)
 
     def call() -> np.ndarray:
-        state[:] = start
+        state[:], held[:] = starts
         loop(*arguments)
-        return state[: robot.equations.nq]
+        return state
 
     return call
