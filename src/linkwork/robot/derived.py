@@ -11,7 +11,7 @@ known: a sampled controller acted anew between two saved times, or steps are by 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,8 @@ MOST = 600  # steps between two saved times beyond which W is left undefined
 CLOCK = 1e-6  # part of a sampled controller's period that counts as none
 MET = 1e-4  # distance from the next saved state, relative to 1 + |y|, up to which explicit steps count
 Quantity = tuple[tuple[str, ...], np.ndarray, str]  # axes beside time, values, unit
+POWERS = ("actuator_power", "friction_power", "damper_power", "external_power", "conditioning")
+BALANCE = ("work", "energy_balance")
 Kept = Sequence[tuple[Segment, slice]]
 
 
@@ -109,23 +111,33 @@ def about_centres(
         yield body, np.concatenate([moment + np.cross(axes[:, body] @ arm, force), force], axis=1)
 
 
-def quantities(robot: Robot, system: System, kept: Kept, of: dict[str, np.ndarray]) -> dict[str, Quantity]:
-    """Return powers, work, energy balance and conditioning over time: axes, values and unit by name.
+def power_quantities(robot: Robot, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
+    """Return powers and conditioning over time: axes, values and unit by name.
 
     of: what was measured at the saved times, by name (`recording.measured`)
     """
-    work, start = works(robot, system, kept)
+    parts, end = [], 0
+    for segment, rows in kept:
+        begin, end = end, end + len(segment.trajectory.t[rows])
+        here = {name: of[name][begin:end] for name in ("q", "v", "force", "wrenches") if name in of}
+        force, wrenches = here["force"], here.get("wrenches")
+        parts.append(power_parts(robot, system, segment.chart, here["q"], here["v"], force, wrenches))
+    power = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     (pivot,) = np.abs(robot.kernel("tree_rates")(of["q"], np.zeros((len(of["q"]), robot.mobility)))[1]).T
-    found: dict[str, Quantity] = {"actuator_power": (("actuator",), of["actuator_power"], "W")}
-    if of["friction_power"].any():
-        found["friction_power"] = (("rate",), of["friction_power"], "W")
-    if of["damper_power"].any():
-        found["damper_power"] = (("spring",), of["damper_power"], "W")
+    found: dict[str, Quantity] = {"actuator_power": (("actuator",), power["actuator_power"], "W")}
+    if power["friction_power"].any():
+        found["friction_power"] = (("rate",), power["friction_power"], "W")
+    if power["damper_power"].any():
+        found["damper_power"] = (("spring",), power["damper_power"], "W")
     if system.acting and system.acting.wrenches:
-        found["external_power"] = (("wrench",), of["external_power"], "W")
-    found["work"] = ((), work, "J")
-    found["energy_balance"] = ((), of["kinetic"] + of["potential"] - start - work, "J")
+        found["external_power"] = (("wrench",), power["external_power"], "W")
     return found | {"conditioning": ((), pivot, "1")}
+
+
+def balance_quantities(robot: Robot, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
+    """Return work and energy balance over time: axes, values and unit by name."""
+    work, start = works(robot, system, kept)
+    return {"work": ((), work, "J"), "energy_balance": ((), of["kinetic"] + of["potential"] - start - work, "J")}
 
 
 def works(robot: Robot, system: System, kept: Kept) -> tuple[np.ndarray, float]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from linkwork.mechanism.files import written
 from linkwork.robot import checks, derived, limits
 from linkwork.robot.crossing import evaluated
 from linkwork.robot.passage import Passage, Segment
+from linkwork.robot.reactions import COMPONENTS
 from linkwork.robot.state import State
 from linkwork.robot.system import System
 from linkwork.simulation import Control, Run, Statistics, Status, Variable
@@ -21,6 +23,10 @@ from linkwork.simulation.run import Deferred
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
+STATES = (
+    *("joint_position", "joint_rate", "joint_acceleration", "actuator_force", "kinetic_energy", "potential_energy"),
+    *("closure_error", "tool_pose", "drive_state", "command", "external_wrench"),
+)
 ON_SINGULAR = ("stop", "step_over")
 CULPRITS = " The controller's force on {} is not finite there."
 AHEAD = (1e-12, 1e-9, 1e-6, 1e-3)  # times after the end of a run at which undefined forces are looked for [s]
@@ -113,14 +119,14 @@ def record(robot: Robot, system: System, segments: Sequence[Segment], attrs: Map
         coords["extra"] = labels("extra", [x.name for x in system.extras], [x.unit for x in system.extras])
     if system.acting and system.acting.wrenches:
         coords["wrench"] = labels("wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)])
-        coords["wrench_component"] = labels("wrench_component", ("mx", "my", "mz", "fx", "fy", "fz"))
+        coords["wrench_component"] = labels("wrench_component", COMPONENTS)
     if system.events:
         found = [segment.trajectory.events for segment in segments]
         happened = np.concatenate([part.index for part in found])
         coords["event"] = labels("event", [system.events[i].name for i in happened])
         coords["event_time"] = Variable(("event",), np.concatenate([part.times for part in found]), {"units": "s"})
     status, message = ending(system, segments[-1])
-    variables = Deferred(partial(measure, robot, system, kept, time))
+    variables = Record(robot, system, kept, time).variables
     error = system.faults[0] if system.faults else None
     transmitted = partial(derived.run_reactions, robot, system, kept)
     described = partial(written, robot.mechanism)
@@ -194,40 +200,66 @@ def statistics(segments: Sequence[Segment]) -> Statistics:
     )
 
 
-def measure(
-    robot: Robot, system: System, kept: Sequence[tuple[Segment, slice]], time: np.ndarray
-) -> dict[str, Variable]:
-    """Return positions, rates and accelerations of all joints, forces, energies, tool and closure over time."""
-    parts = [measured(robot, segment, rows, system) for segment, rows in kept]
-    columns = (np.concatenate([part[name] for part in parts]) for name in parts[0])
-    of = dict(zip(parts[0], columns, strict=True))
-    positions, rates = of["positions"], of["rates"]
-    quantities = {
-        "joint_position": (("coordinate",), robot.labels.unwrapped(time, positions, rates), "m, rad"),
-        "joint_rate": (("rate",), rates, "m/s, rad/s"),
-        "joint_acceleration": (("rate",), of["accelerations"], "m/s^2, rad/s^2"),
-        "actuator_force": (("actuator",), of["force"], "N, N m"),
-        "kinetic_energy": ((), of["kinetic"], "J"),
-        "potential_energy": ((), of["potential"], "J"),
-        "closure_error": ((), of["residual"], "m, rad"),
-    }
-    if robot.mechanism.tools:
-        quantities["tool_pose"] = (("pose",), robot.tool_poses(of["q"]), "m, rad")
-    if system.extras:
-        quantities["drive_state"] = (("extra",), of["z"], ", ".join(extra.unit for extra in system.extras))
-    if system.acting:
-        units = ", ".join(dict.fromkeys(drive.unit for drive in system.acting.drives))
-        quantities["command"] = (("actuator",), of["command"], units)
-    if system.acting and system.acting.wrenches:
-        wrenches = of["wrenches"].reshape(len(time), -1, 6)
-        quantities["external_wrench"] = (("wrench", "wrench_component"), wrenches, "N m, N")
-    quantities |= derived.quantities(robot, system, kept, of)
-    return {
-        name: Variable(("time", *axes), values, {"units": unit}) for name, (axes, values, unit) in quantities.items()
-    }
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Measure what follows from a run's states at the saved times (K,), each kind of quantities when first asked for."""
+
+    robot: Robot
+    system: System
+    kept: Sequence[tuple[Segment, slice]]
+    time: np.ndarray
+
+    @property
+    def variables(self) -> Deferred:
+        kinds = {STATES: self.states, derived.POWERS: self.powers, derived.BALANCE: self.balance}
+        return Deferred({names: partial(self.named, quantities) for names, quantities in kinds.items()})
+
+    def named(self, quantities: Callable[[], Mapping[str, derived.Quantity]]) -> dict[str, Variable]:
+        """Return quantities over time as variables."""
+        return {
+            name: Variable(("time", *axes), values, {"units": unit})
+            for name, (axes, values, unit) in quantities().items()
+        }
+
+    @cached_property
+    def of(self) -> dict[str, np.ndarray]:
+        """What was measured (K, ...), by name."""
+        parts = [measured(segment, rows, self.system) for segment, rows in self.kept]
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    def states(self) -> dict[str, derived.Quantity]:
+        """Return positions, rates and accelerations of all joints, forces, energies, tool and closure."""
+        of = self.of
+        positions, rates = of["positions"], of["rates"]
+        quantities = {
+            "joint_position": (("coordinate",), self.robot.labels.unwrapped(self.time, positions, rates), "m, rad"),
+            "joint_rate": (("rate",), rates, "m/s, rad/s"),
+            "joint_acceleration": (("rate",), of["accelerations"], "m/s^2, rad/s^2"),
+            "actuator_force": (("actuator",), of["force"], "N, N m"),
+            "kinetic_energy": ((), of["kinetic"], "J"),
+            "potential_energy": ((), of["potential"], "J"),
+            "closure_error": ((), of["residual"], "m, rad"),
+        }
+        if self.robot.mechanism.tools:
+            quantities["tool_pose"] = (("pose",), self.robot.tool_poses(of["q"]), "m, rad")
+        if self.system.extras:
+            quantities["drive_state"] = (("extra",), of["z"], ", ".join(extra.unit for extra in self.system.extras))
+        if self.system.acting:
+            units = ", ".join(dict.fromkeys(drive.unit for drive in self.system.acting.drives))
+            quantities["command"] = (("actuator",), of["command"], units)
+        if self.system.acting and self.system.acting.wrenches:
+            wrenches = of["wrenches"].reshape(len(self.time), -1, 6)
+            quantities["external_wrench"] = (("wrench", "wrench_component"), wrenches, "N m, N")
+        return quantities
+
+    def powers(self) -> dict[str, derived.Quantity]:
+        return derived.power_quantities(self.robot, self.system, self.kept, self.of)
+
+    def balance(self) -> dict[str, derived.Quantity]:
+        return derived.balance_quantities(self.robot, self.system, self.kept, self.of)
 
 
-def measured(robot: Robot, segment: Segment, rows: slice, system: System) -> dict[str, np.ndarray]:
+def measured(segment: Segment, rows: slice, system: System) -> dict[str, np.ndarray]:
     """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
     kernel, part, n = segment.chart.kernel, segment.trajectory, segment.chart.equations.mobility
     q, v, z, u = part.q[rows], part.v[rows, :n], part.v[rows, n:], part.u[rows]
@@ -238,7 +270,6 @@ def measured(robot: Robot, segment: Segment, rows: slice, system: System) -> dic
         p = system.p(segment.chart)
         v_dot, *values = system.kernel(segment.chart, "recorded")(q, v, z, u, p)
         found |= dict(zip(("command", "force", "wrenches"), values, strict=True))
-    found |= derived.power_parts(robot, system, segment.chart, q, v, found["force"], found.get("wrenches"))
     positions, joint_rates, joint_accelerations, _ = kernel("joints_motion")(q, v, v_dot)
     kinetic, potential, _ = kernel("energy")(q, v)
     found |= {"positions": positions, "rates": joint_rates, "accelerations": joint_accelerations}

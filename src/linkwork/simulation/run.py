@@ -56,23 +56,31 @@ class Variable:
 
 
 class Deferred(Mapping[str, Variable]):
-    """Hold variables that are measured when one of them is first asked for: a run that is only counted costs nothing more."""
+    """Hold variables in groups, each measured when one of it is first asked for: what nobody looks at costs nothing.
 
-    def __init__(self, measure: Callable[[], Mapping[str, Variable]]):
-        self._measure = measure
+    groups: what measures a group, by the names that it may give
+    """
 
-    @cached_property
-    def _measured(self) -> Mapping[str, Variable]:
-        return self._measure()
+    def __init__(self, groups: Mapping[tuple[str, ...], Callable[[], Mapping[str, Variable]]]):
+        self._groups = groups
+        self._measured: dict[tuple[str, ...], Mapping[str, Variable]] = {}
+
+    def _group(self, names: tuple[str, ...]) -> Mapping[str, Variable]:
+        if names not in self._measured:
+            self._measured[names] = self._groups[names]()
+        return self._measured[names]
 
     def __getitem__(self, name: str) -> Variable:
-        return self._measured[name]
+        for names in self._groups:
+            if name in names:
+                return self._group(names)[name]
+        raise KeyError(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._measured)
+        return iter([name for names in self._groups for name in self._group(names)])
 
     def __len__(self) -> int:
-        return len(self._measured)
+        return sum(len(self._group(names)) for names in self._groups)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +181,9 @@ class Run:
     def save(self, path: str | Path) -> Path:
         """Write the run to a file, whole or not at all, and return its path; the suffix names the format.
 
-        .nc: NetCDF (version 3), everything the run holds and its mechanism; `Run.load` reads it. .csv: one row for each saved time, one
-        column for each component of what varies with time, named quantity.joint; units, constants and the ending stand
-        above in lines that begin with #.
+        .nc: NetCDF (version 3), everything the run holds and its mechanism; `Run.load` reads it. .csv: one row for each
+        saved time, one column for each component of what varies with time, named quantity.joint; units, constants and
+        the ending stand above in lines that begin with #.
 
         Raises `LinkworkError` for another suffix, or where the file cannot be written.
         """
