@@ -93,7 +93,8 @@ def turned(rotation, vector):
 def test_a_tree_is_the_tree_that_mujoco_reads(tmp_path):
     imported = read(samples.TREE, tmp_path)
     mechanism = imported.mechanism
-    assert imported.notes == ()
+    (note,) = imported.notes
+    assert "<geom> is no shape here and is not shown: its type is ellipsoid" in note
     assert_same_bodies(mechanism.model_copy(update={"bodies": named_bodies(mechanism)}), samples.TREE)
     assert_same_motion(mechanism, samples.TREE)
     assert mechanism.name == "tree"
@@ -316,14 +317,15 @@ def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
     ],
 )
 def test_what_is_taken_otherwise_is_noted(body, words, tmp_path):
-    (note,) = read(BODY.format(head="", body=body, tail=""), tmp_path).notes
+    note, *_ = read(BODY.format(head="", body=body, tail=""), tmp_path).notes
     assert words in note
 
 
 def test_many_remarks_of_one_kind_are_one_sentence(tmp_path):
     geoms = "".join(f'<geom type="mesh" mesh="m" name="g{k}"/>' for k in range(9))
-    (note,) = read(BODY.format(head="", body=geoms, tail=""), tmp_path).notes
-    assert "line 1 and 8 more: <geom> ('g0', 'g1', 'g2', 'g3', ...) is a mesh" in note
+    mass, shape = read(BODY.format(head="", body=geoms, tail=""), tmp_path).notes
+    assert "line 1 and 8 more: <geom> ('g0', 'g1', 'g2', 'g3', ...) is a mesh" in mass
+    assert "line 1 and 8 more: <geom> ('g0', 'g1', 'g2', 'g3', ...) is no shape here" in shape
 
 
 REFUSED = {

@@ -6,6 +6,9 @@ from hypothesis import strategies as st
 from linkwork.mechanism import (
     GROUND,
     Body,
+    Box,
+    Capsule,
+    Cylinder,
     CylindricalJoint,
     FixedJoint,
     Frame,
@@ -17,10 +20,12 @@ from linkwork.mechanism import (
     Mechanism,
     PlanarJoint,
     PointSpring,
+    Polygon,
     PrismaticJoint,
     RevoluteJoint,
     RodJoint,
     ScrewJoint,
+    Sphere,
     SphericalJoint,
     Spring,
     Tool,
@@ -82,7 +87,25 @@ def inertias(draw):
     return Inertia(xx=xx, yy=yy, zz=zz, xy=xy, xz=xz, yz=yz)
 
 
-bodies = st.builds(Body, mass=non_negative, centre_of_mass=vectors, inertia=st.just(Body(mass=0).inertia) | inertias())
+parts = st.floats(0, 1)
+looks = {"frame": frames, "colour": st.none() | st.tuples(parts, parts, parts)}
+corners = st.lists(st.integers(0, 99), min_size=6, max_size=9, unique=True).map(
+    lambda hundredths: tuple((float(np.cos(t)), float(np.sin(t))) for t in np.sort(hundredths) * 2 * np.pi / 100)
+)
+shapes = st.one_of(
+    st.builds(Box, size=st.tuples(positive, positive, positive), **looks),
+    st.builds(Cylinder, radius=positive, length=positive, **looks),
+    st.builds(Sphere, radius=positive, **looks),
+    st.builds(Capsule, radius=positive, length=positive, **looks),
+    st.builds(Polygon, points=corners, thickness=positive, **looks),
+)
+bodies = st.builds(
+    Body,
+    mass=non_negative,
+    centre_of_mass=vectors,
+    inertia=st.just(Body(mass=0).inertia) | inertias(),
+    shapes=st.lists(shapes, max_size=2),
+)
 
 
 def effects_of_one():

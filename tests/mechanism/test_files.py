@@ -213,3 +213,12 @@ def test_places_that_cannot_be_written(tmp_path):
     with pytest.raises(MechanismError, match="cannot be written"):
         prr3().save("")
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+@pytest.mark.parametrize("name", ["robot.xml", "robot.URDF", "robot.mjcf"])
+def test_model_files_are_sent_to_the_formats(tmp_path, name):
+    (tmp_path / name).write_text("<robot/>")
+    with pytest.raises(
+        MechanismError, match=r"read it by linkwork.formats.load\(path\).mechanism, or turn it .* convert'"
+    ):
+        Mechanism.load(tmp_path / name)

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 from pydantic import TypeAdapter
 
-from linkwork.mechanism import Body, Joint, Mechanism, MechanismError, PointSpring
+from linkwork.mechanism import Body, Joint, Mechanism, MechanismError, PointSpring, Shape
 from linkwork.mechanism.document import MAX_DEPTH, MAX_ENTRIES, read_document
 from linkwork.mechanism.files import MAX_BYTES
 from linkwork.mechanism.record import Record
@@ -17,6 +17,7 @@ from linkwork.mechanism.refusal import records_in
 PAGE = (Path(__file__).parents[2] / "docs" / "mechanism-file.md").read_text(encoding="utf-8")
 ROWS = [re.split(r"(?<!\\)\|", line)[1:-1] for line in PAGE.splitlines() if line.startswith("|")]
 KINDS = {"bodies": Body, "joints": Joint, "springs": PointSpring}
+SHAPES = {record.model_fields["type"].default: record for record in records_in(get_args(Shape)[0])}
 JOINTS = {record.model_fields["type"].default: record for record in records_in(get_args(Joint)[0])}
 
 
@@ -72,6 +73,13 @@ def test_every_joint_type_with_freedoms_coordinates_rates_and_fields(kind):
     assert set(re.findall(r"`(\w+)`", cells[5])) == own
 
 
+@pytest.mark.parametrize("kind", SHAPES)
+def test_every_shape_with_its_fields(kind):
+    cells = next(cells for cells in ROWS if cells[0].strip() == f"`{kind}`")
+    own = set(SHAPES[kind].model_fields) - {"type", "frame", "colour"}
+    assert set(re.findall(r"`(\w+)`", cells[2])) == own
+
+
 @pytest.mark.parametrize("text", re.findall(r"```yml\n(.*?)```", PAGE, re.S))
 def test_snippets(text):
     for field, parts in read_document(text).data.items():
@@ -79,8 +87,8 @@ def test_snippets(text):
         assert list(made) == list(parts)
 
 
-def test_snippets_show_every_joint_type():
-    assert set(re.findall(r"type: (\w+)", PAGE)) >= set(JOINTS)
+def test_snippets_show_every_type_of_joint_and_shape():
+    assert set(re.findall(r"type: (\w+)", PAGE)) >= {*JOINTS, *SHAPES}
 
 
 def test_limits():

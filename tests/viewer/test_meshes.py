@@ -32,6 +32,7 @@ def prism(sides: int) -> float:
         (POST, prism(meshes.SIDES), 1e-12),
         (BALL, 4 / 3 * np.pi, 0.06),
         (BLOCK, 1.0, 1e-12),
+        (meshes.capsule(3.0), (3 + 4 / 3) * np.pi, 0.03),
         (meshes.solid(FOUR), 1 / 6, 1e-12),
         (meshes.plate(np.array([(0, 0, 2), (3, 0, 2), (3, 1, 2), (0, 1, 2), (1, 0.5, 2.0)]), 0.1), 0.3, 1e-12),
         (meshes.tube(np.array([(0, 0, 0), (0, 0, 1), (0, 0, 3.0)]), 0.1), 3 * prism(meshes.TUBE_SIDES) * 0.01, 1e-12),

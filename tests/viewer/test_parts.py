@@ -2,12 +2,27 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from linkwork import Robot, robots
-from linkwork.mechanism import GROUND
+from linkwork.equations.algebra import rotation_matrix
+from linkwork.mechanism import (
+    GROUND,
+    Body,
+    Box,
+    Capsule,
+    Cylinder,
+    Frame,
+    Mechanism,
+    Polygon,
+    RevoluteJoint,
+    Sphere,
+)
+from linkwork.views.solids import solid_of
 from linkwork.views.viewer.parts import Part, Span, parts_of
 from linkwork.views.viewer.pursuit import Pursuit
 from linkwork.views.viewer.scene import Scene, of_mesh, product, quaternions, turned_by
+from linkwork.views.viewer.stage import COLOURS, colour_of, lowest
 
 SOME = ("stewart", "prr3", "delta", "andrews", "bennett", "flyball_governor", "agile_wrist", "rpr3")
 
@@ -89,3 +104,37 @@ def test_quaternions_follow_rotation_matrices():
     assert both * np.sign(both[:, :1]) == pytest.approx(expected)
     points = np.random.default_rng(3).standard_normal((20, 3))
     assert turned_by(p, points) == pytest.approx(A.apply(points))
+
+
+def test_shapes_are_shown_instead_of_bars_and_enclose_what_pictures_show():
+    shapes = [
+        shape.model_copy(update={"frame": Frame(position=(0.3, -0.2, 0.5), rotation=(0.3, 0.7, -0.4))})
+        for shape in (
+            Box(size=(0.1, 0.2, 0.4), colour=(1.0, 0.5, 0.0)),
+            Cylinder(radius=0.2, length=0.5),
+            Sphere(radius=0.3),
+            Capsule(radius=0.1, length=0.7),
+            Polygon(points=((0, 0), (0, 1), (2, 1)), thickness=0.1),
+        )
+    ]
+    body = Body(mass=1.0, centre_of_mass=(0.5, 0.0, 0.0), shapes=shapes)
+    joints = {"hinge": RevoluteJoint(connects=("ground", "arm"), axis=(1.0, 1.0, 0.0))}
+    robot = Robot(Mechanism(bodies={"arm": body}, joints=joints))
+    members = [part for part in parts_of(robot).parts if part.role == "member"]
+    for part, shape in zip(members, shapes, strict=True):
+        vertices = part.position + (part.mesh.vertices * part.scale) @ part.turn.T
+        picture = solid_of(shape).moved(np.array(shape.frame.position), rotation_matrix(shape.frame.rotation)).corners
+        assert ConvexHull(vertices).volume == pytest.approx(ConvexHull(picture).volume, rel=0.03)
+        assert vertices.min(axis=0) == pytest.approx(picture.min(axis=0), abs=0.01)
+        assert vertices.max(axis=0) == pytest.approx(picture.max(axis=0), abs=0.01)
+        assert part.mesh.volume > 0
+    assert [colour_of(part) for part in members] == [(255, 128, 0)] + [COLOURS["member"]] * 4
+
+
+def test_the_lowest_point_is_that_of_what_is_shown():
+    block = Box(size=(0.2, 0.2, 6.0), frame=Frame(position=(0.0, 0.0, 1.0)))
+    plate = Polygon(points=((0, 0), (0.1, 0), (0, 0.1)), thickness=0.1)  # its mesh is not scaled
+    body = Body(mass=1.0, shapes=(block, plate))
+    robot = Robot(Mechanism(bodies={"arm": body}, joints={"hinge": RevoluteJoint(connects=("ground", "arm"))}))
+    parts = parts_of(robot)
+    assert lowest(parts.parts, Scene(robot, parts).place(robot.home)) == pytest.approx(-2.0)

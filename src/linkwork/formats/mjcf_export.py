@@ -17,6 +17,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from linkwork.formats import poses, xml
+from linkwork.formats.mjcf_geoms import BETWEEN, size_of
 from linkwork.formats.mjcf_plan import ADVANCE, Home, Move, Plan, Seat, Tie, plan
 from linkwork.formats.mjcf_tree import UNLIMITED, WORLD
 from linkwork.formats.notes import Notes
@@ -29,6 +30,7 @@ from linkwork.mechanism import (
     MechanismError,
     PairJoint,
     ScrewJoint,
+    Shape,
     SphericalJoint,
 )
 
@@ -98,7 +100,9 @@ class _Writer:
         ET.SubElement(self.root, "option", attrib={"gravity": numbers(self.mechanism.gravity)} | OPTION)
         default = ET.SubElement(self.root, "default")
         ET.SubElement(default, "equality", attrib=STIFF)
-        ET.SubElement(default, "geom", contype="0", conaffinity="0", group="1", rgba="0.4 0.5 0.6 1")
+        ET.SubElement(default, "geom", contype="0", conaffinity="0", group="1")
+        between = ET.SubElement(default, "default", attrib={"class": BETWEEN})
+        ET.SubElement(between, "geom", rgba="0.4 0.5 0.6 1")
         self.elements[GROUND] = ET.SubElement(self.root, "worldbody")
         self.sections = {name: ET.Element(name) for name in ("tendon", "equality", "actuator", "keyframe")}
         self._check()
@@ -206,7 +210,13 @@ class _Writer:
         return element
 
     def _draw(self, element: ET.Element, seat: Seat, into: np.ndarray) -> None:
-        """Add bars from the body's first joint to all others, so that the model can be seen; they have no mass."""
+        """Add the body's shapes; without any, bars from its first joint to all others. They have no mass."""
+        shapes = self.mechanism.bodies[seat.body].shapes
+        if shapes:
+            if seat.name == seat.body:
+                for shape in shapes:
+                    self._geom(element, shape)
+            return
         points = [move.anchor for move in seat.moves[:1]]
         points += [
             child.moves[0].anchor for child in self.plan.seats.values() if child.parent == seat.name and child.moves
@@ -218,9 +228,18 @@ class _Writer:
         radius = number(STROKE * self.size)
         bars = [p for p in local[1:] if np.linalg.norm(p - local[0]) > STROKE * self.size]
         for p in bars:
-            ET.SubElement(element, "geom", type="capsule", fromto=numbers((*local[0], *p)), size=radius)
+            bar = {"class": BETWEEN, "type": "capsule", "fromto": numbers((*local[0], *p)), "size": radius}
+            ET.SubElement(element, "geom", attrib=bar)
         if local and not bars:
-            ET.SubElement(element, "geom", type="sphere", pos=numbers(local[0]), size=radius)
+            ball = {"class": BETWEEN, "type": "sphere", "pos": numbers(local[0]), "size": radius}
+            ET.SubElement(element, "geom", attrib=ball)
+
+    def _geom(self, element: ET.Element, shape: Shape) -> None:
+        size = size_of(shape)
+        if size is not None:
+            fields = {"type": shape.type, "size": numbers(size)} | placed(poses.of_frame(shape.frame))
+            colour = {} if shape.colour is None else {"rgba": numbers((*shape.colour, 1))}
+            ET.SubElement(element, "geom", attrib=fields | colour)
 
     def _site(self, name: str, seat: str, X: np.ndarray) -> None:
         body = self.plan.seats[seat].body if seat != GROUND else GROUND
@@ -362,6 +381,15 @@ class _Writer:
         if gone:
             say(
                 f"{', '.join(gone)}: has no mass; its joints stand in the next body, as MJCF writes several joints at once"
+            )
+        unshown = [
+            name
+            for name, body in self.mechanism.bodies.items()
+            if any(name in gone or size_of(shape) is None for shape in body.shapes)
+        ]
+        if unshown:
+            say(
+                f"{', '.join(unshown)}: has shapes that are left out: polygons, or those of a body that is no body in MJCF"
             )
 
     def _turned(self, joint: PairJoint) -> bool:

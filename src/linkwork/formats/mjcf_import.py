@@ -52,7 +52,9 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     ties = loops.ties()
     names, body_names = Names(notes), Names(notes, (GROUND, *tree.nodes))
     joints = read_joints(tree, _free_couplings(document, ties), _ball_drives(document), names, body_names)
-    bodies = {name: node.element.make(Body, **node.solid.fields()) for name, node in tree.nodes.items()} | joints.bodies
+    bodies = {
+        name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes) for name, node in tree.nodes.items()
+    } | joints.bodies
     tendons, springs, tendon_sites = loops.tendons(ties, joints, names)
     _join_parts(tree, ties, joints, bodies, tendon_sites)
     closing = loops.closing(ties, names)
@@ -123,8 +125,9 @@ def _join_parts(tree: Tree, ties: Ties, joints: Joints, bodies: dict[str, Body],
         joint = joints.joints[name]
         frames = joint.frames[0], poses.frame_of(X @ poses.of_frame(joint.frames[1]))
         joints.joints[name] = joint.model_copy(update={"connects": (joint.connects[0], whole), "frames": frames})
-        solids = [Solid.of_body(bodies[whole]), Solid.of_body(bodies.pop(part)).seen(X)]
-        bodies[whole] = Body(**together(solids).fields())
+        one, other = bodies[whole], bodies.pop(part)
+        solid = together([Solid.of_body(one), Solid.of_body(other).seen(X)])
+        bodies[whole] = Body(**solid.fields(), shapes=(*one.shapes, *poses.carried(other.shapes, X)))
         ties.welds.remove(weld)
 
 

@@ -1,4 +1,4 @@
-"""The tree of an MJCF model: bodies inside one another, each with its mass, its joints and its sites.
+"""The tree of an MJCF model: bodies inside one another, each with its mass, its shapes, its joints and its sites.
 
 At the reference configuration qpos0 (every hinge and slide at its `ref`, balls at no turn) a body stands in its parent
 where pos and orientation say; its joints then move it one after the other, each with the ones after it:
@@ -15,15 +15,14 @@ from typing import Any, Literal
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf_document import MAIN, Document, flag
+from linkwork.formats.mjcf_document import MAIN, Document
+from linkwork.formats.mjcf_geoms import SHAPES, fromto, is_shown, kind_of, materials_of, shown, weighed
 from linkwork.formats.notes import Notes
-from linkwork.formats.solids import Solid, principal, together, volume
+from linkwork.formats.solids import Solid, together
 from linkwork.formats.xml import Element
-from linkwork.mechanism import GROUND, Friction, Limits, Spring
+from linkwork.mechanism import GROUND, Friction, Limits, Shape, Spring
 
 WORLD = "world"
-SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
-DENSITY = 1000.0  # of geoms that say nothing [kg/m^3]
 NEAR = 1e-9  # directions that agree [1]
 UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
@@ -73,7 +72,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Node:
-    """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass."""
+    """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass, its shapes."""
 
     name: str
     raw: str | None
@@ -82,6 +81,7 @@ class Node:
     element: Element
     pieces: tuple[Piece, ...]
     solid: Solid
+    shapes: tuple[Shape, ...] = ()
 
 
 @dataclass
@@ -190,6 +190,7 @@ class _Reader:
         self.document, self.notes, self.tree = document, notes, Tree()
         self.names = Names(notes, (GROUND,))
         self.joints: set[str] = set()
+        self.materials = materials_of(document)
 
     def finished(self) -> Tree:
         total = self.document.compiler.total_mass
@@ -212,7 +213,8 @@ class _Reader:
         self.contents(element, name, element.attributes.get("childclass", childclass), np.eye(4), parts)
         if any(piece.kind == "free" for piece in parts.pieces) and (parent != GROUND or len(parts.pieces) > 1):
             raise element.refusal("a free joint is the only joint of a body that stands directly in the world")
-        self.tree.nodes[name] = Node(name, raw, parent, place, element, tuple(parts.pieces), self.solid(element, parts))
+        pieces, solid = tuple(parts.pieces), self.solid(element, parts)
+        self.tree.nodes[name] = Node(name, raw, parent, place, element, pieces, solid, self.shapes(parts))
 
     def contents(
         self, element: Element, body: str, childclass: str, X: np.ndarray, parts: _Parts | None = None
@@ -236,6 +238,8 @@ class _Reader:
                     parts.pieces.append(Piece("free", self.once(child), np.zeros(3), np.zeros(3)))
                 case "geom" if parts is not None:
                     parts.geoms.append((document.resolved(child, "geom", childclass), X))
+                case "geom":
+                    self.scenery(document.resolved(child, "geom", childclass))
                 case "inertial" if parts is not None:
                     parts.inertial = child
 
@@ -253,17 +257,8 @@ class _Reader:
             return
         if name in self.tree.sites:
             raise element.refusal("has the name of another site; names are given once")
-        place = self.fromto(element)[0] if "fromto" in element.attributes else self.document.pose(element)
+        place = fromto(element)[0] if "fromto" in element.attributes else self.document.pose(element)
         self.tree.sites[name] = body, X @ place
-
-    def fromto(self, element: Element) -> tuple[np.ndarray, float]:
-        """Return the pose in the middle between two points, z along their line, and half their distance."""
-        ends = np.array(element.numbers("fromto", (6,))).reshape(2, 3)
-        along = ends[0] - ends[1]
-        half = np.linalg.norm(along) / 2
-        if half < 1e-12:
-            raise element.refusal("fromto gives one point twice; give two points")
-        return poses.pose(ends.mean(axis=0), poses.from_z(along)), float(half)
 
     # ------------------------------------------------------------------------------------------------------- joints
 
@@ -335,7 +330,8 @@ class _Reader:
         elif compiler.from_geoms == "false":
             solid = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
         else:
-            solid = together(part for geom, X in parts.geoms for part in self.geom(geom, X))
+            solids = (weighed(self.document, geom, X, self.notes) for geom, X in parts.geoms)
+            solid = together(part for found in solids for part in found)
         moments, axes = np.linalg.eigh(solid.inertia)
         a, b, c = sorted(moments)
         bad = a + b < c * (1 - 1e-9)
@@ -356,35 +352,14 @@ class _Reader:
             tensor = np.diag(element.vector("diaginertia", (0.0, 0.0, 0.0)))
         return Solid(element.number("mass"), np.zeros(3), tensor).seen(X)
 
-    def geom(self, element: Element, X: np.ndarray) -> list[Solid]:
-        """Return the geom's mass in the body's frame; nothing for shapes without mass or not known here."""
-        shape = "mesh" if "mesh" in element.attributes else element.attributes.get("type", "sphere")
-        low, high = self.document.compiler.groups
-        if shape in ("plane", "hfield") or not low <= element.number("group", 0.0) <= high:
-            return []
-        if element.number("mass", -1.0) == 0 or (
-            "mass" not in element.attributes and element.number("density", 1.0) == 0
-        ):
-            return []
-        if shape not in SIZES:
-            self.notes.on(
-                element,
-                f"is a {shape}, whose mass is left out: only spheres, boxes, capsules, cylinders and ellipsoids are "
-                "weighed; give the body an <inertial>",
-            )
-            return []
-        if flag(element, "shellinertia", False):
-            self.notes.on(element, "is a shell (shellinertia); it is weighed as a solid of the same mass")
-        if "fromto" in element.attributes and shape != "sphere":
-            place, half = self.fromto(element)
-            radius = element.numbers("size", (1, 2, 3))[0]
-            size = np.array([radius, half] if SIZES[shape] == 2 else [radius, radius, half])
-        else:
-            place = self.document.pose(element)
-            size = np.array(element.numbers("size", (SIZES[shape], 2, 3))[: SIZES[shape]])
-        if np.any(size <= 0):
-            raise element.refusal(f"size '{element.text('size')}' is not positive")
-        if len(size) < SIZES[shape]:
-            raise element.refusal(f"size holds {len(size)} numbers; a {shape} has {SIZES[shape]}")
-        mass = element.number("mass", element.number("density", DENSITY) * volume(shape, size))
-        return [Solid(mass, np.zeros(3), np.diag(principal(shape, size, mass))).seen(X @ place)]
+    # ------------------------------------------------------------------------------------------------------- shapes
+
+    def shapes(self, parts: _Parts) -> tuple[Shape, ...]:
+        """Return the shapes of a body."""
+        found = (shown(self.document, geom, X, self.materials, self.notes) for geom, X in parts.geoms)
+        return tuple(shape for shapes in found for shape in shapes)
+
+    def scenery(self, element: Element) -> None:
+        """Note a geom that stands in the world."""
+        if is_shown(element) and kind_of(element) in SHAPES:
+            self.notes.on(element, "stands in the world and is not shown: only bodies have shapes here")

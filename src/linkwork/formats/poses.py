@@ -5,10 +5,12 @@ A point with components p in B has components X_AB p in A; X_AC = X_AB X_BC.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linkwork.mechanism import Frame
+from linkwork.mechanism import Frame, Shape
 from linkwork.mechanism.record import Vector3
 
 TINY = 1e-15  # what rounding leaves of a zero
@@ -31,6 +33,11 @@ def of_frame(frame: Frame) -> np.ndarray:
 def frame_of(X: np.ndarray) -> Frame:
     """Return the frame of a pose; what rounding left of zeros is zero."""
     return Frame(position=triple(X[:3, 3]), rotation=triple(Rotation.from_matrix(X[:3, :3]).as_rotvec()))
+
+
+def carried(shapes: Iterable[Shape], X: np.ndarray) -> tuple[Shape, ...]:
+    """Return shapes of B as shapes of A, where X = X_AB."""
+    return tuple(shape.model_copy(update={"frame": frame_of(X @ of_frame(shape.frame))}) for shape in shapes)
 
 
 def triple(vector) -> Vector3:

@@ -14,6 +14,7 @@ from linkwork.formats import poses, sidecars
 from linkwork.formats.notes import Notes
 from linkwork.formats.solids import Solid, repaired
 from linkwork.formats.urdf_model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
+from linkwork.formats.urdf_shapes import shapes_of
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
@@ -30,6 +31,7 @@ from linkwork.mechanism import (
     PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
+    Shape,
     SphericalJoint,
     Tool,
     UniversalJoint,
@@ -59,8 +61,9 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
     notes.say(
         f"{root.file.name}: {base}" + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
     )
+    shapes = shapes_of(model, notes)
     bodies = {
-        name: _body(link, notes)
+        name: _body(link, shapes[name], notes)
         for name, link in model.links.items()
         if name != model.base and name not in model.frames
     }
@@ -114,10 +117,10 @@ def _says_nothing(element: Element) -> bool:
 # ------------------------------------------------------------------------------------------------------------ bodies
 
 
-def _body(link: Element, notes: Notes) -> Body:
+def _body(link: Element, shapes: tuple[Shape, ...], notes: Notes) -> Body:
     inertial = link.first("inertial")
     if inertial is None:
-        return Body(mass=0.0)
+        return Body(mass=0.0, shapes=shapes)
     tensor = np.zeros((3, 3))
     moments = inertial.first("inertia")
     if moments is not None:
@@ -132,7 +135,7 @@ def _body(link: Element, notes: Notes) -> Body:
         )
     solid = Solid(inertial.named("mass").number("value"), np.zeros(3), tensor).seen(origin(inertial))
     try:
-        return Body(**solid.fields())
+        return Body(**solid.fields(), shapes=shapes)
     except MechanismError as error:
         raise link.refusal(str(error)) from None
 

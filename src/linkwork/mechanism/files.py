@@ -20,6 +20,7 @@ from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown
 
 MAX_BYTES = 20_000_000
+MODELS = (".xml", ".mjcf", ".urdf")
 
 
 def parsed(text: str) -> Mechanism:
@@ -36,7 +37,13 @@ def written(mechanism: Mechanism) -> str:
 def read_yaml(path: Path) -> Mechanism:
     """Read a mechanism; every refusal begins with the file's name, and the line where there is one."""
     try:
-        return parsed(_text(path))
+        text = _text(path)
+        if path.suffix.lower() in MODELS:
+            raise MechanismError(
+                "is a model file by its name, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
+                "turn it into one by 'linkwork convert'"
+            )
+        return parsed(text)
     except MechanismError as error:
         place = f"{path}: {error.place}" if error.place else str(path)
         raise MechanismError(error.what, error.where, place) from None

@@ -1,0 +1,151 @@
+"""Geoms of an MJCF model: what they weigh, and what they show.
+
+A geom is measured by `size`: the radius of a sphere, radius and half length of a capsule or cylinder along z, the half axes
+of an ellipsoid or box. It is shown where MuJoCo shows it when it opens a model: in one of the groups 0 to 2, not transparent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import assert_never
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf_document import Document, flag
+from linkwork.formats.notes import Notes
+from linkwork.formats.solids import Solid, principal, volume
+from linkwork.formats.xml import Element
+from linkwork.mechanism import Box, Capsule, Cylinder, Polygon, Shape, Sphere
+
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
+SHAPES = ("box", "cylinder", "sphere", "capsule")
+TERRAIN = ("plane", "hfield")
+DENSITY = 1000.0  # of geoms that say nothing [kg/m^3]
+HIDDEN = 3  # first group of geoms that MuJoCo does not show
+BETWEEN = "between_joints"  # class of what an export draws of a body without shapes
+
+
+def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -> list[Solid]:
+    """Return the geom's mass in the body's frame; nothing for shapes without mass or not known here.
+
+    Args:
+        element: with its defaults.
+        X: pose of the <frame> around it in the body.
+    """
+    kind = kind_of(element)
+    low, high = document.compiler.groups
+    if kind in TERRAIN or not low <= element.number("group", 0.0) <= high:
+        return []
+    if element.number("mass", -1.0) == 0 or ("mass" not in element.attributes and element.number("density", 1.0) == 0):
+        return []
+    if kind not in SIZES:
+        notes.on(
+            element,
+            f"is a {kind}, whose mass is left out: only spheres, boxes, capsules, cylinders and ellipsoids are "
+            "weighed; give the body an <inertial>",
+        )
+        return []
+    if flag(element, "shellinertia", False):
+        notes.on(element, "is a shell (shellinertia); it is weighed as a solid of the same mass")
+    size, place = measured(document, element)
+    mass = element.number("mass", element.number("density", DENSITY) * volume(kind, size))
+    return [Solid(mass, np.zeros(3), np.diag(principal(kind, size, mass))).seen(X @ place)]
+
+
+def shown(
+    document: Document, element: Element, X: np.ndarray, materials: Mapping[str, Element], notes: Notes
+) -> list[Shape]:
+    """Return the geom's shape in the body's frame; nothing for what MuJoCo hides or is no shape here."""
+    if not is_shown(element):
+        return []
+    colour = rgba(element, materials)
+    if colour is not None and colour[3] == 0:
+        return []
+    kind = kind_of(element)
+    if kind not in SHAPES:
+        notes.on(element, f"is no shape here and is not shown: its type is {kind}, not one of {', '.join(SHAPES)}")
+        return []
+    if colour is not None and colour[3] < 1:
+        notes.on(element, "is half transparent; shapes are opaque here")
+    size, place = measured(document, element)
+    fields = {
+        "frame": poses.frame_of(X @ place),
+        "colour": None if colour is None else tuple(np.clip(colour[:3], 0, 1).tolist()),
+    }
+    match kind:
+        case "box":
+            return [element.make(Box, size=tuple((2 * size).tolist()), **fields)]
+        case "sphere":
+            return [element.make(Sphere, radius=float(size[0]), **fields)]
+    record = Cylinder if kind == "cylinder" else Capsule
+    return [element.make(record, radius=float(size[0]), length=float(2 * size[1]), **fields)]
+
+
+def size_of(shape: Shape) -> tuple[float, ...] | None:
+    """Return the size of a shape as a geom; None for a polygon, which is none."""
+    match shape:
+        case Box():
+            x, y, z = shape.size
+            return x / 2, y / 2, z / 2
+        case Sphere():
+            return (shape.radius,)
+        case Cylinder() | Capsule():
+            return shape.radius, shape.length / 2
+        case Polygon():
+            return None
+    assert_never(shape)
+
+
+def is_shown(element: Element) -> bool:
+    """Tell whether MuJoCo shows a geom when it opens a model, and an export did not draw it for want of shapes."""
+    return element.number("group", 0.0) < HIDDEN and element.attributes.get("class") != BETWEEN
+
+
+def kind_of(element: Element) -> str:
+    """Return the type of a geom; one that is fitted to a mesh counts as a mesh."""
+    return "mesh" if "mesh" in element.attributes else element.attributes.get("type", "sphere")
+
+
+def measured(document: Document, element: Element) -> tuple[np.ndarray, np.ndarray]:
+    """Return the size [m] of a geom of a kind in SIZES, and its pose."""
+    kind = kind_of(element)
+    count = SIZES[kind]
+    if "fromto" in element.attributes and kind != "sphere":
+        place, half = fromto(element)
+        radius = element.numbers("size", (1, 2, 3))[0]
+        size = np.array([radius, half] if count == 2 else [radius, radius, half])
+    else:
+        place = document.pose(element)
+        size = np.array(element.numbers("size", (count, 2, 3))[:count])
+    if np.any(size <= 0):
+        raise element.refusal(f"size '{element.text('size')}' is not positive")
+    if len(size) < count:
+        raise element.refusal(f"size holds {len(size)} numbers; a {kind} has {count}")
+    return size, place
+
+
+def fromto(element: Element) -> tuple[np.ndarray, float]:
+    """Return the pose in the middle between two points, z along their line, and half their distance."""
+    ends = np.array(element.numbers("fromto", (6,))).reshape(2, 3)
+    along = ends[0] - ends[1]
+    half = np.linalg.norm(along) / 2
+    if half < 1e-12:
+        raise element.refusal("fromto gives one point twice; give two points")
+    return poses.pose(ends.mean(axis=0), poses.from_z(along)), float(half)
+
+
+def materials_of(document: Document) -> dict[str, Element]:
+    """Return the materials by name, with their defaults."""
+    found = (document.resolved(element, "material") for element in document.each("asset", "material"))
+    return {element.attributes["name"]: element for element in found if "name" in element.attributes}
+
+
+def rgba(element: Element, materials: Mapping[str, Element]) -> tuple[float, ...] | None:
+    """Return red, green, blue and opacity of a geom, or of its material where that has no texture; None if not given."""
+    if "rgba" in element.attributes:
+        return element.numbers("rgba", (4,))
+    material = materials.get(element.attributes.get("material", ""))
+    if material is None or "texture" in material.attributes or material.first("layer"):
+        return None
+    return material.numbers("rgba", (4,), (1.0, 1.0, 1.0, 1.0))

@@ -1,0 +1,74 @@
+"""What a URDF file shows of its links: the <visual> elements that are simple shapes.
+
+A cylinder or capsule is along z, and its length is that of the cylinder. What links that are frames show belongs to the
+bodies they are fixed to.
+
+Source: the URDF specification, https://wiki.ros.org/urdf/XML/link.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.notes import Notes
+from linkwork.formats.urdf_model import Model, origin
+from linkwork.formats.xml import Element
+from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, Shape, Sphere
+
+SHAPES = ("box", "cylinder", "sphere", "capsule")
+
+
+def shapes_of(model: Model, notes: Notes) -> dict[str, tuple[Shape, ...]]:
+    """Return the shapes of all links by the body that they are on, in its frame."""
+    colours = {name: colour for name, colour in map(_material, model.root.each("material")) if colour is not None}
+    found: dict[str, tuple[Shape, ...]] = defaultdict(tuple)
+    for name, link in model.links.items():
+        body, X = model.seat(name)
+        if body == GROUND:
+            for visual in link.each("visual"):
+                notes.on(visual, f"of {name!r} is not shown: only bodies have shapes here, not ground")
+        else:
+            found[body] += poses.carried(_shapes(link, colours, notes), X)
+    return found
+
+
+def _shapes(link: Element, colours: dict[str, tuple[float, ...]], notes: Notes) -> Iterator[Shape]:
+    for visual in link.each("visual"):
+        geometry = visual.named("geometry")
+        solid = next(geometry.each(*SHAPES), None)
+        if solid is None:
+            kinds = ", ".join(child.tag for child in geometry.children) or "nothing"
+            notes.on(visual, f"is not shown: it is {kinds}, not one of {', '.join(SHAPES)}")
+            continue
+        yield _shape(solid, poses.frame_of(origin(visual)), _colour(visual, colours))
+
+
+def _shape(solid: Element, frame: Frame, colour: tuple[float, ...] | None) -> Shape:
+    fields = {"frame": frame, "colour": colour}
+    match solid.tag:
+        case "box":
+            return solid.make(Box, size=solid.vector("size"), **fields)
+        case "sphere":
+            return solid.make(Sphere, radius=solid.number("radius"), **fields)
+    record = Cylinder if solid.tag == "cylinder" else Capsule
+    return solid.make(record, radius=solid.number("radius"), length=solid.number("length"), **fields)
+
+
+def _colour(visual: Element, colours: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:
+    """Return the colour of a <visual>, by its own <material> or by the name of one of the file's."""
+    material = visual.first("material")
+    if material is None:
+        return None
+    name, colour = _material(material)
+    return colours.get(name) if colour is None else colour
+
+
+def _material(element: Element) -> tuple[str, tuple[float, ...] | None]:
+    """Return the name of a <material>, and red, green and blue if it gives them."""
+    colour = element.first("color")
+    rgb = None if colour is None else tuple(np.clip(colour.numbers("rgba", (4,))[:3], 0, 1).tolist())
+    return element.attributes.get("name", ""), rgb

@@ -1,0 +1,19 @@
+"""Limits: which joint coordinates of a mechanism have a range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from linkwork.mechanism.effects import Limits
+from linkwork.mechanism.joints import TURN
+from linkwork.mechanism.mechanism import Mechanism
+
+
+def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
+    """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to report."""
+    for name, joint in mechanism.joints.items():
+        labels = iter(joint.coordinates(name))
+        for freedom, (_, _, limits, _) in joint.effects().items():
+            own = [next(labels) for _ in range(4 if freedom == TURN else 1)]
+            if limits.lower is not None or limits.upper is not None:
+                yield own[0], limits, f"{name}.{TURN}" if freedom == TURN else own[0]
