@@ -198,10 +198,14 @@ def together(
 ) -> tuple[list[Part], bool]:
     """Run all members as far as they come in the chart that runs start in; tell whether they were cancelled.
 
-    Members that start where its pivots are negative are run in the same chart with its pivots counted positive there.
+    Its pivots are counted positive where the first member starts; members that start where they are negative then are run
+    in the same chart, with its pivots counted positive there.
     """
     parts: list[Part] = []
-    groups = [(crew.robot.run_chart, np.arange(len(crew)))]
+    first = crew.robot.run_chart
+    if len(crew) and crew.alone(0)[0].run_chart.pivot(crew.q[0]) < 0:
+        ((first, _),) = faced(crew, np.array([0]))
+    groups = [(first, np.arange(len(crew)))]
 
     def progress(ended: int, _: int) -> None:
         report(sum(len(part.members) for part in parts) + ended, len(crew))
@@ -224,7 +228,7 @@ def together(
             **options,
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
-        if chart is crew.robot.run_chart and averted.any():
+        if chart is first and averted.any():
             groups = list(faced(crew, indices[averted]))
             indices, outcomes = indices[~averted], outcomes.part(~averted)
         parts.append(Part(chart, indices, outcomes))
