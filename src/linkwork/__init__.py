@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         Tool,
         UniversalJoint,
     )
-    from linkwork.robot import Motion, Robot, SingularError, State, UnreachableError
+    from linkwork.robot import Ensemble, Motion, Reactions, Robot, SingularError, State, UnreachableError
     from linkwork.simulation import Run, Sampled, Signal, Status
 
     __version__: str
@@ -69,6 +69,7 @@ __all__ = [
     "Capsule",
     "Cylinder",
     "CylindricalJoint",
+    "Ensemble",
     "FixedJoint",
     "Frame",
     "FreeJoint",
@@ -84,6 +85,7 @@ __all__ = [
     "PointSpring",
     "Polygon",
     "PrismaticJoint",
+    "Reactions",
     "RevoluteJoint",
     "Robot",
     "RodJoint",
@@ -147,7 +149,7 @@ _HOMES = {
         "Tool",
         "UniversalJoint",
     ),
-    "robot": ("Motion", "Robot", "SingularError", "State", "UnreachableError"),
+    "robot": ("Ensemble", "Motion", "Reactions", "Robot", "SingularError", "State", "UnreachableError"),
     "simulation": ("Run", "Sampled", "Signal", "Status"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

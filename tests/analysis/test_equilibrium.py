@@ -130,3 +130,10 @@ def test_refusals(ask, told):
     with pytest.raises(lw.LinkworkError, match=told) as refusal:
         ask()
     assert "\n" not in str(refusal.value)
+
+
+def test_weights_of_bounded_forces_may_be_given_by_name():
+    robot, weights = cables(), [1.0, 4.0, 9.0]
+    named = dict(zip(robot.actuators, weights, strict=True))
+    first, second = (distributed_forces(robot, robot.home, [0, 0], upper=-2.0, weights=w) for w in (weights, named))
+    np.testing.assert_array_equal(first, second)

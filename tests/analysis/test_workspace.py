@@ -1,6 +1,8 @@
 """Workspaces: areas and edges by geometry, branches kept, isotropic velocity and force by brute force."""
 
 import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import xarray
 
 import linkwork as lw
 from linkwork.analysis import content, inscribed, jacobians, loci, workspace
+from linkwork.analysis.newton import in_threads
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
@@ -191,3 +194,10 @@ def test_circles_lie_in_lengths_equally_spaced():
     mapped = workspace(built("prr3"), {"x": [0.45, 0.5, 0.6], "y": 0.3, "angle": [0.4, 0.5]})
     with pytest.raises(lw.LinkworkError, match="equally spaced lengths"):
         inscribed(mapped)
+
+
+def test_as_many_threads_as_processors_may_be_used(monkeypatch):
+    """One processor allowed: the parts are done in one thread, however many the machine has."""
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0}, raising=False)
+    threads = in_threads(lambda part: (time.sleep(0.01), threading.get_ident())[1], [slice(k, k + 1) for k in range(4)])
+    assert len(set(threads)) == 1

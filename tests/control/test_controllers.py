@@ -201,3 +201,45 @@ def test_controllers_work_with_numbers_too(robot):
     ]
     first, second = (run.dataset.joint_position.values[-1] for run in runs)
     assert np.allclose(first, second, 0, 1e-12)
+
+
+def test_pid_integrates_the_errors_of_all_actuators_of_whatever_robot_it_leads(robot):
+    """Pulled by a constant wrench without weight in the plane, every actuator ends with ki z = the force that it bears."""
+    law = PID({name: float(robot.home[name]) for name in robot.actuators}, 400.0, 60.0, ki=1200.0)
+    push = Wrench("platform", force=[6.0, -4.0, 0])
+    run = robot.simulate(robot.home, law, duration=12.0, wrenches=[push], save_at=[0, 12.0])
+    integrals = run.dataset.drive_state.sel(extra=[f"integral.{name}" for name in robot.actuators]).values[-1]
+    assert np.allclose(1200.0 * integrals, run.dataset.actuator_force.values[-1], 1e-5, 1e-5)
+    assert np.abs(integrals).max() > 1e-3
+    (one,) = PID({"slide": 0.0}, 1.0, 1.0, ki=1.0).extras(("slide",))
+    assert one.name == "integral.slide"
+
+
+def test_pid_of_some_actuators_or_none(robot):
+    goal = robot.assemble(tool=[0.51, 0.28, 0.5])
+    save = [0, 0.3]
+    run = robot.simulate(robot.home, PID(goal, 300, 30, ki=50.0, joints=["slide_2"]), duration=0.3, save_at=save)
+    assert list(run.dataset.extra.values) == ["integral.slide_2"]
+    none = robot.simulate(robot.home, PID(goal, 300, 30, ki=50.0, joints=()), duration=0.3, save_at=save)
+    plain = robot.simulate(robot.home, PD(goal, 300, 30), duration=0.3, save_at=save)
+    assert np.allclose(none.dataset.tool_pose, plain.dataset.tool_pose, 0, 1e-12)
+
+
+def test_pid_of_an_unknown_actuator_is_refused():
+    plant = cart()
+    law = PID({"slide": 0.0}, 1.0, 1.0, ki=1.0, joints=("slid",))
+    with pytest.raises(
+        lw.LinkworkError, match="there is no actuator to integrate the error of 'slid'; there are slide"
+    ):
+        plant.simulate(plant.home, law, duration=1.0)
+
+
+def test_lqr_holds_what_can_be_held():
+    two = lw.Robot(lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)}))
+    with pytest.raises(lw.LinkworkError, match=r"no forces of hinge_1 hold this pose: .* are missing"):
+        LQR.about(two, two.state([0.0, 0.3]), [1.0] * 4, [1.0])
+    loose = lw.Robot(lw.robots.double_pendulum().model_copy(update={"actuators": ()}))
+    with pytest.raises(lw.LinkworkError, match="the robot has no actuators"):
+        LQR.about(loose, loose.home, [1.0] * 4, [])
+    with pytest.raises(lw.LinkworkError, match="one state, not a stack"):
+        LQR.about(two, two.state([[0.0, 0.3]] * 2), [1.0] * 4, [1.0])

@@ -186,3 +186,9 @@ def test_methods_agree():
 def test_methods_that_do_not_fit(plant, options, sentence):
     with pytest.raises(lw.LinkworkError, match=sentence):
         plant.simulate(plant.home, duration=1.0, **options)
+
+
+def test_the_determinant_of_the_actuation_is_a_number_of_the_observation():
+    robot = lw.Robot(lw.robots.prr3())
+    state = robot.in_chart(robot.home, [name for name in robot.equations.tree.rates if name.startswith("p")][:3])
+    assert np.isclose(robot.observe(state).actuation_determinant, np.linalg.det(robot.actuation(state)), 1e-12)

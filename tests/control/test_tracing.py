@@ -180,6 +180,15 @@ class Counting:
         return [float(self.calls)]
 
 
+class Integrating:
+    """A controller with a state that forgets to give its rate."""
+
+    extras = (("sum", "m s", 0.0),)
+
+    def __call__(self, t, state):
+        return [state["slide"]]
+
+
 @pytest.mark.parametrize(
     ("law", "sentence"),
     [
@@ -188,6 +197,11 @@ class Counting:
         (Counting(), r"it branches on values, or keeps memory.*Sampler"),
         (lambda t, state: [math.sin(state["slide"])], r"returns other values with numbers|cannot be traced"),
         (lambda t, state: [1.0, 2.0], r"the controller returns 2 values; give 1: slide"),
+        (
+            lambda t, state: (lw.math.array([state["slide"]]), {}),
+            r"the controller returns a tuple of ndarray, dict; give 1 numbers: slide$",
+        ),
+        (Integrating(), r"the controller returns a list of SX; give the forces, and the rates of sum$"),
         (lambda t, state: {"slid": 1.0}, r"the controller returns a value for 'slid'; there are slide"),
         (lambda t, state: "full speed", r"the controller returns 'full speed'; give 1 numbers: slide"),
         (lambda t, state: [state["slid"]], r"there is no joint coordinate 'slid'; there are slide"),

@@ -87,7 +87,7 @@ def test_a_sampled_wrench_acts_over_time():
     push = lw.Sampled(times, np.stack([np.sin(5 * times), 0 * times, 0 * times], axis=1))
     run = plant.simulate(plant.home, duration=1.0, wrenches=[Wrench("cart", force=push)], save_at=times)
     assert np.allclose(run.dataset.joint_rate.values[:, 0], (1 - np.cos(5 * times)) / 10, 0, 1e-7)
-    recorded = run.dataset.external_wrench.sel(wrench_component="fx").values[:, 0]
+    recorded = run.dataset.external_wrench.sel(wrench_component="force_x").values[:, 0]
     assert np.allclose(recorded, np.sin(5 * times), 0, 1e-6)
 
 

@@ -211,3 +211,35 @@ def test_a_rod_keeps_its_spin(spinning):
         spins.append(along @ spinning.twists(there)[1, :3])
     close(spins, np.full(11, spins[0]), 1e-8)
     assert abs(spins[0]) > 1
+
+
+def test_forces_and_weights_by_name(overdriven):
+    """Forces by name act as in a run: what is left out is zero."""
+    robot, state, a = overdriven
+    one = robot.actuators[1]
+    u = np.array([2.5 if name == one else 0.0 for name in robot.actuators])
+    expected = robot.forward_dynamics(state, u)
+    np.testing.assert_array_equal(robot.forward_dynamics(state, {one: 2.5}), expected)
+    np.testing.assert_array_equal(robot.forward_dynamics(state, {one: [2.5, 2.5]}), [expected] * 2)
+    np.testing.assert_array_equal(robot.reactions(state, {one: 2.5}).wrenches, robot.reactions(state, u).wrenches)
+    weights = np.arange(1.0, len(u) + 1)
+    named = dict(zip(robot.actuators, weights, strict=True))
+    np.testing.assert_array_equal(
+        robot.inverse_dynamics(state, a, weights=named), robot.inverse_dynamics(state, a, weights=weights)
+    )
+    with pytest.raises(lw.LinkworkError, match=f"weights lack {robot.actuators[0]}"):
+        robot.inverse_dynamics(state, a, weights={name: 1.0 for name in robot.actuators[1:]})
+    with pytest.raises(lw.LinkworkError, match="there is no actuator 'motr_1'"):
+        robot.inverse_dynamics(state, a, weights={"motr_1": 1.0})
+    with pytest.raises(lw.LinkworkError, match="there is no actuator 'motr_1'"):
+        robot.forward_dynamics(state, {"motr_1": 1.0})
+    with pytest.raises(lw.LinkworkError, match="there is no independent rate 'motr_1'"):
+        robot.inverse_dynamics(state, {"motr_1": 1.0})
+
+
+def test_what_holds_a_pose_balances_weight_and_springs(overdriven):
+    robot, state, _ = overdriven
+    u = robot.holding_forces(state)
+    still = state.with_rates(0 * state.rates)
+    np.testing.assert_allclose(robot.forward_dynamics(still, u), 0, atol=1e-9)
+    np.testing.assert_allclose(u, robot.inverse_dynamics(still, 0 * state.rates), atol=1e-10)

@@ -9,7 +9,6 @@ from linkwork.analysis.jacobians import Jacobians, input_output, jacobians
 from linkwork.analysis.linearisation import (
     LinearModel,
     NaturalModes,
-    holding,
     linearise,
     natural_modes,
     stiffness_matrix,
@@ -17,6 +16,7 @@ from linkwork.analysis.linearisation import (
 )
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
 from linkwork.analysis.workspace import content, inscribed, workspace
+from linkwork.robot.linear import holding
 
 __all__ = [
     "Base",

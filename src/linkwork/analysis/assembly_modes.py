@@ -135,7 +135,7 @@ def working_modes(
         names = pose_names(robot)
         asked = robot.tool_pose(robot.home)[[names.index(name) for name in square.what]]
     else:
-        asked = checks.vector(tool, "the tool's pose", square.what)
+        asked = checks.vector(tool, "the tool's pose", square.what, "tool coordinate")
         if asked.ndim != 1:
             raise LinkworkError(f"the tool's pose has the shape {asked.shape}; give one pose: {', '.join(square.what)}")
         asked = checks.finite(asked, "the tool's pose")

@@ -23,11 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.analysis.linearisation import actuator_forces, at_rest, evaluated, one_state
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
+from linkwork.robot.actuation import internal_forces
+from linkwork.robot.evaluation import actuator_weights
+from linkwork.robot.linear import actuator_forces, at_rest, evaluated, one_state
 
 ROUNDS = 200
 BALANCED = 1e-10
@@ -218,14 +220,14 @@ def distributed_forces(
     *,
     lower: ArrayLike | Mapping[str, float] = -np.inf,
     upper: ArrayLike | Mapping[str, float] = np.inf,
-    weights: ArrayLike | None = None,
+    weights: ArrayLike | Mapping[str, float] | None = None,
 ) -> np.ndarray:
     """Return actuator forces within bounds that give accelerations, of least weighted norm.
 
     Args:
         state: one state; accelerations: v' (n) [m/s^2, rad/s^2] in the order of its `independent`.
         lower, upper: bounds of the forces [N, N m]: one number, one each, or by name; cables pull only: lower=0.
-        weights: of the actuators (positive); all 1 if left out.
+        weights: of the actuators (positive), in their order or by name; all 1 if left out.
 
     Returns:
         u (actuators) [N, N m] with S' u = M v' + C v + G - f and lower <= u <= upper.
@@ -243,8 +245,8 @@ def distributed_forces(
     u = np.asarray(robot.inverse_dynamics(state, accelerations, weights=weights))
     if ((u >= low) & (u <= high)).all():
         return u
-    root = np.sqrt(np.ones(u.size) if weights is None else np.asarray(weights, float))
-    internal = internal_basis(robot.actuation(state) / root[:, None]) / root[:, None]  # u = internal z, |z| = |root u|
+    root = np.sqrt(np.ones(u.size) if weights is None else actuator_weights(robot, weights))
+    internal = internal_forces(robot.actuation(state) / root[:, None]) / root[:, None]  # u = internal z, |z| = |root u|
     G = np.vstack([internal[np.isfinite(low)], -internal[np.isfinite(high)]])
     h = np.concatenate([(low - u)[np.isfinite(low)], (u - high)[np.isfinite(high)]])
     z = least_distance(G, h)
@@ -255,12 +257,6 @@ def distributed_forces(
             f"{u[worst]:.6g}; ask for less, or widen the bounds"
         )
     return np.clip(u + internal @ z, low, high)
-
-
-def internal_basis(S: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis (actuators, k) of S' x = 0."""
-    U, sigma, _ = np.linalg.svd(S)
-    return U[:, int(np.sum(sigma > 1e-9 * max(sigma.max(initial=0.0), 1e-300))) :]
 
 
 def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:

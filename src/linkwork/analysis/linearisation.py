@@ -1,39 +1,26 @@
-"""Linearisation: how a robot moves near a state, exact along the constraint manifold.
+"""Linearisation: how a robot moves near a state, exact along the constraint manifold (`linkwork.equations.linear`).
 
-A configuration near q is reached by small shifts xi of the independent joints: dq = S xi, S = N L (nq x n), whose columns
-are tangent to phi(q) = 0. With f(q, v, u) = v' the motion near a state and force is
+    xi' = Gamma xi + dv,     dv' = f_q S xi + f_v dv + f_u du
 
-    xi' = Gamma xi + dv,     dv' = f_q S xi + f_v dv + f_u du,      Gamma = S^+ ((S v)_q S - S')
-
-S^+ reads xi off dq, and S' = dS/dt along the motion. Gamma is zero where the independent rates are rates of coordinates,
-and wherever the robot is at rest; it is not for the angular velocity of a free body. All derivatives are taken by
-automatic differentiation of the equations themselves.
-
-At rest, with v' = 0, the same derivatives give stiffness and natural modes:
+xi are small shifts of the independent joints. At rest, with v' = 0, the same derivatives give stiffness and natural modes:
 
     K = -d(S' u - G + f)/d xi        M phi omega^2 = K phi
 
-Source: Negrut & Ortiz, J. Comput. Nonlinear Dynam. 1 (2006) 230-239 (linearisation in the independent coordinates);
-Meirovitch 2001, Fundamentals of Vibrations, ch. 7 (natural modes).
+Source: Meirovitch 2001, Fundamentals of Vibrations, ch. 7 (natural modes).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.equations import Equations, functions, measures
-from linkwork.equations.algebra import SX
-from linkwork.equations.equations import solve_symmetric
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
-from linkwork.robot.charts import CompiledChart
+from linkwork.robot.linear import actuator_forces, at_rest, evaluated, holding, linearised
 
 if TYPE_CHECKING:
     import xarray
@@ -105,10 +92,8 @@ def linearise(
         LinkworkError: a stack of states, unknown names, forces of wrong size, a singular configuration.
     """
     u = actuator_forces(robot, forces)
-    n = one_state(robot, state)[1].size
-    values = evaluated(robot, state, u)
-    A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
-    B = np.vstack([np.zeros((n, u.size)), values["f_u"]])
+    values, n = evaluated(robot, state, u), robot.mobility
+    A, B = linearised(robot, values)
     names = (*state.independent, *(f"{name} rate" for name in state.independent))
     wanted = names if outputs is None else checks.names(outputs, "outputs")
     C = np.array([output_row(robot, values, name, n) for name in wanted]).reshape(-1, 2 * n)
@@ -168,8 +153,8 @@ def natural_modes(robot: Robot, state: State, forces: ArrayLike | Mapping[str, f
     """Return natural frequencies and mode shapes about an equilibrium: K phi = omega^2 M phi, dampers left out.
 
     Args:
-        state: one state at rest; forces: the actuator forces that hold it; the ones that do (`inverse_dynamics`) if left
-            out and the robot has actuators that can.
+        state: one state at rest; forces: the actuator forces that hold it; the least ones that do if left out, none without
+            actuators.
 
     Raises:
         LinkworkError: a state that moves, or that the forces do not hold.
@@ -199,7 +184,6 @@ def stiffness_matrix(robot: Robot, state: State, forces: ArrayLike | Mapping[str
 
     It is symmetric where the forces are in equilibrium.
     """
-    one_state(robot, state)
     return evaluated(robot, at_rest(state), actuator_forces(robot, forces))["K"]
 
 
@@ -232,7 +216,6 @@ def tool_stiffness(
         if checks.number(value, f"the stiffness of {name!r}") < 0:
             raise LinkworkError(f"the stiffness of {name!r} is {value}; give a number not below zero")
     robot.require_tool()
-    one_state(robot, state)
     values = evaluated(robot, at_rest(state), actuator_forces(robot, forces))
     rows = values["L"][[robot.rates.index(name) for name in stiffness]]
     K = rows.T @ (np.array([float(value) for value in stiffness.values()])[:, None] * rows)
@@ -243,98 +226,3 @@ def tool_stiffness(
     T = values["T_tool"]
     compliance = T @ np.linalg.solve(K, T.T)
     return np.linalg.pinv(compliance, rcond=1e-12, hermitian=True), compliance
-
-
-def holding(robot: Robot, state: State) -> np.ndarray:
-    """Return the actuator forces that hold a state, zero where no actuator drives it."""
-    if not robot.actuators:
-        return np.zeros(0)
-    return np.asarray(robot.inverse_dynamics(at_rest(state), 0 * state.rates))
-
-
-def at_rest(state: State) -> State:
-    """Return the state at rest."""
-    return state.with_rates(np.zeros(len(state.independent)))
-
-
-def one_state(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Return q and v of one state; refuse a stack."""
-    if robot.own(state).batch:
-        raise LinkworkError("this needs one state, not a stack; take one by state.at(index)")
-    return state.q, state.rates
-
-
-def actuator_forces(robot: Robot, forces: ArrayLike | Mapping[str, float] | None) -> np.ndarray:
-    """Return u (actuators) from numbers, by name, or zero."""
-    if forces is None:
-        return np.zeros(len(robot.actuators))
-    if isinstance(forces, Mapping):
-        checks.known(forces, robot.actuators, "actuator")
-        forces = [forces.get(name, 0.0) for name in robot.actuators]
-    u = checks.finite(checks.vector(forces, "forces", robot.actuators), "forces")
-    if u.ndim != 1:
-        raise LinkworkError(f"forces has the shape {u.shape}; give one number per actuator")
-    return u
-
-
-def evaluated(robot: Robot, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the derivatives at a state and force, by name."""
-    chart = robot.chart_of(state)
-    function = derivatives(chart)
-    values = function(state.q, state.rates, u, robot.p)
-    found = dict(zip(function.name_out(), (np.array(value) for value in values), strict=True))
-    pivot = found.pop("pivot")
-    if not abs(float(pivot[0, 0])) > checks.PIVOT_BOUND:
-        raise checks.singular(state.independent, pivot[0])
-    return found
-
-
-@lru_cache(maxsize=32)
-def derivatives(chart: CompiledChart) -> ca.Function:
-    """Return (q, v, u, p) -> Gamma, f_xi, f_v, f_u, force, K, L, L_xi, T_tool, pivot; asked too seldom to be compiled.
-
-    force = S' u - C v - G + f (n) and K = -d force/d xi; L (m x n) gives the rates of all joints, L_xi (m x n) is
-    d(L v)/d xi; T_tool (6 x n) gives the tool's twist.
-    """
-    equations = chart.equations
-    tree, v = equations.tree, equations.v
-    u = SX.sym("u", len(equations.mechanism.actuators))
-    L, _, pivot = equations.elimination
-    S = ca.mtimes(tree.derivative_map, L)
-    force = ca.mtimes(equations.actuation.T, u) - equations.bias_forces(equations.gravity)
-    f = solve_symmetric(equations.inertia[0], force)
-    joints = ca.mtimes(equations.joints.rate_rows(), L)
-    along = [ca.jtimes(ca.mtimes(S, v), tree.q, S), shifted(S, tree.q, ca.mtimes(S, v))]
-    tool = next(iter(equations.mechanism.tools.values()), None)
-    T_tool = SX(0, equations.mobility)
-    if tool is not None:
-        T_tool = ca.mtimes(measures.tool_twist(tree, tool, SX.zeros(equations.nv))[0], L)
-    outputs = {
-        "Gamma": ca.mtimes(reading(equations), along[0] - along[1]),
-        "f_xi": ca.jtimes(f, tree.q, S),
-        "f_v": ca.jacobian(f, v),
-        "f_u": ca.jacobian(f, u),
-        "force": force,
-        "K": -ca.jtimes(force, tree.q, S),
-        "L": joints,
-        "L_xi": ca.jtimes(ca.mtimes(joints, v), tree.q, S),
-        "T_tool": T_tool,
-        "pivot": pivot,
-    }
-    return functions.function("derivatives", equations, {"q": tree.q, "v": v, "u": u}, outputs)
-
-
-def shifted(matrix: ca.SX, q: ca.SX, dq: ca.SX) -> ca.SX:
-    """Return the derivative of a matrix of q along dq."""
-    return ca.reshape(ca.jtimes(ca.vec(ca.densify(matrix)), q, dq), *matrix.shape)
-
-
-def reading(equations: Equations) -> ca.SX:
-    """Return S^+ (n x nq), the rows that read xi off dq: w = N^+ dq at the independent rates; N^+ = 4 N' for quaternions."""
-    tree = equations.tree
-    inverse = SX(equations.nv, equations.nq)
-    for place, k in tree.single:
-        inverse[k, place] = 1
-    for places, ks in tree.quaternions:
-        inverse[list(ks), list(places)] = 4 * tree.derivative_map[list(places), list(ks)].T
-    return inverse[list(equations.chart.independent), :]

@@ -8,7 +8,6 @@ fit the processor's cache, over threads; those that have converged leave their c
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ import numpy as np
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
+from linkwork.simulation.many import usable_processors
 
 CHUNK = 4096
 TURN = 1.0  # largest turn of a step [rad]
@@ -144,7 +144,7 @@ def in_threads(work: Callable[[slice], Result], parts: Sequence[slice]) -> list[
     """Do the parts of a job in as many threads as there are processors; compiled code runs side by side."""
     if len(parts) <= 1:
         return [work(part) for part in parts]
-    with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(min(len(parts), usable_processors())) as pool:
         return list(pool.map(work, parts))
 
 

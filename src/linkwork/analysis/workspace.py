@@ -28,9 +28,9 @@ from linkwork.analysis.jacobians import Jacobians, jacobians
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot, State, checks
 from linkwork.robot.assembly import wrapped
-from linkwork.robot.limits import limited
 
 if TYPE_CHECKING:
     import xarray
@@ -199,7 +199,7 @@ def positive(robot: Robot, values: ArrayLike | Mapping[str, float] | None, what:
         return None
     if np.ndim(values) == 0 and not isinstance(values, Mapping):  # pyright: ignore[reportArgumentType]
         values = [checks.number(values, what)] * len(robot.actuators)
-    numbers = checks.values_by_name(values, robot.actuators, what)
+    numbers = checks.values_by_name(values, robot.actuators, what, "actuator")
     if not (numbers > 0).all() or numbers.ndim != 1:
         raise LinkworkError(f"{what} {numbers.tolist()} do not fit; give one positive number per actuator")
     return numbers

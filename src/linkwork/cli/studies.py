@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from linkwork import analysis
-from linkwork.analysis.linearisation import actuator_forces
 from linkwork.analysis.square import pose_names
 from linkwork.cli.catalogue import find, refuse_existing
 from linkwork.cli.entries import by_name, number, numbers
@@ -167,7 +166,7 @@ def linearise(name: str, joints: str | None, tool: str | None, forces: str | Non
         state = configuration(robot, joints, tool)
         held = analysis.holding(robot, state) if forces is None else by_name(forces, robot.actuators, "--forces")
         model = analysis.linearise(robot, state, held)
-        acceleration = robot.forward_dynamics(state, actuator_forces(robot, held))
+        acceleration = robot.forward_dynamics(state, held)
         modes = analysis.natural_modes(robot, state, held) if np.abs(acceleration).max(initial=0) < 1e-6 else None
     out = console()
     out.print(

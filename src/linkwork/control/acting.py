@@ -22,7 +22,7 @@ from linkwork.control.drives import Drive, Extra, Ideal
 from linkwork.control.events import Event
 from linkwork.control.observation import Names, Quantity
 from linkwork.control.sampler import Sampler
-from linkwork.control.tracing import Law, Tracer, column
+from linkwork.control.tracing import Law, Tracer, column, shown
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -104,7 +104,7 @@ def act(
     require_drives(mechanism, drives)
     require_bodies(mechanism, wrenches)
     of_drives = [x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras]
-    own = [Extra(*extra) for extra in getattr(forces, "extras", ())]
+    own = states_of(forces, mechanism.actuators)
     tracer = Tracer(Names.of(mechanism, planar, tuple(extra.name for extra in (*of_drives, *own))))
     command = commanded(tracer, forces, [extra.name for extra in own])
     force, rates = driven(tracer, command.values, drives)
@@ -156,6 +156,13 @@ def require_bodies(mechanism: Mechanism, wrenches: Sequence[Wrench]) -> None:
             raise LinkworkError(f"there is no body {wrench.body!r} for a wrench; there are {bodies}")
 
 
+def states_of(forces: Signal | Law | Sampler, actuators: tuple[str, ...]) -> list[Extra]:
+    """Return the states of a controller: its `extras`, or what `extras` gives for the actuators that it drives."""
+    extras: Any = getattr(forces, "extras", ())
+    own: Any = extras(actuators) if callable(extras) else extras
+    return [Extra(*extra) for extra in own]
+
+
 def commanded(tracer: Tracer, forces: Signal | Law | Sampler, states: Sequence[str]) -> Command:
     """Return the commands of a signal, of a controller with the states named, or of a sampled one."""
     actuators, what = tracer.names.actuators, "the controller"
@@ -172,6 +179,10 @@ def commanded(tracer: Tracer, forces: Signal | Law | Sampler, states: Sequence[s
         return Command(tracer.trace(forces, lambda result: column(result, actuators, what), what))
 
     def both(result: Any) -> ca.SX:
+        if not (isinstance(result, tuple) and len(result) == 2):
+            raise LinkworkError(
+                f"{what} returns {shown(result)}; give the forces, and the rates of {', '.join(states)}"
+            )
         return ca.vertcat(column(result[0], actuators, what), column(result[1], states, "the controller's states"))
 
     values = tracer.trace(forces, both, what)

@@ -14,7 +14,7 @@ Slotine & Li, Applied Nonlinear Control, ch. 7 and 9 (sliding mode with a bounda
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ from linkwork import math
 from linkwork.control.drives import Extra
 from linkwork.control.goals import Goal, Target, target
 from linkwork.control.model import Model
-from linkwork.control.observation import Names, Observation
+from linkwork.control.observation import Names, Observation, require
 from linkwork.errors import LinkworkError
 
 if TYPE_CHECKING:
@@ -99,23 +99,31 @@ class PD(Follower):
 class PID(PD):
     """Add the integral of the error to `PD`: u = kp e + ki z + kd e', z' = e.
 
-    ki: [N/(m s), N m/(rad s)]; joints: names of the actuated joints, whose integrals are extra states "integral.joint"
+    ki: [N/(m s), N m/(rad s)]; joints: actuators whose errors are integrated, all if left out; the integrals are extra
+    states "integral.joint"
     """
 
     ki: Gain = 0.0
-    joints: tuple[str, ...] = ()
+    joints: Sequence[str] | None = None
 
-    @property
-    def extras(self) -> tuple[Extra, ...]:
-        """The integrals of the errors."""
-        return tuple(Extra(f"integral.{name}", "m s, rad s", 0.0) for name in self.joints)
+    def extras(self, actuators: tuple[str, ...]) -> tuple[Extra, ...]:
+        """Return the integrals of the errors of a robot with these actuators."""
+        return tuple(Extra(f"integral.{name}", "m s, rad s", 0.0) for name in self.integrated(actuators))
+
+    def integrated(self, actuators: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the actuators whose errors are integrated; refuse joints that are none."""
+        joints = actuators if self.joints is None else tuple(self.joints)
+        for name in joints:
+            require(name, actuators, "actuator to integrate the error of")
+        return joints
 
     def __call__(self, t, state):
-        e, _, _ = self.errors(t, state)
-        integral = [state.extra(f"integral.{name}") if name in self.joints else 0.0 for name in state.names.actuators]
-        rates = dict(zip((f"integral.{name}" for name in state.names.actuators), e, strict=True))
+        actuators, (e, _, _) = state.names.actuators, self.errors(t, state)
+        integrated = self.integrated(actuators)
+        integral = [state.extra(f"integral.{name}") if name in integrated else 0.0 for name in actuators]
+        rates = {f"integral.{name}": error for name, error in zip(actuators, e, strict=True) if name in integrated}
         forces = super().__call__(t, state) + gain(state, "ki", self.ki) * math.array(integral)
-        return forces, {extra.name: rates[extra.name] for extra in self.extras}
+        return (forces, rates) if rates else forces
 
 
 @dataclass(frozen=True, eq=False)

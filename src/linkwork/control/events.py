@@ -8,6 +8,7 @@ from typing import Literal
 from linkwork import math
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.limits import limited
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,6 @@ def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 
     A free turn is limited by the angle between its joint's frames, 2 acos |qw|: its event is a zero of |qw| - cos(limit / 2).
     """
-    from linkwork.robot.limits import limited
-
     events = []
     for label, limits, name in limited(robot.mechanism):
         free = name != label
@@ -53,7 +52,7 @@ def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 
     A run changes its independent rates near such a pose, and passes it if its motion is regular there.
     """
-    return (Event(lambda t, state: state.actuation, terminal, name="actuator-singular pose"),)
+    return (Event(lambda t, state: state.actuation_determinant, terminal, name="actuator-singular pose"),)
 
 
 def within(label: str, bound: float, sign: int) -> Law:

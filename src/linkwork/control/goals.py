@@ -26,7 +26,8 @@ class Configuration(Protocol):
 class Course(Protocol):
     """A motion of a robot: states over time."""
 
-    time: np.ndarray
+    @property
+    def time(self) -> np.ndarray: ...
 
     @property
     def state(self) -> Configuration: ...

@@ -27,7 +27,7 @@ class Quantity(NamedTuple):
     """Name a measurable quantity: its kind, and which one of them.
 
     kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R row by row, omega, v (18);
-    "actuation": determinant of S (1)
+    "actuation_determinant": det S (1)
     """
 
     kind: str
@@ -58,7 +58,7 @@ class Names:
 
     def size(self, quantity: Quantity) -> int:
         """Return how many numbers a quantity has."""
-        return {"position": 1, "rate": 1, "actuation": 1, "body": 18}.get(quantity.kind, self.pose)
+        return {"position": 1, "rate": 1, "actuation_determinant": 1, "body": 18}.get(quantity.kind, self.pose)
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ class Observation:
         return self.source.quantity(Quantity("tool_velocity"))
 
     @property
-    def actuation(self) -> Any:
+    def actuation_determinant(self) -> Any:
         """The determinant of S, which gives the actuated rates S v: zero where they do not determine the motion.
 
         It is that of the rates v which are independent at the moment; where these are the actuated ones it is 1.
         """
-        return self.source.quantity(Quantity("actuation"))[0]
+        return self.source.quantity(Quantity("actuation_determinant"))[0]
 
     def body(self, name: str) -> BodyMotion:
         """Return pose and velocity of a body's frame."""
@@ -193,7 +193,7 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
             node = tree.node(name)
             twist = ca.mtimes(measures.jacobian(tree, node, near_offset(node, np.zeros(3))), equations.rates)
             return ca.vertcat(node.O + offset(node, np.zeros(3)), ca.vec(node.R.matrix.T), twist)
-        case "actuation":
+        case "actuation_determinant":
             if len(mechanism.actuators) != equations.mobility:
                 raise LinkworkError(
                     f"{len(mechanism.actuators)} actuators and {equations.mobility} freedoms have no actuator-singular poses"

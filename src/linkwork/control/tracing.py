@@ -171,7 +171,7 @@ def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
     try:
         array = math.array(values)
     except (TypeError, ValueError):
-        raise LinkworkError(f"{what} returns {values!r}; give {len(names)} numbers: {', '.join(names)}") from None
+        raise LinkworkError(f"{what} returns {shown(values)}; give {len(names)} numbers: {', '.join(names)}") from None
     if array.size != len(names) or array.ndim > 2 or (not array.ndim and len(names) != 1):
         raise LinkworkError(
             f"{what} returns {array.size} values; give {len(names)}: {', '.join(names) or 'none'}, in this order or by name"
@@ -182,6 +182,14 @@ def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
 def column(values: Any, names: Sequence[str], what: str) -> ca.SX:
     """Return what `ordered` does as a column."""
     return ca.vertcat(ca.SX(0, 1), *[ca.SX(value) for value in ordered(values, names, what)])
+
+
+def shown(values: Any) -> str:
+    """Show what a function returned in a sentence: text and numbers as such, all else by its kind."""
+    if values is None or isinstance(values, str | int | float):
+        return repr(values)
+    kinds = f" of {', '.join(type(value).__name__ for value in values)}" if isinstance(values, tuple | list) else ""
+    return f"a {type(values).__name__}{kinds}"
 
 
 def first_line(error: BaseException) -> str:

@@ -2,7 +2,9 @@
 
 from linkwork.robot.assembly import UnreachableError
 from linkwork.robot.checks import SingularError
+from linkwork.robot.ensemble import Ensemble
+from linkwork.robot.reactions import Reactions
 from linkwork.robot.robot import Robot
 from linkwork.robot.state import Motion, State
 
-__all__ = ["Motion", "Robot", "SingularError", "State", "UnreachableError"]
+__all__ = ["Ensemble", "Motion", "Reactions", "Robot", "SingularError", "State", "UnreachableError"]

@@ -72,28 +72,41 @@ def known(names: Iterable[str], allowed: Sequence[str], kind: str) -> None:
             raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(allowed) or 'none'}")
 
 
-def values_by_name(values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], what: str) -> np.ndarray:
-    """Return an array (..., len(names)) from an array in the order of the names or a mapping by name."""
+def values_by_name(
+    values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], what: str, kind: str
+) -> np.ndarray:
+    """Return an array (..., len(names)) from an array in the order of the names or a mapping by name.
+
+    what: the values; kind: what the names are those of
+    """
     if isinstance(values, Mapping):
-        known(values, names, "joint")
+        known(values, names, kind)
         missing = [name for name in names if name not in values]
         if missing:
             raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}")
         parts = [finite(values[name], f"{what}[{name!r}]") for name in names]
         batch = together(*(part.shape for part in parts))
-        return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1)
+        return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1) if parts else np.zeros(0)
     array = finite(values, what)
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
     return array
 
 
-def vector(values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str]) -> np.ndarray:
+def actuator_forces(forces: ArrayLike | Mapping[str, ArrayLike], actuators: Sequence[str]) -> np.ndarray:
+    """Return u (..., actuators) from an array in their order, or by name, zero where left out."""
+    if isinstance(forces, Mapping):
+        known(forces, actuators, "actuator")
+        forces = {name: forces.get(name, 0.0) for name in actuators}
+    return vector(forces, "forces", actuators, "actuator")
+
+
+def vector(values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str], kind: str) -> np.ndarray:
     """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked through."""
     if isinstance(values, np.ndarray) and values.dtype == float and values.shape[-1:] == (len(names),):
         return values
     if isinstance(values, Mapping):
-        return values_by_name(values, names, what)
+        return values_by_name(values, names, what, kind)
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):

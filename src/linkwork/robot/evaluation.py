@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,25 @@ from linkwork.robot.state import State
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
+
+
+def in_chart(robot: Robot, state: State, names: tuple[str, ...]) -> State:
+    """Return the same state with the rates of these names as the independent ones: `Robot.in_chart`."""
+    tree = robot.equations.tree.rates
+    checks.known(names, tree, "rate of the tree")
+    w = robot.chart_of(robot.own(state)).tree_rates(state.q, state.rates)
+    chart = robot.charts.get(names)
+    for q in state.q.reshape(-1, state.q.shape[-1]):
+        if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
+            chart = robot.chart.better(q, tuple(tree.index(name) for name in names))
+        if set(chart.independent) != set(names):
+            raise LinkworkError(
+                f"the rates {', '.join(names)} do not determine the motion here; {', '.join(chart.independent)} do"
+            )
+    if chart is None:
+        raise LinkworkError("the stack of states is empty; there is no configuration to choose the rates at")
+    robot.charts[chart.independent] = chart
+    return replace(state, rates=chart.from_tree(w), independent=chart.independent)
 
 
 def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
@@ -35,13 +55,16 @@ def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: st
     return result
 
 
-def actuator_forces(robot: Robot, state: State, accelerations: ArrayLike, weights: ArrayLike | None) -> np.ndarray:
+def actuator_forces(
+    robot: Robot,
+    state: State,
+    accelerations: ArrayLike | Mapping[str, ArrayLike],
+    weights: ArrayLike | Mapping[str, float] | None,
+) -> np.ndarray:
     """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm: `Robot.inverse_dynamics`."""
-    v_dot = checks.vector(accelerations, "accelerations", robot.own(state).independent)
+    v_dot = checks.vector(accelerations, "accelerations", robot.own(state).independent, "independent rate")
     f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
-    W = None if weights is None else checks.values_by_name(weights, robot.actuators, "weights")
-    if W is not None and not (W.ndim == 1 and (W > 0).all()):
-        raise LinkworkError(f"weights {W.tolist()} do not fit; give one positive number per actuator")
+    W = None if weights is None else actuator_weights(robot, weights)
     if state.independent == robot.actuators:
         return f
     S = actuation_map(robot, state)
@@ -50,6 +73,14 @@ def actuator_forces(robot: Robot, state: State, accelerations: ArrayLike, weight
     u = actuation.least_forces(S, f, W)
     actuation.require_driven(S, f, u, state.independent, len(robot.idle))
     return u
+
+
+def actuator_weights(robot: Robot, weights: ArrayLike | Mapping[str, float]) -> np.ndarray:
+    """Return positive weights (actuators), given in their order or by name."""
+    W = checks.values_by_name(weights, robot.actuators, "weights", "actuator")
+    if not (W.ndim == 1 and (W > 0).all()):
+        raise LinkworkError(f"weights {W.tolist()} do not fit; give one positive number per actuator")
+    return W
 
 
 def actuation_map(robot: Robot, state: State) -> np.ndarray:
@@ -61,6 +92,13 @@ def actuation_map(robot: Robot, state: State) -> np.ndarray:
     S = np.swapaxes(S.reshape(*state.batch, n, len(robot.actuators)), -1, -2)
     require_regular(state, pivot, S, state.rates, "rates")
     return S
+
+
+def internal_forces(robot: Robot, state: State) -> np.ndarray:
+    """Return the actuator forces (actuators, k) with S' u = 0 at one state: `Robot.internal_forces`."""
+    if robot.own(state).batch:
+        raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
+    return actuation.internal_forces(actuation_map(robot, state))
 
 
 def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

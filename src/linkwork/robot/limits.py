@@ -5,22 +5,13 @@ A free turn is limited by the angle between the joint's two frames, 2 acos |qw|.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from linkwork.mechanism import Limits, Mechanism
+from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import TURN
-
-
-def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
-    """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to report."""
-    for name, joint in mechanism.joints.items():
-        labels = iter(joint.coordinates(name))
-        for freedom, (_, _, limits, _) in joint.effects().items():
-            own = [next(labels) for _ in range(4 if freedom == TURN else 1)]
-            if limits.lower is not None or limits.upper is not None:
-                yield own[0], limits, f"{name}.{TURN}" if freedom == TURN else own[0]
+from linkwork.mechanism.limits import limited
 
 
 def passed(

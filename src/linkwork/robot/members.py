@@ -118,10 +118,7 @@ def members(
 def forces_of_each(robot: Robot, forces: Any) -> tuple[np.ndarray | list[Signal] | None, Any]:
     """Return the forces of each member, numbers (N, nu) or N signals, or None; and those that all share."""
     if isinstance(forces, Mapping) and any(np.ndim(values) for values in forces.values()):
-        checks.known(forces, robot.actuators, "actuator")
-        columns = [np.asarray(forces.get(name, 0.0), float) for name in robot.actuators]
-        batch = checks.together(*(column.shape for column in columns))
-        forces = np.stack([np.broadcast_to(column, batch) for column in columns], axis=-1)
+        forces = checks.actuator_forces(forces, robot.actuators)
     if isinstance(forces, Mapping | Sampled | Signal) or callable(forces) or forces is None:
         return None, forces
     if isinstance(forces, Sequence) and any(isinstance(given, Sampled | Signal) for given in forces):

@@ -53,6 +53,10 @@ class Model:
         self.run_charts = Charts(self.p, {self.chart.key: self.chart})
         self.origin: Model | None = None
 
+    def __repr__(self) -> str:
+        size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
+        return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
+
     @cached_property
     def home(self) -> State:
         """Return the closed reference configuration, at rest."""

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from linkwork.control.observation import Names, Observation, Quantity, Source, expression
 from linkwork.equations import Equations, functions
+from linkwork.errors import LinkworkError
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.state import State
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
 
 JOINTS = ("position", "rate")
 
@@ -64,3 +70,10 @@ def quantity_function(equations: Equations, key: Quantity) -> ca.Function:
     """Return (q, v) -> one quantity."""
     inputs = {"q": equations.tree.q, "v": equations.v}
     return functions.function("observation", equations, inputs, {"quantity": expression(equations, key)})
+
+
+def observed(robot: Robot, state: State) -> Observation:
+    """Return one state as controllers see it, as numbers: `Robot.observe`."""
+    if robot.own(state).batch:
+        raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")
+    return observation(robot.chart_of(state), Names.of(robot.mechanism, robot.planar), state.q, state.rates)

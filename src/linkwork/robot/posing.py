@@ -27,7 +27,7 @@ Rates = ArrayLike | Mapping[str, ArrayLike] | None
 
 def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float) -> State:
     """Make a state from the coordinates of all joints: `Robot.state`."""
-    given = checks.values_by_name(positions, robot.coordinates, "positions")
+    given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     checks.positive(tolerance, "the tolerance")
     checks.require_turns(given, robot.mechanism)
     q = unit(robot.equations.tree, of_tree(robot, given))
@@ -113,14 +113,14 @@ def independent_rates(robot: Robot, rates: Rates, q: np.ndarray) -> np.ndarray:
     if rates is None:
         return np.zeros(robot.mobility)
     if not isinstance(rates, Mapping) or set(rates) <= set(robot.independent):
-        return checks.values_by_name(rates, robot.independent, "rates")
+        return checks.values_by_name(rates, robot.independent, "rates", "independent rate")
     checks.known(rates, robot.rates, "rate")
     if len(rates) != robot.mobility:
         example = ", ".join(robot.independent)
         raise LinkworkError(f"{len(rates)} rates are given; give {robot.mobility}, for instance {example}")
     L = robot.kernel("maps")(q)[0].reshape(*q.shape[:-1], robot.mobility, -1)
     A = np.swapaxes(L[..., [robot.rates.index(name) for name in rates]], -1, -2)
-    given = checks.values_by_name(rates, tuple(rates), "rates")
+    given = checks.values_by_name(rates, tuple(rates), "rates", "rate")
     checks.together(given.shape[:-1], A.shape[:-2])
     if np.linalg.cond(A).max(initial=0.0) > 1 / checks.PIVOT_BOUND**2:
         raise LinkworkError(f"the rates {', '.join(rates)} do not determine the motion here; give others")

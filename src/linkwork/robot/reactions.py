@@ -80,9 +80,15 @@ class Samples:
         return Samples(self.chart, self.q[rows], self.v[rows], self.v_dot[rows], self.u[rows], applied)
 
 
-def reactions(robot: Robot, state: State, forces: ArrayLike, frame: str, length: float | None) -> Reactions:
+def reactions(
+    robot: Robot,
+    state: State,
+    forces: ArrayLike | Mapping[str, ArrayLike],
+    frame: str,
+    length: float | None,
+) -> Reactions:
     """Return the reactions in states under actuator forces: `Robot.reactions`."""
-    u = checks.vector(forces, "forces", robot.actuators)
+    u = checks.actuator_forces(forces, robot.actuators)
     v_dot = evaluation.dynamics(robot, "motion", state, u, "forces")
     batch = v_dot.shape[:-1]
     rows = [

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
-from linkwork.robot import actuation, checks, evaluation, limits, posing
+from linkwork.robot import checks, evaluation, limits, linear, posing
 from linkwork.robot.model import Model
 from linkwork.robot.state import Motion, State
 
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
     from linkwork.robot.reactions import Reactions
     from linkwork.robot.running import Forces, Method
     from linkwork.simulation import Run, Sampled, Signal
+
+Weights = ArrayLike | Mapping[str, float] | None
 
 
 class Robot(Model):
@@ -88,10 +89,6 @@ class Robot(Model):
         from linkwork.robot.parameters import with_parameters
 
         return with_parameters(self, values)
-
-    def __repr__(self) -> str:
-        size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
-        return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
 
     # States
 
@@ -164,30 +161,16 @@ class Robot(Model):
         Raises:
             LinkworkError: names that are no rates of the tree; rates that do not determine the motion there.
         """
-        names, tree = checks.names(independent, "independent"), self.equations.tree.rates
-        checks.known(names, tree, "rate of the tree")
-        w = self.chart_of(self.own(state)).tree_rates(state.q, state.rates)
-        chart = self.charts.get(names)
-        for q in state.q.reshape(-1, state.q.shape[-1]):
-            if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
-                chart = self.chart.better(q, tuple(tree.index(name) for name in names))
-            if set(chart.independent) != set(names):
-                raise LinkworkError(
-                    f"the rates {', '.join(names)} do not determine the motion here; {', '.join(chart.independent)} do"
-                )
-        if chart is None:
-            raise LinkworkError("the stack of states is empty; there is no configuration to choose the rates at")
-        self.charts[chart.independent] = chart
-        return replace(state, rates=chart.from_tree(w), independent=chart.independent)
+        return evaluation.in_chart(self, state, checks.names(independent, "independent"))
 
     # Equations of motion
 
-    def forward_dynamics(self, state: State, forces: ArrayLike) -> np.ndarray:
+    def forward_dynamics(self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G) (paper, Eq. (9)).
 
         Args:
             state: configuration and rates.
-            forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`.
+            forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`, or by name (others zero).
 
         Returns:
             v' (..., n) [m/s^2, rad/s^2], in the order of the state's `independent`.
@@ -196,11 +179,23 @@ class Robot(Model):
             LinkworkError: wrong shape, numbers that are not finite, a configuration where these rates do not
                 determine the motion.
         """
-        u = checks.vector(forces, "forces", self.actuators)
+        u = checks.actuator_forces(forces, self.actuators)
         return evaluation.dynamics(self, "motion", state, u, "forces")
 
+    @overload
     def inverse_dynamics(
-        self, motion: State | Motion, accelerations: ArrayLike | None = None, *, weights: ArrayLike | None = None
+        self, motion: State, accelerations: ArrayLike | Mapping[str, ArrayLike], *, weights: Weights = None
+    ) -> np.ndarray: ...
+
+    @overload
+    def inverse_dynamics(self, motion: Motion, accelerations: None = None, *, weights: Weights = None) -> Sampled: ...
+
+    def inverse_dynamics(
+        self,
+        motion: State | Motion,
+        accelerations: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        *,
+        weights: Weights = None,
     ) -> np.ndarray | Sampled:
         """Return the actuator forces that a state and accelerations, or a whole motion, need: S' u = M v' + C v + G - f.
 
@@ -210,7 +205,7 @@ class Robot(Model):
         Args:
             motion: a state, or a `Motion` (whose own accelerations are then taken).
             accelerations: v' (..., n) [m/s^2, rad/s^2] in the order of the state's `independent`, with a state.
-            weights: of the actuators (positive); all 1 if left out.
+            weights: of the actuators (positive), in their order or by name; all 1 if left out.
 
         Returns:
             u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate with.
@@ -236,9 +231,23 @@ class Robot(Model):
 
         There are k = actuators - n of them where the robot has more actuators than freedoms, none otherwise.
         """
-        if self.own(state).batch:
-            raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
-        return actuation.internal_forces(self.actuation(state))
+        return evaluation.internal_forces(self, state)
+
+    def holding_forces(self, state: State) -> np.ndarray:
+        """Return the least actuator forces u (actuators) [N, N m] that hold a pose at rest, S' u = G - f.
+
+        Raises:
+            LinkworkError: a stack of states; a pose that no forces of the actuators hold.
+        """
+        return linear.holding(self, state)
+
+    def linearised(self, state: State, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Return A (2n, 2n) and B (2n, actuators) of x' = A x + B du about a state, x = (xi, dv), xi' = dv + Gamma xi.
+
+        Raises:
+            LinkworkError: a stack of states, forces of wrong length, a singular configuration.
+        """
+        return linear.linearised(self, linear.evaluated(self, state, linear.actuator_forces(self, forces)))
 
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the independent rates (paper, Eq. (10))."""
@@ -271,7 +280,12 @@ class Robot(Model):
         return kinetic[..., 0], potential[..., 0]
 
     def reactions(
-        self, state: State, forces: ArrayLike, *, frame: str = "ground", length: float | None = None
+        self,
+        state: State,
+        forces: ArrayLike | Mapping[str, ArrayLike],
+        *,
+        frame: str = "ground",
+        length: float | None = None,
     ) -> Reactions:
         """Return the wrench [moment; force] that every joint transmits from its first to its second body.
 
@@ -279,8 +293,8 @@ class Robot(Model):
         constraints depend on each other the least wrenches are given, and `indeterminate` names what is open.
 
         Args:
-            state: configuration and rates; forces: u of the actuators (..., actuators) [N, N m]. The bodies accelerate as
-                `forward_dynamics` tells.
+            state: configuration and rates; forces: u of the actuators (..., actuators) [N, N m], or by name (others
+                zero). The bodies accelerate as `forward_dynamics` tells.
             frame: "ground" (about F1's origin in the ground's axes), "first" (F1's axes) or "second" (about F2's origin,
                 F2's axes).
             length: [m] by which moments are divided where the least wrenches are chosen; the joints' root mean square
@@ -301,7 +315,7 @@ class Robot(Model):
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the independent rates, L v' + L' v."""
-        v_dot = checks.vector(accelerations, "accelerations", self.own(state).independent)
+        v_dot = checks.vector(accelerations, "accelerations", self.own(state).independent, "independent rate")
         return evaluation.joints_motion(self, state, v_dot)[2]
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -481,9 +495,6 @@ class Robot(Model):
 
     def observe(self, state: State) -> Observation:
         """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as numbers."""
-        from linkwork.control.observation import Names
-        from linkwork.robot.observing import observation
+        from linkwork.robot.observing import observed
 
-        if self.own(state).batch:
-            raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")
-        return observation(self.chart_of(state), Names.of(self.mechanism, self.planar), state.q, state.rates)
+        return observed(self, state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,14 +12,22 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import checks, recording
 from linkwork.robot.state import State
 from linkwork.robot.system import Forces, system
-from linkwork.simulation import DORMAND_PRINCE, RK4, RODAS, Control, Pace, Run, SymplecticEuler, dop853
+from linkwork.simulation import DORMAND_PRINCE, RK4, RODAS, Control, Pace, Rosenbrock, Run, SymplecticEuler, dop853
 from linkwork.simulation import Method as IntegrationMethod
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
 Method = Literal["dormand_prince", "dop853", "rodas", "rk4", "symplectic_euler"]
-METHODS = get_args(Method)
+FACTORIES: dict[str, Callable[..., IntegrationMethod]] = {
+    "dormand_prince": lambda: DORMAND_PRINCE,
+    "dop853": dop853,
+    "rodas": lambda: RODAS,
+    "rk4": RK4,
+    "symplectic_euler": SymplecticEuler,
+}
+METHODS = tuple(FACTORIES)
+FIXED = tuple(name for name, make in FACTORIES.items() if isinstance(make, type))  # made with a step
 READY_EVENTS = {"limits": limit_events, "singular": singular_events}
 
 
@@ -59,11 +67,11 @@ def simulate(
     own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
     robot = robot.with_parameters(own) if own else robot
     options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
-    options |= {"method": integrator(method, step)}
+    options |= {"method": (chosen := integrator(method, step))}
     if pace is not None and step is None:
         options["first_step"] = pace
     span = (start, start + duration)
-    runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, joined=method == "rodas")
+    runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock))
     z = runs.start if extras is None else extras
     if z.size != len(runs.extras):
         raise LinkworkError(
@@ -106,7 +114,7 @@ def integrator(method: str, step: float | None) -> IntegrationMethod:
     """Return an integration method by its name; refuse names and steps that do not fit."""
     if method not in METHODS:
         raise LinkworkError(f"there is no method {method!r}; there are {', '.join(METHODS)}")
-    fixed = method in ("rk4", "symplectic_euler")
+    fixed = method in FIXED
     if fixed != (step is not None):
         need = (
             f"{method} needs a step [s]"
@@ -114,10 +122,10 @@ def integrator(method: str, step: float | None) -> IntegrationMethod:
             else f"{method} chooses its own steps; leave step out, or give max_step"
         )
         raise LinkworkError(need)
-    if step is not None:
-        checks.positive(step, "step")
-        return RK4(step) if method == "rk4" else SymplecticEuler(step)
-    return {"dormand_prince": DORMAND_PRINCE, "rodas": RODAS}.get(method) or dop853()
+    if step is None:
+        return FACTORIES[method]()
+    checks.positive(step, "step")
+    return FACTORIES[method](step)
 
 
 def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:

@@ -193,11 +193,8 @@ def as_input(robot: Robot, forces: Any) -> Signal:
     n = len(robot.actuators)
     if forces is None:
         return as_signal(np.zeros(n))
-    if isinstance(forces, Mapping):
-        checks.known(forces, robot.actuators, "actuator")
-        forces = [forces.get(name, 0.0) for name in robot.actuators]
     if not isinstance(forces, Sampled | Signal):
-        forces = checks.values_by_name(forces, robot.actuators, "forces")
+        forces = checks.finite(checks.actuator_forces(forces, robot.actuators), "forces")
     signal = as_signal(forces)
     if signal.coefficients.shape[2] != n:
         raise LinkworkError(

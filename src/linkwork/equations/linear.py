@@ -1,0 +1,68 @@
+"""Linear: derivatives of the equations of motion along the constraint manifold, exact by automatic differentiation.
+
+A configuration near q is reached by small shifts xi of the independent joints: dq = S xi, S = N L (nq x n), whose columns
+are tangent to phi(q) = 0. With f(q, v, u) = v' the motion near a state and force is
+
+    xi' = Gamma xi + dv,     dv' = f_q S xi + f_v dv + f_u du,      Gamma = S^+ ((S v)_q S - S')
+
+S^+ reads xi off dq, and S' = dS/dt along the motion. Gamma is zero where the independent rates are rates of coordinates,
+and wherever the robot is at rest; it is not for the angular velocity of a free body.
+Source: Negrut & Ortiz, J. Comput. Nonlinear Dynam. 1 (2006) 230-239 (linearisation in the independent coordinates).
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from linkwork.equations import functions, measures
+from linkwork.equations.algebra import SX
+from linkwork.equations.equations import Equations, solve_symmetric
+
+
+def derivatives(equations: Equations) -> ca.Function:
+    """Return (q, v, u, p) -> Gamma, f_xi, f_v, f_u, force, K, L, L_xi, T_tool, pivot; asked too seldom to be compiled.
+
+    force = S' u - C v - G + f (n) and K = -d force/d xi; L (m x n) gives the rates of all joints, L_xi (m x n) is
+    d(L v)/d xi; T_tool (6 x n) gives the tool's twist.
+    """
+    tree, v = equations.tree, equations.v
+    u = SX.sym("u", len(equations.mechanism.actuators))
+    L, _, pivot = equations.elimination
+    S = ca.mtimes(tree.derivative_map, L)
+    force = ca.mtimes(equations.actuation.T, u) - equations.bias_forces(equations.gravity)
+    f = solve_symmetric(equations.inertia[0], force)
+    joints = ca.mtimes(equations.joints.rate_rows(), L)
+    along = [ca.jtimes(ca.mtimes(S, v), tree.q, S), shifted(S, tree.q, ca.mtimes(S, v))]
+    tool = next(iter(equations.mechanism.tools.values()), None)
+    T_tool = SX(0, equations.mobility)
+    if tool is not None:
+        T_tool = ca.mtimes(measures.tool_twist(tree, tool, SX.zeros(equations.nv))[0], L)
+    outputs = {
+        "Gamma": ca.mtimes(reading(equations), along[0] - along[1]),
+        "f_xi": ca.jtimes(f, tree.q, S),
+        "f_v": ca.jacobian(f, v),
+        "f_u": ca.jacobian(f, u),
+        "force": force,
+        "K": -ca.jtimes(force, tree.q, S),
+        "L": joints,
+        "L_xi": ca.jtimes(ca.mtimes(joints, v), tree.q, S),
+        "T_tool": T_tool,
+        "pivot": pivot,
+    }
+    return functions.function("derivatives", equations, {"q": tree.q, "v": v, "u": u}, outputs)
+
+
+def shifted(matrix: ca.SX, q: ca.SX, dq: ca.SX) -> ca.SX:
+    """Return the derivative of a matrix of q along dq."""
+    return ca.reshape(ca.jtimes(ca.vec(ca.densify(matrix)), q, dq), *matrix.shape)
+
+
+def reading(equations: Equations) -> ca.SX:
+    """Return S^+ (n x nq), the rows that read xi off dq: w = N^+ dq at the independent rates; N^+ = 4 N' for quaternions."""
+    tree = equations.tree
+    inverse = SX(equations.nv, equations.nq)
+    for place, k in tree.single:
+        inverse[k, place] = 1
+    for places, ks in tree.quaternions:
+        inverse[list(ks), list(places)] = 4 * tree.derivative_map[list(places), list(ks)].T
+    return inverse[list(equations.chart.independent), :]

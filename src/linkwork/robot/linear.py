@@ -1,0 +1,90 @@
+"""Linear: small motions about a state in numbers (`linkwork.equations.linear`), and the forces that hold a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations.linear import derivatives
+from linkwork.errors import LinkworkError
+from linkwork.robot import actuation, checks
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.state import State
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+HELD = 1e-9  # force that may be missing at an equilibrium, relative
+
+
+def linearised(robot: Robot, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives."""
+    n = robot.mobility
+    A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
+    return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
+
+
+def evaluated(robot: Robot, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the derivatives at one state and force, by name; refuse stacks and singular configurations."""
+    q, v = one_state(robot, state)
+    function = kept(robot.chart_of(state))
+    values = function(q, v, u, robot.p)
+    found = dict(zip(function.name_out(), (np.array(value) for value in values), strict=True))
+    pivot = found.pop("pivot")
+    if not abs(float(pivot[0, 0])) > checks.PIVOT_BOUND:
+        raise checks.singular(state.independent, pivot[0])
+    return found
+
+
+@lru_cache(maxsize=32)
+def kept(chart: CompiledChart) -> ca.Function:
+    """Return the derivatives in a chart."""
+    return derivatives(chart.equations)
+
+
+def holding(robot: Robot, state: State) -> np.ndarray:
+    """Return the least actuator forces (actuators) that hold a pose at rest, none without actuators: S' u = G - f.
+
+    Raises:
+        LinkworkError: a stack of states; a pose that no forces of the actuators hold.
+    """
+    still = at_rest(state)
+    one_state(robot, still)
+    if not robot.actuators:
+        return np.zeros(0)
+    S, G, f = robot.actuation(still), robot.gravity(still), robot.passive_forces(still)
+    u = actuation.least_forces(S, G - f, None)
+    missed = np.abs(G - f - S.T @ u).max(initial=0.0)
+    if missed > HELD * max(1.0, np.abs(G).max(initial=0.0), np.abs(f).max(initial=0.0)):
+        raise LinkworkError(
+            f"no forces of {', '.join(robot.actuators)} hold this pose: {missed:.3g} N or N m are missing; "
+            "choose an equilibrium"
+        )
+    return u
+
+
+def at_rest(state: State) -> State:
+    """Return the state at rest."""
+    return state.with_rates(0 * state.rates)
+
+
+def one_state(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Return q and v of one state; refuse a stack."""
+    if robot.own(state).batch:
+        raise LinkworkError("this needs one state, not a stack; take one by state.at(index)")
+    return state.q, state.rates
+
+
+def actuator_forces(robot: Robot, forces: ArrayLike | Mapping[str, float] | None) -> np.ndarray:
+    """Return u (actuators) from numbers, by name (others zero), or zero."""
+    if forces is None:
+        return np.zeros(len(robot.actuators))
+    u = checks.finite(checks.actuator_forces(forces, robot.actuators), "forces")
+    if u.ndim != 1:
+        raise LinkworkError(f"forces has the shape {u.shape}; give one number per actuator")
+    return u

@@ -1,0 +1,66 @@
+"""What a run is made with: its method by name, and what the package offers by name."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.control import LQR
+from linkwork.robot import linear, running
+from linkwork.simulation import RK4, RODAS, SymplecticEuler
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return lw.Robot(lw.robots.pendulum())
+
+
+def test_every_method_has_its_name_once(robot):
+    assert get_args(running.Method) == running.METHODS == tuple(running.FACTORIES)
+    made = {name: running.integrator(name, 0.01 if name in running.FIXED else None) for name in running.METHODS}
+    assert len({method.name for method in made.values()}) == len(made)
+    assert (made["rk4"], made["symplectic_euler"], made["rodas"]) == (RK4(0.01), SymplecticEuler(0.01), RODAS)
+
+
+@pytest.mark.parametrize("method", running.METHODS)
+def test_a_pendulum_swings_alike_by_all_methods(robot, method):
+    step = 2e-4 if method in running.FIXED else None
+    run = robot.simulate(robot.home, duration=0.5, save_at=[0.0, 0.5], method=method, step=step)
+    best = robot.simulate(robot.home, duration=0.5, save_at=[0.0, 0.5], method="dop853", rtol=1e-12, atol=1e-13)
+    bound = 2e-3 if method == "symplectic_euler" else 1e-6
+    np.testing.assert_allclose(run.dataset.joint_position[-1], best.dataset.joint_position[-1], atol=bound)
+
+
+@pytest.mark.parametrize(
+    ("method", "step", "told"),
+    [
+        ("euler", None, "there is no method 'euler'; there are dormand_prince, dop853, rodas, rk4, symplectic_euler"),
+        ("rk4", None, "rk4 needs a step"),
+        ("rodas", 0.1, "rodas chooses its own steps"),
+    ],
+)
+def test_methods_that_do_not_fit_are_refused(robot, method, step, told):
+    with pytest.raises(lw.LinkworkError, match=told):
+        robot.simulate(robot.home, duration=0.1, method=method, step=step)
+
+
+def test_what_methods_return_can_be_named(robot):
+    assert isinstance(robot.reactions(robot.home, np.zeros(len(robot.actuators))), lw.Reactions)
+    assert isinstance(robot.ensemble(robot.home, duration=0.01), lw.Ensemble)
+    assert {"Ensemble", "Reactions"} <= set(lw.__all__)
+
+
+def test_the_linear_model_of_a_regulator_is_that_of_the_study():
+    """LQR.about and analysis.linearise stand on one derivation: K is the Riccati gain of its A and B."""
+    from scipy.linalg import solve_continuous_are
+
+    robot = lw.Robot(lw.robots.prr3())
+    model = lw.analysis.linearise(robot, robot.home, robot.holding_forces(robot.home))
+    Q, R = np.diag([100.0] * 3 + [1.0] * 3), np.eye(3)
+    gains = model.B.T @ solve_continuous_are(model.A, model.B, Q, R)
+    np.testing.assert_allclose(LQR.about(robot, robot.home, Q, R).gains, gains, rtol=1e-9)
+    A, B = robot.linearised(robot.home, robot.holding_forces(robot.home))
+    np.testing.assert_array_equal(A, model.A)
+    np.testing.assert_array_equal(B, model.B)
+    assert lw.analysis.holding is linear.holding
