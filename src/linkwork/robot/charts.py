@@ -147,9 +147,10 @@ class Charts(MutableMapping[tuple[object, ...], CompiledChart]):
         return Charts(p, self._shared)
 
     def __getitem__(self, key: tuple[object, ...]) -> CompiledChart:
-        if key not in self._own:
-            self._own[key] = self._shared[key].with_parameters(self.p)
-        return self._own[key]
+        chart = self._own.get(key)
+        if chart is None:
+            chart = self._own[key] = self._shared[key].with_parameters(self.p)
+        return chart
 
     def __setitem__(self, key: tuple[object, ...], chart: CompiledChart) -> None:
         self._own[key] = self._shared[key] = chart

@@ -95,7 +95,7 @@ def values_by_name(
 
 def actuator_forces(forces: ArrayLike | Mapping[str, ArrayLike], actuators: Sequence[str]) -> np.ndarray:
     """Return u (..., actuators) from an array in their order, or by name, zero where left out."""
-    if isinstance(forces, Mapping):
+    if not isinstance(forces, np.ndarray) and isinstance(forces, Mapping):
         known(forces, actuators, "actuator")
         forces = {name: forces.get(name, 0.0) for name in actuators}
     return vector(forces, "forces", actuators, "actuator")
