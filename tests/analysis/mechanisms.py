@@ -7,38 +7,17 @@ import numpy as np
 
 import linkwork as lw
 
+from tests.oracle.published import DIETMAIER_BASE, DIETMAIER_PLATFORM
+
 LIGHT = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
 ALONG_X = (1.0, 0.0, 0.0)
-
-# Dietmaier 1998: base points, platform points, squares of the legs' lengths
-BASE = np.array(
-    [
-        [0, 0, 0],
-        [1.107915, 0, 0],
-        [0.549094, 0.756063, 0],
-        [0.735077, -0.223935, 0.525991],
-        [0.514188, -0.526063, -0.368418],
-        [0.590473, 0.094733, -0.205018],
-    ]
-)
-PLATFORM = np.array(
-    [
-        [0, 0, 0],
-        [0.542805, 0, 0],
-        [0.956919, -0.528915, 0],
-        [0.665885, -0.353482, 1.402538],
-        [0.478359, 1.158742, 0.107672],
-        [-0.137087, -0.235121, 0.353913],
-    ]
-)
-SQUARES = np.array([1, 0.416379826, 1.180012929, 2.260328827, 1.643352216, 0.594550487])
 
 
 @cache
 def dietmaier():
     home = lw.Frame(position=(0.3, 0.5, 0.8), rotation=(0.1, 0.2, 0.3))
     sizes = {"tube_radii": (0.003, 0.005), "platform_radius": 0.1, "platform_thickness": 0.01}
-    return lw.Robot(lw.robots.stewart(BASE, PLATFORM, home, **sizes))
+    return lw.Robot(lw.robots.stewart(DIETMAIER_BASE, DIETMAIER_PLATFORM, home, **sizes))
 
 
 def rpr(corners, vertices, pose):

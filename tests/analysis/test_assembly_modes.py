@@ -8,8 +8,9 @@ import linkwork as lw
 from linkwork.analysis import assembly_modes, working_modes
 from linkwork.analysis.assembly_modes import tool_kernel
 
-from tests.analysis.mechanisms import BASE, PLATFORM, SQUARES, dietmaier, postures, rpr
+from tests.analysis.mechanisms import dietmaier, postures, rpr
 from tests.catalogue import built
+from tests.oracle.published import DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_SQUARES
 
 # Innocenti & Parenti-Castelli, J. Mech. Design 114 (1992) 73-79: a 3-RPR with six assembly modes.
 CORNERS = ((0.0, 0.0), (15.91, 0.0), (0.0, 10.0))
@@ -20,13 +21,15 @@ LENGTHS = (14.98, 15.38, 12.0)
 
 def test_dietmaier_s_platform_has_forty_assembly_modes():
     robot = dietmaier()
-    modes = assembly_modes(robot, {f"leg_{i}": square**0.5 for i, square in enumerate(SQUARES, start=1)})
+    modes = assembly_modes(robot, {f"leg_{i}": square**0.5 for i, square in enumerate(DIETMAIER_SQUARES, start=1)})
     assert len(modes) == 40
     assert modes.sure and modes.missing == 0
     poses = robot.tool_pose(modes.states)
     R = Rotation.from_rotvec(poses[:, 3:]).as_matrix()
-    tips = poses[:, None, :3] + np.einsum("nij,kj->nki", R, PLATFORM)
-    np.testing.assert_allclose(np.sum((tips - BASE) ** 2, axis=2), np.tile(SQUARES, (40, 1)), atol=1e-12)
+    tips = poses[:, None, :3] + np.einsum("nij,kj->nki", R, DIETMAIER_PLATFORM)
+    np.testing.assert_allclose(
+        np.sum((tips - DIETMAIER_BASE) ** 2, axis=2), np.tile(DIETMAIER_SQUARES, (40, 1)), atol=1e-12
+    )
     apart = [np.linalg.norm(tips - tip, axis=(1, 2)) for tip in tips]
     assert np.sort(apart, axis=1)[:, 1].min() > 0.1
     assert np.max(robot.closure_error(modes.states)) < 1e-12
@@ -96,13 +99,17 @@ def test_idle_spins_make_no_modes():
 
 
 def test_how_sure_a_count_is():
-    modes = assembly_modes(dietmaier(), {f"leg_{i}": s**0.5 for i, s in enumerate(SQUARES, start=1)}, starts=200)
+    modes = assembly_modes(
+        dietmaier(), {f"leg_{i}": s**0.5 for i, s in enumerate(DIETMAIER_SQUARES, start=1)}, starts=200
+    )
     after, known = modes.found
     assert len(modes) == known[-1] < 40
     assert (np.diff(after) > 0).all() and after[-1] <= modes.starts == 200
     assert not modes.sure and modes.missing > 1
     assert modes.hits.sum() == modes.converged < 200
-    again = assembly_modes(dietmaier(), {f"leg_{i}": s**0.5 for i, s in enumerate(SQUARES, start=1)}, starts=200)
+    again = assembly_modes(
+        dietmaier(), {f"leg_{i}": s**0.5 for i, s in enumerate(DIETMAIER_SQUARES, start=1)}, starts=200
+    )
     np.testing.assert_array_equal(again.states.q, modes.states.q)
 
 

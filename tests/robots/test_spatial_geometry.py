@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 import linkwork as lw
 from linkwork import robots
 
+from tests.oracle.published import DIETMAIER_BASE, DIETMAIER_PLATFORM
+
 E = np.eye(3)
 AZIMUTHS = np.radians([-90, 30, 150])
 
@@ -183,26 +185,6 @@ def test_stewart_with_heavy_legs_at_rest():
         assert np.allclose(slopes(lengths, pose).T @ u, slopes(potential, pose), atol=1e-4)
 
 
-DIETMAIER_BASE = np.array(
-    [
-        [0, 0, 0],
-        [1.107915, 0, 0],
-        [0.549094, 0.756063, 0],
-        [0.735077, -0.223935, 0.525991],
-        [0.514188, -0.526063, -0.368418],
-        [0.590473, 0.094733, -0.205018],
-    ]
-)
-DIETMAIER_TOP = np.array(
-    [
-        [0, 0, 0],
-        [0.542805, 0, 0],
-        [0.956919, -0.528915, 0],
-        [0.665885, -0.353482, 1.402538],
-        [0.478359, 1.158742, 0.107672],
-        [-0.137087, -0.235121, 0.353913],
-    ]
-)
 DIETMAIER_LENGTHS = np.array([1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071])
 
 
@@ -210,7 +192,7 @@ def test_stewart_takes_the_points_of_dietmaier():
     """The platform with 40 real postures (Dietmaier 1998): legs in all directions; each posture found is assembled."""
 
     def gap(pose):
-        return lengths(pose, DIETMAIER_BASE, DIETMAIER_TOP) - DIETMAIER_LENGTHS
+        return lengths(pose, DIETMAIER_BASE, DIETMAIER_PLATFORM) - DIETMAIER_LENGTHS
 
     random = np.random.default_rng(4)
     starts = np.concatenate([random.uniform(-1, 1, (30, 3)), random.uniform(-2, 2, (30, 3))], axis=1)
@@ -219,7 +201,9 @@ def test_stewart_takes_the_points_of_dietmaier():
     assert len(postures) >= 4
     for pose in postures[:2]:
         home = lw.Frame(position=tuple(pose[:3]), rotation=tuple(pose[3:]))
-        robot = lw.Robot(robots.stewart(DIETMAIER_BASE.tolist(), DIETMAIER_TOP.tolist(), home, platform_radius=0.5))
+        robot = lw.Robot(
+            robots.stewart(DIETMAIER_BASE.tolist(), DIETMAIER_PLATFORM.tolist(), home, platform_radius=0.5)
+        )
         assert np.allclose(actuated(robot.home, robot), DIETMAIER_LENGTHS, atol=1e-10)
         assert robot.mobility == 6
         assert robot.closure_error(robot.home) < 1e-12

@@ -27,6 +27,7 @@ from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.robot import Robot, State, checks
+from linkwork.robot.labels import POSE_ANGLES
 
 HARDLY = 1e-3
 
@@ -53,7 +54,7 @@ class Jacobians:
     @property
     def turning(self) -> np.ndarray:
         """Which components of x' are angular velocities (n)."""
-        return np.array([name in ("angle", "rx", "ry", "rz") for name in self.what])
+        return np.array([name in POSE_ANGLES for name in self.what])
 
     @cached_property
     def kernel(self) -> Kernel:

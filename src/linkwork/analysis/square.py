@@ -26,9 +26,8 @@ from linkwork.equations.chart import Chart, choose_chart, choose_independent, so
 from linkwork.equations.effects import rotation_vector
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, checks
+from linkwork.robot.labels import POSES
 
-PLANE = ("x", "y", "angle")
-SPACE = ("x", "y", "z", "rx", "ry", "rz")
 TWIST_ROWS = {"x": 3, "y": 4, "z": 5, "rx": 0, "ry": 1, "rz": 2, "angle": 2}
 SAMPLES = 4
 DEPENDENT = 1e-6
@@ -174,7 +173,7 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
 
 def pose_names(robot: Robot) -> tuple[str, ...]:
     """Return the names of the numbers of a tool pose."""
-    return PLANE if robot.planar else SPACE
+    return POSES[robot.planar]
 
 
 def tool_coordinates(robot: Robot) -> tuple[str, ...]:

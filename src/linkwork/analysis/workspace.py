@@ -31,13 +31,13 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot, State, checks
 from linkwork.robot.assembly import wrapped
+from linkwork.robot.labels import POSE_ANGLES
 
 if TYPE_CHECKING:
     import xarray
 
 FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
 SINGULAR = 1e-9
-ANGLES = ("angle", "rx", "ry", "rz")
 MEANING = {
     "conditioning": ("1", "1 / cond K"),
     "det_A": ("1", "det A over that at the reference"),
@@ -244,7 +244,7 @@ def attributes(name: str, J: Jacobians) -> dict[str, str]:
 
 
 def unit(name: str) -> str:
-    return "rad" if name in ANGLES else "m"
+    return "rad" if name in POSE_ANGLES else "m"
 
 
 def message(good: np.ndarray, poses: Poses) -> str:
@@ -322,7 +322,7 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     axes = [mapped[name].values for name in dims]
     for name, axis in zip(dims, axes, strict=True):
         steps = np.diff(axis)
-        if name in ANGLES or len(axis) < 2 or not np.allclose(steps, steps[0], rtol=1e-6):
+        if name in POSE_ANGLES or len(axis) < 2 or not np.allclose(steps, steps[0], rtol=1e-6):
             raise LinkworkError(f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z")
     inside = mapped["reachable"].values & ~(mapped["conditioning"].values < at_least)
     spacing = [abs(axis[1] - axis[0]) for axis in axes]

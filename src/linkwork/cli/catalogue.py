@@ -6,9 +6,9 @@ from linkwork import robots
 from linkwork.cli.terminal import console, table
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.files import MODELS
 
 SUFFIXES = (".yaml", ".yml")
-OTHERS = (".xml", ".mjcf", ".urdf")
 
 
 def find(name: str) -> Mechanism:
@@ -19,7 +19,7 @@ def find(name: str) -> Mechanism:
     """
     if name in robots.__all__:
         return getattr(robots, name)()
-    if Path(name).suffix.lower() in OTHERS:
+    if Path(name).suffix.lower() in MODELS:
         from linkwork import formats
 
         return formats.load(Path(name)).mechanism

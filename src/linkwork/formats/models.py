@@ -8,9 +8,10 @@ from pathlib import Path
 from linkwork.formats import xml
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import Mechanism, MechanismError
+from linkwork.mechanism.files import MODELS
 
 NATIVE = (".yaml", ".yml")
-READ = (*NATIVE, ".xml", ".mjcf", ".urdf")
+READ = (*NATIVE, *MODELS)
 WRITTEN = (*NATIVE, ".xml", ".mjcf")
 
 

@@ -37,7 +37,7 @@ def written(mechanism: Mechanism) -> str:
 def read_yaml(path: Path) -> Mechanism:
     """Read a mechanism; every refusal begins with the file's name, and the line where there is one."""
     try:
-        text = _text(path)
+        text = text_of(path)
         if path.suffix.lower() in MODELS:
             raise MechanismError(
                 "is a model file by its name, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
@@ -66,19 +66,20 @@ def _reason(error: OSError | ValueError) -> str:
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path, what: str = "a mechanism file", most: int = MAX_BYTES) -> str:
+    """Return the text of a YAML file of at most so many bytes; refusals say what it should be."""
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            content = file.read(most + 1)
     except (OSError, ValueError) as error:
         raise MechanismError(f"cannot be read: {_reason(error)}") from None
-    if len(content) > MAX_BYTES:
-        raise MechanismError(f"is larger than {MAX_BYTES // 10**6} MB; a mechanism file is far smaller")
+    if len(content) > most:
+        raise MechanismError(f"is larger than {most // 10**6} MB; {what} is far smaller")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise MechanismError("is not UTF-8 text; a mechanism file is YAML text", place=f"line {line}") from None
+        raise MechanismError(f"is not UTF-8 text; {what} is YAML text", place=f"line {line}") from None
 
 
 def _mechanism(root: Node) -> Mechanism:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +46,15 @@ def number(value: object, what: str) -> float:
 def positive(value: object, what: str) -> None:
     if not number(value, what) > 0:
         raise LinkworkError(f"{what} is {value}; give a positive number")
+
+
+def run_options(duration: float, rtol: float, atol: float, max_step: float, max_steps: int) -> dict[str, Any]:
+    """Return the options of integration by name; refuse those of a run that are not positive."""
+    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
+        positive(value, name)
+    if max_step != np.inf:
+        positive(max_step, "max_step")
+    return {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
 
 
 def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:

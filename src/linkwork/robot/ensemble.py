@@ -20,6 +20,7 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import checks
 from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
 from linkwork.robot.passage import CLOSURE, SOFT, Passage, Segment
 from linkwork.robot.recording import ON_SINGULAR, ending, labels, statistics, trimmed
@@ -151,15 +152,11 @@ def ensemble(
     progress: bool | Progress = False,
 ) -> Ensemble:
     """Run an ensemble: see `Robot.ensemble`."""
-    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
-        checks.positive(value, name)
-    if max_step != np.inf:
-        checks.positive(max_step, "max_step")
+    options = checks.run_options(duration, rtol, atol, max_step, max_steps)
     if on_singular not in ON_SINGULAR:
         raise LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
     times = np.empty(0) if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
     crew = members(robot, states, forces, parameters or {}, drives, wrenches, duration)
-    options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
     with shown(progress) as report:
         parts, cancelled = together(crew, duration, times, options, threads, report)
         weak = [int(i) for part in parts for i in part.members[part.outcomes.status == Status.SINGULAR]]
@@ -369,7 +366,7 @@ def measured(
     axes = {"joint_position": "coordinate", "joint_rate": "rate"}
     units = {"joint_position": "m, rad", "joint_rate": "m/s, rad/s", "tool_pose": "m, rad", "drive_state": ""}
     if robot.mechanism.tools:
-        coords["pose"] = labels("pose", ("x", "y", "angle") if robot.planar else ("x", "y", "z", "rx", "ry", "rz"))
+        coords["pose"] = labels("pose", POSES[robot.planar])
         axes["tool_pose"] = "pose"
     if extras:
         coords["extra"] = labels("extra", [x.name for x in extras], [x.unit for x in extras])

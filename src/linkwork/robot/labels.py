@@ -13,6 +13,8 @@ from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
 
 SMALLEST = 1e-4  # length below which rounding is not followed [m]
+POSES = {True: ("x", "y", "angle"), False: ("x", "y", "z", "rx", "ry", "rz")}  # of a tool, by planar
+POSE_ANGLES = ("angle", "rx", "ry", "rz")
 UNITS = {slide: "m" for slide in SLIDES} | {TURN: "1"}
 
 

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from linkwork.equations import mobility
 from linkwork.mechanism import GROUND, Mechanism, RodJoint
 
 DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
@@ -61,7 +62,7 @@ class Network:
         place = {name: index for index, name in enumerate(mechanism.bodies)} | {GROUND: -1}
         joints = list(mechanism.pairs.values())
         pairs = tuple((place[joint.connects[0]], place[joint.connects[1]]) for joint in joints)
-        freedoms = [5 if isinstance(joint, RodJoint) else len(joint.rates("")) for joint in joints]
+        freedoms = [mobility.freedoms("", joint, planar=False) for joint in joints]
         counts = [len(joint.rates("")) for joint in joints]
         rates = tuple(slice(end - count, end) for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True))
         rods = frozenset(index for index, joint in enumerate(joints) if isinstance(joint, RodJoint))

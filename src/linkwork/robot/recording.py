@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from linkwork.mechanism.files import written
 from linkwork.robot import checks, derived, limits
 from linkwork.robot.crossing import evaluated
+from linkwork.robot.labels import POSES
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.reactions import COMPONENTS
 from linkwork.robot.state import State
@@ -114,7 +115,7 @@ def record(robot: Robot, system: System, segments: Sequence[Segment], attrs: Map
     if any(spring.damping for spring in robot.mechanism.springs.values()):
         coords["spring"] = labels("spring", tuple(robot.mechanism.springs))
     if robot.mechanism.tools:
-        coords["pose"] = labels("pose", ("x", "y", "angle") if robot.planar else ("x", "y", "z", "rx", "ry", "rz"))
+        coords["pose"] = labels("pose", POSES[robot.planar])
     if system.extras:
         coords["extra"] = labels("extra", [x.name for x in system.extras], [x.unit for x in system.extras])
     if system.acting and system.acting.wrenches:

@@ -59,14 +59,10 @@ def simulate(
     start: time at the start [s]; extras: extra states there; pace: step size; held: inputs held and number of the next
     sample of a sampled controller
     """
-    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
-        checks.positive(value, name)
-    if max_step != np.inf:
-        checks.positive(max_step, "max_step")
+    options = checks.run_options(duration, rtol, atol, max_step, max_steps)
     given = dict(parameters or {})
     own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
     robot = robot.with_parameters(own) if own else robot
-    options = {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
     options |= {"method": (chosen := integrator(method, step))}
     if pace is not None and step is None:
         options["first_step"] = pace

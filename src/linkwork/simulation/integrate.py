@@ -155,13 +155,15 @@ def integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
         *method.plan,
-        np.stack([_tolerance("rtol", rtol, y.size), _tolerance("atol", atol, y.size)]), pivot_bound, closure_tol,
+        _tolerances(rtol, atol, y.size), pivot_bound, closure_tol,
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
         held, period, next_sample, conditions, facts,
     )  # fmt: skip
     ending = Outcome(*[int(number) for number in facts[:COUNTS].tolist()], *facts[COUNTS:].tolist())
-    n, happened = y.size, rows[:, -1] >= 0
-    found, rows = rows[happened], rows[~happened] if happened.any() else rows
+    n, found = y.size, rows[:0]
+    if len(conditions):
+        happened = rows[:, -1] >= 0
+        found, rows = rows[happened], rows[~happened]
     message = Status(ending.status).sentence(
         time=ending.time,
         step=ending.step,
@@ -237,17 +239,22 @@ def _vector(what: str, values: ArrayLike) -> np.ndarray:
     return vector
 
 
+def _tolerances(rtol: ArrayLike, atol: ArrayLike, n: int) -> np.ndarray:
+    """Return rtol and atol (2, n) for each of the n components."""
+    table = np.empty((2, n))
+    table[0], table[1] = _tolerance("rtol", rtol, n), _tolerance("atol", atol, n)
+    return table
+
+
 def _tolerance(name: str, value: ArrayLike, n: int) -> np.ndarray:
-    """Return a tolerance for each of the n components."""
+    """Return a tolerance, one for all of the n components or one for each."""
     given = np.asarray(value, dtype=float)
     if given.shape not in ((), (n,)):
         raise LinkworkError(f"{name} has the shape {given.shape}: give one number, or {n}, one for each of (q, v)")
-    tolerance = np.empty(n)
-    tolerance[:] = given
-    for number in tolerance.tolist():
+    for number in given.ravel().tolist():
         if not 0 < number < math.inf:
             raise LinkworkError(f"{name} must be positive and finite, not {number}")
-    return tolerance
+    return given
 
 
 def _times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:

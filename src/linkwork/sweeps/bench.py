@@ -16,6 +16,7 @@ from linkwork.control.observation import Names
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State, UnreachableError
 from linkwork.robot.assembly import wrapped
+from linkwork.robot.labels import POSES
 from linkwork.robot.system import system
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps import starts
@@ -115,7 +116,7 @@ class Bench:
             "coordinate": robot.coordinates,
             "rate": robot.rates,
             "actuator": robot.actuators,
-            "pose": starts.POSES[robot.planar] if robot.mechanism.tools else (),
+            "pose": POSES[robot.planar] if robot.mechanism.tools else (),
             "extra": tuple(extra.name for extra in self.extras),
         }
 

@@ -20,6 +20,7 @@ from linkwork.mechanism.numbers import edited, located
 from linkwork.mechanism.record import MechanismError
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import MATRICES, wrapped
+from linkwork.robot.labels import POSES
 from linkwork.sweeps.study import Study, StudyError
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 UNREACHABLE, REFUSED = -1, -2
 TOOL, JOINTS, RATES = "start.tool.", "start.joints.", "start.rates."
-POSES = {True: ("x", "y", "angle"), False: ("x", "y", "z", "rx", "ry", "rz")}
 TURNS_LAST = {True: [3, 4, 2], False: [3, 4, 5, 0, 1, 2]}
 ROUNDS = 30
 DAMPING = 1e-12  # of the normal equations, relative to their trace

@@ -18,6 +18,7 @@ from linkwork import robots
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.document import Node, read_document
+from linkwork.mechanism.files import MODELS, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
@@ -202,17 +203,7 @@ def with_place(check: Any, value: Any, where: tuple[str, ...], before: str = "")
 
 
 def _text(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise MechanismError(f"cannot be read: {(error.strerror or str(error)).lower()}") from None
-    if len(content) > MAX_BYTES:
-        raise MechanismError(f"is larger than {MAX_BYTES // 10**6} MB; a study is far smaller")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise MechanismError("is not UTF-8 text; a study is YAML text") from None
+    return text_of(path, "a study", MAX_BYTES)
 
 
 def _study(root: Node, folder: Path) -> Study:
@@ -246,7 +237,7 @@ def _robot(name: Any, folder: Path) -> Mechanism:
             f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has {', '.join(known)}", ("robot",)
         )
     try:
-        if file.suffix.lower() in (".xml", ".mjcf", ".urdf"):
+        if file.suffix.lower() in MODELS:
             from linkwork import formats
 
             return formats.load(file).mechanism

@@ -21,6 +21,7 @@ from linkwork.equations.algebra import rotation_matrix
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot
 from linkwork.robot.assembly import wrapped
+from linkwork.robot.labels import POSES
 from linkwork.simulation import Run, Sampled, Signal, as_signal
 
 if TYPE_CHECKING:
@@ -251,7 +252,7 @@ def as_dataset(comparison: Comparison) -> xarray.Dataset:
         return np.array([np.nan if (value := getattr(curve, field)) is None else value for curve in curves], float)
 
     coordinates = {"unit_of_each": ", ".join(robot.unit(name) for name in robot.coordinates)}
-    pose = ["x", "y", "angle"] if robot.planar else ["x", "y", "z", "rx", "ry", "rz"]
+    pose = list(POSES[robot.planar])
     seconds = "s, wall time of the run (Linkwork: the shortest of a few)"
     return xarray.Dataset(
         {

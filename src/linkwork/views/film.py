@@ -19,14 +19,13 @@ from linkwork.robot import Robot, State
 from linkwork.views import space
 from linkwork.views.plane import fixed_side
 from linkwork.views.shapes import hull
-from linkwork.views.skeleton import Skeleton, skeleton
+from linkwork.views.skeleton import SLIDING, Skeleton, skeleton
 from linkwork.views.style import BLUE, EDGE, GREEN, GREY, INK, LINK, ORANGE, PLATE, VERMILION
 
 FRAMES = 160  # at most
 UNIT = 10_000  # parts of the mechanism's size
 TRIAD = 0.08  # length of a tool's axes, relative to the mechanism
 OVERHANG = 0.05  # of a rail beyond what its slider uses, relative to the mechanism
-BOXES = ("prismatic", "cylindrical", "screw")
 BASE = "#e3e8ec"
 ALONG = 400  # points of the tool's path, at most
 SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
@@ -200,7 +199,7 @@ def parts(pose: Skeleton, named: Layout, planar: bool) -> Iterator[Part]:
         yield Part("dot", at("mass", name, 0), EDGE, 8.0)
     for joint in pose.joints:
         if joint.type != "rod" and not joint.tubed:
-            kind, width = ("box", 6.5) if joint.type in BOXES else ("dot", 4.5)
+            kind, width = ("box", 6.5) if joint.type in SLIDING else ("dot", 4.5)
             yield Part(kind, at("joint", joint.name, 1), ORANGE if joint.driven else "#ffffff", width)
     for name in pose.tools:
         for axis, colour in ((1, VERMILION), (2, GREEN)) if planar else ((1, VERMILION), (2, GREEN), (3, BLUE)):
@@ -215,7 +214,7 @@ def fixed(robot: Robot, states: State, poses: Sequence[Skeleton], size: float) -
         for face in hull(np.array(anchors)):
             yield Part("ground", face, BASE)
     for places, anchor in zip(grounded, anchors, strict=True):
-        if places[-1].type in BOXES:
+        if places[-1].type in SLIDING:
             travel = fixed_side(places)[1]
             ends = [min(0.0, *travel) - OVERHANG * size, max(0.0, *travel) + OVERHANG * size]
             yield Part("line", anchor + np.outer(ends, places[-1].axes[0]), GREY, 2.0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from linkwork.mechanism import GROUND
 from linkwork.views.canvas import Canvas
-from linkwork.views.skeleton import JointPlace
+from linkwork.views.skeleton import SLIDING, JointPlace
 from linkwork.views.style import EDGE, GREEN, GREY, LINK, ORANGE, PALE, VERMILION
 
 SLIDER = np.array([0.075, 0.042])  # length and width, relative to the mechanism
@@ -27,7 +27,7 @@ INSIDE = {"spherical": (".", 3.5), "universal": ("x", 4.5), "screw": ("2", 5.0)}
 
 def slides(joint: JointPlace) -> bool:
     """Tell whether a joint slides along an axis in the plane."""
-    return joint.type in ("prismatic", "cylindrical", "screw") and abs(joint.axes[0][2]) < 0.5
+    return joint.type in SLIDING and abs(joint.axes[0][2]) < 0.5
 
 
 def draw_joint(canvas: Canvas, joint: JointPlace) -> None:

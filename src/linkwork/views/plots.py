@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.errors import LinkworkError
+from linkwork.robot.labels import POSE_ANGLES
 from linkwork.simulation import Run
 from linkwork.views.style import label_time, look, new_figure, styled
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 TIME = "time"
 USUAL = ("tool_pose", "joint_position", "joint_rate", "actuator_force")
-ANGLES = ("angle", "rx", "ry", "rz")
 WIDTH, HEIGHT = 7.2, 2.1  # of a panel and its legend [in]
 CURVES, DASH, LETTER = 5.6, 0.5, 0.068  # widths of what a panel and its legend are made of [in]
 LEGEND_ROWS = 9
@@ -115,7 +115,9 @@ def units_of(dataset: xarray.Dataset, name: str, labels: Sequence[str]) -> list[
     if dataset[name].ndim == 1:
         return [f"{linear} or {angular}"]
     units = {"m": linear, "rad": angular, "1": "1"}
-    kinds: dict[str, str] = dict.fromkeys(ANGLES, "rad") if "pose" in dataset[name].dims else kinds_of_joints(dataset)
+    kinds: dict[str, str] = (
+        dict.fromkeys(POSE_ANGLES, "rad") if "pose" in dataset[name].dims else kinds_of_joints(dataset)
+    )
     return [units[kinds.get(label, "m")] for label in labels]
 
 

@@ -23,6 +23,7 @@ from linkwork.robot import Robot, State
 from linkwork.views.shapes import arc, hull
 from linkwork.views.solids import Solid, solid_of
 
+SLIDING = ("prismatic", "cylindrical", "screw")  # joint types that slide along their axis
 TOGETHER = 1e-9  # distance of points, relative to the mechanism, below which they are one
 APART = 0.1  # distance of points, relative to the mechanism, above which they are seen apart
 POINT_MASS = 0.2  # radius of gyration over the distance to the farthest joint, below which a mass is nearly a point

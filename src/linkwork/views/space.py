@@ -16,13 +16,12 @@ import numpy as np
 from linkwork.views.canvas import Canvas, direction
 from linkwork.views.plane import TRIAD, fixed_side, hatched
 from linkwork.views.shapes import across, helix, hull, prism
-from linkwork.views.skeleton import JointPlace
+from linkwork.views.skeleton import SLIDING, JointPlace
 from linkwork.views.style import BLUE, EDGE, GREEN, GREY, LINK, ORANGE, PALE, VERMILION
 
 ELEVATIONS, AZIMUTHS = (24, 34), (-56, -68, -40, -24, 22, 36)  # of the viewer [deg]; the first ones where they serve
 BETTER = 0.1  # by how much another must be better
 CLOSE = 0.02  # distance in the picture that counts as none, relative to the mechanism
-SLIDING = ("prismatic", "cylindrical", "screw")
 BOXED = 3.8  # level of boxes, below that of what may turn in them
 SHADE = {False: "#98a4b0", True: "#b97d00"}  # sides of round solids: passive, driven
 SOLIDS = {  # circumradius, length relative to the mechanism, and sides

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from linkwork.mechanism.joints import QUATERNION, TURN
+from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot
-from linkwork.robot.limits import limited
 
 SIDES = {-1: "lower", 1: "upper"}
 

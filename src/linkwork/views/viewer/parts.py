@@ -14,11 +14,11 @@ import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
 from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Mechanism, Polygon, Sphere
+from linkwork.mechanism.limits import limited
 from linkwork.mechanism.shapes import Shape
 from linkwork.robot import Robot
-from linkwork.robot.limits import limited
 from linkwork.views.shapes import hull
-from linkwork.views.skeleton import JointPlace, Pose, Skeleton, skeleton
+from linkwork.views.skeleton import SLIDING, JointPlace, Pose, Skeleton, skeleton
 from linkwork.views.viewer.meshes import BALL, BLOCK, POST, Mesh, capsule, coil, frame_along, plate, slab, solid, tube
 
 Role = Literal["member", "shell", "joint", "driven", "ground", "mass", "rod"]
@@ -36,7 +36,6 @@ SLIDER, CUBE, PAD = (0.04, 0.04, 0.06), (0.035, 0.035, 0.035), (0.09, 0.09, 0.00
 RAIL, OVERHANG = 0.008, 0.3  # radius of a rail, and what it is longer at either end than the slider needs
 TUBE, TUBE_PART = 0.013, 0.55  # radius of a telescope's tube, and its part of the length
 COILS, COIL, WIRE = 8, 0.022, 0.004
-SLIDING = ("prismatic", "cylindrical", "screw")
 
 
 @dataclass(frozen=True, eq=False)
