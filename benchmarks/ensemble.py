@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -24,6 +25,7 @@ from benchmarks.work_precision import JOINTS, Curve
 
 RTOL = 1e-8
 PER_RUN, SCALING = 2.0, 1.9
+BLOCK, CALLS = 4096, 1200  # states in a call, and calls, of each share of the kernel alone
 PUSH, ASIDE = 0.1, 0.01  # spread of the first slider's force, relative; forces on the others [N]
 EQUAL_ERRORS = (1e-4, 1e-6, 1e-8)
 LINKWORK, ROLLOUT, PINOCCHIO = "Linkwork, ensemble", "MuJoCo RK4, rollout", "Pinocchio RK4, loop"
@@ -64,9 +66,11 @@ def run(sizes: Sizes | None = None) -> Section:
     task, cores = second_of_pushing(robot), usable_processors()
     forces = spread(task, sizes.members)
     whole = {n: Contender(partial(simulated, robot, task, forces, RTOL, n), sizes.members) for n in {1, cores}}
-    seconds = interleaved(whole, sizes.rounds)
+    plain = {f"kernel, {n}": Contender(partial(evaluated, robot, task, cores, n)) for n in {1, cores}}
+    seconds = interleaved(whole | plain, sizes.rounds)
     done = simulated(robot, task, forces, RTOL, cores)
     alone, together = (float(np.median(seconds[n])) for n in (1, cores))
+    machine = float(np.median(seconds["kernel, 1"]) / np.median(seconds[f"kernel, {cores}"]))
     curves = throughput(robot, task, sizes)
     figures = [
         Figure(f"{sizes.members} runs of 1 s, rtol 1e-8, one thread: per run", 1e6 * alone, "µs", PER_RUN,
@@ -74,6 +78,7 @@ def run(sizes: Sizes | None = None) -> Section:
         Figure(f"the same on {cores} threads: per run and core", 1e6 * together * cores, "µs", PER_RUN),
         Figure(f"one thread's time over that of {cores}", alone / together if cores > 1 else None, "",
                SCALING if cores <= 2 else None, "at least", "" if cores > 1 else "one core"),
+        Figure(f"the same of evaluations of the kernel alone, a tenth of a second on {cores} threads", machine, ""),
         Figure("members that did not reach their ends", float(len(done.failed)), "", 0.0),
         Figure("largest closure error", float(done.closure_error.max()), "m"),
         *ratios(curves),
@@ -83,6 +88,21 @@ def run(sizes: Sizes | None = None) -> Section:
         "curves": {name: vars(curve) for name, (curve, _) in curves.items()},
     }
     return Section("Ensembles", METHOD, figures, raw, listing=Listing(COLUMNS, rows(curves)))
+
+
+def evaluated(robot: lw.Robot, task: Task, shares: int, threads: int) -> None:
+    """Evaluate the motion kernel in equal shares, dealt to threads: what the machine gives where nothing else happens."""
+    motion = robot.kernel("motion")
+    states = [
+        np.repeat(part[None], BLOCK, axis=0) for part in (task.start.q, task.start.rates, task.signal(np.zeros(1))[0])
+    ]
+
+    def share(_: int) -> None:
+        for _ in range(CALLS):
+            motion(*states)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(share, range(shares)))
 
 
 def spread(task: Task, members: int) -> np.ndarray:

@@ -29,7 +29,7 @@ from benchmarks.timing import Contender, interleaved
 from benchmarks.work_precision import JOINTS, Curve
 from tests.oracle import andrews
 
-OURS = ("dormand_prince", "dop853", "rodas")
+OURS = ("sharp_smart", "dormand_prince", "dop853", "rodas")
 LINKWORK = "Linkwork, {}"
 SCIPY = "SciPy, {}"
 MUJOCO, EXUDYN = "MuJoCo, RK4", "Exudyn"
@@ -251,7 +251,7 @@ def simulated(problem: Problem, engine: MujocoEngine | ExudynEngine, steps: int)
 
 def ratios(title: str, found: Mapping[str, Measured]) -> list[Figure]:
     """Return how many times longer others take for the same error."""
-    figures, mine = [], found[LINKWORK.format("dormand_prince")].curve
+    figures, mine = [], found[LINKWORK.format("sharp_smart")].curve
     for theirs in (name for name in found if not name.startswith(LINKWORK.format(""))):
         for error in EQUAL_ERRORS:
             quick, slow = mine.time_at(error), found[theirs].curve.time_at(error)

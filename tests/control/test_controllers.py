@@ -171,8 +171,16 @@ def test_lqr_of_a_closed_loop_robot(robot):
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: PD({"slid": 1.0}, 1.0, 1.0), "there is no coordinate in the goal 'slide'; there are slid"),
+        (lambda: PD({"slid": 1.0}, 1.0, 1.0), "the goal lacks slide; give all of slide"),
         (lambda: PD(lw.Sampled([0, 1], np.zeros((2, 2))), 1.0, 1.0), "the goal has 2 columns; give 1: slide"),
+        (lambda: PD("home", 1.0, 1.0), "the goal is 'home'; give a state, a motion"),
+        (lambda: PD(5, 1.0, 1.0), "the goal is 5; give a state"),
+        (lambda: PD({"slide": 0.0}, [1.0], 1.0), r"the parameter 'kp' is \[1.0\]; give one number"),
+        (lambda: PD({"slide": 0.0}, np.nan, 1.0), "the parameter 'kp' is nan; give finite numbers"),
+        (
+            lambda: PD({"slide": 0.0}, 1.0, 1.0, pendulum().mechanism),
+            "model of a controller is a Mechanism; give a linkwork.R",
+        ),
         (lambda: PD({"slide": 0.0}, {"slid": 1.0}, 1.0), "the gain kp lacks 'slide'"),
         (
             lambda: ComputedTorque({"slide": 0.0}, pendulum(), 1.0, 1.0),
@@ -189,6 +197,22 @@ def test_refusals(make, sentence):
 def test_weights_of_another_shape_are_refused():
     with pytest.raises(lw.LinkworkError, match=r"the weights Q have the shape \(3,\); give 2 numbers, or 2 x 2"):
         LQR.about(cart(), cart().home, [1, 2, 3], [1])
+
+
+@pytest.mark.parametrize(
+    ("Q", "R", "sentence"),
+    [
+        ([1.0, 1.0], [0.0], "the weights R of the forces are not positive definite"),
+        ([1.0, 1.0], [np.nan], r"R\[0\] is nan"),
+        ([1.0, 1.0], "a", "R is 'a'"),
+        ([0.0, 0.0], [1.0], "cannot be stabilised with these weights"),
+        ([1.0, 1.0], [1e-30], "cannot be stabilised with these weights"),
+        ([0.0, 1.0], [1.0], "cannot be stabilised with these weights"),
+    ],
+)
+def test_weights_that_stabilise_nothing_are_refused(Q, R, sentence):
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        LQR.about(cart(), cart().home, Q, R)
 
 
 def test_controllers_work_with_numbers_too(robot):

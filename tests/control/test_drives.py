@@ -165,6 +165,7 @@ def test_leakage_bleeds_a_pressure_difference():
     [
         ({"slid": Ideal()}, "there is no actuator 'slid' for a drive; there are slide"),
         ({"slide": 3.0}, "the drive of 'slide' is 3.0"),
+        ([Lag(0.1)], r"drives are \[Lag.*; give them by name"),
     ],
 )
 def test_refusals(plant, drives, sentence):
@@ -173,5 +174,30 @@ def test_refusals(plant, drives, sentence):
 
 
 def test_numbers_that_no_drive_has_are_refused():
+    for make, sentence in {
+        lambda: Lag("a"): "time_constant of Lag is 'a'; give numbers",
+        lambda: DCMotor(1.0, 1e-3, 0.05, gear=np.nan): "gear of DCMotor is nan; give finite numbers",
+        lambda: Lag(0.1, initial_force=np.inf): "initial_force of Lag is inf",
+    }.items():
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            make()
     with pytest.raises(lw.LinkworkError, match="time_constant of Lag is 0; give a positive number"):
         Lag(0)
+
+
+def test_parameters_that_no_drive_has_are_refused(plant):
+    sentence = "the drive of 'slide': resistance of DCMotor is -1.0; give a positive number"
+    given = {"duration": 0.1, "drives": {"slide": DCMotor(1.0, 1e-3, 0.05)}}
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        plant.simulate(plant.home, [1.0], parameters={"slide.resistance": -1.0}, **given)
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        plant.ensemble(plant.home, [1.0], {"slide.resistance": [1.0, -1.0]}, **given)
+
+
+@pytest.mark.parametrize("drive", [Saturated(5.0), Saturated(5.0, smooth=True), Lag(0.1)])
+def test_no_drive_hides_an_undefined_command(plant, drive):
+    run = plant.simulate(plant.home, lambda t, s: [lw.math.log(0.2 - t)], duration=0.4, drives={"slide": drive})
+    assert run.status is lw.Status.NON_FINITE and np.isclose(run.attrs["final_time"], 0.2, 1e-6)
+    assert "the controller's force on slide is infinite or undefined" in run.message
+    members = plant.ensemble(plant.home, lambda t, s: [lw.math.log(0.2 - t)], duration=0.4, drives={"slide": drive})
+    assert members.status[0] == lw.Status.NON_FINITE and "the controller's force on slide" in members.message(0)

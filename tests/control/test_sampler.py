@@ -97,12 +97,65 @@ def test_a_wrong_number_of_forces_ends_the_run(plant):
     assert run.status is lw.Status.CALLBACK_FAILED and "returns 2 values; give 1: slide" in run.message
 
 
-def test_an_interrupt_is_not_swallowed(plant):
+def test_an_interrupt_cancels_the_run_and_keeps_what_was_computed(plant):
     def interrupted(t, state):
-        raise KeyboardInterrupt
+        if t > 0.45:
+            raise KeyboardInterrupt
+        return [1.0]
 
-    with pytest.raises(KeyboardInterrupt):
-        plant.simulate(plant.home, Sampler(interrupted, 10.0), duration=1.0)
+    run = plant.simulate(plant.home, Sampler(interrupted, 10.0), duration=1.0)
+    assert run.status is lw.Status.CANCELLED and isinstance(run.error, KeyboardInterrupt)
+    assert run.message == "The run was cancelled at t = 0.5 s."
+    assert np.isclose(run.dataset.joint_position.values[-1, 0], 0.5**2 / 4)
+
+
+def test_a_wish_to_leave_is_not_swallowed(plant):
+    def leaving(t, state):
+        raise SystemExit
+
+    with pytest.raises(SystemExit):
+        plant.simulate(plant.home, Sampler(leaving, 10.0), duration=1.0)
+
+
+@pytest.mark.parametrize("late", [0, 3])
+@pytest.mark.parametrize("fault", ["raised", "undefined", "undefined, compiled"])
+def test_a_run_goes_on_with_a_repaired_controller(plant, late, fault):
+    """The call that failed is repeated, and what was to act later still does: the discrete recursion, uninterrupted."""
+
+    def broken(t, state):
+        if fault == "raised" and t > 0.45:
+            raise RuntimeError("sensor lost")
+        return [LAW(t, state)[0] if fault == "raised" else LAW(t, state)[0] + 1e-30 * lw.math.sqrt(0.45 - t)]
+
+    with np.errstate(invalid="ignore"):
+        failed = plant.simulate(
+            plant.home, Sampler(broken, 10.0, delay=late / 10, compiled="compiled" in fault), duration=1.0
+        )
+    assert not failed.success and failed.attrs["final_time"] == 0.5
+    run = plant.resume(failed, Sampler(LAW, 10.0, delay=late / 10), duration=0.5)
+    assert run.success
+    assert np.isclose(run.dataset.joint_position.values[-1, 0], discrete(10.0, 10, late)[-1], 0, 1e-9)
+
+
+def test_a_resumed_run_is_sampled_at_its_own_rate(plant):
+    times = []
+
+    def noted(t, state):
+        times.append(t)
+        return [0.0]
+
+    run = plant.simulate(plant.home, Sampler(noted, 10.0), duration=0.45)
+    times.clear()
+    assert plant.resume(run, Sampler(noted, 16.0), duration=0.3).success
+    assert np.array_equal(times, np.arange(8, 12) / 16)
+
+
+def test_a_resumed_run_needs_the_delay_that_it_had(plant):
+    run = plant.simulate(plant.home, Sampler(LAW, 10.0), duration=0.45)
+    with pytest.raises(
+        lw.LinkworkError, match="ended with 1 held inputs, but this controller holds 3; give it the delay"
+    ):
+        plant.resume(run, Sampler(LAW, 10.0, delay=0.2), duration=0.5)
 
 
 @pytest.mark.parametrize(
@@ -140,11 +193,30 @@ def test_a_change_of_chart_keeps_what_is_held():
         ({"rate": 100, "delay": -0.01}, "the delay of a sampler is -0.01 s"),
         ({"quantise": -1e-3}, "the step of a quantised coordinate is -0.001"),
         ({"quantise": {"slide": 0}}, "the step of a quantised coordinate is 0"),
+        ({"quantise": 0}, "the step of a quantised coordinate is 0"),
+        ({"quantise": "x"}, "the step of a quantised coordinate is 'x'"),
+        ({"rate": "a"}, "the rate of a sampler is 'a'"),
+        ({"delay": "x"}, "the delay of a sampler is 'x'"),
     ],
 )
 def test_refusals(options, sentence):
     with pytest.raises(lw.LinkworkError, match=sentence):
         Sampler(LAW, **options)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_steps_of_unknown_coordinates_are_refused(plant, compiled):
+    with pytest.raises(lw.LinkworkError, match="there is no coordinate to quantise 'foo'; there are slide"):
+        plant.simulate(plant.home, Sampler(LAW, quantise={"foo": 1e-3}, compiled=compiled), duration=0.1)
+
+
+@pytest.mark.parametrize(
+    ("result", "sentence"),
+    [(lambda: 1 / 0, "raised ZeroDivisionError: division by zero."), (lambda: next(iter(())), "raised StopIteration.")],
+)
+def test_what_was_raised_is_told_with_its_text_if_it_has_one(plant, result, sentence):
+    run = plant.simulate(plant.home, Sampler(lambda t, state: result(), 100.0), duration=0.1)
+    assert run.status is lw.Status.CALLBACK_FAILED and run.message.endswith(sentence)
 
 
 def test_no_function_no_sampler():

@@ -163,6 +163,9 @@ def test_the_same_law_in_every_chart():
 # Refusals
 
 
+SHORT = lw.Sampled([0.0, 0.5], np.zeros((2, 1)), kind="linear")
+
+
 def branching(t, state):
     return [1.0 if state["slide"] > 0 else -1.0]
 
@@ -192,18 +195,25 @@ class Integrating:
 @pytest.mark.parametrize(
     ("law", "sentence"),
     [
-        (branching, r"the controller cannot be traced with symbols.*where.*Sampler"),
+        (branching, r"cannot be traced with symbols \(it branches on the value of a symbol\); .*where.*Sampler$"),
+        (lambda t, state: None, r"the controller returns None; give 1 number: slide"),
+        (lambda t, state: [None], r"the controller returns a list of NoneType; give 1 number: slide"),
+        (lambda t, state: [state.parameter("k", np.nan)], r"the parameter 'k' is nan; give finite numbers"),
+        (lambda t, state: [state.parameter("k", [1.0])], r"the parameter 'k' is \[1.0\]; give one number"),
+        (Counting, r"the controller is the class Counting; make one of it, Counting\(...\)"),
+        (lw.control.PID, r"the controller is the class PID"),
+        (lambda t, state: [SHORT(t)[0]], r"the controller reads a signal from 0 s to 0.5 s, but the run goes from 0 s to 1 s"),
         (rounding_to_float, r"the controller returns other values with numbers"),
         (Counting(), r"it branches on values, or keeps memory.*Sampler"),
         (lambda t, state: [math.sin(state["slide"])], r"returns other values with numbers|cannot be traced"),
         (lambda t, state: [1.0, 2.0], r"the controller returns 2 values; give 1: slide"),
         (
             lambda t, state: (lw.math.array([state["slide"]]), {}),
-            r"the controller returns a tuple of ndarray, dict; give 1 numbers: slide$",
+            r"the controller returns a tuple of ndarray, dict; give 1 number: slide$",
         ),
         (Integrating(), r"the controller returns a list of SX; give the forces, and the rates of sum$"),
         (lambda t, state: {"slid": 1.0}, r"the controller returns a value for 'slid'; there are slide"),
-        (lambda t, state: "full speed", r"the controller returns 'full speed'; give 1 numbers: slide"),
+        (lambda t, state: "full speed", r"the controller returns 'full speed'; give 1 number: slide"),
         (lambda t, state: [state["slid"]], r"there is no joint coordinate 'slid'; there are slide"),
         (lambda t, state: [state.rate("slid")], r"there is no joint rate 'slid'"),
         (lambda t, state: [state.body("card").position[0]], r"there is no body 'card'; there are cart"),

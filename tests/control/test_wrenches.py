@@ -103,7 +103,17 @@ def test_constants_of_a_wrench_are_not_compiled_in(robot, state, monkeypatch):
     ("make", "sentence"),
     [
         (lambda: Wrench("platfrom", force=[1, 0, 0]), "there is no body 'platfrom' for a wrench"),
-        (lambda: Wrench("platform", force=[1, 0]), "the wrench on 'platform' returns 2 values; give 3: x, y, z"),
+        (
+            lambda: Wrench("platform", force=[1, 0]),
+            r"the force of the wrench on 'platform' is \[1, 0\]; give three numbers",
+        ),
+        (lambda: Wrench("platform", force="abc"), "the force of the wrench on 'platform' is 'abc'"),
+        (lambda: Wrench("platform", moment=[0, 0, np.inf]), r"the moment of the wrench on 'platform'\[2\] is inf"),
+        (lambda: ("platform", [1, 0, 0]), r"one of wrenches is \('platform', .*; give linkwork.control.Wrench"),
+        (
+            lambda: Wrench("platform", force=lw.Sampled([0, 1e-9], np.zeros((2, 3)))),
+            "the wrench on 'platform' reads a signal",
+        ),
         (lambda: Wrench("platform", frame="tool"), "the frame of the wrench on 'platform' is 'tool'"),
         (lambda: Wrench("platform", point=(1, 2)), "the point of the wrench on 'platform'"),
         (lambda: Wrench("platform", force=lambda t, s: [1, 2]), "the wrench on 'platform' returns 2 values"),
@@ -112,6 +122,17 @@ def test_constants_of_a_wrench_are_not_compiled_in(robot, state, monkeypatch):
 def test_refusals(robot, state, make, sentence):
     with pytest.raises(lw.LinkworkError, match=sentence):
         accelerations(robot, state, [make()])
+
+
+def test_one_wrench_is_no_list_of_them(robot, state):
+    with pytest.raises(lw.LinkworkError, match=r"wrenches are Wrench.*; give a list"):
+        robot.simulate(state, duration=0.1, wrenches=Wrench("platform"))
+
+
+def test_an_undefined_wrench_is_named(robot):
+    lost = Wrench("platform", force=lambda t, s: [lw.math.log(0.02 - t), 0, 0])
+    run = robot.simulate(robot.home, duration=0.05, wrenches=[lost])
+    assert run.status is lw.Status.NON_FINITE and "the wrench on 'platform' is infinite or undefined" in run.message
 
 
 # Payloads

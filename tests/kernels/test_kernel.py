@@ -223,16 +223,19 @@ def _aligned(*shape: int) -> np.ndarray:
     return memory[start : start + np.prod(shape)].reshape(shape)
 
 
-def test_evaluate_into():
+def test_one_state_as_flat_vectors():
     f = random_function(5)
     kernel = compile_function(f)
-    x, y = np.random.default_rng(0).normal(size=kernel.n_in), np.empty(kernel.n_out)
-    kernel.evaluate_into(x, y)
-    assert_close(y, np.concatenate(evaluate(f, *np.split(x, [4, 8]))))
-    with pytest.raises(
-        KernelError, match=r"'random_5' evaluates from shape \(12,\) into shape \(22,\), not from \(11,\)"
-    ):
-        kernel.evaluate_into(x[1:], y)
+    x = np.random.default_rng(0).normal(size=kernel.n_in)
+    expected = np.concatenate(evaluate(f, *np.split(x, [4, 8])))
+    first = kernel.flat(x)
+    assert_close(first, expected)
+    assert_close(kernel.flat(x[:5], x[5:]), expected)
+    kernel.flat(2 * x)
+    assert_close(first, expected)  # it is the caller's own
+    for parts, shown in ((x[1:],), r"\(11,\)"), ((x[:8], x[7:]), r"\(8,\) and \(5,\)"), ((x[None],), r"\(1, 12\)"):
+        with pytest.raises(KernelError, match=rf"'random_5' takes 12 numbers, not parts of {shown}"):
+            kernel.flat(*parts)
 
 
 def test_threads_do_not_disturb_each_other():

@@ -172,14 +172,41 @@ def test_a_traced_controller_does_work():
     assert relative(traced) < 1e-7
 
 
-def test_a_sampled_controller_s_work_is_known_where_each_of_its_calls_is_saved():
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_sampled_controller_s_work_is_known_however_seldom_it_is_saved(compiled):
     robot = arm()
-    law = lw.control.Sampler(lambda t, state: [np.sin(20 * t) - state.rate("hinge")], rate=50)
-    data = robot.simulate(robot.home, law, duration=0.5).dataset
-    assert relative(data) < 1e-6
-    assert float(np.abs(data.work).max()) > 1e-3
-    seldom = robot.simulate(robot.home, law, duration=0.5, save_at=[0.0, 0.01, 0.3, 0.5]).dataset
-    assert np.isnan(seldom.work.values).tolist() == [False, False, True, True]
+
+    def law(t, state):
+        return [lw.math.sin(20 * t) - state.rate("hinge")]
+
+    sampler = lw.control.Sampler(law, rate=50, delay=0.04, compiled=compiled)
+    every = robot.simulate(robot.home, sampler, duration=0.5)
+    assert relative(every.dataset) < 1e-6
+    assert float(np.abs(every.dataset.work).max()) > 1e-3
+    times = [0.01, 0.3, 0.47]
+    seldom = robot.simulate(robot.home, sampler, duration=0.5, save_at=times)
+    assert seldom.coords["time"].values.tolist() == times
+    assert relative(seldom.dataset) < 1e-6
+    later = robot.resume(robot.simulate(robot.home, sampler, duration=0.31), sampler, duration=0.19, save_at=[0.5])
+    whole, part = (run.dataset.work.values[-1] for run in (every, robot.simulate(robot.home, sampler, duration=0.31)))
+    close(later.dataset.work.values, np.array([whole - part]), 1e-7)
+
+
+def test_a_sampled_controller_s_work_across_changes_of_chart():
+    robot = built("prr3")
+    law = lw.control.Sampler(lambda t, state: [5.0 + np.sin(9 * t), 0.0, 0.0], rate=20.0)
+    run = robot.simulate(robot.home, law, duration=1.0, save_at=[0.0, 0.31, 0.9, 1.0])
+    assert "; from " in run.attrs["charts"]
+    assert relative(run.dataset) < 1e-6
+
+
+def test_the_work_of_a_motor_whose_current_settles_between_saved_times():
+    """Saved times and steps of a method of high order are several of its time constants L / R apart."""
+    robot, motor = arm(), lw.control.DCMotor(resistance=1.2, inductance=2e-3, torque_constant=0.05, gear=40.0)
+    run = robot.simulate(
+        robot.home, [12.0], drives={"hinge": motor}, duration=0.5, method="dop853", save_at=np.linspace(0, 0.5, 51)
+    )
+    assert relative(run.dataset) < 1e-6
 
 
 def test_implicit_steps_longer_than_explicit_ones_could_be():

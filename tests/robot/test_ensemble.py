@@ -1,5 +1,7 @@
 """Ensembles against the same runs one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,33 +10,14 @@ from linkwork import Sampled, Status
 from linkwork.errors import LinkworkError
 from linkwork.simulation import as_signal
 
+from tests.robot.one_by_one import random, require_equal
+
 T = np.linspace(0.0, 0.4, 5)
 
 
 @pytest.fixture(scope="module")
 def prr3():
     return lw.Robot(lw.robots.prr3())
-
-
-def random(*shape, seed=3):
-    return np.random.default_rng(seed).normal(size=shape)
-
-
-def require_equal(members, runs):
-    """Require that every member came to what its own run came to."""
-    assert len(members) == len(runs)
-    for i, run in enumerate(runs):
-        assert members.status[i] == run.status, members.message(i)
-        assert members.message(i) == run.message
-        assert members.end_time[i] == pytest.approx(run.attrs["final_time"], rel=1e-12)
-        np.testing.assert_allclose(members.final.q[i], run.attrs["final_q"], rtol=1e-12, atol=1e-13)
-        for name in ("nfev", "steps", "rejected"):
-            assert getattr(members, name)[i] == getattr(run, name)
-        for name in ("joint_position", "joint_rate", "tool_pose", "drive_state"):
-            if name in run.dataset:
-                given, reached = run.dataset[name].values, members.dataset[name].values[i]
-                np.testing.assert_allclose(reached[: len(given)], given, rtol=1e-11, atol=1e-12)
-                assert np.isnan(reached[len(given) :]).all()
 
 
 @pytest.mark.parametrize("name", ["prr3", "spatial_slider_crank", "pendulum", "rpr3"])
@@ -121,13 +104,38 @@ def test_members_that_fail_are_named_and_the_others_go_on(prr3):
     assert members.failed.tolist() == [4]
     assert not members.success
     assert members.status[4] == Status.NON_FINITE
-    assert "t = 0 s" in members.message(4)
+    assert "t = 0 s: the force on slide_2 is infinite or undefined" in members.message(4)
     assert members.dataset.status.values.tolist() == ["FINISHED"] * 4 + ["NON_FINITE"] + ["FINISHED"] * 2
     others = np.arange(7) != 4
     require_equal(
         prr3.ensemble(prr3.home, forces[others], duration=0.4, save_at=T),
         [prr3.simulate(prr3.home, u, duration=0.4, save_at=T) for u in forces[others]],
     )
+
+
+def test_members_with_numbers_that_no_robot_has_are_refused():
+    """As single runs refuse them: a mass below zero, wherever it stands, and loops that a shifted pivot opens."""
+    robot = lw.Robot(lw.robots.prr3()).free("platform.mass", "link_1.mass", "pivot_1.frames.0.position.y")
+    for values, member in {(1.0, -0.1): 1, (-0.1, 1.0): 0, (1.0, 1.0, 1.0, 1.0, -0.1, 1.0): 4}.items():
+        with pytest.raises(LinkworkError, match=rf"member {member}: bodies.platform.mass: -0.1 is below 0"):
+            robot.ensemble(robot.home, None, {"platform.mass": values, "link_1.mass": 0.7}, duration=0.1)
+    shifted = {"pivot_1.frames.0.position.y": [0.0, 0.01]}
+    with pytest.raises(LinkworkError, match=r"member 1: .*its loops are open by 0.00968 here"):
+        robot.ensemble(robot.home, None, shifted, duration=0.1)
+    other = robot.with_parameters({"pivot_1.frames.0.position.y": 0.01})
+    parts = {name: np.stack([getattr(of.home, name) for of in (robot, other)]) for name in ("positions", "rates", "q")}
+    states = replace(robot.home, **parts)
+    members = robot.ensemble(states, [0.1, 0.0, 0.0], shifted, duration=0.1)
+    alone = other.simulate(other.home, [0.1, 0.0, 0.0], duration=0.1)
+    assert np.allclose(members.final.q[1], alone.attrs["final_q"], 0, 1e-9)
+
+
+def test_a_controller_that_is_undefined_is_named(prr3):
+    law = lambda t, state: [0.0, 0.0, lw.math.log(0.2 - t)]  # noqa: E731
+    members = prr3.ensemble(prr3.home, law, duration=0.4)
+    run = prr3.simulate(prr3.home, law, duration=0.4)
+    for message in (members.message(0), run.message):
+        assert "t = 0.2 s: the controller's force on slide_3 is infinite or undefined" in message
 
 
 def test_no_members_and_one(prr3):
@@ -175,7 +183,6 @@ def test_progress_on_the_terminal(prr3, capfd):
         (None, {"duration": 0.0}, "duration is 0.0; give a positive number"),
         (None, {"on_singular": "jump"}, "on_singular is 'jump'"),
         (None, {"save_at": [0.3, 0.1]}, "must increase"),
-        (lw.control.Sampler(lambda t, state: [0, 0, 0], rate=100), {}, "Sampler"),
         ([as_signal([1.0])] * 2, {}, "have 1 columns"),
     ],
 )

@@ -35,7 +35,7 @@ def test_a_pendulum_swings_alike_by_all_methods(robot, method):
 @pytest.mark.parametrize(
     ("method", "step", "told"),
     [
-        ("euler", None, "there is no method 'euler'; there are dormand_prince, dop853, rodas, rk4, symplectic_euler"),
+        ("euler", None, "there is no method 'euler'; there are sharp_smart, dormand_prince, dop853, rodas, rk4, "),
         ("rk4", None, "rk4 needs a step"),
         ("rodas", 0.1, "rodas chooses its own steps"),
     ],
@@ -64,3 +64,55 @@ def test_the_linear_model_of_a_regulator_is_that_of_the_study():
     np.testing.assert_array_equal(A, model.A)
     np.testing.assert_array_equal(B, model.B)
     assert lw.analysis.holding is linear.holding
+
+
+@pytest.fixture(scope="module")
+def parallel():
+    return lw.Robot(lw.robots.prr3())
+
+
+def test_charts_are_told_with_the_times_at_which_they_were_taken(parallel):
+    """Saved seldom, as when every step is saved."""
+    every = parallel.simulate(parallel.home, [5.0, 0.0, 0.0], duration=1.0)
+    seldom = parallel.simulate(parallel.home, [5.0, 0.0, 0.0], duration=1.0, save_at=[0.0, 1.0])
+    assert "; from " in every.attrs["charts"]
+    assert seldom.attrs["charts"] == every.attrs["charts"]
+
+
+def test_the_steps_allowed_are_told_as_they_were_given(parallel):
+    whole = parallel.simulate(parallel.home, [5.0, 0.0, 0.0], duration=1.0)
+    allowed = whole.steps + whole.rejected - 2
+    run = parallel.simulate(parallel.home, [5.0, 0.0, 0.0], duration=1.0, max_steps=allowed)
+    assert "; from " in run.attrs["charts"] and run.status is lw.Status.TOO_MANY_STEPS
+    assert f"max_steps = {allowed} steps" in run.message
+
+
+def test_the_first_terminal_event_of_an_instant_is_named(robot):
+    """Three zeros at one instant: of the two that end the run the first one is named, as it is listed."""
+
+    def zero(t, state):
+        return t - 0.2
+
+    names = {"seen": False, "first": True, "second": True}
+    events = [lw.control.Event(zero, terminal=terminal, name=name) for name, terminal in names.items()]
+    for order, named in ((events, "first"), (events[::-1], "second"), ([events[1], events[0]], "first")):
+        run = robot.simulate(robot.home, duration=1.0, events=order)
+        assert run.status is lw.Status.EVENT and f"ended by the event '{named}' at t = 0.2 s" in run.message
+
+
+def test_a_resumed_run_keeps_the_parameters_of_the_robot(tmp_path):
+    """What the run's file tells is taken again, unless values are given."""
+    robot = lw.Robot(lw.robots.pendulum())
+    (body,) = robot.mechanism.bodies
+    mass = f"{body}.mass"
+    robot = robot.free(mass)
+    heavy = 1 / 3 + robot.parameters[mass]
+    run = robot.simulate(robot.home, duration=0.2, parameters={mass: heavy})
+    whole = robot.simulate(robot.home, duration=0.4, parameters={mass: heavy}).dataset.kinetic_energy.values[-1]
+    loaded = lw.simulation.Run.load(run.save(tmp_path / "run.nc"))
+    for before in (run, loaded):
+        rest = robot.resume(before, duration=0.2)
+        assert rest.attrs["parameters"] == run.attrs["parameters"]
+        np.testing.assert_allclose(rest.dataset.kinetic_energy.values[-1], whole, rtol=1e-6)
+        light = robot.resume(before, duration=0.2, parameters={mass: 0.5 * heavy})
+        np.testing.assert_allclose(light.dataset.kinetic_energy.values[-1], 0.5 * whole, rtol=1e-6)

@@ -187,6 +187,12 @@ def height_and_speed(x, out):
 
 
 @cfunc(KERNEL)
+def position_twice(x, out):
+    """Two event functions with the same zeros: q, and 3 q."""
+    out[0], out[1] = x[0], 3 * x[0]
+
+
+@cfunc(KERNEL)
 def above_diagonal(x, out):
     """An event function of a bead: height y + 1/2."""
     out[0] = x[1] + 0.5

@@ -13,6 +13,7 @@ from simulation_problems import (
     falling,
     height_and_speed,
     oscillator,
+    position_twice,
     undefined,
 )  # fmt: skip
 
@@ -88,6 +89,17 @@ def test_a_ball_that_is_thrown_up_again_and_again():
         times.append(run.end_time)
         q, v, t = run.q_end, -run.v_end[0] / 2, run.end_time
     np.testing.assert_allclose(times, np.cumsum(2 * 4.0 / GRAVITY / 2.0 ** np.arange(5)), rtol=1e-11)
+
+
+def test_all_events_of_the_instant_that_ends_the_run_are_told():
+    """Two functions with the same zero, one three times the other: the second event happens when the first ends the run."""
+    run = integrate(
+        oscillator.address, None, [1.0], [0.0], [], duration=10.0,
+        events=Events(position_twice.address, (Condition(terminal=True), Condition())),
+    )  # fmt: skip
+    assert run.status is Status.EVENT
+    np.testing.assert_array_equal(np.sort(run.events.index), [0, 1])
+    np.testing.assert_allclose(run.events.times, run.end_time, rtol=1e-14)
 
 
 def test_a_run_goes_on_from_a_terminal_event():

@@ -18,12 +18,23 @@ from simulation_problems import (
 )  # fmt: skip
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation import BOGACKI_SHAMPINE, DORMAND_PRINCE, RK4, RODAS, SymplecticEuler, clock, dop853, integrate
+from linkwork.simulation import (
+    BOGACKI_SHAMPINE,
+    DORMAND_PRINCE,
+    RK4,
+    RODAS,
+    SHARP_SMART,
+    SymplecticEuler,
+    clock,
+    dop853,
+    integrate,
+)
 
 # method of a step h, order of the solution, order of the dense output, steps in which to measure the closed loop
 METHODS = {
     "Bogacki-Shampine": (lambda h: BOGACKI_SHAMPINE, 3, 3, [64, 96, 128]),
     "Dormand-Prince": (lambda h: DORMAND_PRINCE, 5, 4, [24, 32, 48]),
+    "Sharp-Smart": (lambda h: SHARP_SMART, 7, 6, [16, 24, 32]),
     "DOP853": (lambda h: dop853(), 8, 7, [8, 11, 16]),
     "Rodas5P": (lambda h: RODAS, 5, 4, [24, 32, 48]),
     "RK4": (RK4, 4, 3, [32, 48, 64]),

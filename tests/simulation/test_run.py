@@ -3,6 +3,7 @@
 import csv
 import os
 import stat
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,6 +98,16 @@ def test_a_file_is_replaced_whole_or_left_as_it_was(run, tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["run.csv"]
 
 
+def test_a_disk_that_cannot_be_written_is_told(run, tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(np, "savetxt", fail)
+    monkeypatch.setattr(Path, "unlink", fail)
+    with pytest.raises(LinkworkError, match=r"cannot write '.*run.csv': Read-only file system"):
+        run.save(tmp_path / "run.csv")
+
+
 def test_saved_files_have_the_usual_permissions(run, tmp_path):
     (tmp_path / "other").touch()
     usual = stat.S_IMODE((tmp_path / "other").stat().st_mode)
@@ -134,6 +145,20 @@ def test_files_that_hold_no_run_are_refused(run, tmp_path):
     run.dataset[["energy"]].drop_attrs().to_netcdf(tmp_path / "other.nc", engine="scipy")
     with pytest.raises(LinkworkError, match="its attribute 'status' is missing"):
         Run.load(tmp_path / "other.nc")
+
+
+def test_damaged_files_are_refused(run, tmp_path):
+    """Bytes of the header are changed: the file is read as a run, or refused in one sentence."""
+    whole, random, refused = run.save(tmp_path / "run.nc").read_bytes(), np.random.default_rng(0), 0
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[random.integers(400)] = random.integers(256)
+        (tmp_path / "run.nc").write_bytes(damaged)
+        try:
+            Run.load(tmp_path / "run.nc")
+        except LinkworkError:
+            refused += 1
+    assert refused > 30
 
 
 def test_axes_must_match_the_array():

@@ -29,7 +29,7 @@ def test_singular_chart_of_a_bead_that_swings_through_y_0():
     run = integrate(bead.address, bead_closure.address, [0.0, -1.0], [8.0], [], duration=1.0, pivot_bound=0.05)
     assert run.status is Status.SINGULAR
     assert -0.0625 <= run.q_end[1] <= -0.05
-    assert run.nfev < 300
+    assert run.nfev < 350
 
 
 def test_singular_from_the_start():

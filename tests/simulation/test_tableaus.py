@@ -1,10 +1,13 @@
 """The pairs against the order conditions and against SciPy's tables."""
 
+import math
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import RK23, RK45
 
-from linkwork.simulation import BOGACKI_SHAMPINE, DORMAND_PRINCE
+from linkwork.simulation import BOGACKI_SHAMPINE, DORMAND_PRINCE, SHARP_SMART, dop853
 
 PAIRS = pytest.mark.parametrize("pair", [DORMAND_PRINCE, BOGACKI_SHAMPINE], ids=lambda pair: pair.name)
 
@@ -69,3 +72,71 @@ def test_tables_agree_with_scipy(pair, scipy):
 def test_tables_cannot_be_written():
     with pytest.raises(ValueError):
         DORMAND_PRINCE.a[0, 0] = 1
+
+
+@cache
+def trees(order):
+    """Give all rooted trees with so many vertices, each as the sorted tuple of its branches."""
+    found = {()} if order == 1 else set()
+
+    def grow(left, largest, branches):
+        if left == 0:
+            found.add(tuple(sorted(branches)))
+        for size in range(min(left, largest), 0, -1):
+            for branch in trees(size):
+                grow(left - size, size, (*branches, branch))
+
+    if order > 1:
+        grow(order - 1, order - 1, ())
+    return sorted(found)
+
+
+def vertices(tree):
+    return 1 + sum(map(vertices, tree))
+
+
+def density(tree):
+    return vertices(tree) * math.prod(map(density, tree))
+
+
+def elementary(tree, a):
+    """Give the elementary weights of all stages."""
+    return math.prod((a @ elementary(branch, a) for branch in tree), start=np.ones(len(a)))
+
+
+def defects(weights, a, order):
+    """Give how far weights are from the conditions of this order alone, for all rooted trees with so many vertices."""
+    return [weights @ elementary(tree, a) - 1 / density(tree) for tree in trees(order)]
+
+
+def test_there_are_as_many_rooted_trees_as_counted():
+    assert [len(trees(order)) for order in range(1, 9)] == [
+        1,
+        1,
+        2,
+        4,
+        9,
+        20,
+        48,
+        115,
+    ]  # Hairer et al., I, table II.2.3
+
+
+@pytest.mark.parametrize("pair", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda pair: pair.name)
+def test_conditions_of_all_rooted_trees_are_met_up_to_the_order_and_no_further(pair):
+    b, a = pair.a[-1], pair.a
+    for weights, reached in (b, pair.order), (b - pair.e, 5 if pair.second is not None else pair.error_order):
+        assert max(np.abs(defects(weights, a, order)).max() for order in range(1, reached + 1)) < 1e-13
+        assert np.abs(defects(weights, a, reached + 1)).max() > 1e-7
+
+
+def test_dense_output_of_sharp_and_smart_is_of_order_6_and_smooth():
+    a, P = SHARP_SMART.plan.a, SHARP_SMART.dense
+    powers = np.arange(1, P.shape[1] + 1)
+    for order in range(1, 7):
+        for tree in trees(order):
+            np.testing.assert_allclose(elementary(tree, a) @ P, (powers == order) / density(tree), atol=2e-12)
+    ends = P[:, 0], P.sum(axis=1), P @ powers
+    first, solution, last = np.eye(14)[0], np.append(SHARP_SMART.a[-1], [0, 0]), np.eye(14)[11]
+    for found, exact in zip(ends, (first, solution, last), strict=True):
+        np.testing.assert_allclose(found, exact, atol=2e-13)

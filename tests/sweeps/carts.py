@@ -11,6 +11,7 @@ import xarray
 
 import linkwork as lw
 from linkwork.sweeps import Study
+from linkwork.sweeps.chunk import compute
 
 CART = lw.Mechanism(
     name="cart",
@@ -55,6 +56,12 @@ def file(folder: Path, text: str = FILE) -> Path:
     path = folder / "carts.yaml"
     path.write_text(text)
     return path
+
+
+def whole(given: Study) -> dict[str, np.ndarray]:
+    """Compute a study; return the arrays of all its members by name."""
+    parts = [compute(given, index) for index in range(given.chunks)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def results(folder: Path) -> xarray.Dataset:

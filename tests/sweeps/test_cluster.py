@@ -111,6 +111,44 @@ def test_a_scheduler_that_is_not_there(wanted, tmp_path, monkeypatch):
         sweep(Study.load(wanted[0]), tmp_path, scheduler="nonsense://x")
 
 
+@contextmanager
+def service(answer: bytes | None):
+    """Listen, and answer whatever is said; give the address."""
+    with ExitStack() as stack, socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as pool:
+        server.settimeout(10)
+
+        def serve():
+            caller, _ = server.accept()
+            stack.enter_context(caller)
+            caller.sendall(answer or b"")
+
+        pool.submit(serve)
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"), [(None, "no answer in 0.5 s"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "something else answers")]
+)
+def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, why):
+    """Dask's own handshake waits for ever for an answer, and takes the first bytes of one for its length."""
+    monkeypatch.setattr(runner, "PATIENCE", 0.5)
+    with (
+        service(answer) as address,
+        pytest.raises(StudyError, match=rf"no Dask scheduler at {address} \({why}\); start"),
+    ):
+        sweep(Study.load(wanted[0]), tmp_path, scheduler=address)
+
+
+def test_a_worker_is_no_scheduler(wanted, tmp_path):
+    port = free_port()
+    with cluster(tmp_path, workers=0) as (address, _, _):
+        words = ("worker", address, "--no-dashboard", "--host", "127.0.0.1", "--no-nanny", "--worker-port", port)
+        with process(*words, "--local-directory", tmp_path):
+            listening(port)
+            with pytest.raises(StudyError, match=r"\(it is a worker\); start one"):
+                sweep(Study.load(wanted[0]), tmp_path / "out", scheduler=f"tcp://127.0.0.1:{port}")
+
+
 def test_a_scheduler_without_workers(wanted, tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "PATIENCE", 1.0)
     with cluster(tmp_path, workers=0) as (address, _, _), pytest.raises(StudyError, match="has no workers; start some"):

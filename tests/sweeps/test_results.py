@@ -7,14 +7,9 @@ import numpy as np
 import linkwork as lw
 from linkwork.sweeps import Study
 from linkwork.sweeps.bench import REFUSED, UNREACHABLE
-from linkwork.sweeps.chunk import compute, digest
+from linkwork.sweeps.chunk import digest
 
-from tests.sweeps.carts import study
-
-
-def whole(given: Study) -> dict[str, np.ndarray]:
-    parts = [compute(given, index) for index in range(given.chunks)]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+from tests.sweeps.carts import study, whole
 
 
 def test_a_cart_under_a_constant_force():
@@ -101,6 +96,14 @@ def test_drives_have_numbers_that_vary():
     force = 3 * (1 - np.exp(-0.5 / found["drives.rail.time_constant"]))
     np.testing.assert_allclose(found["force"], force, rtol=1e-7)
     np.testing.assert_allclose(found["state"][:, 0], force, rtol=1e-7)
+
+
+def test_methods_of_fixed_steps():
+    """Euler's symplectic steps of a constant acceleration end at a h^2 N (N + 1) / 2, those of order 4 at a T^2 / 2."""
+    outputs = {"end": "final joint_position.rail"}
+    for method, exact in (("symplectic_euler", 0.01**2 * 50 * 51 / 2), ("rk4", 0.5**2 / 2)):
+        found = whole(study(outputs=outputs, method=method, step=0.01))
+        np.testing.assert_allclose(found["end"], 3 / found["cart.mass"] * exact, rtol=1e-12)
 
 
 def test_members_are_the_runs_that_simulate_makes():

@@ -45,7 +45,7 @@ def test_without_a_word_chunks_are_as_long_as_memory_likes():
     ("old", "new", "sentence"),
     [
         ("study: 1", "", "line 2: study: is missing; the first line should be 'study: 1'"),
-        ("study: 1", "study: 2", "line 1: study: 2 is not a version this program reads"),
+        ("study: 1", "study: 2", "line 1: study: 2 is not a format version this program reads"),
         ("robot: cart.yaml", "robot: prr4", "line 3: robot: there is no robot 'prr4' (did you mean prr3?)"),
         ("robot: cart.yaml", "robot: none.yaml", "line 3: robot: "),
         ("duration: 0.5", "duration: -1", "line 4: duration: -1 is not above 0; expected length of each run [s]"),
@@ -80,6 +80,9 @@ def test_without_a_word_chunks_are_as_long_as_memory_likes():
         ("chunk: 16", "drives: {rail: {type: lag}}", "line 12: drives.rail.time_constant: is missing"),
         ("chunk: 16", "drives: {rail: {type: lag, time_constant: 0}}", "line 12: drives.rail: time_constant of Lag is 0"),
         ("chunk: 16", "drives: {rial: {type: lag, time_constant: 1}}", "line 12: drives.rial: there is no actuator 'rial'"),
+        ("chunk: 16", "method: rk5", "line 12: method: there is no method 'rk5'; there are sharp_smart"),
+        ("chunk: 16", "method: rk4", "step: rk4 needs a step [s]"),
+        ("chunk: 16", "step: 0.01", "line 12: step: a step of 0.01 s needs a method that keeps to it"),
         ("chunk: 16", "chunk: 0", "line 12: chunk: 0 is below 1"),
         ("chunk: 16", "start: {tool: [0, 1, 0]}", "line 12: start: the mechanism cannot be assembled with the tool at"),
     ],

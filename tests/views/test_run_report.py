@@ -41,7 +41,7 @@ def test_the_page_tells_whose_run_it_is_how_it_went_and_how_it_was_computed(html
         run.message,
         "planar mechanism of 7 bodies and 9 joints with 2 loops and mobility 3",
         "driven at slide_1, slide_2, slide_3",
-        "Dormand-Prince 5(4), relative tolerance 1.0·10⁻⁸",
+        "Sharp-Smart 7(6), relative tolerance 1.0·10⁻⁸",
         f"{run.steps:,} taken",
         "Closure of the loops",
         "wrist_3",

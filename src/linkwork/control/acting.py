@@ -2,30 +2,29 @@
 
     (t, r, h, z, p, quantities) -> command c, force u, z', wrenches, events g, next held inputs
 
-r are references over time, h inputs that a sampled controller holds, z the extra states of drives and controller, p the
-parameters of both.
+r are commands and references over time, h inputs that a sampled controller holds, z the extra states of drives and
+controller, p the parameters of both.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from linkwork import math
+from linkwork import checks
 from linkwork.control.drives import Drive, Extra, Ideal
 from linkwork.control.events import Event
 from linkwork.control.observation import Names, Quantity
 from linkwork.control.sampler import Sampler
-from linkwork.control.tracing import Law, Tracer, column, shown
+from linkwork.control.tracing import CONTROLLER, Law, Reference, Tracer, column, shown
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
 from linkwork.simulation import Sampled, Signal, as_signal, clock, stack
 
 NONE = ca.SX(0, 1)
@@ -38,14 +37,15 @@ class Acting:
 
     function: (t, references, held, extras, parameters, *quantities) -> `OUTPUTS`
     quantities: what it reads of the robot; timed: whether it reads the time
-    references: signals over time; extras: extra states; parameters: values by name
+    references: signals over time, after the commands where no controller gives these; extras: extra states
+    parameters: values by name
     """
 
     names: Names
     function: ca.Function
     quantities: tuple[Quantity, ...]
     timed: bool
-    references: tuple[Signal, ...]
+    references: tuple[Reference, ...]
     extras: tuple[Extra, ...]
     parameters: Mapping[str, float]
     drives: tuple[Drive, ...]
@@ -58,32 +58,44 @@ class Acting:
         """Number of inputs that are held by a sampled controller."""
         return self.function.numel_in("held")
 
+    def require(self, name: str, values: np.ndarray) -> None:
+        """Refuse values of a parameter, one or many, that the drive which it belongs to may not have."""
+        for actuator, drive in zip(self.names.actuators, self.drives, strict=True):
+            number = name.removeprefix(f"{actuator}.")
+            if name != number and number in drive.numbers and values.size:
+                for value in (values.min(), values.max()):
+                    with checks.at(f"the drive of {actuator!r}: "):
+                        replace(drive, **{number: float(value)})
+
     @cached_property
     def key(self) -> str:
         """What tells kernels of different systems apart."""
         places = [(wrench.body, tuple(wrench.point), wrench.frame) for wrench in self.wrenches]
         return hashlib.sha256(f"{self.function.serialize()}{self.quantities}{places}".encode()).hexdigest()
 
-    def inputs(self) -> Signal:
-        """Return the integrator's inputs over time: t where it is read, then references."""
-        signals = [*([clock()] if self.timed else []), *self.references]
+    def inputs(self, commands: Signal | None) -> Signal:
+        """Return the integrator's inputs over time: t where it is read, commands that no controller gives, references."""
+        signals = [*([clock()] if self.timed else []), *([] if commands is None else [commands])]
+        signals += [reference.signal for reference in self.references]
         return signals[0] if len(signals) == 1 else stack(*signals) if signals else as_signal(np.zeros(0))
 
 
 @dataclass(frozen=True)
 class Command:
-    """Hold the commands of the actuators, the rates of the controller's states, and inputs that are held, now and next."""
+    """Hold the commands of the actuators, the rates of the controller's states, and inputs: those that are given over
+    time, those that are held, now and next.
+    """
 
     values: ca.SX
     rates: ca.SX = NONE
+    given: ca.SX = NONE
     held: ca.SX = NONE
     next_held: ca.SX = NONE
 
 
 def act(
-    mechanism: Mechanism,
-    planar: bool,
-    forces: Signal | Law | Sampler,
+    names: Names,
+    law: Law | Sampler | None,
     drives: Mapping[str, Drive],
     wrenches: Sequence[Wrench],
     events: Sequence[Event],
@@ -92,8 +104,8 @@ def act(
     """Trace what acts on a robot.
 
     Args:
-        mechanism, planar: the robot's.
-        forces: a signal of forces or commands, a function of (t, state), or one that is sampled.
+        names: the robot's.
+        law: a controller, a function of (t, state) or one that is sampled; without one the commands are inputs over time.
         drives: by actuator; ideal where left out.
         wrenches, events: on bodies; to watch for.
         span: times of the run, at which traced functions are checked [s].
@@ -101,12 +113,13 @@ def act(
     Raises:
         LinkworkError: what does not fit, or cannot be traced, in one sentence.
     """
-    require_drives(mechanism, drives)
-    require_bodies(mechanism, wrenches)
+    require_law(names, law)
+    require_drives(names, drives)
+    require_bodies(names, wrenches)
     of_drives = [x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras]
-    own = states_of(forces, mechanism.actuators)
-    tracer = Tracer(Names.of(mechanism, planar, tuple(extra.name for extra in (*of_drives, *own))))
-    command = commanded(tracer, forces, [extra.name for extra in own])
+    own = states_of(law, names.actuators)
+    tracer = Tracer(replace(names, extras=tuple(extra.name for extra in (*of_drives, *own))))
+    command = commanded(tracer, law, [extra.name for extra in own])
     force, rates = driven(tracer, command.values, drives)
     parts = [part(tracer, wrench, values) for wrench in wrenches for values in (wrench.moment, wrench.force)]
     zeros = [watched(tracer, event) for event in events]
@@ -119,26 +132,35 @@ def act(
         ca.vertcat(NONE, *zeros),
         command.next_held,
     )
-    sampler = forces if isinstance(forces, Sampler) else None
-    function, quantities, timed = closed(tracer, command.held, outputs)
+    sampler = law if isinstance(law, Sampler) else None
+    function, quantities, timed = closed(tracer, command, outputs)
     return Acting(
         names=tracer.names,
         function=function,
         quantities=quantities,
         timed=timed or sampler is not None,
-        references=tuple(signal for signal, _ in tracer.references),
+        references=tuple(tracer.references),
         extras=(*of_drives, *own),
         parameters={name: value for name, (value, _) in tracer.parameters.items()},
-        drives=tuple(drives.get(name, Ideal()) for name in mechanism.actuators),
+        drives=tuple(drives.get(name, Ideal()) for name in names.actuators),
         wrenches=tuple(wrenches),
         events=tuple(events),
         sampler=sampler,
     )
 
 
-def require_drives(mechanism: Mechanism, drives: Mapping[str, Drive]) -> None:
+def require_law(names: Names, law: Law | Sampler | None) -> None:
+    """Refuse a class in the place of a controller made by it, and a sampler of what the robot lacks."""
+    if isinstance(law, type):
+        raise LinkworkError(f"{CONTROLLER} is the class {law.__name__}; make one of it, {law.__name__}(...)")
+    if isinstance(law, Sampler):
+        require_law(names, law.function)
+        law.require(names)
+
+
+def require_drives(names: Names, drives: Mapping[str, Drive]) -> None:
     """Refuse drives of what is no actuated coordinate, and what is no drive."""
-    able = [actuator for actuator in mechanism.actuators if actuator in mechanism.coordinates]
+    able = [actuator for actuator in names.actuators if actuator in names.coordinates]
     for name, drive in drives.items():
         if name not in able:
             raise LinkworkError(f"there is no actuator {name!r} for a drive; there are {', '.join(able) or 'none'}")
@@ -148,44 +170,45 @@ def require_drives(mechanism: Mechanism, drives: Mapping[str, Drive]) -> None:
             )
 
 
-def require_bodies(mechanism: Mechanism, wrenches: Sequence[Wrench]) -> None:
+def require_bodies(names: Names, wrenches: Sequence[Wrench]) -> None:
     """Refuse wrenches on bodies that do not exist."""
     for wrench in wrenches:
-        if wrench.body not in mechanism.bodies:
-            bodies = ", ".join(mechanism.bodies)
+        if wrench.body not in names.bodies:
+            bodies = ", ".join(names.bodies)
             raise LinkworkError(f"there is no body {wrench.body!r} for a wrench; there are {bodies}")
 
 
-def states_of(forces: Signal | Law | Sampler, actuators: tuple[str, ...]) -> list[Extra]:
+def states_of(law: Law | Sampler | None, actuators: tuple[str, ...]) -> list[Extra]:
     """Return the states of a controller: its `extras`, or what `extras` gives for the actuators that it drives."""
-    extras: Any = getattr(forces, "extras", ())
+    extras: Any = getattr(law, "extras", ())
     own: Any = extras(actuators) if callable(extras) else extras
     return [Extra(*extra) for extra in own]
 
 
-def commanded(tracer: Tracer, forces: Signal | Law | Sampler, states: Sequence[str]) -> Command:
-    """Return the commands of a signal, of a controller with the states named, or of a sampled one."""
-    actuators, what = tracer.names.actuators, "the controller"
-    if isinstance(forces, Signal):
-        return Command(ca.vertcat(NONE, *tracer.reference(forces)))
-    if isinstance(forces, Sampler):
-        held = ca.SX.sym("held", len(actuators) * (forces.late + 1))
+def commanded(tracer: Tracer, law: Law | Sampler | None, states: Sequence[str]) -> Command:
+    """Return commands that are given over time, those of a controller with the states named, or of a sampled one."""
+    actuators, what = tracer.names.actuators, CONTROLLER
+    if law is None:
+        given = ca.SX.sym("command", len(actuators))
+        return Command(given, given=given)
+    if isinstance(law, Sampler):
+        held = ca.SX.sym("held", len(actuators) * (law.late + 1))
         now, later = ca.vertcat(NONE, *ca.vertsplit(held)[: len(actuators)]), ca.vertsplit(held)[len(actuators) :]
-        if not forces.compiled:
+        if not law.compiled:
             return Command(now, held=held)
-        newest = tracer.trace(forces.law, lambda result: column(result, actuators, what), what)
+        newest = tracer.trace(law.law, lambda result: column(result, actuators, what), what)
         return Command(now, held=held, next_held=ca.vertcat(*later, newest))
     if not states:
-        return Command(tracer.trace(forces, lambda result: column(result, actuators, what), what))
+        return Command(tracer.trace(law, lambda result: column(result, actuators, what), what))
 
     def both(result: Any) -> ca.SX:
         if not (isinstance(result, tuple) and len(result) == 2):
             raise LinkworkError(
                 f"{what} returns {shown(result)}; give the forces, and the rates of {', '.join(states)}"
             )
-        return ca.vertcat(column(result[0], actuators, what), column(result[1], states, "the controller's states"))
+        return ca.vertcat(column(result[0], actuators, what), column(result[1], states, f"{CONTROLLER}'s states"))
 
-    values = tracer.trace(forces, both, what)
+    values = tracer.trace(law, both, what)
     return Command(values[: len(actuators)], values[len(actuators) :])
 
 
@@ -208,9 +231,9 @@ def part(tracer: Tracer, wrench: Wrench, values: Any) -> ca.SX:
     if not isinstance(values, Sampled | Signal):
         if callable(values):
             return tracer.trace(values, lambda result: column(result, axes, what), what)
-        if not np.any(math.array(values)):
+        if not np.any(values):
             return column(values, axes, what)
-    return column(tracer.reference(as_signal(values)), axes, what)
+    return column(tracer.reference(as_signal(values), what), axes, what)
 
 
 def watched(tracer: Tracer, event: Event) -> ca.SX:
@@ -219,7 +242,9 @@ def watched(tracer: Tracer, event: Event) -> ca.SX:
     return tracer.trace(event.function, lambda value: column(value, ("value",), what), what)
 
 
-def closed(tracer: Tracer, held: ca.SX, outputs: tuple[ca.SX, ...]) -> tuple[ca.Function, tuple[Quantity, ...], bool]:
+def closed(
+    tracer: Tracer, command: Command, outputs: tuple[ca.SX, ...]
+) -> tuple[ca.Function, tuple[Quantity, ...], bool]:
     """Return the function of the outputs, the quantities that they depend on, and whether they depend on time."""
     found = {symbol.element_hash() for symbol in ca.symvar(ca.veccat(*outputs))}
 
@@ -229,8 +254,8 @@ def closed(tracer: Tracer, held: ca.SX, outputs: tuple[ca.SX, ...]) -> tuple[ca.
     quantities = {key: symbols for key, symbols in tracer.quantities.items() if used(symbols)}
     inputs = {
         "t": tracer.t,
-        "references": ca.vertcat(NONE, *(symbol for _, symbol in tracer.references)),
-        "held": held,
+        "references": ca.vertcat(command.given, *(reference.symbols for reference in tracer.references)),
+        "held": command.held,
         "extras": ca.vertcat(NONE, *tracer.extras.values()),
         "parameters": ca.vertcat(NONE, *(symbol for _, symbol in tracer.parameters.values())),
     }

@@ -39,9 +39,10 @@ class Cylinder(Drive):
     retracted: float = 0.0
 
     unit: ClassVar[str] = "1"
-
-    def __post_init__(self) -> None:
-        self._require_positive("area_a", "area_b", "stroke", "supply", "dead_volume", "initial_a", "initial_b")
+    positive: ClassVar[tuple[str, ...]] = (
+        *("area_a", "area_b", "stroke", "supply", "dead_volume"),
+        *("initial_a", "initial_b"),
+    )
 
     @property
     def extras(self):

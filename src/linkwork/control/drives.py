@@ -12,8 +12,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, NamedTuple
 
-from linkwork import math
-from linkwork.errors import LinkworkError
+from linkwork import checks, math
 
 
 class Extra(NamedTuple):
@@ -28,10 +27,17 @@ class Extra(NamedTuple):
 class Drive(ABC):
     """Turn a command into a force [N, N m] on a joint's rate, by way of extra states.
 
-    unit: of the command
+    unit: of the command; positive: names of the numbers that have to be
     """
 
     unit: ClassVar[str] = "N, N m"
+    positive: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not math.symbolic(value):
+                check = checks.positive if name in self.positive else checks.number
+                check(value, f"{name} of {type(self).__name__}")
 
     @property
     def extras(self) -> tuple[Extra, ...]:
@@ -47,12 +53,6 @@ class Drive(ABC):
         """The numbers of the drive's equations by name: free parameters."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("initial_")}
         return {name: float(value) for name, value in values.items() if not isinstance(value, bool)}
-
-    def _require_positive(self, *names: str) -> None:
-        for name in names:
-            value = getattr(self, name)
-            if not math.symbolic(value) and not value > 0:
-                raise LinkworkError(f"{name} of {type(self).__name__} is {value}; give a positive number")
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,7 @@ class Saturated(Drive):
     limit: float
     smooth: bool = False
 
-    def __post_init__(self) -> None:
-        self._require_positive("limit")
+    positive: ClassVar[tuple[str, ...]] = ("limit",)
 
     def equations(self, command, x, w, z):
         if self.smooth:
@@ -92,8 +91,7 @@ class Lag(Drive):
     time_constant: float
     initial_force: float = 0.0
 
-    def __post_init__(self) -> None:
-        self._require_positive("time_constant")
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
     @property
     def extras(self):
@@ -123,9 +121,7 @@ class DCMotor(Drive):
     initial_current: float = 0.0
 
     unit: ClassVar[str] = "V"
-
-    def __post_init__(self) -> None:
-        self._require_positive("resistance", "inductance", "torque_constant")
+    positive: ClassVar[tuple[str, ...]] = ("resistance", "inductance", "torque_constant")
 
     @property
     def extras(self):

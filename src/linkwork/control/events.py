@@ -15,6 +15,9 @@ from linkwork.mechanism.limits import limited
 class Event:
     """Watch for zeros of a traced function.
 
+    It happens when the function reaches zero, from either side: one that is zero at the start of a run happens when it
+    comes back to zero, and one that stays at zero does not happen.
+
     function: (t, state) -> a number that passes zero when the event happens; it is traced as controllers are
     terminal: whether the run ends there; direction: 1 for zeros passed upwards only, -1 for downwards, 0 for both
     name: to report it by
@@ -36,14 +39,19 @@ def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
     """Return an event for each limit of a joint coordinate: it happens where the coordinate leaves its range.
 
     A free turn is limited by the angle between its joint's frames, 2 acos |qw|: its event is a zero of |qw| - cos(limit / 2).
+
+    Raises:
+        LinkworkError: a robot whose joints have no limits.
     """
     events = []
     for label, limits, name in limited(robot.mechanism):
         free = name != label
         for bound, side in ((limits.lower, "lower"), (limits.upper, "upper")):
             if bound is not None:
-                inside = within_turn(label, bound) if free else within(label, bound, 1 if side == "lower" else -1)
+                inside = WithinTurn(label, bound) if free else Within(label, bound, 1 if side == "lower" else -1)
                 events.append(Event(inside, terminal, -1, f"{name}: {side} limit"))
+    if not events:
+        raise LinkworkError("the joints of this robot have no limits to watch for; give some of them limits")
     return tuple(events)
 
 
@@ -52,14 +60,35 @@ def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 
     A run changes its independent rates near such a pose, and passes it if its motion is regular there.
     """
-    return (Event(lambda t, state: state.actuation_determinant, terminal, name="actuator-singular pose"),)
+    return (Event(Regular(), terminal, name="actuator-singular pose"),)
 
 
-def within(label: str, bound: float, sign: int) -> Law:
-    """Return how far a coordinate is inside of a bound [m, rad]."""
-    return lambda t, state: sign * (state[label] - bound)
+@dataclass(frozen=True)
+class Within:
+    """Tell how far a coordinate is inside of a bound [m, rad]; sign: 1 for a lower one, -1 for an upper one."""
+
+    label: str
+    bound: float
+    sign: int
+
+    def __call__(self, t, state):
+        return self.sign * (state[self.label] - self.bound)
 
 
-def within_turn(label: str, bound: float) -> Law:
-    """Return how far a free turn is inside of its bound, in cosines of half the angle."""
-    return lambda t, state: math.abs(state[label]) - math.cos(bound / 2)
+@dataclass(frozen=True)
+class WithinTurn:
+    """Tell how far a free turn is inside of its bound, in cosines of half the angle; label: of qw."""
+
+    label: str
+    bound: float
+
+    def __call__(self, t, state):
+        return math.abs(state[self.label]) - math.cos(self.bound / 2)
+
+
+@dataclass(frozen=True)
+class Regular:
+    """Tell how far the pose is from an actuator-singular one: the determinant of S."""
+
+    def __call__(self, t, state):
+        return state.actuation_determinant

@@ -12,7 +12,8 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from linkwork.control.observation import Names, require
+from linkwork import checks
+from linkwork.control.observation import Names
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Sampled, Signal, as_signal
 
@@ -83,8 +84,12 @@ def target(goal: Goal, names: Names) -> Target:
     if hasattr(goal, "time") and hasattr(goal, "state"):
         columns = [goal.state[name] for name in names.actuators]  # pyright: ignore[reportAttributeAccessIssue]
         return Target(as_signal(Sampled(goal.time, np.stack(columns, axis=-1))))  # pyright: ignore[reportAttributeAccessIssue]
-    if isinstance(goal, Mapping):
-        for name in names.actuators:
-            require(name, tuple(goal), "coordinate in the goal")
-    values = np.array([float(goal[name]) for name in names.actuators])  # pyright: ignore
+    if isinstance(goal, Mapping) and (lacking := [name for name in names.actuators if name not in goal]):
+        raise LinkworkError(f"the goal lacks {', '.join(lacking)}; give all of {', '.join(names.actuators)}")
+    try:
+        values = [checks.number(goal[name], f"{name} of the goal") for name in names.actuators]  # pyright: ignore
+    except (TypeError, AttributeError, IndexError):
+        raise LinkworkError(
+            f"the goal is {goal!r}; give a state, a motion, coordinates by name, or a signal of {', '.join(names.actuators)}"
+        ) from None
     return Target(as_signal(values))

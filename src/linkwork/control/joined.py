@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from linkwork.control.acting import OUTPUTS, Acting
+from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
 from linkwork.equations import Equations
 from linkwork.equations.equations import solve_symmetric
@@ -69,9 +71,17 @@ class Joined:
         q_dot = self.equations.tree.derivatives(self.equations.rates)
         return ca.vertcat(q_dot, self.accelerations, self.outputs["extra_rates"])
 
+    @property
+    def pivot(self) -> ca.SX:
+        """The weakest relative pivot; nan where a drive might hide that its command is no finite number."""
+        commands = ca.vertsplit(self.outputs["command"])
+        driven = [c for c, drive in zip(commands, self.acting.drives, strict=True) if not isinstance(drive, Ideal)]
+        pivot = self.equations.elimination[2]
+        return ca.if_else(ca.norm_1(ca.vertcat(*driven)) < ca.inf, pivot, np.nan) if driven else pivot
+
     def motion(self) -> ca.Function:
-        """Return (q, v, z, r, p) -> y' and the weakest relative pivot."""
-        return self._function("system", {"derivatives": self.derivatives, "pivot": self.equations.elimination[2]})
+        """Return (q, v, z, r, p) -> y' and the weakest relative pivot, undefined where a command that is driven with is."""
+        return self._function("system", {"derivatives": self.derivatives, "pivot": self.pivot})
 
     def jacobian(self) -> ca.Function:
         """Return (q, v, z, r, p) -> df/dy and df/dr, column by column."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork import math
+from linkwork import checks, math
 from linkwork.control.observation import Observation
 from linkwork.errors import LinkworkError
 
@@ -59,14 +59,16 @@ class LQR:
         still, forces = state.with_rates(0 * state.rates), robot.holding_forces(state)
         A, B = robot.linearised(still, forces)
         Q, R = (weights(value, size, name) for value, size, name in ((Q, len(A), "Q"), (R, B.shape[1], "R")))
+        if not np.linalg.eigvalsh(R + R.T).min() > 0:
+            raise LinkworkError("the weights R of the forces are not positive definite; give positive numbers")
         try:
-            P = solve_continuous_are(A, B, Q, R)
-        except LinAlgError as error:
-            raise LinkworkError(
-                f"the pose cannot be stabilised with these weights ({error}); change Q, R or the pose"
-            ) from None
+            K = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
+        except (LinAlgError, ValueError):
+            K = np.full(B.T.shape, np.nan)
+        if not (np.isfinite(K).all() and np.linalg.eigvals(A - B @ K).real.max() < 0):
+            raise LinkworkError("the pose cannot be stabilised with these weights; change Q, R or the pose")
         positions = np.array([still[name] for name in still.independent])
-        return cls(still.independent, positions, forces, np.linalg.solve(R, B.T @ P))
+        return cls(still.independent, positions, forces, K)
 
     def __call__(self, t: Any, state: Observation) -> Any:
         """Return the forces of the actuators, in their order."""
@@ -83,7 +85,7 @@ class LQR:
 
 def weights(values: ArrayLike, size: int, name: str) -> np.ndarray:
     """Return a weight matrix from a matrix or its diagonal."""
-    array = np.asarray(values, float)
+    array = checks.finite(values, name)
     matrix = np.diag(array) if array.ndim == 1 else array
     if matrix.shape != (size, size):
         raise LinkworkError(f"the weights {name} have the shape {array.shape}; give {size} numbers, or {size} x {size}")

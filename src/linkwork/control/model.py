@@ -30,6 +30,12 @@ class Model:
 
     robot: Robot
 
+    def __post_init__(self) -> None:
+        from linkwork.robot import Robot
+
+        if not isinstance(self.robot, Robot):
+            raise LinkworkError(f"the model of a controller is a {type(self.robot).__name__}; give a linkwork.Robot")
+
     @cached_property
     def function(self) -> ca.Function:
         """(q, v, a, p) -> u for accelerations a of the actuated rates."""

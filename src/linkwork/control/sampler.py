@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from linkwork import math
-from linkwork.control.observation import Observation, Quantity, Source
+from linkwork import checks, math
+from linkwork.control.observation import Names, Observation, Quantity, Source, require
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
+
+ALL = ""  # the name under which a step of all coordinates stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +42,15 @@ class Sampler:
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise LinkworkError(f"a sampler calls a function of (t, state), not {self.function!r}")
-        if not 0 < self.rate < np.inf:
-            raise LinkworkError(f"the rate of a sampler is {self.rate}; give a positive number [Hz]")
-        periods = self.delay * self.rate
+        checks.positive(self.rate, "the rate of a sampler", "Hz")
+        periods = checks.number(self.delay, "the delay of a sampler") * self.rate
         if not (0 <= periods < 1000 and abs(periods - round(periods)) < 1e-6):
             raise LinkworkError(
                 f"the delay of a sampler is {self.delay} s, {periods:g} periods; give a whole number of periods, or a higher "
                 "rate"
             )
-        steps = self.quantise.values() if isinstance(self.quantise, Mapping) else [self.quantise or 1.0]
-        for step in steps:
-            if not 0 < step < np.inf:
-                raise LinkworkError(f"the step of a quantised coordinate is {step}; give a positive number [m, rad]")
+        for step in self._steps.values():
+            checks.positive(step, "the step of a quantised coordinate", "m, rad")
 
     @property
     def period(self) -> float:
@@ -70,7 +69,7 @@ class Sampler:
 
         def quantity(key: Quantity) -> np.ndarray:
             value = state.source.quantity(key)
-            step = self._step(key.name) if key.kind in ("position", "rate") else None
+            step = self._steps.get(key.name, self._steps.get(ALL)) if key.kind in ("position", "rate") else None
             if step is None:
                 return value
             step = step if key.kind == "position" else step * self.rate
@@ -82,5 +81,14 @@ class Sampler:
         """Return what the function gives for what is measured."""
         return self.function(t, self.seen(state))
 
-    def _step(self, name: str) -> float | None:
-        return self.quantise.get(name) if isinstance(self.quantise, Mapping) else self.quantise
+    def require(self, names: Names) -> None:
+        """Refuse steps of what is no coordinate or rate of a robot with these names."""
+        for name in self._steps:
+            if name != ALL:
+                require(name, tuple(dict.fromkeys(names.coordinates + names.rates)), "coordinate to quantise")
+
+    @property
+    def _steps(self) -> Mapping[str, float]:
+        if isinstance(self.quantise, Mapping):
+            return self.quantise
+        return {} if self.quantise is None else {ALL: self.quantise}

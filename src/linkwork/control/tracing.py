@@ -10,12 +10,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from linkwork import math
+from linkwork import checks, math
 from linkwork.control.observation import Names, Observation, Quantity, Source, numbers
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Signal
@@ -23,10 +24,15 @@ from linkwork.simulation import Signal
 Law = Callable[[Any, Observation], Any]
 TRIALS = 4
 AGREE = 1e-9
-CURE = (
-    "write it with linkwork.math (where, minimum ...) as a function of its arguments alone, or wrap it in a "
-    "linkwork.control.Sampler"
-)
+CONTROLLER = "the controller"
+
+
+class Reference(NamedTuple):
+    """Name a signal over time that is read, its symbols, and what reads it."""
+
+    signal: Signal
+    symbols: ca.SX
+    what: str
 
 
 @dataclass(frozen=True)
@@ -57,12 +63,11 @@ class Tracer:
     t: Time = field(default_factory=lambda: Time(ca.SX.sym("t")))
     quantities: dict[Quantity, ca.SX] = field(default_factory=dict)
     extras: dict[str, ca.SX] = field(default_factory=dict)
-    references: list[tuple[Signal, ca.SX]] = field(default_factory=list)
+    references: list[Reference] = field(default_factory=list)
     parameters: dict[str, tuple[float, ca.SX]] = field(default_factory=dict)
     traced: list[Traced] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.t.reference = self.reference
         self.extras.update({name: ca.SX.sym(name) for name in self.names.extras})
 
     @property
@@ -78,21 +83,22 @@ class Tracer:
 
     def parameter(self, name: str, default: float) -> ca.SX:
         """Return the symbol of a parameter; one name has one value."""
-        value, symbol = self.parameters.setdefault(name, (float(default), ca.SX.sym(name)))
-        if value != float(default):
+        default = checks.number(default, f"the parameter {name!r}")
+        value, symbol = self.parameters.setdefault(name, (default, ca.SX.sym(name)))
+        if value != default:
             raise LinkworkError(
-                f"the parameter {name!r} is given twice, as {value:g} and as {float(default):g}; give two names"
+                f"the parameter {name!r} is given twice, as {value:g} and as {default:g}; give two names"
             )
         return symbol
 
-    def reference(self, signal: Signal) -> np.ndarray:
-        """Return the symbols of a signal's values at t (nu)."""
-        for known, symbol in self.references:
-            if known is signal:
-                return math.vector(symbol)
-        symbol = ca.SX.sym("reference", signal.coefficients.shape[2])
-        self.references.append((signal, symbol))
-        return math.vector(symbol)
+    def reference(self, signal: Signal, what: str) -> np.ndarray:
+        """Return the symbols of a signal's values at t (nu); what: what reads it."""
+        for reference in self.references:
+            if reference.signal is signal:
+                return math.vector(reference.symbols)
+        symbols = ca.SX.sym("reference", signal.coefficients.shape[2])
+        self.references.append(Reference(signal, symbols, what))
+        return math.vector(symbols)
 
     def trace(self, function: Law, read: Callable[[Any], ca.SX], what: str) -> ca.SX:
         """Return the column of what a function gives for the symbols.
@@ -107,14 +113,13 @@ class Tracer:
         """
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)  # NumPy's functions are welcome on symbols
+            self.t.reference = partial(self.reference, what=what)
             try:
                 result = function(self.t, self.state)
             except LinkworkError:
                 raise
             except Exception as error:
-                raise LinkworkError(
-                    f"{what} cannot be traced with symbols ({type(error).__name__}: {first_line(error)}); {CURE}"
-                ) from error
+                raise LinkworkError(f"{what} cannot be traced with symbols ({reason(error)}); {cure(what)}") from error
         traced = Traced(function, read, read(result), what)
         self.traced.append(traced)
         return traced.column
@@ -126,7 +131,8 @@ class Tracer:
             LinkworkError: values that differ: a function that branches on values or keeps memory.
         """
         symbols = [self.t, *self.quantities.values(), *self.extras.values()]
-        symbols += [symbol for _, symbol in self.references] + [symbol for _, symbol in self.parameters.values()]
+        symbols += [reference.symbols for reference in self.references]
+        symbols += [symbol for _, symbol in self.parameters.values()]
         evaluate = ca.Function("traced", symbols, [ca.densify(traced.column) for traced in self.traced])
         parameters = {name: default for name, (default, _) in self.parameters.items()}
         random = np.random.default_rng(0)
@@ -134,7 +140,7 @@ class Tracer:
             t = float(random.uniform(*span))
             values = {key: random.uniform(-1, 1, self.names.size(key)) for key in self.quantities}
             extras = random.uniform(-1, 1, len(self.extras))
-            given = [t, *values.values(), *extras, *(signal(t) for signal, _ in self.references), *parameters.values()]
+            given = [t, *values.values(), *extras, *(of.signal(t) for of in self.references), *parameters.values()]
             state = numbers(self.names, values, extras, parameters)
             for traced, found in zip(self.traced, evaluate.call([ca.DM(value) for value in given]), strict=True):
                 require_same(traced, np.array(found, float).ravel(), t, state)
@@ -147,13 +153,13 @@ def require_same(traced: Traced, found: np.ndarray, t: float, state: Observation
             result = traced.read(traced.function(t, state))
         except Exception as error:
             raise LinkworkError(
-                f"{traced.what} does other things with numbers than with symbols ({first_line(error)}); {CURE}"
+                f"{traced.what} does other things with numbers than with symbols ({reason(error)}); {cure(traced.what)}"
             ) from error
     expected = np.array(ca.DM(ca.densify(result)), float).ravel()
     if found.shape != expected.shape or not np.allclose(found, expected, AGREE, AGREE, equal_nan=True):
         raise LinkworkError(
             f"{traced.what} returns other values with numbers than it did with symbols: it branches on values, or keeps "
-            f"memory from call to call; {CURE}"
+            f"memory from call to call; {cure(traced.what)}"
         )
 
 
@@ -168,10 +174,14 @@ def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
         if unknown:
             raise LinkworkError(f"{what} returns a value for {unknown[0]!r}; there are {', '.join(names) or 'none'}")
         values = [values.get(name, 0.0) for name in names]
+    missing = any(value is None for value in (values if isinstance(values, list | tuple) else [values]))
     try:
-        array = math.array(values)
+        array = None if missing else math.array(values)
     except (TypeError, ValueError):
-        raise LinkworkError(f"{what} returns {shown(values)}; give {len(names)} numbers: {', '.join(names)}") from None
+        array = None
+    if array is None:
+        count = "1 number" if len(names) == 1 else f"{len(names)} numbers"
+        raise LinkworkError(f"{what} returns {shown(values)}; give {count}: {', '.join(names)}")
     if array.size != len(names) or array.ndim > 2 or (not array.ndim and len(names) != 1):
         raise LinkworkError(
             f"{what} returns {array.size} values; give {len(names)}: {', '.join(names) or 'none'}, in this order or by name"
@@ -192,7 +202,15 @@ def shown(values: Any) -> str:
     return f"a {type(values).__name__}{kinds}"
 
 
-def first_line(error: BaseException) -> str:
-    """Return the last line of an exception's text that says something."""
+def cure(what: str) -> str:
+    """Return what to do about a function that cannot be traced; a controller alone may be sampled instead."""
+    sampled = ", or wrap it in a linkwork.control.Sampler" if what == CONTROLLER else ""
+    return f"write it with linkwork.math (where, minimum ...) as a function of its arguments alone{sampled}"
+
+
+def reason(error: BaseException) -> str:
+    """Return an exception in a line: its kind, and the first line of its text that says something, if there is one."""
+    if "truth value of a CasADi" in str(error):
+        return "it branches on the value of a symbol"
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0][-120:] if lines else type(error).__name__
+    return f"{type(error).__name__}: {lines[0][-120:]}" if lines else type(error).__name__

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from linkwork import checks
 from linkwork.equations import Equations, measures
 from linkwork.equations.tree import near_offset
 from linkwork.errors import LinkworkError
@@ -36,9 +37,10 @@ class Wrench:
     def __post_init__(self) -> None:
         if self.frame not in ("ground", "body"):
             raise LinkworkError(f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or 'body'")
-        point = np.asarray(self.point, float)
-        if point.shape != (3,) or not np.isfinite(point).all():
-            raise LinkworkError(f"the point of the wrench on {self.body!r} is {self.point!r}; give three numbers [m]")
+        for part, unit in (("point", "m"), ("force", "N"), ("moment", "N m")):
+            value = getattr(self, part)
+            if part == "point" or not (isinstance(value, Sampled | Signal) or callable(value)):
+                object.__setattr__(self, part, three(value, f"the {part} of the wrench on {self.body!r}", unit))
 
     def in_ground(self, equations: Equations, wrench: ca.SX) -> ca.SX:
         """Return (moment, force) (6) in the ground's axes."""
@@ -52,3 +54,11 @@ class Wrench:
         node = equations.tree.node(self.body)
         J = measures.jacobian(equations.tree, node, near_offset(node, np.array(self.point, float)))
         return ca.mtimes(equations.elimination[0].T, ca.mtimes(J.T, wrench))
+
+
+def three(values: Any, what: str, unit: str) -> tuple[float, ...]:
+    """Return three numbers; refuse what are none."""
+    array = checks.finite(values, what)
+    if array.shape != (3,):
+        raise LinkworkError(f"{what} is {values!r}; give three numbers [{unit}]")
+    return tuple(array.tolist())

@@ -15,8 +15,9 @@ Source: the paper, Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz co
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import casadi as ca
 import networkx as nx
@@ -27,6 +28,7 @@ from linkwork.equations.reflections import DEPENDENT_ROW, reflect
 
 WEAK_PIVOT = 0.1
 COFACTOR_SIZE = 3
+TIED = 1 - 1e-9  # lengths are equal from this ratio on: rounding decides nothing
 
 
 def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) -> tuple[int, ...]:
@@ -38,7 +40,8 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
             the first sample at which the rank is largest.
     """
     if count is not None:
-        return tuple(sorted(largest_rows(samples[0], count)))
+        every = count == len(samples[0])
+        return tuple(range(count)) if every else tuple(sorted(largest_rows(samples[0], count)))
     kept: tuple[int, ...] = ()
     for Phi in samples:
         kept = max(kept, reflect(Phi).rows, key=len)
@@ -67,20 +70,39 @@ def choose_independent(Phi: np.ndarray, preferred: Sequence[int], share: float =
         preferred: rates in the order of preference.
         share: least part of a preferred rate's motion that is no motion of the rates taken before it.
     """
-    n = Phi.shape[1] - Phi.shape[0]
-    motions = reflect(Phi).null_space  # nv x n, orthonormal columns
-    chosen: list[int] = []
-    rest = motions.copy()
-    for k in preferred:
-        if (
-            len(chosen) < n
-            and k not in chosen
-            and np.linalg.norm(rest[k]) > share * max(np.linalg.norm(motions[k]), share)
-        ):
-            chosen.append(k)
-            direction = rest[k] / np.linalg.norm(rest[k])
-            rest -= np.outer(rest @ direction, direction)
-    return (*chosen, *(int(k) for k in largest_rows(rest, n - len(chosen))))
+    return tuple(choose_independents(reflect(Phi).null_space[None], preferred, share)[0].tolist())
+
+
+def choose_independents(motions: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW) -> np.ndarray:
+    """Return the n rates that `choose_independent` takes at each of G configurations (G x n).
+
+    Args:
+        motions: orthonormal bases of what the constraints leave free (G x nv x n).
+        preferred, share: as for `choose_independent`.
+    """
+    groups, width, n = motions.shape
+    rest, every = motions.copy(), np.arange(groups)
+    lengths = np.linalg.norm(motions, axis=2)
+    least = share * np.maximum(lengths, share)
+    chosen, count = np.full((groups, n), -1), np.zeros(groups, int)
+    free = np.ones((groups, width), bool)
+
+    def take(rates: np.ndarray, able: np.ndarray) -> None:
+        direction = rest[every, rates]
+        length = np.linalg.norm(direction, axis=1)
+        direction = direction * np.where(able, 1 / np.maximum(length, 1e-300), 0.0)[:, None]
+        rest[:] -= (rest @ direction[:, :, None]) * direction[:, None, :]
+        chosen[able, count[able]], free[able, rates[able]] = rates[able], False
+        count[able] += 1
+
+    for k in dict.fromkeys(preferred):
+        able = (count < n) & (np.linalg.norm(rest[:, k], axis=1) > least[:, k])
+        if able.any():
+            take(np.full(groups, k), able)
+    while (count < n).any():
+        lengths = np.where(free, np.linalg.norm(rest, axis=2), -1.0)
+        take(np.argmax(lengths >= TIED * lengths.max(axis=1, keepdims=True), axis=1), count < n)
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -129,7 +151,7 @@ class Chart:
         return f"{sizes.count(1)} single pivots, blocks of {[s for s in sizes if s > 1] or 'none'}"
 
 
-Values = dict[int, dict[int, np.ndarray]]
+Values = dict[int, dict[int, np.ndarray]]  # numbers by row and column, each (groups x samples)
 Entries = dict[int, dict[int, ca.SX]]
 
 
@@ -154,35 +176,92 @@ def choose_chart(
         rows: the kept rows, as many as there are dependent rates.
         independent: indices of the independent rates.
     """
-    dependent = tuple(j for j in range(Phi.shape[1]) if j not in independent)
-    expressions = entries(Phi)
-    pattern = {r: [c for c in expressions[r] if c not in independent] for r in rows}
-    stages = []
-    for stage_rows, columns in triangular(pattern):
-        values = {r: {c: np.array([s[r, c] for s in samples]) for c in pattern[r] if c in columns} for r in stage_rows}
-        constant = {(r, c) for r in stage_rows for c in values[r] if expressions[r][c].is_constant()}
-        stages.append(choose_stage(values, constant, len(samples)))
-    return Chart(tuple(independent), dependent, rows, tuple(stages))
+    ((_, stages, determinants),) = choose_orders(constancy(Phi), np.array(samples)[None], rows, independent)
+    return chart_of(stages, determinants[0].tolist(), rows, independent, Phi.shape[1])
 
 
-def choose_stage(values: Values, constant: set[tuple[int, int]], samples: int) -> Stage:
-    """Choose the order of elimination within a stage, on the numbers of its rows and columns."""
-    blocks: list[Block] = []
-    scales: list[float] = []
-    while values:
-        block = next_block(values, constant)
-        determinant = float(np.linalg.det(block_values(values, block, samples)[:, :, 0]))
-        scales.append(determinant if abs(determinant) > 1e-300 else 1e-300)
-        eliminate_values(values, constant, block)
-        blocks.append(block)
-    return Stage(tuple(blocks), tuple(scales))
+def chart_of(
+    stages: Sequence[Sequence[Block]],
+    scales: Sequence[float],
+    rows: Sequence[int],
+    independent: Sequence[int],
+    width: int,
+) -> Chart:
+    """Return the chart with an order of elimination and the scale of each block."""
+    dependent = tuple(j for j in range(width) if j not in independent)
+    left = iter(scales)
+    filled = tuple(Stage(tuple(blocks), tuple(next(left) for _ in blocks)) for blocks in stages)
+    return Chart(tuple(independent), dependent, tuple(rows), filled)
 
 
-def block_values(values: Values, block: Block, samples: int) -> np.ndarray:
-    return np.array([[values[r].get(c, np.zeros(samples)) for c in block.columns] for r in block.rows])
+def constancy(Phi: ca.SX) -> dict[int, dict[int, bool]]:
+    """Return which elements of a matrix are not zero, by row and column, and whether they are constant."""
+    return {r: {c: value.is_constant() for c, value in row.items()} for r, row in entries(Phi).items()}
 
 
-def triangular(pattern: Mapping[int, Sequence[int]]) -> list[tuple[tuple[int, ...], set[int]]]:
+Order = tuple[np.ndarray, list[tuple[Block, ...]], np.ndarray]
+
+
+def choose_orders(
+    pattern: Mapping[int, Mapping[int, bool]], Phi: np.ndarray, rows: Sequence[int], independent: Sequence[int]
+) -> list[Order]:
+    """Choose the order of elimination for each of G groups of configurations.
+
+    Args:
+        pattern: the elements of the constraint Jacobian that are not zero, and whether they are constant.
+        Phi: its values (G x samples x rows x nv); the order is good at all samples of a group.
+        rows, independent: the kept rows and the independent rates.
+
+    Returns:
+        (groups, stages, determinants) for each order: the groups that have it, its blocks stage by stage, and their
+        determinants at the groups' first samples (groups x blocks).
+    """
+    columns_of = {r: tuple(c for c in pattern[r] if c not in independent) for r in rows}
+    orders: list[Order] = [(np.arange(len(Phi)), [], np.empty((len(Phi), 0)))]
+    for stage_rows, columns in triangular(columns_of):
+        constant = {(r, c) for r in stage_rows for c in columns_of[r] if pattern[r][c]}
+        longer: list[Order] = []
+        for groups, stages, determinants in orders:
+            values = {r: {c: Phi[groups, :, r, c] for c in columns_of[r] if c in columns} for r in stage_rows}
+            for own, blocks, found in stage_orders(values, constant, len(groups)):
+                longer.append((groups[own], [*stages, blocks], np.concatenate([determinants[own], found], axis=1)))
+        orders = longer
+    return orders
+
+
+def stage_orders(
+    values: Values, constant: set[tuple[int, int]], groups: int
+) -> list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]]:
+    """Choose the order of elimination within a stage, on the numbers of its rows and columns, group by group."""
+    found: list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]] = []
+    ways: list[tuple[np.ndarray, Values, set[tuple[int, int]], tuple[Block, ...], np.ndarray]] = [
+        (np.arange(groups), values, constant, (), np.empty((groups, 0)))
+    ]
+    while ways:
+        members, values, constant, blocks, determinants = ways.pop()
+        if not values:
+            found.append((members, blocks, determinants))
+            continue
+        for block, own in next_blocks(values, constant, len(members)):
+            rest, steady = {r: {c: value[own] for c, value in row.items()} for r, row in values.items()}, set(constant)
+            determinant = block_determinants(rest, block, own.size)
+            determinant = np.where(np.abs(determinant) > 1e-300, determinant, 1e-300)
+            eliminate_values(rest, steady, block)
+            longer = np.concatenate([determinants[own], determinant[:, None]], axis=1)
+            ways.append((members[own], rest, steady, (*blocks, block), longer))
+    return found
+
+
+def block_determinants(values: Values, block: Block, groups: int) -> np.ndarray:
+    """Return the determinants of a block at the groups' first samples."""
+    if len(block.rows) == 1:
+        return values[block.rows[0]][block.columns[0]][:, 0]
+    zero = np.zeros((groups, 1))
+    rows = [np.stack([values[r].get(c, zero)[:, 0] for c in block.columns], axis=1) for r in block.rows]
+    return np.linalg.det(np.stack(rows, axis=1))
+
+
+def triangular(pattern: Mapping[int, Iterable[int]]) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
     """Return the stages (rows, columns) of the block triangular form: each holds columns of its own and of stages before.
 
     Rows are matched with columns; a row leads to the rows matched with its columns; what leads back is one stage.
@@ -190,7 +269,14 @@ def triangular(pattern: Mapping[int, Sequence[int]]) -> list[tuple[tuple[int, ..
     Args:
         pattern: the columns that each row holds.
     """
-    graph = nx.Graph()
+    return _triangular(tuple((r, tuple(pattern[r])) for r in sorted(pattern)))
+
+
+@lru_cache(maxsize=4096)
+def _triangular(
+    rows: tuple[tuple[int, tuple[int, ...]], ...],
+) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
+    graph, pattern = nx.Graph(), dict(rows)
     graph.add_nodes_from(("row", r) for r in sorted(pattern))
     graph.add_edges_from((("row", r), ("column", c)) for r in sorted(pattern) for c in pattern[r])
     matching = nx.bipartite.hopcroft_karp_matching(graph, [("row", r) for r in pattern])
@@ -199,35 +285,52 @@ def triangular(pattern: Mapping[int, Sequence[int]]) -> list[tuple[tuple[int, ..
     leads.add_edges_from((matching[("column", c)][1], r) for r in pattern for c in pattern[r])
     order = nx.condensation(leads)
     stages = [sorted(order.nodes[part]["members"]) for part in nx.lexicographical_topological_sort(order)]
-    return [(tuple(stage), {matching[("row", r)][1] for r in stage}) for stage in stages]
+    return tuple((tuple(stage), frozenset(matching[("row", r)][1] for r in stage)) for stage in stages)
 
 
-def next_block(values: Values, constant: set[tuple[int, int]]) -> Block:
-    """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else a strong entry."""
+def next_blocks(values: Values, constant: set[tuple[int, int]], groups: int) -> Iterator[tuple[Block, np.ndarray]]:
+    """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else a strong entry.
+
+    Yields the blocks that any of the groups take, and these groups.
+    """
     uses = Counter(c for row in values.values() for c in row)
     held = [(r, c) for r, row in values.items() for c in row]
+    left = np.arange(groups)
 
     def fill(entry: tuple[int, int]) -> tuple[int, int, int]:
         r, c = entry
         return (len(values[r]) - 1) * (uses[c] - 1), *entry
 
-    solid = [(r, c) for r, c in held if (r, c) in constant and strength(values, r, c) > WEAK_PIVOT]
-    if solid:
-        r, c = min(solid, key=fill)
-        return Block((r,), (c,))
+    def strong(candidates: Iterable[tuple[int, int]]) -> Iterator[tuple[Block, np.ndarray]]:
+        nonlocal left
+        for r, c in sorted(candidates, key=fill):
+            takes = strength(values, r, c)[left] > WEAK_PIVOT
+            if takes.any():
+                yield Block((r,), (c,)), left[takes]
+                left = left[~takes]
+            if not left.size:
+                return
+
+    yield from strong(entry for entry in held if entry in constant)
+    if not left.size:
+        return
     rows, columns = triangular({r: list(row) for r, row in values.items()})[0]
     if len(rows) <= COFACTOR_SIZE:
-        return Block(rows, tuple(sorted(columns)))
+        yield Block(rows, tuple(sorted(columns))), left
+        return
     held = [(r, c) for r in rows for c in values[r]]
-    strong = [entry for entry in held if strength(values, *entry) > WEAK_PIVOT]
-    r, c = min(strong or [max(held, key=lambda entry: strength(values, *entry))], key=fill)
-    return Block((r,), (c,))
+    yield from strong(held)
+    if left.size:
+        strongest = np.argmax([strength(values, *entry)[left] for entry in held], axis=0)
+        for i in np.unique(strongest):
+            r, c = held[i]
+            yield Block((r,), (c,)), left[strongest == i]
 
 
-def strength(values: Values, r: int, c: int) -> float:
-    """Return the smallest ratio, over the samples, of an entry to the largest entry of its row."""
+def strength(values: Values, r: int, c: int) -> np.ndarray:
+    """Return the smallest ratio, over the samples, of an entry to the largest entry of its row (groups)."""
     largest = np.max([np.abs(value) for value in values[r].values()], axis=0)
-    return float(np.min(np.abs(values[r][c]) / np.maximum(largest, 1e-300)))
+    return np.min(np.abs(values[r][c]) / np.maximum(largest, 1e-300), axis=1)
 
 
 def eliminate_values(values: Values, constant: set[tuple[int, int]], block: Block) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from linkwork.equations import closure, gears, mobility, readings
 from linkwork.equations.algebra import SX, cross, dense, symbol
-from linkwork.equations.chart import Chart, choose_chart, choose_independent, independent_rows
+from linkwork.equations.chart import choose_chart, choose_independent, independent_rows
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.reference import OpenLoopsError, System, close, described, guess, neighbours, starts
@@ -27,7 +27,6 @@ FLIPPED = (
     "the loops close near the reference configuration only with a joint's frames facing opposite ways; give joint "
     "coordinates nearer to the intended configuration, or turn one of the frames"
 )
-WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
 
 
 def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()) -> Equations:
@@ -65,7 +64,7 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     chart = choose_chart(rows.Phi, samples, kept, chosen)
     idle = idle_freedoms(mechanism, tree, configurations[0], samples[0])
     lengths = sizes(samples[0])
-    smallest = smallest_singular(scaled(samples[0], lengths), len(kept))
+    smallest = float(smallest_singular(scaled(samples[0], lengths), len(kept)))
     return Equations(
         freed, topology, tree, cuts, joints, rows, configurations[0], lengths, smallest, redundant, idle, chart
     )
@@ -77,18 +76,6 @@ def grown(
     """Return the tree of a topology and the cut joints in it."""
     tree = grow(mechanism, topology, parameters)
     return tree, tuple(closure.cut(tree, name, joint) for name, joint in topology.closing.items())
-
-
-def chart_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = ()) -> Chart:
-    """Return a chart that is good at a configuration: rows, independent rates and elimination chosen there.
-
-    Args:
-        Phi: the constraint Jacobian there (all rows x nv).
-        preferred: rates that should be independent, as far as the configuration allows it well.
-    """
-    units = equations.scaled(Phi)
-    kept = independent_rows([units], len(equations.chart.rows))
-    return choose_chart(equations.rows.Phi, [Phi], kept, choose_independent(units[list(kept)], preferred, WELL))
 
 
 def closure_rows(mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...], joints: JointMap) -> Rows:

@@ -18,7 +18,7 @@ import numpy as np
 
 from linkwork.equations import dynamics, effects
 from linkwork.equations.algebra import SX, vector
-from linkwork.equations.chart import COFACTOR_SIZE, Chart, solve, weakest
+from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy, solve, weakest
 from linkwork.equations.closure import Cut
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.topology import Topology
@@ -46,6 +46,11 @@ class Rows:
     rates: ca.SX
     gamma: ca.SX
     alignment: ca.SX
+
+    @cached_property
+    def pattern(self) -> dict[int, dict[int, bool]]:
+        """Tell which elements of Phi are not zero, by row and column, and whether they are constant."""
+        return constancy(self.Phi)
 
 
 @dataclass(frozen=True)
@@ -108,11 +113,11 @@ class Equations:
         return bool(self.rows.names or self.tree.quaternions)
 
     def scaled(self, Phi: np.ndarray) -> np.ndarray:
-        """Return Phi over the sizes of its columns and rows at the reference: free of units."""
+        """Return Phi (..., rows x nv) over the sizes of its columns and rows at the reference: free of units."""
         return scaled(Phi, self.sizes)
 
-    def regular(self, Phi: np.ndarray) -> bool:
-        """Tell whether a configuration is far from losing rank, compared with the reference."""
+    def regular(self, Phi: np.ndarray) -> np.ndarray:
+        """Tell whether configurations (...) are far from losing rank, compared with the reference."""
         return smallest_singular(self.scaled(Phi), len(self.chart.rows)) > REGULAR * self.smallest
 
     def in_chart(self, chart: Chart) -> Equations:
@@ -210,9 +215,9 @@ def scaled(Phi: np.ndarray, sizes: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     return Phi / columns / rows[:, None]
 
 
-def smallest_singular(Phi: np.ndarray, rank: int) -> float:
-    """Return the singular value number `rank` of a matrix, 1 for rank 0."""
-    return float(np.linalg.svd(Phi, compute_uv=False)[rank - 1]) if rank else 1.0
+def smallest_singular(Phi: np.ndarray, rank: int) -> np.ndarray:
+    """Return the singular value number `rank` of matrices (..., rows x columns), 1 for rank 0."""
+    return np.linalg.svd(Phi, compute_uv=False)[..., rank - 1] if rank else np.ones(Phi.shape[:-2])
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:

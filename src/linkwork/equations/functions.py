@@ -126,9 +126,9 @@ def bodies_motion(equations: Equations) -> ca.Function:
 
 
 def constraints(equations: Equations) -> ca.Function:
-    """Return q -> phi and Phi (sparse); it is asked too seldom to be compiled."""
-    outputs = [equations.rows.phi, equations.rows.Phi]
-    return ca.Function("constraints", [equations.tree.q, equations.p], outputs, ["q", "p"], ["phi", "Phi"])
+    """Return q -> phi and Phi."""
+    outputs = {"phi": equations.rows.phi, "Phi": equations.rows.Phi}
+    return function("constraints", equations, {"q": equations.tree.q}, outputs)
 
 
 def pivots(equations: Equations) -> ca.Function:

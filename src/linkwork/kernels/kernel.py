@@ -82,11 +82,11 @@ class Kernel:
     def __reduce__(self):
         return _restored, (self._function, self._last)
 
-    @property
+    @cached_property
     def address(self) -> int:
         return self._module(vector=False).addresses["one"]
 
-    @property
+    @cached_property
     def batch_address(self) -> int:
         return self._module(vector=True).addresses["batch"]
 
@@ -123,21 +123,19 @@ class Kernel:
         self._one(x_address, y_address)
         return tuple([part.copy() for part in y_parts])
 
-    def evaluate_into(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-        """Evaluate one state given and returned as flat vectors.
+    def flat(self, *parts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Evaluate one state; return all outputs as one vector (n_out,).
 
-        x: all inputs, shape (n_in,).  y: all outputs, shape (n_out,), overwritten.
-        Raises KernelError where a shape does not fit.
+        parts: vectors that are, one after the other, all inputs (n_in,).  Raises KernelError where their length does not fit.
         """
-        (x_buffer, x_address, _), (y_buffer, y_address, _) = self._buffers.one
-        if x.shape != x_buffer.shape or y.shape != y_buffer.shape:
-            raise KernelError(
-                f"Kernel '{self.name}' evaluates from shape {x_buffer.shape} into shape {y_buffer.shape},"
-                f" not from {x.shape} into {y.shape}."
-            )
-        x_buffer[...] = x
+        (x, x_address, _), (y, y_address, _) = self._buffers.one
+        try:
+            np.concatenate(parts, out=x)
+        except ValueError:
+            shapes = " and ".join(str(part.shape) for part in parts)
+            raise KernelError(f"Kernel '{self.name}' takes {self.n_in} numbers, not parts of {shapes}.") from None
         self._one(x_address, y_address)
-        y[...] = y_buffer
+        return y.copy()
 
     def assembly(self, vector: bool) -> str:
         """Return the assembly of the function for blocks of states (vector) or for one state."""

@@ -6,10 +6,10 @@ The first key is `linkwork: 1`, the version of the format. Numbers are SI and ra
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -22,10 +22,12 @@ from linkwork.mechanism.refusal import MechanismError, shown
 MAX_BYTES = 20_000_000
 MODELS = (".xml", ".mjcf", ".urdf")
 
+Described = TypeVar("Described")
+
 
 def parsed(text: str) -> Mechanism:
     """Return the mechanism that a file's text describes; every refusal names the line where there is one."""
-    return _mechanism(read_document(text))
+    return described(read_document(text), "linkwork", FORMAT_VERSION, "mechanism", Mechanism)
 
 
 def written(mechanism: Mechanism) -> str:
@@ -82,18 +84,22 @@ def text_of(path: Path, what: str = "a mechanism file", most: int = MAX_BYTES) -
         raise MechanismError(f"is not UTF-8 text; {what} is YAML text", place=f"line {line}") from None
 
 
-def _mechanism(root: Node) -> Mechanism:
-    first_line = f"the first line should be 'linkwork: {FORMAT_VERSION}'"
+def described(root: Node, key: str, version: int, what: str, make: Callable[..., Described]) -> Described:
+    """Return what a document describes, made of its fields; every refusal names the line.
+
+    key: of the first line, which gives the version of the format; what: it describes
+    """
+    first_line = f"the first line should be '{key}: {version}'"
     if not isinstance(root.data, dict):
-        raise MechanismError(f"holds no mechanism; {first_line}", place=f"line {root.line}")
+        raise MechanismError(f"holds no {what}; {first_line}", place=f"line {root.line}")
     fields = dict(root.data)
-    version = fields.pop("linkwork", None)
+    given = fields.pop(key, None)
     try:
-        if version is None:
-            raise MechanismError(f"is missing; {first_line}", ("linkwork",))
-        if version != FORMAT_VERSION:
-            raise MechanismError(f"{shown(version)} is not a format version this program reads; give 1", ("linkwork",))
-        return Mechanism(**fields)
+        if given is None:
+            raise MechanismError(f"is missing; {first_line}", (key,))
+        if given != version:
+            raise MechanismError(f"{shown(given)} is not a format version this program reads; give {version}", (key,))
+        return make(**fields)
     except MechanismError as error:
         raise MechanismError(error.what, error.where, f"line {root.line_of(error.where)}") from None
 

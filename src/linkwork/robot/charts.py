@@ -13,18 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from threading import RLock
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, chart_at, functions
-from linkwork.equations.algebra import dense
-from linkwork.equations.chart import faced
+from linkwork.equations import Equations, charts_at, functions
+from linkwork.equations.chart import Chart, faced
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 
 KERNELS = (
     "motion",
+    "constraints",
     "inverse_dynamics",
     "actuation",
     "terms",
@@ -39,6 +41,7 @@ KERNELS = (
     "assembly",
     "regressor",
 )
+BUILDING = RLock()  # expressions are built by one thread at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,36 +71,46 @@ class CompiledChart:
 
     def compiled(self, key: str, make: Callable[[Equations], ca.Function]) -> Kernel:
         """Return the kernel of a function of these equations, kept under a key for all charts that share kernels."""
-        if key not in self._kernels:
-            self._kernels[key] = compile_function(make(self.equations))
-        return self._kernels[key]
+        with BUILDING:
+            if key not in self._kernels:
+                self._kernels[key] = compile_function(make(self.equations))
+            return self._kernels[key]
 
     @property
     def independent(self) -> tuple[str, ...]:
         return self.equations.independent
 
+    @property
+    def key(self) -> Chart:
+        """Return what tells charts apart."""
+        return self.equations.chart
+
     @cached_property
-    def key(self) -> tuple[object, ...]:
-        """Return what tells charts apart: independent rates, rows, order of elimination and signs of the pivots."""
+    def order(self) -> tuple[object, ...]:
+        """Return what charts have in common that differ in the scales of their pivots only."""
         chart = self.equations.chart
-        signs = tuple(scale > 0 for stage in chart.stages for scale in stage.scales)
-        return chart.independent, chart.rows, tuple(chart.blocks), signs
+        return chart.independent, chart.rows, tuple(chart.blocks)
 
     def facing(self, q: np.ndarray) -> CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""
-        (pivots,) = self.kernel("pivots")(q)
-        return self._facing(tuple(np.where(pivots < 0, -1.0, 1.0).tolist()))
+        pivots = self.kernel("pivots").flat(q, self.p).tolist()
+        return self.with_signs(tuple([-1.0 if pivot < 0 else 1.0 for pivot in pivots]))
 
     @cached_property
-    def _facing(self) -> Callable[[tuple[float, ...]], CompiledChart]:
+    def with_signs(self) -> Callable[[tuple[float, ...]], CompiledChart]:
+        """Return this chart with the scales of its pivots multiplied by signs; itself where these are all positive."""
         chart = self.equations.chart
-        return lru_cache(maxsize=None)(
-            lambda signs: CompiledChart(self.equations.in_chart(faced(chart, signs)), self.p)
-        )
+
+        def multiplied(signs: tuple[float, ...]) -> CompiledChart:
+            if min(signs, default=1.0) > 0:
+                return self
+            return CompiledChart(self.equations.in_chart(faced(chart, signs)), self.p)
+
+        return lru_cache(maxsize=None)(multiplied)
 
     def pivot(self, q: np.ndarray) -> float:
         """Return the weakest relative pivot at one configuration."""
-        return float(self.kernel("tree_rates")(q, np.zeros(len(self.independent)))[1][0])
+        return self.kernel("tree_rates").flat(q, np.zeros(len(self.independent)), self.p).item(-1)
 
     def tree_rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return w = L v (..., nv), the rates of the whole tree."""
@@ -107,59 +120,67 @@ class CompiledChart:
         """Return v (..., n) from the rates of the whole tree."""
         return w[..., list(self.equations.chart.independent)]
 
-    def constraint_jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Return Phi (rows x nv) at one configuration."""
-        return dense(self._constraints(q, self.p)[1])
+    def constraint_jacobian(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return Phi (..., rows x nv) at configurations; p: of each, the chart's if left out."""
+        rows, width = len(self.equations.rows.names), self.equations.nv
+        if not rows:
+            return np.zeros((*q.shape[:-1], 0, width))
+        found = self.kernel("constraints")(q, self.p if p is None else p)[1]
+        return np.swapaxes(found.reshape(*q.shape[:-1], width, rows), -1, -2)
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
         """Return phi (rows) at one configuration."""
-        return np.array(self._constraints(q, self.p)[0]).ravel()
+        return self.kernel("constraints")(q)[0]
 
-    @cached_property
-    def _constraints(self) -> ca.Function:
-        return functions.constraints(self.equations)
+    def conditioning(self, Phi: np.ndarray) -> np.ndarray:
+        """Return the smallest over the largest singular value of what the elimination solves; 1 if it solves nothing.
 
-    def conditioning(self, Phi: np.ndarray) -> float:
-        """Return the smallest over the largest singular value of what the elimination solves; 1 if it solves nothing."""
+        Phi: at configurations (..., rows x nv)
+        """
         chart = self.equations.chart
-        solved = self.equations.scaled(Phi)[np.ix_(chart.rows, chart.dependent)]
+        solved = self.equations.scaled(Phi)[..., np.array(chart.rows, int)[:, None], np.array(chart.dependent, int)]
         if not solved.size:
-            return 1.0
+            return np.ones(Phi.shape[:-2])
         values = np.linalg.svd(solved, compute_uv=False)
-        return float(values[-1] / max(values[0], 1e-300))
+        return values[..., -1] / np.maximum(values[..., 0], 1e-300)
 
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
-        """Return a chart chosen at q: independent rates, rows and elimination are those that are good there."""
-        Phi = self.constraint_jacobian(q)
-        return CompiledChart(self.equations.in_chart(chart_at(self.equations, Phi, preferred)), self.p)
+        """Return a chart chosen at q (nq): independent rates, rows and elimination are those that are good there."""
+        ((_, chart),) = self.chosen(self.constraint_jacobian(q[None]), preferred)
+        return chart
+
+    def chosen(self, Phi: np.ndarray, preferred: tuple[int, ...]) -> list[tuple[np.ndarray, CompiledChart]]:
+        """Return charts chosen at each of some configurations, and the numbers of those (`charts_at`)."""
+        found = charts_at(self.equations, Phi, preferred)
+        return [(members, CompiledChart(self.equations.in_chart(chart), self.p)) for members, chart in found]
 
 
 @dataclass(frozen=True, eq=False)
-class Charts(MutableMapping[tuple[object, ...], CompiledChart]):
+class Charts(MutableMapping[Any, CompiledChart]):
     """Hold charts by key for robots that differ in the values of their free parameters: each sees them with its own p."""
 
     p: np.ndarray
-    _shared: dict[tuple[object, ...], CompiledChart] = field(default_factory=dict)
-    _own: dict[tuple[object, ...], CompiledChart] = field(default_factory=dict)
+    _shared: dict[Any, CompiledChart] = field(default_factory=dict)
+    _own: dict[Any, CompiledChart] = field(default_factory=dict)
 
     def with_parameters(self, p: np.ndarray) -> Charts:
         """Return the same charts, those still to come included, with other values of the free parameters."""
         return Charts(p, self._shared)
 
-    def __getitem__(self, key: tuple[object, ...]) -> CompiledChart:
+    def __getitem__(self, key: Any) -> CompiledChart:
         chart = self._own.get(key)
         if chart is None:
             chart = self._own[key] = self._shared[key].with_parameters(self.p)
         return chart
 
-    def __setitem__(self, key: tuple[object, ...], chart: CompiledChart) -> None:
+    def __setitem__(self, key: Any, chart: CompiledChart) -> None:
         self._own[key] = self._shared[key] = chart
 
-    def __delitem__(self, key: tuple[object, ...]) -> None:
+    def __delitem__(self, key: Any) -> None:
         del self._shared[key]
         self._own.pop(key, None)
 
-    def __iter__(self) -> Iterator[tuple[object, ...]]:
+    def __iter__(self) -> Iterator[Any]:
         return iter(self._shared)
 
     def __len__(self) -> int:

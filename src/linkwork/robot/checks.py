@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import at as at
+from linkwork.checks import count, finite, positive
+from linkwork.checks import number as number
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import TURN
@@ -22,43 +24,19 @@ class SingularError(LinkworkError):
     """Refuse a configuration where the actuated rates do not determine the motion."""
 
 
-def finite(values: ArrayLike, what: str) -> np.ndarray:
-    """Return values as floats; refuse what is not a finite number."""
-    try:
-        array = np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise LinkworkError(f"{what} is {values!r}; give numbers") from None
-    if not np.isfinite(array).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        place = f"{what}[{', '.join(map(str, index))}]" if index else what
-        raise LinkworkError(f"{place} is {array[index]}; give finite numbers")
-    return array
-
-
-def number(value: object, what: str) -> float:
-    """Return one number; refuse what is none, or not finite."""
-    array = finite(value, what)  # pyright: ignore[reportArgumentType]
-    if array.ndim:
-        raise LinkworkError(f"{what} is {value!r}; give one number")
-    return float(array)
-
-
-def positive(value: object, what: str) -> None:
-    if not number(value, what) > 0:
-        raise LinkworkError(f"{what} is {value}; give a positive number")
-
-
 def run_options(duration: float, rtol: float, atol: float, max_step: float, max_steps: int) -> dict[str, Any]:
     """Return the options of integration by name; refuse those of a run that are not positive."""
-    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol), ("max_steps", max_steps)):
+    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol)):
         positive(value, name)
     if max_step != np.inf:
         positive(max_step, "max_step")
-    return {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": max_steps}
+    return {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": count(max_steps, "max_steps")}
 
 
 def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
     """Return the common leading dimensions of stacks; refuse stacks of different length."""
+    if len(shapes) == 1:
+        return shapes[0]
     try:
         return np.broadcast_shapes(*shapes)
     except ValueError:
@@ -94,8 +72,8 @@ def values_by_name(
         if missing:
             raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}")
         parts = [finite(values[name], f"{what}[{name!r}]") for name in names]
-        batch = together(*(part.shape for part in parts))
-        return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1) if parts else np.zeros(0)
+        batch = together(*{part.shape for part in parts})
+        return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1) if batch else np.array(parts)
     array = finite(values, what)
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
@@ -192,15 +170,6 @@ def require_consistent(
     raise LinkworkError(
         f"joint {joints[index[-1]]!r} is given as {given[index]:.6g}, but the other joints make it {closed[index]:.6g}"
     )
-
-
-@contextmanager
-def at(place: str) -> Iterator[None]:
-    """Prefix the sentence of a refusal with the place where it happened."""
-    try:
-        yield
-    except LinkworkError as error:
-        raise type(error)(f"{place}{error}") from None
 
 
 def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:

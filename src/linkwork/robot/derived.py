@@ -3,10 +3,8 @@
     balance(t) = E(t) - E(0) - W(t),        W' = sum of the powers of actuators, friction, dampers, external wrenches
 
 vanishes for the exact motion. From each saved state the motion is integrated again to the next saved time, and the power
-with it, in steps a few times as fine as the run's: W has no error worth mentioning, and the balance is the energy that the
-run's own steps and projections have gained or lost. Where such explicit steps do not meet the next saved state (stiff
-equations) the power is integrated along Hermite's cubic between the two. W is undefined (nan) from where it cannot be
-known: a sampled controller acted anew between two saved times, or steps are by far more than saved times.
+with it, in steps that are halved until W hardly changes: the balance is the energy that the run's own
+steps and projections have gained or lost. W is undefined (nan) from where steps would be by far more than saved times.
 """
 
 from __future__ import annotations
@@ -27,14 +25,12 @@ from linkwork.simulation import DORMAND_PRINCE
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
-FINER = 2  # steps for each of the run's own
-MOST = 600  # steps between two saved times beyond which W is left undefined
-CLOCK = 1e-6  # part of a sampled controller's period that counts as none
-MET = 1e-4  # distance from the next saved state, relative to 1 + |y|, up to which explicit steps count
+MOST = 2400  # steps between two saved times beyond which W is left undefined
+FINE = 1e-6  # change of the work between two saved times that is none, relative to what goes in and out
 Quantity = tuple[tuple[str, ...], np.ndarray, str]  # axes beside time, values, unit
 POWERS = ("actuator_power", "friction_power", "damper_power", "external_power", "conditioning")
 BALANCE = ("work", "energy_balance")
-Kept = Sequence[tuple[Segment, slice]]
+Kept = Sequence[tuple[Segment, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +142,10 @@ def works(robot: Robot, system: System, kept: Kept) -> tuple[np.ndarray, float]:
     Over a singular pose that was stepped over the balance is taken to be kept.
     """
     total, columns, begun, end = 0.0, [np.zeros(0)], 0.0, None
+    held = np.zeros(system.acting.held if system.acting else 0)
     for segment, rows in kept:
         flow = Flow(robot, system, segment.chart)
-        t, y, r = nodes(flow, segment)
+        t, y, r = nodes(flow, segment, held)
         energy = flow.energy(y[[0, -1]])
         if end is None:
             begun = float(energy[0])
@@ -157,41 +154,36 @@ def works(robot: Robot, system: System, kept: Kept) -> tuple[np.ndarray, float]:
         W = total + np.cumsum(gained(flow, t, y, r, segment.trajectory.steps))
         columns.append(W[1:-1][rows])
         total, end = W[-1], (t[-1], energy[-1])
+        if segment.trajectory.control:
+            held = segment.trajectory.control.held
     return np.concatenate(columns), begun
 
 
-def nodes(flow: Flow, segment: Segment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return t, y and r at the start of a segment, its saved times and its end."""
+def nodes(flow: Flow, segment: Segment, held: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return t, y and r at the start of a segment, where inputs are held, at its saved times and its end."""
     (start, q, v), part = segment.start, segment.trajectory
     t = np.concatenate([[start], part.t, [part.end_time]])
     y = np.block([[q, v], [part.q, part.v], [part.q_end, part.v_end]])
-    held = part.u[:, flow.system.inputs.coefficients.shape[2] :]
-    held = held[[0, *range(len(held)), -1]] if len(held) else np.full((2, held.shape[1]), np.nan)
-    return t, y, np.concatenate([flow.system.inputs(t), held], axis=1)
+    u = part.u[:, part.u.shape[1] - held.size :]
+    return t, y, np.hstack([flow.system.inputs(t), np.vstack([held, u, u[-1:] if len(u) else held])])
 
 
 def gained(flow: Flow, t: np.ndarray, y: np.ndarray, r: np.ndarray, steps: int) -> np.ndarray:
     """Return the work (K,) done up to each node since the one before it; steps: the run's in this time.
 
-    It is not known where a sampled controller acted anew between two nodes, nor where steps are far more than nodes.
+    Steps are halved while that changes the work; it is left undefined (nan) where they become too many.
     """
-    h, times = np.diff(t), pieces(t, flow.system.inputs.breaks)
-    parts = max(int(np.count_nonzero(np.diff(times))), 1)
-    count = FINER * -(-max(steps, 1) // parts)
-    unknown = (h > 0) & (unseen(t, flow.system.sampler.period) if flow.system.sampler else False)
-    if count * (times.shape[1] - 1) > MOST:
-        unknown = h > 0
-    if unknown.all():
-        return np.concatenate([[0.0], np.where(unknown, np.nan, 0.0)])
-    work, reached = np.zeros(len(h)), y[:-1]
-    with np.errstate(all="ignore"):
-        for start, end in zip(times.T[:-1], times.T[1:], strict=True):
-            more, reached = stepped(flow, start, end, reached, r[:-1], count)
-            work += more
-        met = np.abs(reached - y[1:]).max(axis=1) <= MET * (1 + np.abs(y[1:]).max(axis=1))
-    if not met.all():
-        work = np.where(met, work, interpolated(flow, t, y, r))
-    return np.concatenate([[0.0], np.where(unknown, np.nan, work)])
+    times = pieces(t, flow.system.inputs.breaks)
+    parts, work = times.shape[1] - 1, np.zeros(len(t))
+    left = np.flatnonzero(np.diff(t) > 0) + 1
+    count, before = -(-max(steps, 1) // max(left.size * parts, 1)), np.full(len(t), np.nan)
+    while left.size and count * parts <= MOST:
+        with np.errstate(all="ignore"):
+            work[left], size = along(flow, times[left - 1], y[left - 1], r[left - 1], count)
+            changed = ~(np.abs(work - before)[left] <= FINE * size)
+        before, left, count = work.copy(), left[changed], 2 * count
+    work[left] = np.nan
+    return work
 
 
 def pieces(t: np.ndarray, breaks: np.ndarray) -> np.ndarray:
@@ -202,40 +194,24 @@ def pieces(t: np.ndarray, breaks: np.ndarray) -> np.ndarray:
     return np.column_stack([t[:-1], np.where(places < last[:, None], between, t[1:, None]), t[1:]])
 
 
-def unseen(t: np.ndarray, period: float) -> np.ndarray:
-    """Tell between which nodes a clock of this period strikes."""
-    after = np.floor(t[:-1] / period + CLOCK) + 1
-    return after * period < t[1:] - CLOCK * period
+def along(flow: Flow, times: np.ndarray, y: np.ndarray, r: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the work from each of some states on, and the energy that went in and out together (K,) [J].
 
-
-def stepped(
-    flow: Flow, start: np.ndarray, end: np.ndarray, y: np.ndarray, r: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return work and state after `count` steps of Dormand and Prince's method from each start (K,) to its end."""
+    Dormand and Prince's method takes `count` steps over each piece of the times (K, pieces + 1).
+    """
     a, b, c = DORMAND_PRINCE.a[:-1, :-1], DORMAND_PRINCE.a[-1, :-1], DORMAND_PRINCE.c[:-1]
-    h, work = ((end - start) / count)[:, None], np.zeros(len(y))
-    before = np.nextafter(end, start)  # forces that jump at the end do so behind it
-    for step in range(count):
-        slopes = np.zeros((len(c), *y.shape))
-        for i, c_i in enumerate(c):
-            stage = y + h * np.tensordot(a[i, :i], slopes[:i], axes=1)
-            inputs = flow.inputs(np.minimum(start + (step + c_i) * h[:, 0], before), r)
-            slopes[i] = flow.slope(stage, inputs)
-            work += h[:, 0] * b[i] * flow.power(stage, inputs)
-        y = y + h * np.tensordot(b, slopes, axes=1)
-    return work, y
-
-
-def interpolated(flow: Flow, t: np.ndarray, y: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return the work between nodes along Hermite's cubic, by Gauss's rule of three points."""
-    h, slopes, work = np.diff(t), flow.slope(y, r), np.zeros(len(t) - 1)
-    for x, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
-        s = (1 + x) / 2
-        ends = (1 + 2 * s) * (1 - s) ** 2 * y[:-1] + s**2 * (3 - 2 * s) * y[1:]
-        bent = s * (1 - s) ** 2 * slopes[:-1] - s**2 * (1 - s) * slopes[1:]
-        inputs = flow.inputs(t[:-1] + s * h, r[:-1])
-        work += h * weight / 2 * flow.power(ends + h[:, None] * bent, inputs)
-    return work
+    work, size = np.zeros((2, len(y)))
+    for start, end in zip(times.T[:-1], times.T[1:], strict=True):
+        h, before = (end - start) / count, np.nextafter(end, start)  # forces that jump at the end do so behind it
+        for step in range(count):
+            slopes, powers = np.zeros((len(c), *y.shape)), np.zeros((len(c), len(y)))
+            for i, c_i in enumerate(c):
+                stage = y + h[:, None] * np.tensordot(a[i, :i], slopes[:i], axes=1)
+                inputs = flow.inputs(np.minimum(start + (step + c_i) * h, before), r)
+                slopes[i], powers[i] = flow.slope(stage, inputs), flow.power(stage, inputs)
+            y = y + h[:, None] * np.tensordot(b, slopes, axes=1)
+            work, size = work + h * (b @ powers), size + h * abs(b @ powers)
+    return work, size
 
 
 def run_reactions(robot: Robot, system: System, kept: Kept, frame: str, length: float | None) -> Reactions:

@@ -1,31 +1,36 @@
 """Ensembles: many runs of one robot at a time, from many states, under many forces, with many values of its parameters.
 
-Members are integrated in the lanes of vector registers, over all threads, in the chart that runs start in. Where its pivots
-weaken a member needs another one: it is run again by itself, from chart to chart, as `Robot.simulate` does it. So every
-member comes to what it comes to alone.
+What the compiled lanes can do members do there (`in_lanes`), in the lanes of vector registers, over all threads, in the
+chart that runs start in. Where its pivots weaken a member needs another one: it goes on from there by itself, from chart
+to chart, as `Robot.simulate` does it; what the lanes cannot do members do by themselves from the start (`alone`). So
+every member comes to what it comes to alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks
+from linkwork.robot.alone import Course, Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
-from linkwork.robot.passage import CLOSURE, SOFT, Passage, Segment
-from linkwork.robot.recording import ON_SINGULAR, ending, labels, statistics, trimmed
+from linkwork.robot.passage import CLOSURE, SOFT, Segment, choices
+from linkwork.robot.recording import ON_SINGULAR, ending, labels
+from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
+from linkwork.robot.running import integrator, usual, watched
 from linkwork.robot.state import State
-from linkwork.simulation import DORMAND_PRINCE, Statistics, Status, Variable
+from linkwork.simulation import Method, Rosenbrock, Status, Tableau, Trajectory, Variable
 from linkwork.simulation.many import Outcomes, integrate_many
 
 if TYPE_CHECKING:
@@ -33,23 +38,15 @@ if TYPE_CHECKING:
 
     from linkwork.robot.robot import Robot
 
-Progress = Callable[[int, int], None]
 STATISTICS = ("nfev", "steps", "rejected", "pivot", "closure_error")
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Hold states y = (q, v, z) in one chart: row i is that of member `members[i]` at the saved time `times[i]`."""
+class Happened(NamedTuple):
+    """Hold the events of all runs side by side, member by member: whose, which and when [s]."""
 
-    chart: CompiledChart
     members: np.ndarray
+    names: np.ndarray
     times: np.ndarray
-    y: np.ndarray
-
-    def split(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return q, v and z."""
-        nq, n = self.chart.equations.nq, self.chart.equations.mobility
-        return self.y[:, :nq], self.y[:, nq : nq + n], self.y[:, nq + n :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +59,7 @@ class Ensemble:
     pivot, closure_error: the smallest relative pivot and the largest loop residual of each member (N,)
     parameters: values that vary, by name (N,)
     members: what they went out from; rows: gives their states at the saved times
+    events: what happened in a member's run, and when
     dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over (member, time, ...)
     """
 
@@ -75,6 +73,7 @@ class Ensemble:
     parameters: Mapping[str, np.ndarray]
     members: Members = field(repr=False)
     rows: Callable[[], Sequence[Rows]] = field(repr=False)
+    _happened: Happened = field(repr=False)
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
     _sentences: Callable[[int], str] = field(repr=False)
     _measure: Callable[[], tuple[dict[str, Variable], dict[str, Variable]]] = field(repr=False)
@@ -113,11 +112,26 @@ class Ensemble:
 
     def message(self, member: int) -> str:
         """Return the sentence with which a member's run ended."""
-        return self._sentences(range(len(self))[member])
+        return self._sentences(self._numbered(member))
+
+    def events(self, member: int) -> tuple[tuple[str, float], ...]:
+        """Return the events of a member's run, each its name and time [s], in the order of the times."""
+        of = self._happened.members == self._numbered(member)
+        return tuple(zip(self._happened.names[of].tolist(), self._happened.times[of].tolist(), strict=True))
+
+    def _numbered(self, member: int) -> int:
+        """Return the number of a member from 0 on; refuse one that is not there."""
+        try:
+            return range(len(self))[member]
+        except (IndexError, TypeError):
+            raise LinkworkError(f"there is no member {member!r}; there are {len(self)}, from 0 on") from None
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """Return the ensemble as an `xarray.Dataset`; what a member did not reach is nan."""
+        """Return the ensemble as an `xarray.Dataset`; what a member did not reach is nan.
+
+        Events, if any were asked for, lie one after the other along their own axis: event, event_time and event_member.
+        """
         import xarray
 
         variables, coords = self._measure()
@@ -127,6 +141,10 @@ class Ensemble:
         }
         variables |= {name: Variable(("member",), getattr(self, name)) for name in STATISTICS}
         variables |= {name: Variable(("member",), values) for name, values in self.parameters.items()}
+        if self.members.system.events:
+            coords["event"] = labels("event", self._happened.names.tolist())
+            coords["event_time"] = Variable(("event",), self._happened.times, {"units": "s"})
+            coords["event_member"] = Variable(("event",), self._happened.members)
         entries = [
             {name: (v.dims, v.values, dict(v.attrs)) for name, v in part.items()} for part in (variables, coords)
         ]
@@ -142,6 +160,9 @@ def ensemble(
     duration: float,
     drives: Mapping[str, Any] | None = None,
     wrenches: Sequence[Any] = (),
+    method: str | None = None,
+    step: float | None = None,
+    events: Any = (),
     save_at: ArrayLike | None = None,
     rtol: float = 1e-8,
     atol: float = 1e-10,
@@ -152,18 +173,30 @@ def ensemble(
     progress: bool | Progress = False,
 ) -> Ensemble:
     """Run an ensemble: see `Robot.ensemble`."""
-    options = checks.run_options(duration, rtol, atol, max_step, max_steps)
+    options, chosen = checks.run_options(duration, rtol, atol, max_step, max_steps), integrator(method, step)
     if on_singular not in ON_SINGULAR:
         raise LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
     times = np.empty(0) if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
-    crew = members(robot, states, forces, parameters or {}, drives, wrenches, duration)
+    stiff = isinstance(chosen, Rosenbrock)
+    threads = None if threads is None else checks.count(threads, "threads")
+    parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
+    crew = members(robot, states, forces, parameters, drives, wrenches, watched(robot, events), duration, stiff)
+    options["method"] = chosen or usual(crew.system, crew.signals, rtol)
+    course = Course(duration, times, on_singular == "step_over", options, threads)
     with shown(progress) as report:
-        parts, cancelled = together(crew, duration, times, options, threads, report)
-        weak = [int(i) for part in parts for i in part.members[part.outcomes.status == Status.SINGULAR]]
-        lone = (
-            [] if cancelled else by_themselves(crew, weak, duration, times, on_singular == "step_over", options, report)
-        )
-    return collected(crew, parts, lone, times, max_steps)
+        if in_lanes(crew, options["method"]):
+            parts, cancelled = together(crew, course, report)
+            tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
+        else:
+            parts = [waiting(crew, course)]
+            tasks = [Task(member) for member in range(len(crew))]
+        lone = by_themselves(crew, course, tasks, report) if tasks else []
+    return collected(crew, parts, lone, course)
+
+
+def in_lanes(crew: Members, method: Method) -> bool:
+    """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled controllers."""
+    return isinstance(method, Tableau) and not crew.system.events and crew.system.sampler is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,24 +208,30 @@ class Part:
     outcomes: Outcomes
 
 
-@dataclass(frozen=True, eq=False)
-class Lone:
-    """Hold what became of a member that was run by itself."""
+def waiting(crew: Members, course: Course) -> Part:
+    """Return members of which nothing was run yet."""
+    count = len(crew)
+    everyone, none, unknown = np.arange(count), np.zeros(count, int), np.full(count, np.nan)
+    y = crew.start(everyone)
+    outcomes = Outcomes(
+        status=np.full(count, Status.CANCELLED),
+        end_time=np.zeros(count),
+        y_end=y,
+        samples=np.full((count, course.times.size, y.shape[1]), np.nan),
+        saved=none,
+        nfev=none,
+        steps=none,
+        rejected=none,
+        pivot=unknown,
+        closure_error=unknown,
+        next_step=unknown,
+        rejected_pivot=unknown,
+        rejected_residual=unknown,
+    )
+    return Part(crew.robot.run_chart, everyone, outcomes)
 
-    member: int
-    segments: list[Segment]
-    status: Status
-    message: str
 
-    @property
-    def statistics(self) -> Statistics:
-        """What the run took."""
-        return statistics(self.segments)
-
-
-def together(
-    crew: Members, duration: float, times: np.ndarray, options: Mapping[str, Any], threads: int | None, report: Progress
-) -> tuple[list[Part], bool]:
+def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part], bool]:
     """Run all members as far as they come in the chart that runs start in; tell whether they were cancelled.
 
     Its pivots are counted positive where the first member starts; members that start where they are negative then are run
@@ -216,13 +255,13 @@ def together(
             crew.inputs(indices),
             crew.p[indices] if len(crew.p) > 1 else crew.p,
             nq=chart.equations.nq,
-            duration=duration,
-            save_at=times,
+            duration=course.duration,
+            save_at=course.times,
             pivot_bound=SOFT,
             closure_tol=CLOSURE * crew.robot.size,
-            threads=threads,
+            threads=course.threads,
             progress=progress,
-            **options,
+            **course.options,
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
         if chart is first and averted.any():
@@ -243,33 +282,49 @@ def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, n
         yield crew.robot.run_charts.setdefault(other.key, other), indices
 
 
-def by_themselves(
-    crew: Members,
-    weak: Sequence[int],
-    duration: float,
-    times: np.ndarray,
-    step_over: bool,
-    options: Mapping[str, Any],
-    report: Progress,
-) -> list[Lone]:
-    """Run members from chart to chart, one after the other; those that KeyboardInterrupt leaves out are not returned."""
-    done = []
-    try:
-        for member in weak:
-            robot, system = crew.alone(member)
-            passage = Passage(robot, system, 0.0, duration, times, step_over, {"method": DORMAND_PRINCE, **options})
-            q, v = crew.q[member], crew.v[member]
-            segments = list(passage.segments(robot.run_chart, q, v, system.start))
-            done.append(Lone(member, segments, *ending(system, segments[-1])))
-            report(len(crew) - len(weak) + len(done), len(crew))
-    except KeyboardInterrupt:
-        pass
-    return done
+def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
+    """Yield the members whose pivots have weakened, to go on from there; their next charts are chosen all at once."""
+    rows = np.flatnonzero(part.outcomes.status == Status.SINGULAR)
+    if not rows.size:
+        return
+    indices, nq = part.members[rows], part.chart.equations.nq
+    p = crew.p_robot(indices) if crew.varied and crew.robot.p.size else None
+    found = choices(crew.robot, part.chart, np.ascontiguousarray(part.outcomes.y_end[rows, :nq]), p)
+    for row, member, y, choice in zip(rows.tolist(), indices.tolist(), crew.start(indices), found, strict=True):
+        yield Task(member, segment(crew, course, part, row, y), choice)
 
 
-def collected(
-    crew: Members, parts: Sequence[Part], lone: Sequence[Lone], times: np.ndarray, max_steps: int
-) -> Ensemble:
+def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) -> Segment:
+    """Return what a member that started at y did in the lanes as the first segment of its own run."""
+    from linkwork.simulation.native_loop import Outcome
+
+    nq, done = part.chart.equations.nq, part.outcomes
+    saved = int(done.saved[row])
+    rows = np.zeros((saved, 3 + y.size))
+    rows[:, 0], rows[:, 1 : 1 + y.size], rows[:, -1] = course.times[:saved], done.samples[row, :saved], -1.0
+    outcome = Outcome(
+        status=done.status[row],
+        evaluations=done.nfev[row],
+        accepted=done.steps[row],
+        rejected=done.rejected[row],
+        projections=0,
+        fault=-1,
+        next_sample=0,
+        time=float(done.end_time[row]),
+        step=float(done.next_step[row]),
+        growth=0.0,
+        pivot=float(done.pivot[row]),
+        pivot_time=float(done.end_time[row]),
+        closure_error=float(done.closure_error[row]),
+        rejected_pivot=float(done.rejected_pivot[row]),
+        rejected_residual=float(done.rejected_residual[row]),
+    )
+    bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": course.options["max_steps"]}
+    trajectory = Trajectory(rows, rows[:0], done.y_end[row], nq, outcome, None, bounds, Status.SINGULAR)
+    return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]))
+
+
+def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course: Course) -> Ensemble:
     """Put the results of all members side by side."""
     count, alone = len(crew), {one.member: one for one in lone}
     numbers = {name: np.zeros(count) for name in ("end_time", "pivot", "closure_error")}
@@ -280,10 +335,8 @@ def collected(
     unfinished = [i for part in parts for i in part.members[part.outcomes.status == Status.SINGULAR] if i not in alone]
     numbers["status"][unfinished] = Status.CANCELLED
     for one in lone:
-        numbers["end_time"][one.member], numbers["status"][one.member] = (
-            one.segments[-1].trajectory.end_time,
-            one.status,
-        )
+        numbers["end_time"][one.member] = one.segments[-1].trajectory.end_time
+        numbers["status"][one.member] = one.status
         for name in STATISTICS:
             numbers[name][one.member] = getattr(one.statistics, name)
 
@@ -291,16 +344,11 @@ def collected(
         if member in alone:
             return alone[member].message
         part = next(part for part in parts if member in part.members)
-        row, outcomes = int(np.flatnonzero(part.members == member)[0]), part.outcomes
-        return Status(numbers["status"][member]).sentence(
-            time=outcomes.end_time[row],
-            step=outcomes.next_step[row],
-            rejected_pivot=outcomes.rejected_pivot[row],
-            rejected_residual=outcomes.rejected_residual[row],
-            pivot_bound=SOFT,
-            closure_tol=CLOSURE * crew.robot.size,
-            max_steps=max_steps,
-        )
+        row, (robot, system) = int(np.flatnonzero(part.members == member)[0]), crew.alone(member)
+        chart, start = part.chart.with_parameters(robot.p), crew.start(np.array([member]))[0]
+        own = segment(crew, course, replace(part, chart=chart), row, start)
+        status = Status(numbers["status"][member])
+        return ending(system, replace(own, trajectory=replace(own.trajectory, status=status)))[1]
 
     def rows() -> list[Rows]:
         return list(saved(crew, parts, lone))
@@ -309,9 +357,10 @@ def collected(
         parameters=crew.varied,
         members=crew,
         rows=rows,
+        _happened=happened(crew, lone),
         _last=lambda: last_states(crew, parts, lone),
         _sentences=sentence,
-        _measure=lambda: measured(crew, rows(), times),
+        _measure=lambda: measured(crew, rows(), course.times),
         **numbers,
     )
 
@@ -320,11 +369,11 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
     """Return the last states reached, in the home chart, and the extra states there."""
     robot, count = crew.robot, len(crew)
     q, v, z = (np.empty((count, size)) for size in (robot.equations.nq, robot.mobility, len(crew.system.extras)))
-    rows = [Rows(part.chart, part.members, part.outcomes.end_time, part.outcomes.y_end) for part in parts]
-    for one in lone:
-        segment = one.segments[-1]
-        y = np.concatenate([segment.trajectory.q_end, segment.trajectory.v_end])
-        rows.append(Rows(segment.chart, np.array([one.member]), np.array([segment.trajectory.end_time]), y[None]))
+    rows = [Rows(part.chart, part.members, part.outcomes.end_time, part.outcomes.y_end, NO_INPUTS) for part in parts]
+    ends = [(one.member, one.segments[-1]) for one in lone]
+    rows += gathered(
+        Piece(end.chart, i, np.array([end.trajectory.end_time]), end.trajectory.y_end[None]) for i, end in ends
+    )
     for row in rows:
         q[row.members], chart_v, z[row.members] = row.split()
         v[row.members] = chart_v
@@ -342,14 +391,19 @@ def saved(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> Iterato
         kept = np.arange(part.outcomes.samples.shape[1]) < part.outcomes.saved[:, None]
         kept &= ~np.isin(part.members, alone)[:, None]
         rows, times = np.nonzero(kept)
-        yield Rows(part.chart, part.members[rows], times, part.outcomes.samples[rows, times])
-    for one in lone:
-        start = 0
-        for segment, rows in trimmed(one.segments):
-            y = np.concatenate([segment.trajectory.q[rows], segment.trajectory.v[rows]], axis=1)
-            times = np.arange(start, start + len(y))
-            yield Rows(segment.chart, np.full(len(y), one.member), times, y)
-            start += len(y)
+        yield Rows(part.chart, part.members[rows], times, part.outcomes.samples[rows, times], np.empty((rows.size, 0)))
+    yield from gathered(piece for one in lone for piece in pieces(crew, one))
+
+
+def happened(crew: Members, lone: Sequence[Lone]) -> Happened:
+    """Return the events of all runs."""
+    names = np.array([event.name for event in crew.system.events], dtype=object)
+    runs = sorted(lone, key=lambda one: one.member) if names.size else []
+    found = [(one.member, part.trajectory.events) for one in runs for part in one.segments]
+    index = np.concatenate([np.empty(0, int), *(events.index for _, events in found)])
+    times = np.concatenate([np.empty(0), *(events.times for _, events in found)])
+    whose = np.repeat([member for member, _ in found], [len(events) for _, events in found]).astype(int)
+    return Happened(whose, names[index], times)
 
 
 def measured(

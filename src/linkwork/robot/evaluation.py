@@ -42,8 +42,7 @@ def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: st
     kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
     n = len(state.independent)
     if values.ndim == 1 and q.ndim == 1:
-        y = np.empty(kernel.n_out)
-        kernel.evaluate_into(np.concatenate((q, state.rates, values, robot.p)), y)
+        y = kernel.flat(q, state.rates, values, robot.p)
         numbers = y.tolist()
         if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
             return y[-1 - n : -1]

@@ -13,6 +13,8 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import TURN
 from linkwork.mechanism.limits import limited
 
+ROUNDING = 1e-12  # how far behind a limit a coordinate is still at it [m, rad]
+
 
 def passed(
     mechanism: Mechanism, coordinates: Sequence[str], positions: np.ndarray, time: np.ndarray | None = None
@@ -25,7 +27,7 @@ def passed(
         if name.endswith(f".{TURN}"):
             values = 2 * np.arccos(np.clip(np.abs(values), 0, 1))
         for bound, sign, side in ((limits.lower, -1, "below its lower"), (limits.upper, 1, "above its upper")):
-            beyond = np.zeros(len(values), bool) if bound is None else sign * values > sign * bound
+            beyond = np.zeros(len(values), bool) if bound is None else sign * (values - bound) > ROUNDING
             if beyond.any():
                 when = "" if time is None else f" from t = {time[int(np.argmax(beyond))]:.6g} s on"
                 worst = values[beyond][np.argmax(sign * values[beyond])]

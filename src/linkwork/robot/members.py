@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.control.events import Event
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.numbers import edited
+from linkwork.mechanism.refusal import MechanismError
 from linkwork.robot import checks
+from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.state import State
 from linkwork.robot.system import System, as_input, system
-from linkwork.simulation import Sampled, Signal, as_signal
+from linkwork.simulation import Sampled, Signal
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -23,7 +28,8 @@ if TYPE_CHECKING:
 class Members:
     """Hold what the members of an ensemble go out from.
 
-    system: what is integrated; forces: the signals, or numbers (N, nu), of each member, None where all share the system's
+    system: what is integrated
+    forces: the signals, or numbers (N, nu), of each member, in place of the system's; None: all share these
     q (N, nq), v (N, n) in the chart that runs start in; p: the system's parameters, (1, np) or (N, np)
     varied: values of parameters that vary, by name (N,); own: which of them are the robot's
     """
@@ -48,20 +54,43 @@ class Members:
         """Return the robot's parameters (1, np) or of some members (M, np)."""
         return np.ascontiguousarray((self.p[members] if len(self.p) > 1 else self.p)[:, : self.robot.p.size])
 
+    @property
+    def signals(self) -> list[Signal]:
+        """The inputs over time: those of all members, and those of each if they are given as such."""
+        own = () if self.forces is None or isinstance(self.forces, np.ndarray) else self.forces
+        return [self.system.inputs, *own]
+
     def inputs(self, members: np.ndarray) -> Signal | np.ndarray | list[Signal]:
         """Return the inputs of some members."""
         if self.forces is None:
             return self.system.inputs
-        return self.forces[members] if isinstance(self.forces, np.ndarray) else [self.forces[i] for i in members]
+        acting = self.system.acting
+        joined = acting is not None and (acting.timed or acting.references)
+        if isinstance(self.forces, np.ndarray) and not joined:
+            return self.forces[members]
+        return [self.signal(i) for i in members]
+
+    def signal(self, member: int) -> Signal:
+        """Return the inputs of one member: its forces, joined with what else varies in time."""
+        if self.forces is None:
+            return self.system.inputs
+        given, acting = self.forces[member], self.system.acting
+        own = given if isinstance(given, Signal) else constant(given)
+        return acting.inputs(own) if acting else own
 
     def alone(self, member: int) -> tuple[Robot, System]:
         """Return the robot and the system of one member."""
         values = {name: float(given[member]) for name, given in self.varied.items() if name in self.robot.parameters}
         robot = self.robot.with_parameters(values) if values else self.robot
         p = self.p[member if len(self.p) > 1 else 0]
-        inputs = self.inputs(np.array([member]))
-        signal = inputs if isinstance(inputs, Signal) else as_signal(inputs[0])
-        return robot, replace(self.system, inputs=signal, parameters=p[robot.p.size :], faults=[])
+        return robot, replace(self.system, inputs=self.signal(member), parameters=p[robot.p.size :], faults=[])
+
+
+def constant(values: np.ndarray) -> Signal:
+    """Return numbers as a signal; those that are not finite are let through: they end their own member's run alone."""
+    coefficients = np.zeros((1, 4, values.size))
+    coefficients[0, 0] = values
+    return Signal(np.array([0.0, np.inf]), coefficients, np.empty(0))
 
 
 def members(
@@ -71,25 +100,27 @@ def members(
     parameters: Mapping[str, ArrayLike],
     drives: Mapping[str, Any] | None,
     wrenches: Sequence[Any],
+    events: Sequence[Event],
     duration: float,
+    joined: bool,
 ) -> Members:
-    """Put together what the members go out from; refuse what does not fit."""
+    """Put together what the members go out from; refuse what does not fit.
+
+    joined: whether the system is to be one with controllers, for forces alone, too
+    """
     state = robot.own(states)
     if len(state.batch) > 1:
         raise LinkworkError(
             f"the states are a stack of the shape {state.batch}; give a list of N states, or one for all"
         )
     each, shared = forces_of_each(robot, forces)
-    if each is not None and (drives or wrenches):
-        raise LinkworkError("with drives or wrenches all members share their forces; give one set, or vary parameters")
-    runs = system(robot, shared, drives, wrenches, (), {}, (0.0, duration))
-    if runs.sampler is not None:
-        raise LinkworkError(
-            "members of an ensemble cannot be led by a Sampler; give the controller itself, or simulate each"
-        )
+    runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined)
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
     checks.known(parameters, names, "parameter")
     varied = {name: checks.finite(values, f"parameter {name!r}") for name, values in parameters.items()}
+    for name, values in varied.items():
+        if runs.acting:
+            runs.acting.require(name, values)
     for name, values in varied.items():
         if values.ndim > 1:
             raise LinkworkError(f"parameter {name!r} has the shape {values.shape}; give one number for each member")
@@ -112,7 +143,43 @@ def members(
     if chart is not home:
         v = chart.from_tree(home.kernel("tree_rates")(q, v, p[:, : robot.p.size])[0])
     varied = {name: np.broadcast_to(values, count) for name, values in varied.items()}
+    require_possible(robot, {name: values for name, values in varied.items() if name in robot.parameters}, q, p)
     return Members(robot, runs, each, q, v, p, varied)
+
+
+def require_possible(robot: Robot, own: Mapping[str, np.ndarray], q: np.ndarray, p: np.ndarray) -> None:
+    """Refuse members with numbers that no description may hold, or whose loops are open.
+
+    What descriptions may hold is convex: the corners of the box about all members stand for them, where they are fewer.
+
+    Args:
+        own: values of the robot's parameters by name (N,).
+        q: (N, nq); p: of the system (N, np).
+    """
+    if not own or not len(q):
+        return
+    ends = [sorted({values.min(), values.max()}) for values in own.values()]
+    few = np.prod([len(values) for values in ends]) < len(q)
+    if not (few and all(allowed(robot, dict(zip(own, corner, strict=True))) for corner in product(*ends))):
+        for member, row in enumerate(zip(*own.values(), strict=True)):
+            with checks.at(f"member {member}: "):
+                edited(robot.mechanism, dict(zip(own, map(float, row), strict=True)))
+    gap = robot.kernel("closure_step")(q, np.ascontiguousarray(p[:, : robot.p.size]))[1][..., 0]
+    if not (gap <= OPEN_LOOPS).all():
+        member = int(np.argmin(gap <= OPEN_LOOPS))
+        raise LinkworkError(
+            f"member {member}: the state belongs to another robot: its loops are open by {gap[member]:.3g} here; make one by "
+            "the robot with these parameters"
+        )
+
+
+def allowed(robot: Robot, values: Mapping[str, float]) -> bool:
+    """Tell whether a description may hold some numbers."""
+    try:
+        edited(robot.mechanism, {name: float(value) for name, value in values.items()})
+    except MechanismError:
+        return False
+    return True
 
 
 def forces_of_each(robot: Robot, forces: Any) -> tuple[np.ndarray | list[Signal] | None, Any]:

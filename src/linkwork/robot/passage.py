@@ -3,19 +3,20 @@
 A run is a chain of segments, each integrated in one chart. Where the chart's pivot falls below a soft bound the segment
 ends; if another chart is well conditioned there the next segment uses it: q stays, the rates are re-read. If none is,
 the configuration itself is nearly singular, and the run goes on in the same chart down to the hard bound, or, if asked,
-steps over it (`crossing`).
+steps over it (`crossing`). Which chart is next is a matter of q (and p) alone, not of the charts known from elsewhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from linkwork.equations.choosing import alike
 from linkwork.robot import checks
-from linkwork.robot.charts import CompiledChart
+from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.crossing import Crossing
 from linkwork.robot.system import System
 from linkwork.simulation import Control, Rosenbrock, Status, Trajectory, integrate
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 CLOSURE = 1e-13
 SOFT = 0.05  # relative pivot at which a better chart is looked for
 NOT_WORSE, BETTER = 0.5, 10.0  # factors in conditioning for which a chart is changed: at a regular configuration, else
-REUSED = 0.2  # relative pivot from which a chart that was chosen elsewhere is used again
+REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
 LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
@@ -39,6 +40,31 @@ class Segment:
     chart: CompiledChart
     trajectory: Trajectory
     start: tuple[float, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """Hold where a run stands between two segments.
+
+    chart, t, q, v: what the next segment goes out from, v with the extra states; control: what a sampled controller holds
+    steps: how many are left; bound: the pivot at which the segment ends; short: its duration while the bound is lowered
+    """
+
+    chart: CompiledChart
+    t: float
+    q: np.ndarray
+    v: np.ndarray
+    control: Control | None
+    steps: int
+    bound: float
+    short: float
+
+
+class Choice(NamedTuple):
+    """Tell whether a configuration is regular, and the better chart there, if there is one."""
+
+    regular: bool
+    better: CompiledChart | None
 
 
 @dataclass
@@ -63,111 +89,108 @@ class Passage:
     ) -> Iterator[Segment]:
         """Yield the segments of the run, one after the other.
 
-        While the bound is lowered segments are short, so that it is raised again when the pivots have recovered.
-
         Args:
             chart: to start in.
             q, v, z: coordinates, independent rates of the chart, and extra states at the start.
             control: what a sampled controller holds at the start; zeros if left out.
         """
-        t, bound, steps = self.start, SOFT, self.options["max_steps"]
-        shortest = (self.end - self.start) / SHORT
-        short, n = shortest, v.size
-        chart, v = self._faced(chart, q), np.concatenate([v, z])
-        control = self.system.control(chart, control)
-        while True:
-            end = self.end if bound == SOFT else min(t + short, self.end)
-            trajectory = self._integrate(chart, q, v, t, end, bound, steps, control)
-            yield Segment(chart, trajectory, (t, q, v))
-            control = trajectory.control
-            steps -= trajectory.steps + trajectory.rejected
-            t, q, v = trajectory.end_time, trajectory.q_end, trajectory.v_end
-            if trajectory.status is Status.FINISHED and end < self.end:
-                recovered = chart.pivot(q) > RECOVERED * SOFT
-                bound, short = (SOFT, shortest) if recovered else (bound, 2 * short)
-                continue
-            if trajectory.status is not Status.SINGULAR or steps < 1:
-                return
-            Phi = chart.constraint_jacobian(q)
-            regular = chart.equations.regular(Phi)
-            landing = self._over(chart, t, q, v) if self.step_over and not regular else None
-            better = self._better(chart, q, Phi, regular) if landing is None else None
-            if better is not None:
-                v = np.concatenate([better.from_tree(chart.tree_rates(q, v[:n])), v[n:]])
-                chart, bound, control = better, SOFT, self.system.control(better, control)
-                continue
-            if self.step_over and regular:
-                landing = self._over(chart, t, q, v)
-            if landing is not None:
-                short, (t, q, v) = landing[0] - t, landing
-                chart = self._faced(chart, q)
-                control = self.system.control(chart, control)
-                bound = min(SOFT, 0.5 * chart.pivot(q))
-            elif bound > checks.PIVOT_BOUND:
-                bound = max(checks.PIVOT_BOUND, LOWER * min(bound, chart.pivot(q)))
-            else:
-                return
-            if not t < self.end:
-                return
+        chart = self._faced(chart, q)
+        return self.onward(
+            self.stand(chart, self.start, q, np.concatenate([v, z]), self.system.control(chart, control))
+        )
 
-    def _integrate(
-        self,
-        chart: CompiledChart,
-        q: np.ndarray,
-        v: np.ndarray,
-        t: float,
-        end: float,
-        bound: float,
-        steps: int,
-        control: Control | None,
-    ) -> Trajectory:
-        save_at, options, first = self.save_at, {**self.options, "max_steps": steps}, t == self.start
+    def stand(
+        self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray, control: Control | None = None
+    ) -> Stand:
+        """Return a stand from which nothing was done yet; v with the extra states."""
+        return Stand(chart, t, q, v, control, self.options["max_steps"], SOFT, self.shortest)
+
+    @property
+    def shortest(self) -> float:
+        """Duration of the shortest segments."""
+        return (self.end - self.start) / SHORT
+
+    def onward(self, stand: Stand | None) -> Iterator[Segment]:
+        """Yield the segments from a stand on.
+
+        While the bound is lowered segments are short, so that it is raised again when the pivots have recovered.
+        """
+        while stand is not None:
+            trajectory = self._integrate(stand)
+            yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v))
+            stand = self.after(stand, trajectory)
+
+    def after(self, stand: Stand, done: Trajectory, choice: Choice | None = None) -> Stand | None:
+        """Return where the run stands after a segment, None at its end; choice: of the next chart, if it is known."""
+        if done.status is Status.FINISHED and self._until(stand) == self.end:
+            return None
+        chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
+        steps = stand.steps - done.steps - done.rejected
+        here = Stand(chart, t, q, v, done.control, steps, stand.bound, stand.short)
+        if done.status is Status.FINISHED:
+            recovered = chart.pivot(q) > RECOVERED * SOFT
+            return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
+        if done.status is not Status.SINGULAR or steps < 1:
+            return None
+        regular, better = choice or choices(self.robot, chart, q[None])[0]
+        landing = self._over(chart, t, q, v) if self.step_over and not regular else None
+        if landing is None and better is not None:
+            n = chart.equations.mobility
+            v = np.concatenate([better.from_tree(chart.tree_rates(q, v[:n])), v[n:]])
+            return Stand(better, t, q, v, self.system.control(better, done.control), steps, SOFT, stand.short)
+        if self.step_over and regular:
+            landing = self._over(chart, t, q, v)
+        if landing is not None:
+            short, (t, q, v) = landing[0] - t, landing
+            chart = self._faced(chart, q)
+            control, bound = self.system.control(chart, done.control), min(SOFT, 0.5 * chart.pivot(q))
+            here = Stand(chart, t, q, v, control, steps, bound, short)
+        elif stand.bound > checks.PIVOT_BOUND:
+            bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
+            here = replace(here, bound=bound)
+        else:
+            return None
+        return here if t < self.end else None
+
+    def _until(self, stand: Stand) -> float:
+        """Return the time at which the segment from a stand on ends."""
+        return self.end if stand.bound == SOFT else min(stand.t + stand.short, self.end)
+
+    def _integrate(self, stand: Stand) -> Trajectory:
+        chart, t, end, system = stand.chart, stand.t, self._until(stand), self.system
+        save_at, options, first = self.save_at, {**self.options, "max_steps": stand.steps}, t == self.start
         if save_at is not None and not (first and end == self.end):
             save_at = save_at[(save_at >= t) & ((save_at <= end) | (end == self.end))]
         if not first:
             options.pop("first_step", None)
-        return integrate(
-            self.system.kernel(chart, "motion").address,
+        done = integrate(
+            system.kernel(chart, "motion").address,
             chart.kernel("closure_step").address if chart.equations.constrained else None,
-            q,
-            v,
-            self.system.inputs,
-            self.system.p(chart),
+            stand.q,
+            stand.v,
+            system.inputs,
+            system.p(chart),
             duration=end - t,
             start=t,
             save_at=save_at,
             closure_tol=CLOSURE * self.robot.size,
-            pivot_bound=bound,
-            jacobian=self.system.kernel(chart, "jacobian").address if self.stiff else None,
-            events=self.system.conditions(chart),
-            control=control,
+            pivot_bound=stand.bound,
+            jacobian=system.kernel(chart, "jacobian").address if self.stiff else None,
+            events=system.conditions(chart),
+            control=stand.control,
             **options,
         )
+        return replace(done, bounds={**done.bounds, "max_steps": self.options["max_steps"]})
 
     @property
     def stiff(self) -> bool:
         """Whether the method needs the Jacobian."""
         return isinstance(self.options.get("method"), Rosenbrock)
 
-    def _better(self, chart: CompiledChart, q: np.ndarray, Phi: np.ndarray, regular: bool) -> CompiledChart | None:
-        """Return a chart that is better at q: any other one where q is regular, else one of much better conditioning."""
-        robot = self.robot
-        candidate = chart.better(q, tuple(robot.equations.tree.rates.index(name) for name in robot.independent))
-        needed = NOT_WORSE if regular else BETTER
-        if candidate.key == chart.key or candidate.conditioning(Phi) < needed * chart.conditioning(Phi):
-            return None
-        known = robot.run_charts.get(candidate.key)
-        if known is not None and known.pivot(q) > REUSED:
-            return known
-        robot.run_charts[candidate.key] = candidate
-        return candidate
-
     def _faced(self, chart: CompiledChart, q: np.ndarray) -> CompiledChart:
         """Return a chart with its pivots positive at q."""
-        if chart.pivot(q) > 0:
-            return chart
         faced = chart.facing(q)
-        return self.robot.run_charts.setdefault(faced.key, faced)
+        return chart if faced is chart else self.robot.run_charts.setdefault(faced.key, faced)
 
     def _over(
         self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray
@@ -177,3 +200,49 @@ class Passage:
             return None
         tolerance = self.options["atol"], self.options["rtol"]
         return Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance).over(t, self.end, q, v)
+
+
+def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
+    """Choose what is better than a chart at each of some configurations.
+
+    Any other one where the configuration is regular, else one of much better conditioning.
+
+    Args:
+        q: configurations (G x nq).
+        p: values of the robot's free parameters (G x np), its own if left out.
+    """
+    home = robot.chart
+    Phi = home.constraint_jacobian(q, p)
+    regular = robot.equations.regular(Phi)
+    needed = np.where(regular, NOT_WORSE, BETTER) * chart.conditioning(Phi)
+    better: dict[int, CompiledChart] = {}
+    with BUILDING:
+        preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
+        for members, candidate in home.chosen(Phi, preferred):
+            if candidate.order == chart.order:
+                continue
+            good = members[candidate.conditioning(Phi[members]) >= needed[members]]
+            if not good.size:
+                continue
+            for own, kept in kept_charts(robot, candidate, good, q, p):
+                better |= dict.fromkeys(own, kept)
+    return [Choice(bool(of), better.get(i)) for i, of in enumerate(regular.tolist())]
+
+
+def kept_charts(
+    robot: Robot, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
+) -> Iterator[tuple[list[int], CompiledChart]]:
+    """Yield the charts to use for a chosen one, and the configurations that use them.
+
+    That in which runs start, with its pivots positive there, if it has the same order of elimination and they are strong.
+    """
+    charts, first = robot.run_charts, robot.run_chart
+    if candidate.order == first.order:
+        (pivots,) = first.kernel("pivots")(q[members], first.p if p is None else p[members])
+        strong = np.abs(pivots).min(axis=1) > REUSED
+        for signs, own in alike(np.where(pivots[strong] < 0, -1.0, 1.0)):
+            faced = first.with_signs(signs)
+            yield members[strong][own].tolist(), charts.setdefault(faced.key, faced)
+        members = members[~strong]
+    if members.size:
+        yield members.tolist(), charts.setdefault(candidate.key, candidate)

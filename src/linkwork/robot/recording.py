@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.control.sampler import Sampler
+from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
 from linkwork.robot import checks, derived, limits
-from linkwork.robot.crossing import evaluated
+from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
 from linkwork.robot.passage import Passage, Segment
-from linkwork.robot.reactions import COMPONENTS
+from linkwork.robot.reactions import COMPONENTS, Reactions
 from linkwork.robot.state import State
 from linkwork.robot.system import System
 from linkwork.simulation import Control, Run, Statistics, Status, Variable
 from linkwork.simulation.run import Deferred
+from linkwork.simulation.signals import require_increasing
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -28,9 +32,13 @@ STATES = (
     *("joint_position", "joint_rate", "joint_acceleration", "actuator_force", "kinetic_energy", "potential_energy"),
     *("closure_error", "tool_pose", "drive_state", "command", "external_wrench"),
 )
+AXES = (
+    *("time", "coordinate", "rate", "actuator", "spring", "pose", "extra", "wrench", "wrench_component"),
+    *("event", "event_time"),
+)
+ASKED = ("mechanism", "method", "rtol", "atol", "step", "parameters")
+TOLD = ("charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
 ON_SINGULAR = ("stop", "step_over")
-CULPRITS = " The controller's force on {} is not finite there."
-AHEAD = (1e-12, 1e-9, 1e-6, 1e-3)  # times after the end of a run at which undefined forces are looked for [s]
 
 
 def simulate(
@@ -53,42 +61,67 @@ def simulate(
         raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
     if on_singular not in ON_SINGULAR:
         raise checks.LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
-    times = None if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
-    passage = Passage(robot, system, start, start + duration, times, on_singular == "step_over", options)
+    times = None if save_at is None else checks.finite(save_at, "save_at")
+    if times is not None and not times.ndim:
+        times = times[None]
+    end, besides = start + duration, np.empty(0)
+    if times is not None and system.sampler:
+        require_increasing("the times in save_at", times)
+        besides = np.setdiff1d(calls(system.sampler, start, end, options["max_steps"]), times)
+        times = np.union1d(times, besides)
+    passage = Passage(robot, system, start, end, times, on_singular == "step_over", options)
     home, chart = robot.charts[state.independent], robot.run_chart
     v = state.rates if chart is home else chart.from_tree(home.tree_rates(state.q, state.rates))
     segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control))
     for fault in system.faults:
-        if not isinstance(fault, Exception):
+        if not isinstance(fault, Exception | KeyboardInterrupt):
             raise fault
-    attrs = asked(robot, system, options) | {"charts": charts_taken(segments)} | final(segments[-1])
-    return record(robot, system, segments, attrs)
+    return record(robot, system, segments, besides, options)
+
+
+def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
+    """Return the start of a run and when a sampled controller is called after it, the first `most` times [s]."""
+    first = int(start / sampler.period)
+    times = np.arange(first, min(int(end / sampler.period), first + most) + 2) * sampler.period
+    return np.append(start, times[(times > start) & (times < end)])
 
 
 def asked(robot: Robot, system: System, options: Mapping[str, Any]) -> dict[str, object]:
     """Return what a run was asked for: whose it is, the method and its tolerances or step, and values of parameters."""
     method = options["method"]
-    told: dict[str, object] = {"mechanism": robot.mechanism.name, "method": method.name}
-    told |= {"rtol": options["rtol"], "atol": options["atol"]} if method.step is None else {"step": method.step}
+    found: dict[str, object] = {"mechanism": robot.mechanism.name, "method": method.name}
+    found |= {"rtol": options["rtol"], "atol": options["atol"]} if method.step is None else {"step": method.step}
     own = system.acting.parameters if system.acting else ()
     values = robot.parameters | dict(zip(own, system.parameters.tolist(), strict=True))
-    return told | (
-        {"parameters": ", ".join(f"{name} = {value:.12g}" for name, value in values.items())} if values else {}
-    )
+    if values:
+        found["parameters"] = ", ".join(f"{name} = {float(value)!r}" for name, value in values.items())
+    return found
 
 
-def final(segment: Segment) -> dict[str, object]:
-    """Return what a run can be resumed from: time, coordinates, rates with extra states, and the next step."""
-    last = segment.trajectory
-    return {
+def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
+    """Return the charts taken, and what a run can be resumed from: time, coordinates, rates with extra states, next step."""
+    last = segments[-1].trajectory
+    found: dict[str, object] = {
+        "charts": charts_taken(segments),
         "final_time": last.end_time,
         "final_q": last.q_end.copy(),
         "final_v": last.v_end.copy(),
-        "final_rates": ", ".join(segment.chart.independent),
-        "final_pace": np.array(list(vars(last.pace).values())),
-    } | (
-        {} if last.control is None else {"final_held": last.control.held, "final_sample": last.control.next_sample or 0}
-    )
+        "final_rates": ", ".join(segments[-1].chart.independent),
+        "final_pace": np.array([last.pace.step, last.pace.growth]),
+    }
+    return found | ({"final_held": held_last(system, last.control)} if last.control else {})
+
+
+def held_last(system: System, control: Control) -> np.ndarray:
+    """Return the inputs that a sampled controller held last, oldest first: before its last call where that failed.
+
+    What that call pushed out is not known any more; nor is it needed, for the call is repeated first of all.
+    """
+    assert system.acting is not None
+    if np.isfinite(control.held).all():
+        return control.held
+    n = len(system.acting.names.actuators)
+    return np.concatenate([np.zeros(n), control.held[:-n]])
 
 
 def charts_taken(segments: Sequence[Segment]) -> str:
@@ -96,92 +129,59 @@ def charts_taken(segments: Sequence[Segment]) -> str:
     taken, last = [], ()
     for segment in segments:
         if segment.chart.independent != last:
-            start = segment.trajectory.t[0] if len(segment.trajectory.t) else segment.trajectory.end_time
-            taken.append(f"from {start:.6g} s: {', '.join(segment.chart.independent)}")
+            taken.append(f"from {segment.start[0]:.6g} s: {', '.join(segment.chart.independent)}")
             last = segment.chart.independent
     return "; ".join(taken)
 
 
-def record(robot: Robot, system: System, segments: Sequence[Segment], attrs: Mapping[str, object]) -> Run:
-    """Name what a run's segments hold; what follows from it at the saved times is measured when it is first asked for."""
-    kept = trimmed(segments)
-    time = np.concatenate([segment.trajectory.t[rows] for segment, rows in kept])
-    coords = {
-        "time": Variable(("time",), time, {"units": "s"}),
-        "coordinate": labels("coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]),
-        "rate": labels("rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]),
-        "actuator": labels("actuator", robot.actuators),
-    }
-    if any(spring.damping for spring in robot.mechanism.springs.values()):
-        coords["spring"] = labels("spring", tuple(robot.mechanism.springs))
-    if robot.mechanism.tools:
-        coords["pose"] = labels("pose", POSES[robot.planar])
-    if system.extras:
-        coords["extra"] = labels("extra", [x.name for x in system.extras], [x.unit for x in system.extras])
-    if system.acting and system.acting.wrenches:
-        coords["wrench"] = labels("wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)])
-        coords["wrench_component"] = labels("wrench_component", COMPONENTS)
-    if system.events:
-        found = [segment.trajectory.events for segment in segments]
-        happened = np.concatenate([part.index for part in found])
-        coords["event"] = labels("event", [system.events[i].name for i in happened])
-        coords["event_time"] = Variable(("event",), np.concatenate([part.times for part in found]), {"units": "s"})
-    status, message = ending(system, segments[-1])
-    variables = Record(robot, system, kept, time).variables
-    error = system.faults[0] if system.faults else None
-    transmitted = partial(derived.run_reactions, robot, system, kept)
-    described = partial(written, robot.mechanism)
-    return Run(variables, coords, dict(attrs), status, message, statistics(segments), error, transmitted, described)
+def record(
+    robot: Robot, system: System, segments: Sequence[Segment], besides: np.ndarray, options: Mapping[str, Any]
+) -> Run:
+    """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
+    of, (status, message) = Record(robot, system, segments, besides), ending(system, segments[-1])
+    return Run(
+        variables=of.variables,
+        coords=Deferred({AXES: of.axes}),
+        attrs=Deferred({ASKED: partial(asked, robot, system, options), TOLD: partial(told, system, segments)}),
+        status=status,
+        message=message,
+        statistics=statistics(segments),
+        error=system.faults[0] if system.faults else None,
+        transmitted=of.reactions,
+        described=partial(written, robot.mechanism),
+    )
 
 
 def ending(system: System, segment: Segment) -> tuple[Status, str]:
     """Return the status and the sentence with which a run ended."""
     last = segment.trajectory
     if system.faults:
-        fault, status = system.faults[0], Status.CALLBACK_FAILED
-        return status, status.sentence(time=last.end_time, error=f"{type(fault).__name__}: {fault}")
+        fault = system.faults[0]
+        status = Status.CANCELLED if isinstance(fault, KeyboardInterrupt) else Status.CALLBACK_FAILED
+        return status, status.sentence(time=last.end_time, error=reason(fault))
     if last.status is Status.SINGULAR:
         return last.status, last.message + (
             " No choice of independent rates determines the motion there: branches of motion meet (a bifurcation), or "
             "it ends; on_singular='step_over' continues on a smooth branch where there is one."
         )
     if last.status is Status.EVENT:
-        name = system.events[int(last.events.index[-1])].name
+        name = next(event.name for event in map(system.events.__getitem__, last.events.index) if event.terminal)
         return last.status, f"The run was ended by the event {name!r} at t = {last.end_time:.9g} s."
     if last.status is Status.NON_FINITE:
-        return last.status, last.message + undefined(system, segment)
+        found = culprit(system, segment)
+        return last.status, last.status.sentence(**last.outcome._asdict(), **last.bounds, culprit=found)
     return last.status, last.message
 
 
-def undefined(system: System, segment: Segment) -> str:
-    """Name the actuators whose forces are not finite where a run ended, or just behind; nothing if there are none."""
-    if system.acting is None:
-        return ""
-    last, names = segment.trajectory, system.acting.names.actuators
-    if last.control is not None:
-        newest = last.control.held[-len(names) :]
-        lost = [name for name, force in zip(names, newest, strict=True) if not np.isfinite(force)]
-        return CULPRITS.format(", ".join(lost)) if lost else ""
-    y, p = np.concatenate([last.q_end, last.v_end]), system.p(segment.chart)
-    motion, recorded = (system.kernel(segment.chart, name) for name in ("motion", "recorded"))
-    for ahead in (0.0, *AHEAD):
-        x = np.concatenate([y, system.inputs(last.end_time + ahead), p])
-        slope = evaluated(motion, x)[: y.size]
-        x[: y.size] += ahead * np.where(np.isfinite(slope), slope, 0.0)
-        forces = evaluated(recorded, x)[segment.chart.equations.mobility :][: 2 * len(names)].reshape(2, -1)
-        lost = [name for name, force in zip(names, forces.T, strict=True) if not np.isfinite(force).all()]
-        if lost:
-            return CULPRITS.format(", ".join(lost))
-    return ""
+def trimmed(segments: Sequence[Segment], besides: ArrayLike = ()) -> list[tuple[Segment, np.ndarray]]:
+    """Return the segments with the rows to keep: an instant saved by two of them is kept once.
 
-
-def trimmed(segments: Sequence[Segment]) -> list[tuple[Segment, slice]]:
-    """Return the segments with the rows to keep: an instant saved by two of them is kept once."""
+    besides: times that were saved, but not asked for
+    """
     kept, end = [], -np.inf
     for segment in segments:
         t = segment.trajectory.t
-        first = int(np.searchsorted(t, end, side="right"))
-        kept.append((segment, slice(first, len(t))))
+        kept.append((segment, np.flatnonzero((t > end) & ~np.isin(t, besides))))
         end = t[-1] if len(t) else end
     return kept
 
@@ -189,38 +189,64 @@ def trimmed(segments: Sequence[Segment]) -> list[tuple[Segment, slice]]:
 def statistics(segments: Sequence[Segment]) -> Statistics:
     """Add up what the segments took."""
     parts = [segment.trajectory for segment in segments]
-    weakest = min(parts, key=lambda part: part.pivot)
-    return Statistics(
-        nfev=sum(part.nfev for part in parts),
-        steps=sum(part.steps for part in parts),
-        rejected=sum(part.rejected for part in parts),
-        projections=sum(part.projections for part in parts),
-        closure_error=max(part.closure_error for part in parts),
-        pivot=weakest.pivot,
-        pivot_time=weakest.pivot_time,
-    )
+    counts = zip(*[(part.nfev, part.steps, part.rejected, part.projections) for part in parts], strict=True)
+    error, weakest = max([part.closure_error for part in parts]), min(parts, key=attrgetter("pivot"))
+    return Statistics(*map(sum, counts), closure_error=error, pivot=weakest.pivot, pivot_time=weakest.pivot_time)
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Measure what follows from a run's states at the saved times (K,), each kind of quantities when first asked for."""
+    """Measure what follows from a run's states at the saved times (K,), each kind of quantities when first asked for.
+
+    besides: times of calls of a sampled controller, which were saved for the work between them
+    """
 
     robot: Robot
     system: System
-    kept: Sequence[tuple[Segment, slice]]
-    time: np.ndarray
+    segments: Sequence[Segment]
+    besides: np.ndarray
+
+    @cached_property
+    def kept(self) -> list[tuple[Segment, np.ndarray]]:
+        return trimmed(self.segments, self.besides)
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """The saved times (K,) [s]."""
+        return np.concatenate([segment.trajectory.t[rows] for segment, rows in self.kept])
+
+    def axes(self) -> dict[str, Variable]:
+        """Return the labels of the variables' axes."""
+        robot, system = self.robot, self.system
+        coords = {
+            "time": Variable(("time",), self.time, {"units": "s"}),
+            "coordinate": labels("coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]),
+            "rate": labels("rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]),
+            "actuator": labels("actuator", robot.actuators),
+        }
+        if any(spring.damping for spring in robot.mechanism.springs.values()):
+            coords["spring"] = labels("spring", tuple(robot.mechanism.springs))
+        if robot.mechanism.tools:
+            coords["pose"] = labels("pose", POSES[robot.planar])
+        if system.extras:
+            coords["extra"] = labels("extra", [x.name for x in system.extras], [x.unit for x in system.extras])
+        if system.acting and system.acting.wrenches:
+            coords["wrench"] = labels("wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)])
+            coords["wrench_component"] = labels("wrench_component", COMPONENTS)
+        if system.events:
+            found = [segment.trajectory.events for segment in self.segments]
+            happened = np.concatenate([part.index for part in found])
+            coords["event"] = labels("event", [system.events[i].name for i in happened])
+            coords["event_time"] = Variable(("event",), np.concatenate([part.times for part in found]), {"units": "s"})
+        return coords
 
     @property
-    def variables(self) -> Deferred:
-        kinds = {STATES: self.states, derived.POWERS: self.powers, derived.BALANCE: self.balance}
-        return Deferred({names: partial(self.named, quantities) for names, quantities in kinds.items()})
+    def variables(self) -> Deferred[Variable]:
+        return Deferred({STATES: self.states, derived.POWERS: self.powers, derived.BALANCE: self.balance})
 
-    def named(self, quantities: Callable[[], Mapping[str, derived.Quantity]]) -> dict[str, Variable]:
-        """Return quantities over time as variables."""
-        return {
-            name: Variable(("time", *axes), values, {"units": unit})
-            for name, (axes, values, unit) in quantities().items()
-        }
+    def reactions(self, frame: str, length: float | None) -> Reactions:
+        """Return the joint reactions at the saved times."""
+        return derived.run_reactions(self.robot, self.system, self.kept, frame, length)
 
     @cached_property
     def of(self) -> dict[str, np.ndarray]:
@@ -228,11 +254,11 @@ class Record:
         parts = [measured(segment, rows, self.system) for segment, rows in self.kept]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-    def states(self) -> dict[str, derived.Quantity]:
+    def states(self) -> dict[str, Variable]:
         """Return positions, rates and accelerations of all joints, forces, energies, tool and closure."""
         of = self.of
         positions, rates = of["positions"], of["rates"]
-        quantities = {
+        quantities: dict[str, derived.Quantity] = {
             "joint_position": (("coordinate",), self.robot.labels.unwrapped(self.time, positions, rates), "m, rad"),
             "joint_rate": (("rate",), rates, "m/s, rad/s"),
             "joint_acceleration": (("rate",), of["accelerations"], "m/s^2, rad/s^2"),
@@ -251,16 +277,23 @@ class Record:
         if self.system.acting and self.system.acting.wrenches:
             wrenches = of["wrenches"].reshape(len(self.time), -1, 6)
             quantities["external_wrench"] = (("wrench", "wrench_component"), wrenches, "N m, N")
-        return quantities
+        return named(quantities)
 
-    def powers(self) -> dict[str, derived.Quantity]:
-        return derived.power_quantities(self.robot, self.system, self.kept, self.of)
+    def powers(self) -> dict[str, Variable]:
+        return named(derived.power_quantities(self.robot, self.system, self.kept, self.of))
 
-    def balance(self) -> dict[str, derived.Quantity]:
-        return derived.balance_quantities(self.robot, self.system, self.kept, self.of)
+    def balance(self) -> dict[str, Variable]:
+        return named(derived.balance_quantities(self.robot, self.system, self.kept, self.of))
 
 
-def measured(segment: Segment, rows: slice, system: System) -> dict[str, np.ndarray]:
+def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
+    """Return quantities over time as variables."""
+    return {
+        name: Variable(("time", *axes), values, {"units": unit}) for name, (axes, values, unit) in quantities.items()
+    }
+
+
+def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
     """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
     kernel, part, n = segment.chart.kernel, segment.trajectory, segment.chart.equations.mobility
     q, v, z, u = part.q[rows], part.v[rows, :n], part.v[rows, n:], part.u[rows]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -357,7 +358,7 @@ class Robot(Model):
         duration: float,
         drives: Mapping[str, Drive] | None = None,
         wrenches: Sequence[Wrench] = (),
-        method: Method = "dormand_prince",
+        method: Method | None = None,
         step: float | None = None,
         events: Sequence[Event | Callable[..., Any] | str] | str = (),
         parameters: Mapping[str, float] | None = None,
@@ -382,11 +383,13 @@ class Robot(Model):
             duration: T [s].
             drives: of actuators, by name (`linkwork.control.DCMotor` ...); ideal ones where left out.
             wrenches: external ones on bodies (`linkwork.control.Wrench`).
-            method: "dormand_prince" (5th order), "dop853" (8th, for tight tolerances), "rodas" (for stiff systems); with
-                a fixed step "rk4", "symplectic_euler".
+            method: "sharp_smart" (7th order), "dormand_prince" (5th), "dop853" (8th, for the tightest tolerances),
+                "rodas" (for stiff systems); with a fixed step "rk4", "symplectic_euler". If left out: "sharp_smart" for
+                rtol <= 1e-6 without sampled forces or controllers, whose kinks "dormand_prince" bears better.
             step: of the methods with a fixed step [s].
             events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends where a joint leaves its
-                range, or where the actuators cease to determine the motion.
+                range, or where the actuators cease to determine the motion. An event happens when its function reaches
+                zero: one that is zero at the start happens when it comes back to zero.
             parameters: values of free parameters by name, the robot's and those of controllers and drives.
             rtol, atol: relative and absolute tolerance of the local error of coordinates and rates.
             save_at: times to save [s]; every accepted step if left out.
@@ -427,10 +430,16 @@ class Robot(Model):
         Args:
             run: of this robot.
             duration: how long to go on [s].
-            forces, options: as for `simulate`; a run does not hold controllers, drives and wrenches: give them again.
+            forces, options: as for `simulate`; a run does not hold controllers, drives and wrenches: give them again, a
+                sampled controller with the delay that it had. Parameters of the robot keep the values that they had in the
+                run, unless `parameters` gives others.
+
+        Raises:
+            LinkworkError: as `simulate`; options that it has not; what does not fit the run.
         """
         from linkwork.robot import running
 
+        checks.known(options, OPTIONS, "option of a run")
         return running.resume(self, run, forces, duration=duration, **options)
 
     def ensemble(
@@ -442,6 +451,9 @@ class Robot(Model):
         duration: float,
         drives: Mapping[str, Drive] | None = None,
         wrenches: Sequence[Wrench] = (),
+        method: Method | None = None,
+        step: float | None = None,
+        events: Sequence[Event | Callable[..., Any] | str] | str = (),
         save_at: ArrayLike | None = None,
         rtol: float = 1e-8,
         atol: float = 1e-10,
@@ -451,24 +463,27 @@ class Robot(Model):
         threads: int | None = None,
         progress: bool | Callable[[int, int], None] = False,
     ) -> Ensemble:
-        """Run N members at a time, as `simulate` runs each of them (Dormand-Prince), in vector registers and over all threads.
+        """Run N members at a time, as `simulate` runs each of them, over all threads.
+
+        By the explicit methods that choose their steps, many members share a vector register. Other methods, events and a
+        `Sampler` take more time: then members run one by one, and those that a Python function controls on one thread, in
+        their order. A method that is left out is chosen as for `simulate`, one for all.
 
         A member that fails keeps its status and the state it reached, and the others go on. KeyboardInterrupt ends the
         runs, and what is done is returned; the status of the others is CANCELLED.
 
         Args:
             states: where members start, a stack of N states, or one for all.
-            forces: for all members as for `simulate` (a controller is traced; no `Sampler`); or of each: numbers (N, nu),
-                (N) by name, or N signals.
+            forces: for all members as for `simulate`; or of each: numbers (N, nu), (N) by name, or N signals.
             parameters: values of free parameters of the robot, controllers and drives by name: numbers, or (N) of each.
             duration: T [s].
             save_at: times to save [s], the same for all; only the last states are kept if left out.
             threads: all processors if left out.
             progress: show a bar on the terminal, or call a function of (members done, N).
-            drives, wrenches, rtol, atol, max_step, max_steps, on_singular: as for `simulate`.
+            drives, wrenches, method, step, events, rtol, atol, max_step, max_steps, on_singular: as for `simulate`.
 
         Returns:
-            An `Ensemble`: `status` and `final` states of the members, `failed` ones, and their `dataset`.
+            An `Ensemble`: `status` and `final` states of the members, `failed` ones, their `events` and their `dataset`.
 
         Raises:
             LinkworkError: bad input, in one sentence.
@@ -483,6 +498,9 @@ class Robot(Model):
             duration=duration,
             drives=drives,
             wrenches=wrenches,
+            method=method,
+            step=step,
+            events=events,
             save_at=save_at,
             rtol=rtol,
             atol=atol,
@@ -498,3 +516,6 @@ class Robot(Model):
         from linkwork.robot.observing import observed
 
         return observed(self, state)
+
+
+OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[3:]  # of a run, without self, state and forces

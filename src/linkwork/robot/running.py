@@ -7,19 +7,33 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from linkwork.checks import by_name, several
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks, recording
 from linkwork.robot.state import State
-from linkwork.robot.system import Forces, system
-from linkwork.simulation import DORMAND_PRINCE, RK4, RODAS, Control, Pace, Rosenbrock, Run, SymplecticEuler, dop853
+from linkwork.robot.system import Forces, System, system
+from linkwork.simulation import (
+    DORMAND_PRINCE,
+    RK4,
+    RODAS,
+    SHARP_SMART,
+    Control,
+    Pace,
+    Rosenbrock,
+    Run,
+    Signal,
+    SymplecticEuler,
+    dop853,
+)
 from linkwork.simulation import Method as IntegrationMethod
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
-Method = Literal["dormand_prince", "dop853", "rodas", "rk4", "symplectic_euler"]
+Method = Literal["sharp_smart", "dormand_prince", "dop853", "rodas", "rk4", "symplectic_euler"]
 FACTORIES: dict[str, Callable[..., IntegrationMethod]] = {
+    "sharp_smart": lambda: SHARP_SMART,
     "dormand_prince": lambda: DORMAND_PRINCE,
     "dop853": dop853,
     "rodas": lambda: RODAS,
@@ -28,6 +42,8 @@ FACTORIES: dict[str, Callable[..., IntegrationMethod]] = {
 }
 METHODS = tuple(FACTORIES)
 FIXED = tuple(name for name, make in FACTORIES.items() if isinstance(make, type))  # made with a step
+TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
+EXAMPLE = "{'kp': 10.0}"
 READY_EVENTS = {"limits": limit_events, "singular": singular_events}
 
 
@@ -39,7 +55,7 @@ def simulate(
     duration: float,
     drives: Mapping[str, Any] | None = None,
     wrenches: Sequence[Any] = (),
-    method: str = "dormand_prince",
+    method: str | None = None,
     step: float | None = None,
     events: Sequence[Event | Callable[..., Any] | str] | str = (),
     parameters: Mapping[str, float] | None = None,
@@ -52,28 +68,35 @@ def simulate(
     start: float = 0.0,
     extras: np.ndarray | None = None,
     pace: Pace | None = None,
-    held: tuple[np.ndarray, int] | None = None,
+    held: np.ndarray | None = None,
 ) -> Run:
     """Run from a state: see `Robot.simulate`.
 
-    start: time at the start [s]; extras: extra states there; pace: step size; held: inputs held and number of the next
-    sample of a sampled controller
+    start: time at the start [s]; extras: extra states there; pace: step size; held: inputs that a sampled controller holds
     """
     options = checks.run_options(duration, rtol, atol, max_step, max_steps)
-    given = dict(parameters or {})
+    given = dict(by_name(parameters, "parameters", EXAMPLE))
     own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
     robot = robot.with_parameters(own) if own else robot
-    options |= {"method": (chosen := integrator(method, step))}
+    chosen = integrator(method, step)
     if pace is not None and step is None:
         options["first_step"] = pace
     span = (start, start + duration)
     runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock))
+    options["method"] = chosen or usual(runs, [runs.inputs], rtol)
     z = runs.start if extras is None else extras
     if z.size != len(runs.extras):
         raise LinkworkError(
             f"the run ended with {z.size} extra states, but these drives and controllers have {len(runs.extras)}"
         )
-    control = Control(0, runs.sampler.period, *held) if held and runs.sampler else None
+    control = None
+    if held is not None and runs.acting and runs.sampler:
+        if held.size != runs.acting.held:
+            raise LinkworkError(
+                f"the run ended with {held.size} held inputs, but this controller holds {runs.acting.held}; give it the "
+                "delay that it ran with"
+            )
+        control = Control(0, runs.sampler.period, held)
     return recording.simulate(robot, robot.own(state), runs, duration, save_at, on_singular, options, start, z, control)
 
 
@@ -91,10 +114,16 @@ def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run
     state = robot.make_state(q, np.zeros(n))
     w = chart_named(robot, independent, q).tree_rates(q, v[:n])
     state = state.with_rates(robot.chart.from_tree(w))
-    held = None
-    if "final_held" in run.attrs:
-        held = np.atleast_1d(np.asarray(run.attrs["final_held"], float)), int(run.attrs["final_sample"])
+    held = np.atleast_1d(np.asarray(run.attrs["final_held"], float)) if "final_held" in run.attrs else None
+    own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
+    options["parameters"] = {**own, **by_name(options.get("parameters"), "parameters", EXAMPLE)}
     return simulate(robot, state, forces, start=start, extras=v[n:], pace=pace, held=held, **options)
+
+
+def recorded(run: Run) -> dict[str, float]:
+    """Return the values of parameters that a run tells of."""
+    entries = str(run.attrs.get("parameters", "")).split(", ")
+    return {name: float(value) for name, _, value in (entry.partition(" = ") for entry in entries) if value}
 
 
 def chart_named(robot: Robot, independent: tuple[str, ...], q: np.ndarray):
@@ -106,8 +135,21 @@ def chart_named(robot: Robot, independent: tuple[str, ...], q: np.ndarray):
     return robot.chart.better(q, tuple(tree.index(name) for name in independent))
 
 
-def integrator(method: str, step: float | None) -> IntegrationMethod:
-    """Return an integration method by its name; refuse names and steps that do not fit."""
+def usual(runs: System, inputs: Sequence[Signal], rtol: float) -> IntegrationMethod:
+    """Return the method where none is asked for: order 7 for smooth inputs and tight tolerances, else order 5.
+
+    A method of higher order takes longer steps, in which the kinks of sampled inputs cost more of its accuracy.
+    """
+    smooth = runs.sampler is None and all(len(signal.coefficients) == 1 for signal in inputs)
+    return SHARP_SMART if smooth and rtol <= TIGHT else DORMAND_PRINCE
+
+
+def integrator(method: str | None, step: float | None) -> IntegrationMethod | None:
+    """Return an integration method by its name, None where there is none; refuse names and steps that do not fit."""
+    if method is None and step is None:
+        return None
+    if method is None:
+        raise LinkworkError(f"a step of {step:g} s needs a method that keeps to it: {' or '.join(map(repr, FIXED))}")
     if method not in METHODS:
         raise LinkworkError(f"there is no method {method!r}; there are {', '.join(METHODS)}")
     fixed = method in FIXED
@@ -126,14 +168,16 @@ def integrator(method: str, step: float | None) -> IntegrationMethod:
 
 def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:
     """Return events as such: names stand for ready ones, and plain functions are watched without ending the run."""
-    given = [events] if isinstance(events, str | Event) or callable(events) else list(events)
+    given: Sequence[Any] = (
+        [events] if isinstance(events, str | Event) or callable(events) else several(events, object, "events")
+    )
     found: list[Event] = []
     for event in given:
         if isinstance(event, Event):
             found.append(event)
         elif callable(event):
             found.append(Event(event, name=getattr(event, "__name__", "event")))
-        elif event in READY_EVENTS:
+        elif isinstance(event, str) and event in READY_EVENTS:
             found.extend(READY_EVENTS[event](robot))
         else:
             raise LinkworkError(

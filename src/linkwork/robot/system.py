@@ -8,25 +8,29 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.control.acting import Acting, act
+from linkwork.checks import by_name, several
+from linkwork.control.acting import Acting
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.events import Event
 from linkwork.control.joined import Joined
+from linkwork.control.observation import Names
 from linkwork.control.sampler import Sampler
-from linkwork.control.tracing import ordered
+from linkwork.control.settled import acting_once
+from linkwork.control.tracing import CONTROLLER, Reference, ordered
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.robot import checks
-from linkwork.robot.charts import CompiledChart
+from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.observing import observation
 from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
+from linkwork.simulation.integrate import ROUNDING
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -64,21 +68,20 @@ class System:
         """The sampled controller, if there is one."""
         return self.acting.sampler if self.acting else None
 
-    @cached_property
+    @property
     def start(self) -> np.ndarray:
         """z at the start of a run."""
-        return np.array([extra.initial for extra in self.extras])
+        return np.array([extra.initial for extra in self.extras], float)
 
     def p(self, chart: CompiledChart) -> np.ndarray:
         """Return the parameters of the mechanism, then those of controllers and drives."""
-        return np.concatenate([chart.p, self.parameters])
+        return np.concatenate((chart.p, self.parameters)) if self.parameters.size else chart.p
 
     def kernel(self, chart: CompiledChart, name: str) -> Kernel:
         """Return a kernel of `Joined` in a chart: motion, jacobian, events, held or recorded."""
         if self.acting is None:
             return chart.kernel(name)
-        make = getattr(self.joined(chart), name)
-        return chart.compiled(f"{self.acting.key} {name}", lambda _: make())
+        return chart.compiled(f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)())
 
     def control(self, chart: CompiledChart, before: Control | None = None) -> Control | None:
         """Return the sampled controller in a chart, if there is one.
@@ -144,14 +147,14 @@ class Callback:
             assert acting is not None
             actuators, ends = acting.names.actuators, self._ends
             q, v, z, references, held = np.split(np.ctypeslib.as_array(x, (ends[-1],)).copy(), ends[:-1])
-            result = np.ctypeslib.as_array(out, (held.size,))
-            result[:] = np.nan
+            result, later = np.ctypeslib.as_array(out, (held.size,)), held[len(actuators) :]
+            result[:] = [*later, *np.full(len(actuators), np.nan)]
             if self.system.faults:
                 return
             parameters = dict(zip(acting.parameters, self.system.parameters, strict=True))
             state = observation(self.chart, acting.names, q, v, z, parameters)
             forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore[reportOptionalMemberAccess]
-            result[:] = [*held[len(actuators) :], *ordered(forces, actuators, "the controller")]
+            result[later.size :] = ordered(forces, actuators, CONTROLLER)
         except BaseException as error:
             self.system.faults.append(error)
 
@@ -176,28 +179,57 @@ def system(
         span: start and end of the run [s].
         joined: whether kernels of `Joined` are needed for plain forces, too.
     """
+    drives = by_name(drives, "drives", "{'slide_1': Lag(0.01)}")
+    wrenches = several(wrenches, Wrench, "wrenches")
     given = forces if callable(forces) and not isinstance(forces, Sampled | Signal) else None
     given = forces if isinstance(forces, Sampler) else given
     if given is None and not (drives or wrenches or events or joined):
         checks.known(parameters, (), "parameter")
         return System(as_input(robot, forces))
-    law = as_input(robot, forces) if given is None else given
-    acting = act(robot.mechanism, robot.planar, law, drives or {}, tuple(wrenches), tuple(events), span)
+    commands = as_input(robot, forces) if given is None else None
+    names = Names.of(robot.mechanism, robot.planar)
+    with BUILDING:
+        acting = acting_once(names, given, drives, wrenches, tuple(events), span)
+    require_cover(acting.references, span)
     checks.known(parameters, tuple(acting.parameters), "parameter")
     values = {**acting.parameters} | {name: checks.number(value, name) for name, value in parameters.items()}
-    return System(acting.inputs(), acting, np.array([float(value) for value in values.values()]))
+    for name in parameters:
+        acting.require(name, np.array(values[name]))
+    return System(acting.inputs(commands), acting, np.array([float(value) for value in values.values()]))
+
+
+def require_cover(references: Sequence[Reference], span: tuple[float, float]) -> None:
+    """Refuse signals that do not cover a span [s]; tell what reads them."""
+    start, stop = span
+    for signal, _, what in references:
+        first, last = signal.span
+        if start < first or stop > last + ROUNDING * (stop - start):
+            raise LinkworkError(
+                f"{what} reads a signal from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s; "
+                "give samples for the whole run"
+            )
 
 
 def as_input(robot: Robot, forces: Any) -> Signal:
     """Return actuator forces as a signal: zero, constant, by name, or sampled."""
     n = len(robot.actuators)
     if forces is None:
-        return as_signal(np.zeros(n))
+        return at_rest(n)
     if not isinstance(forces, Sampled | Signal):
         forces = checks.finite(checks.actuator_forces(forces, robot.actuators), "forces")
+        if forces.ndim > 1:
+            raise LinkworkError(
+                f"forces has shape {forces.shape}; give {n} numbers: {', '.join(robot.actuators)}, or linkwork.Sampled ones"
+            )
     signal = as_signal(forces)
     if signal.coefficients.shape[2] != n:
         raise LinkworkError(
             f"the forces have {signal.coefficients.shape[2]} columns; give {n}: {', '.join(robot.actuators)}"
         )
     return signal
+
+
+@cache
+def at_rest(n: int) -> Signal:
+    """Return n forces that are zero."""
+    return as_signal(np.zeros(n))

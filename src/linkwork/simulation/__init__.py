@@ -7,6 +7,7 @@ from linkwork.simulation.events import Condition, Control, Events, Occurrences, 
 from linkwork.simulation.integrate import Method, Trajectory, integrate
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.run import Run, Statistics, Variable
+from linkwork.simulation.sharp_smart import SHARP_SMART
 from linkwork.simulation.signals import Sampled, Signal, as_signal, clock, stack
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import BOGACKI_SHAMPINE, DORMAND_PRINCE, RK4, SymplecticEuler, Tableau, dop853
@@ -16,6 +17,7 @@ __all__ = [
     "DORMAND_PRINCE",
     "RK4",
     "RODAS",
+    "SHARP_SMART",
     "Condition",
     "Control",
     "Events",

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,6 +35,11 @@ class Events:
 
     address: int
     conditions: tuple[Condition, ...]
+
+    @cached_property
+    def table(self) -> np.ndarray:
+        """The conditions as the compiled loops take them: a row (direction, terminal) for each."""
+        return np.array([(c.direction, c.terminal) for c in self.conditions], float).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,10 @@
 """Integrate the equations of motion: check what is asked, and run the compiled loop once."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +16,11 @@ from linkwork.simulation.signals import Sampled, Signal, as_signal, require_incr
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, RK4, SymplecticEuler, Tableau
 
+if TYPE_CHECKING:
+    from linkwork.simulation.native_loop import Outcome
+
 Method = Tableau | Rosenbrock | RK4 | SymplecticEuler
+NO_CONDITIONS = np.empty((0, 2))
 ROUNDING = 1e-9  # how far a time may lie beyond the end of a run, relative to the duration, and still count as the end
 
 
@@ -28,28 +35,19 @@ class Trajectory:
     How it went: `status`, `message`; `nfev` evaluations of the motion kernel, `steps` accepted, `rejected`, and
     `projections`, evaluations of the closure kernel; `pivot`, the smallest pivot met, at `pivot_time`;
     `closure_error`, the largest residual at the start, at the end and of all rows saved.
+
+    All of it is read from `rows` (K, 3 + nq + nv + nu), each (t, q, v, u, residual, number of an event), `found`, such rows
+    where events happened, `y_end`, (q, v) at the end, `outcome`, the loop's own account, and `bounds`, what it was held to.
     """
 
-    t: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    u: np.ndarray
-    residual: np.ndarray
-    end_time: float
-    q_end: np.ndarray
-    v_end: np.ndarray
-    pace: Pace
+    rows: np.ndarray
+    found: np.ndarray
+    y_end: np.ndarray
+    nq: int
+    outcome: "Outcome"
     control: Control | None
-    events: Occurrences
+    bounds: Mapping[str, float]
     status: Status
-    message: str
-    nfev: int
-    steps: int
-    rejected: int
-    projections: int
-    pivot: float
-    pivot_time: float
-    closure_error: float
 
     @property
     def success(self) -> bool:
@@ -57,9 +55,96 @@ class Trajectory:
         return self.status is Status.FINISHED
 
     @property
+    def message(self) -> str:
+        if self.success:
+            return self.status.sentence(time=self.end_time)
+        return self.status.sentence(**self.outcome._asdict(), culprit=self._culprit, **self.bounds)
+
+    @property
+    def _culprit(self) -> str:
+        """What is not finite, by the number that the compiled loop gives it."""
+        fault, held = int(self.outcome.fault), self.control.held.size if self.control else 0
+        kinds = [("component {} of q'", self.nq), ("component {} of v'", self.v_end.size), ("the pivot", 1)]
+        for kind, count in [*kinds, ("held input {}", held), ("the function of event {}", math.inf)]:
+            if fault < count:
+                return kind.format(fault) + (" (counted from 0)" if "{}" in kind else "")
+            fault -= int(count)
+        raise AssertionError(fault)
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        return self.rows[:, 0]
+
+    @cached_property
+    def q(self) -> np.ndarray:
+        return self.rows[:, 1 : 1 + self.nq]
+
+    @cached_property
+    def v(self) -> np.ndarray:
+        return self.rows[:, 1 + self.nq : 1 + self.y_end.size]
+
+    @cached_property
+    def u(self) -> np.ndarray:
+        return self.rows[:, 1 + self.y_end.size : -2]
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        return self.rows[:, -2]
+
+    @cached_property
+    def events(self) -> Occurrences:
+        n = self.y_end.size
+        return Occurrences(self.found[:, 0], self.found[:, -1].astype(int), self.found[:, 1 : 1 + n])
+
+    @cached_property
+    def q_end(self) -> np.ndarray:
+        return self.y_end[: self.nq]
+
+    @cached_property
+    def v_end(self) -> np.ndarray:
+        return self.y_end[self.nq :]
+
+    @property
+    def pace(self) -> Pace:
+        """The step size to go on with, and its growth."""
+        return Pace(self.outcome.step, self.outcome.growth)
+
+    @property
     def next_step(self) -> float:
         """The step size to go on with, in s."""
-        return self.pace.step
+        return self.outcome.step
+
+    @property
+    def end_time(self) -> float:
+        return self.outcome.time
+
+    @property
+    def nfev(self) -> int:
+        return int(self.outcome.evaluations)
+
+    @property
+    def steps(self) -> int:
+        return int(self.outcome.accepted)
+
+    @property
+    def rejected(self) -> int:
+        return int(self.outcome.rejected)
+
+    @property
+    def projections(self) -> int:
+        return int(self.outcome.projections)
+
+    @property
+    def pivot(self) -> float:
+        return self.outcome.pivot
+
+    @property
+    def pivot_time(self) -> float:
+        return self.outcome.pivot_time
+
+    @property
+    def closure_error(self) -> float:
+        return self.outcome.closure_error
 
 
 def integrate(
@@ -130,28 +215,19 @@ def integrate(
     if not y.size:
         raise LinkworkError("there is nothing to integrate: q and v are both empty")
     times = np.empty(0) if save_at is None else _times_within(save_at, start, stop)
-    pace = _pace(first_step if method.step is None else method.step)
+    stiff = isinstance(method, Rosenbrock)
+    native, loop = _compiled(stiff)
+    pace = _pace(first_step if method.step is None else method.step, loop.LARGEST_FACTOR)
     for name, value in ("max_step", max_step), ("pivot_bound", pivot_bound), ("closure_tol", closure_tol):
         _require_positive(name, value)
     if max_steps < 1:
         raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
-
-    from linkwork.simulation.native_loop import COUNTS, Outcome
-
-    if isinstance(method, Rosenbrock):
-        from linkwork.simulation.native_rosenbrock import integrate as run
-
-        if not jacobian:
-            raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
-    else:
-        from linkwork.simulation.native import integrate as run
-
+    if stiff and not jacobian:
+        raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
     held, period, next_sample, acts = _sampling(control, start)
-    conditions = np.array([(c.direction, c.terminal) for c in events.conditions] if events else [], float).reshape(
-        -1, 2
-    )
-    facts = np.empty(len(Outcome._fields))
-    rows = run(
+    conditions = events.table if events else NO_CONDITIONS
+    facts = np.empty(len(loop.Outcome._fields))
+    rows = native.integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
         *method.plan,
@@ -159,55 +235,36 @@ def integrate(
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
         held, period, next_sample, conditions, facts,
     )  # fmt: skip
-    ending = Outcome(*[int(number) for number in facts[:COUNTS].tolist()], *facts[COUNTS:].tolist())
-    n, found = y.size, rows[:0]
+    outcome, found = loop.Outcome._make(facts.tolist()), rows[:0]
     if len(conditions):
         happened = rows[:, -1] >= 0
         found, rows = rows[happened], rows[~happened]
-    message = Status(ending.status).sentence(
-        time=ending.time,
-        step=ending.step,
-        rejected_pivot=ending.rejected_pivot,
-        rejected_residual=ending.rejected_residual,
-        pivot_bound=pivot_bound,
-        closure_tol=closure_tol,
-        max_steps=max_steps,
-        culprit=_culprit(ending.fault, q.size, y.size, held.size),
-        event=int(found[-1, -1]) if len(found) else -1,
-    )
-    return Trajectory(
-        t=rows[:, 0],
-        q=rows[:, 1 : 1 + q.size],
-        v=rows[:, 1 + q.size : 1 + n],
-        u=rows[:, 1 + n : -2],
-        residual=rows[:, -2],
-        end_time=ending.time,
-        q_end=y[: q.size],
-        v_end=y[q.size :],
-        pace=Pace(ending.step, ending.growth),
-        control=control and replace(control, held=held, next_sample=ending.next_sample),
-        events=Occurrences(found[:, 0], found[:, -1].astype(int), found[:, 1 : 1 + n]),
-        status=Status(ending.status),
-        message=message,
-        nfev=ending.evaluations,
-        steps=ending.accepted,
-        rejected=ending.rejected,
-        projections=ending.projections,
-        pivot=ending.pivot,
-        pivot_time=ending.pivot_time,
-        closure_error=ending.closure_error,
-    )
+    if control is not None:
+        control = replace(control, held=held, next_sample=int(outcome.next_sample))
+    event = next((int(i) for i in found[:, -1] if conditions[int(i), 1]), -1)
+    bounds = {"pivot_bound": pivot_bound, "closure_tol": closure_tol, "max_steps": max_steps, "event": event}
+    return Trajectory(rows, found, y, q.size, outcome, control, bounds, Status(outcome.status))
 
 
-def _pace(first_step: float | Pace | None) -> Pace:
+@cache
+def _compiled(stiff: bool) -> tuple[Any, Any]:
+    """Return the module of a method's compiled loop, and that of what all loops share; importing them compiles them."""
+    from linkwork.simulation import native_loop
+
+    if stiff:
+        from linkwork.simulation import native_rosenbrock as native
+    else:
+        from linkwork.simulation import native
+    return native, native_loop
+
+
+def _pace(first_step: float | Pace | None, growth: float) -> Pace:
     """Return the pace at the start: a step of 0 is guessed, and the first may grow at once."""
-    from linkwork.simulation.native_loop import LARGEST_FACTOR
-
     if isinstance(first_step, Pace):
         return first_step
     if first_step is not None:
         _require_positive("first_step", first_step)
-    return Pace(first_step or 0.0, LARGEST_FACTOR)
+    return Pace(first_step or 0.0, growth)
 
 
 def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float, int, int]:
@@ -218,24 +275,15 @@ def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float,
     return _vector("the held inputs", control.held), control.period, first, control.address
 
 
-def _culprit(fault: int, nq: int, n: int, held: int) -> str:
-    """Name what is not finite by the number that the compiled loop gives it."""
-    kinds = [("component {} of q'", nq), ("component {} of v'", n - nq), ("the pivot", 1), ("held input {}", held)]
-    for kind, count in [*kinds, ("the function of event {}", math.inf)]:
-        if fault < count:
-            return kind.format(fault) + (" (counted from 0)" if "{}" in kind else "")
-        fault -= int(count)
-    raise AssertionError(fault)
-
-
 def _vector(what: str, values: ArrayLike) -> np.ndarray:
     """Return a contiguous copy (n,) as floats, or refuse what is no list of finite numbers."""
     vector = np.array(values, dtype=float)
     if vector.ndim != 1:
         raise LinkworkError(f"{what} must be a list of numbers, not an array of the shape {vector.shape}")
-    for i, number in enumerate(vector.tolist()):
-        if not math.isfinite(number):
-            raise LinkworkError(f"{what} must be finite: number {i} is {number} (counted from 0)")
+    numbers = vector.tolist()
+    if not all(map(math.isfinite, numbers)):
+        i = next(i for i, number in enumerate(numbers) if not math.isfinite(number))
+        raise LinkworkError(f"{what} must be finite: number {i} is {numbers[i]} (counted from 0)")
     return vector
 
 
@@ -246,8 +294,10 @@ def _tolerances(rtol: ArrayLike, atol: ArrayLike, n: int) -> np.ndarray:
     return table
 
 
-def _tolerance(name: str, value: ArrayLike, n: int) -> np.ndarray:
+def _tolerance(name: str, value: ArrayLike, n: int) -> ArrayLike:
     """Return a tolerance, one for all of the n components or one for each."""
+    if isinstance(value, float) and 0 < value < math.inf:
+        return value
     given = np.asarray(value, dtype=float)
     if given.shape not in ((), (n,)):
         raise LinkworkError(f"{name} has the shape {given.shape}: give one number, or {n}, one for each of (q, v)")
@@ -261,16 +311,19 @@ def _times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
     """Return the times to save at, (K,); a last one that lies beyond the end by rounding only is the end."""
     times = _vector("save_at", save_at)
     require_increasing("the times in save_at", times)
-    if times.size and (times[0] < start or times[-1] > stop + ROUNDING * (stop - start)):
+    if not times.size:
+        return times
+    first, last = times.item(0), times.item(-1)
+    if first < start or last > stop + ROUNDING * (stop - start):
         raise LinkworkError(
-            f"the times in save_at run from {times[0]:g} s to {times[-1]:g} s: give times within the run,"
+            f"the times in save_at run from {first:g} s to {last:g} s: give times within the run,"
             f" from {start:g} s to {stop:g} s"
         )
-    return np.minimum(times, stop)
+    return times if last <= stop else np.minimum(times, stop)
 
 
 def _require_cover(signal: Signal, start: float, stop: float) -> None:
-    first, last = signal.knots[0], signal.knots[-1]
+    first, last = signal.span
     if start < first or stop > last + ROUNDING * (stop - start):
         raise LinkworkError(
             f"the forces are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s:"

@@ -1,4 +1,4 @@
-"""One step of many members at a time by Dormand-Prince 5(4): vector arithmetic, each lane a member with its own step.
+"""One step of many members at a time by an explicit pair: vector arithmetic, each lane a member with its own step.
 
 The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables are passed by their addresses:
 `y` (n rows), `x`, rows (y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`, numbers of the
@@ -10,9 +10,8 @@ import math
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.native_loop import LARGEST_FACTOR, ROUNDING, SAFETY, SMALLEST_FACTOR
-from linkwork.simulation.native_parts import NEWTON_CALLS, RESERVE
-from linkwork.simulation.tableaus import DORMAND_PRINCE
+from linkwork.simulation.native_loop import LARGEST_FACTOR, ROUNDING, SAFETY, SMALLEST_ERROR, SMALLEST_FACTOR
+from linkwork.simulation.native_parts import NEWTON_CALLS
 from linkwork.simulation.vectors import (
     absolute,
     call_batch,
@@ -30,12 +29,14 @@ from linkwork.simulation.vectors import (
 # Rows of `now`; the first NUMBERS are kept of every member.
 TIME, STEP_SIZE, GROWTH, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL = range(7)
 NUMBERS = 7
-STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA, POWER = range(7, 18)
-NOW = 18
+STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA = range(7, 17)
+NOW = 17
 
-# Constants to the compiler, which unrolls the sums over the stages.
-A, C, E, DENSE = DORMAND_PRINCE.a, DORMAND_PRINCE.c, DORMAND_PRINCE.e, DORMAND_PRINCE.dense
-STAGES, EXPONENT = len(C), 1 / (DORMAND_PRINCE.error_order + 1)
+# Rows of `tally`; the first COUNTS are columns of `counts`, too.
+STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED, CAUSE, PIECE, BREAK = range(8)
+COUNTS = 8
+MEMBER, REACHED, AILMENT = range(8, 11)
+TALLY = 11
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -111,46 +112,45 @@ def choose_steps(now):
 
 
 @njit(forceinline=True, **OPTIONS)
-def combine(i, n, now, y, k, x):
-    """x = y + h sum_(j < i) a_ij k_j, with the step h of each lane."""
+def combine(weights, count, n, now, y, k, x):
+    """x = y + h sum_(j < count) weights_j k_j, with the step h of each lane.
+
+    Five components at a time stay in registers; the last five overlap those before, rather than go one by one.
+    """
     h = load(now, STEP)
-    for m in range(n):
+    for block in range(0, n if n >= 5 else 0, 5):
+        m = min(block, n - 5)
+        first, second, third, fourth, fifth = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
+        for j in range(count):
+            if weights[j] != 0.0:
+                weight, row = splat(weights[j]), j * (n + 1) + m
+                first = first + weight * load(k, row)
+                second = second + weight * load(k, row + 1)
+                third = third + weight * load(k, row + 2)
+                fourth = fourth + weight * load(k, row + 3)
+                fifth = fifth + weight * load(k, row + 4)
+        store(x, m, load(y, m) + h * first)
+        store(x, m + 1, load(y, m + 1) + h * second)
+        store(x, m + 2, load(y, m + 2) + h * third)
+        store(x, m + 3, load(y, m + 3) + h * fourth)
+        store(x, m + 4, load(y, m + 4) + h * fifth)
+    for m in range(n if n < 5 else 0):
         total = splat(0.0)
-        for j in range(i):
-            total = total + splat(A[i, j]) * load(k, j * (n + 1) + m)
+        for j in range(count):
+            total = total + splat(weights[j]) * load(k, j * (n + 1) + m)
         store(x, m, load(y, m) + h * total)
 
 
 @njit(forceinline=True, **OPTIONS)
-def stage_state(i, closure, n, nq, closure_tol, y, x, z, z_next, k, now):
-    """Leave the state of stage i in x; the last one is the new state, and is projected."""
-    # One call for each stage, so that each is compiled as one chain of products.
-    if i == 1:
-        combine(1, n, now, y, k, x)
-    elif i == 2:
-        combine(2, n, now, y, k, x)
-    elif i == 3:
-        combine(3, n, now, y, k, x)
-    elif i == 4:
-        combine(4, n, now, y, k, x)
-    elif i == 5:
-        combine(5, n, now, y, k, x)
-    else:
-        combine(6, n, now, y, k, x)
-        store(now, RESIDUAL, splat(0.0))
-        if closure != 0:
-            project(closure, nq, x, z, z_next, now, closure_tol, RESERVE)
+def error_norm(weights, solution, n, closed, tolerance, now, y, x, z, k, zeros, defect):
+    """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol |y|).
 
-
-@njit(forceinline=True, **OPTIONS)
-def error_norm(n, closed, tolerance, now, y, x, z, k):
-    """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol |y|)."""
-    h, total = load(now, STEP), splat(0.0)
+    The slope at the new state counts, whatever its weight: where it is no number, the error is none.
+    """
+    total = splat(0.0)
+    combine(weights, solution + 1, n, now, zeros, k, defect)
     for m in range(n):
-        defect = splat(0.0)
-        for i in range(STAGES):
-            defect = defect + splat(E[i]) * load(k, i * (n + 1) + m)
-        error = absolute(h * defect)
+        error = absolute(load(defect, m) + splat(0.0) * load(k, solution * (n + 1) + m))
         if m < closed:
             error = error + absolute(load(z, m))
         size = larger(absolute(load(y, m)), absolute(load(x, m)))
@@ -160,23 +160,33 @@ def error_norm(n, closed, tolerance, now, y, x, z, k):
 
 
 @njit(forceinline=True, **OPTIONS)
-def judge(n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, now):
+def judge(method, n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, zeros, defect, now):
     """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and the smallest pivots."""
-    bound, lowest = splat(pivot_bound), splat(math.inf)
+    bound, lowest, last = splat(pivot_bound), splat(math.inf), method.solution
     healthy = load(now, RESIDUAL) <= splat(closure_tol)
-    for i in range(1, STAGES):
+    for i in range(1, last + 1):
         pivot = load(k, i * (n + 1) + n)
         healthy = healthy & (pivot >= bound)
         lowest = choose(lowest <= pivot, lowest, pivot)
-    store(now, ERROR, choose(healthy, error_norm(n, closed, tolerance, now, y, x, z, k), splat(math.nan)))
+    error = error_norm(method.e, last, n, closed, tolerance, now, y, x, z, k, zeros, defect)
+    if method.estimates > 1:
+        second = splat(0.1) * error_norm(
+            method.e + method.stages, last, n, 0, tolerance, now, y, x, z, k, zeros, defect
+        )
+        both = root(error * error + second * second)
+        error = choose(both <= splat(0.0), error, error * (error / both))
+    store(now, ERROR, choose(healthy, error, splat(math.nan)))
     store(now, LOWEST, lowest)
 
 
 @njit(forceinline=True, **OPTIONS)
-def accept(max_step, now):
-    """Go on to the ends of the accepted steps, and choose the lengths of the next ones from now[POWER]."""
+def accept(sixteenths, max_step, now):
+    """Go on to the ends of the accepted steps, and choose the lengths of the next ones by error^(sixteenths / 16)."""
     kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
-    factor = smaller(load(now, GROWTH), splat(SAFETY) / load(now, POWER))
+    sixteenth, power = root(root(root(root(larger(load(now, ERROR), splat(SMALLEST_ERROR)))))), splat(1.0)
+    for _ in range(sixteenths):
+        power = power * sixteenth
+    factor = smaller(load(now, GROWTH), splat(SAFETY) / power)
     proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))
     proposal = choose(h <= step, proposal, larger(h, proposal))
     store(now, STEP_SIZE, choose(kept, h, proposal))

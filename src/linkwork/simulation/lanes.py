@@ -1,4 +1,4 @@
-"""Integrate many members at a time: the loop of `native_loop` for Dormand-Prince 5(4), with a member in each lane.
+"""Integrate many members at a time: the loop of `native_loop` for explicit pairs, with a member in each lane.
 
 Each lane has its own time, step size and end. When a member ends the next one is loaded into its lane, so that the
 registers stay full. What a member goes through is what it goes through alone: the same arithmetic in the same order,
@@ -9,7 +9,7 @@ void(int64 blocks, const double *in, double *out) for blocks of LANES states:
     closure    in = (q, p)       out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
 
 Members start in blocks of LANES (`start_block`): q is closed, the first slope evaluated, the first step guessed. Then
-all lanes go step by step together: `choose_steps`, `stage_state`, `judge`, `take_samples`, `reject`, `accept`, `restart`.
+all lanes go step by step: `choose_steps`, `combine`, `project`, `judge`, `take_samples`, `reject`, `accept`, `restart`.
 
 Names: `x`, rows (y, u, p); `k`, rows (y', pivot), stage after stage; `z`, rows (q, p); all (rows, LANES). `now` and `tally`
 hold numbers and counts of the members in the lanes, `numbers` and `counts` those of all members, a row each, of which
@@ -24,63 +24,66 @@ import numpy as np
 from numba import njit, types
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.lane_inputs import force, next_target, set_forces, shared
+from linkwork.simulation.lane_samples import extend, take_samples, want_samples
 from linkwork.simulation.lane_steps import (
+    ACCEPTED,
     ACCEPTS,
-    ARRIVAL,
+    AILMENT,
+    BREAK,
+    CAUSE,
     CLOSURE_ERROR,
-    DENSE,
+    COUNTS,
     ERROR,
-    EXPONENT,
+    EVALUATIONS,
     GROWTH,
     LIVE,
     LOWEST,
+    MEMBER,
     NOW,
     NUMBERS,
+    PIECE,
     PIVOT,
-    POWER,
+    REACHED,
+    REJECTED,
     REJECTED_PIVOT,
     REJECTED_RESIDUAL,
     RESIDUAL,
-    STAGES,
+    SAVED,
+    STATUS,
     STEP,
     STEP_SIZE,
+    TALLY,
     TARGET,
-    THETA,
     TIME,
     WANTED,
-    C,
     accept,
     choose_steps,
+    combine,
     judge,
     move,
     project,
     scaled,
-    stage_state,
 )
 from linkwork.simulation.native_loop import (
-    DAMPING,
+    BOLDNESS,
+    FARTHEST,
     LARGEST_FACTOR,
     NEAR,
     RETREAT,
-    ROUNDING,
     SAFETY,
-    SMALLEST_ERROR,
     SMALLEST_FACTOR,
     SMALLEST_STEP,
     STEP_UNDERFLOW,
     TOO_MANY_STEPS,
+    sixteenths,
 )
-from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, SINGULAR
+from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, Method
+from linkwork.simulation.pointers import pointer
 from linkwork.simulation.status import Status
 from linkwork.simulation.vectors import LANES, address, call_batch, load, splat, store
 
 CANCELLED = int(Status.CANCELLED)
-
-# Rows of `tally`; the first COUNTS are columns of `counts`, too.
-STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED, CAUSE, PIECE, BREAK = range(8)
-COUNTS = 8
-MEMBER, REACHED, AILMENT = range(8, 11)
-TALLY = 11
 
 ALIGNMENT = 64
 
@@ -91,35 +94,6 @@ def room(rows):
     memory = np.zeros(rows * LANES + ALIGNMENT // 8)
     first = -memory.ctypes.data % ALIGNMENT // 8
     return memory[first : first + rows * LANES].reshape(rows, LANES)
-
-
-@njit(forceinline=True, **OPTIONS)
-def shared(i, rows):
-    """Return the row of member i in a table of which one row may serve all."""
-    return i if rows > 1 else 0
-
-
-@njit(forceinline=True, **OPTIONS)
-def force(starts, c, pieces, i, t, from_left, x, n, lane, tally):
-    """Evaluate signal i at t into x[n:] of the lane, and keep its piece, from which to look for the next."""
-    first, last = pieces[i], pieces[i + 1] - 1
-    piece = max(tally[PIECE, lane], first)
-    while piece < last and (t > starts[piece + 1] or (t == starts[piece + 1] and not from_left)):
-        piece += 1
-    while piece > first and (t < starts[piece] or (t == starts[piece] and from_left)):
-        piece -= 1
-    tally[PIECE, lane] = piece
-    s = t - starts[piece]
-    for j in range(c.shape[2]):
-        x[n + j, lane] = c[piece, 0, j] + s * (c[piece, 1, j] + s * (c[piece, 2, j] + s * c[piece, 3, j]))
-
-
-@njit(forceinline=True, **OPTIONS)
-def next_target(breaks, breaking, i, tally, t, start, stop, lane):
-    """Return the next time at which a step has to end."""
-    while tally[BREAK, lane] < breaking[i + 1] and breaks[tally[BREAK, lane]] <= t + ROUNDING * (t - start):
-        tally[BREAK, lane] += 1
-    return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < breaking[i + 1] else stop
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -137,7 +111,7 @@ def first_ailment(k, stage, n, lane, pivot_bound):
 @njit(forceinline=True, **OPTIONS)
 def start_block(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking,
-    scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
+    exponent, scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
     y, x, z, z_next, k, now, tally,
 ):  # fmt: skip
     """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
@@ -196,8 +170,8 @@ def start_block(
             h = ahead
             if now[RESIDUAL, lane] >= pivot_bound:
                 steepest = max(steepness, now[ERROR, lane] / ahead)
-                h = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else (0.01 / steepest) ** EXPONENT
-                h = min(100 * ahead, h)
+                h = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** exponent
+                h = min(FARTHEST * ahead, h)
             now[STEP_SIZE, lane] = min(h, max_step)
             tally[EVALUATIONS, lane] += 1
 
@@ -253,91 +227,44 @@ def store_member(lane, ys, numbers, counts, y, now, tally):
         counts[i, m] = tally[m, lane]
 
 
-@njit(forceinline=True, **OPTIONS)
-def set_forces(i, starts, coefficients, pieces, x, n, now, tally):
-    """Evaluate the signals of all lanes at the time of stage i."""
-    for lane in range(LANES):
-        if now[LIVE, lane] > 0:
-            signal, time = shared(tally[MEMBER, lane], pieces.size - 1), now[TIME, lane] + C[i] * now[STEP, lane]
-            force(starts, coefficients, pieces, signal, time, True, x, n, lane, tally)
+@njit(**OPTIONS)
+def undefined(lane, k, rows):
+    """Tell whether any number in the first rows of a lane's slopes is not finite."""
+    count = 0
+    for row in range(rows):
+        count += not math.isfinite(k[row, lane])
+    return count > 0
 
 
 @njit(**OPTIONS)
-def diagnose(lane, k, n, pivot_bound, closure_tol, now, tally):
+def diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally):
     """Find why the equations fail in a lane's trial step, in the order of the stages; count the evaluations up to it."""
     lowest = math.inf
-    tally[AILMENT, lane], tally[EVALUATIONS, lane] = NON_FINITE, tally[EVALUATIONS, lane] + STAGES - 1
-    for i in range(1, STAGES):
-        if i == STAGES - 1 and not now[RESIDUAL, lane] <= closure_tol:
-            tally[AILMENT, lane], now[REJECTED_RESIDUAL, lane] = CLOSURE_LOST, now[RESIDUAL, lane]
+    tally[AILMENT, lane], tally[EVALUATIONS, lane] = NON_FINITE, tally[EVALUATIONS, lane] + solution
+    for i in range(1, solution + 1):
+        if i == solution and not now[RESIDUAL, lane] <= closure_tol:
+            tally[AILMENT, lane] = NON_FINITE if undefined(lane, k, i * (n + 1)) else CLOSURE_LOST
+            now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
             tally[EVALUATIONS, lane] -= 1
             break
         pivot = k[i * (n + 1) + n, lane]
         lowest = min(lowest, pivot)
         if not pivot >= pivot_bound:
             tally[AILMENT, lane] = NON_FINITE if math.isnan(pivot) else SINGULAR
-            tally[EVALUATIONS, lane] -= STAGES - 1 - i
+            tally[EVALUATIONS, lane] -= solution - i
             break
     now[REJECTED_PIVOT, lane] = lowest
 
 
 @njit(forceinline=True, **OPTIONS)
-def take_samples(closure, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally):
-    """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
-    n = y.shape[0]
-    while True:
-        wanted = 0
-        for lane in range(LANES):
-            row = tally[REACHED, lane]
-            wants = now[ACCEPTS, lane] > 0 and row < save_at.size and save_at[row] <= now[ARRIVAL, lane]
-            now[WANTED, lane] = 1.0 if wants else 0.0
-            now[THETA, lane] = (save_at[row] - now[TIME, lane]) / now[STEP, lane] if wants else 1.0
-            wanted += wants
-        if wanted == 0:
-            break
-        theta = load(now, THETA)
-        for i in range(STAGES):
-            weight = splat(0.0)
-            for m in range(DENSE.shape[1] - 1, -1, -1):
-                weight = theta * (weight + splat(DENSE[i, m]))
-            store(weights, i, weight)
-        h = load(now, STEP)
-        for m in range(n):
-            total = splat(0.0)
-            for i in range(STAGES):
-                total = total + load(weights, i) * load(k, i * (n + 1) + m)
-            store(sample, m, load(y, m) + h * total)
-        for lane in range(LANES):
-            now[RESIDUAL, lane] = 0.0
-            if now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] == now[ARRIVAL, lane]:
-                for m in range(n):
-                    sample[m, lane] = x[m, lane]
-        if closure != 0:
-            project(
-                closure, z_next.shape[0] - 1, address(sample), address(z), address(z_next), address(now), closure_tol,
-                math.inf,
-            )  # fmt: skip
-        for lane in range(LANES):
-            if now[WANTED, lane] > 0:
-                if now[RESIDUAL, lane] <= closure_tol:
-                    for m in range(n):
-                        samples[tally[MEMBER, lane], tally[REACHED, lane], m] = sample[m, lane]
-                    tally[REACHED, lane] += 1
-                    now[CLOSURE_ERROR, lane] = max(now[CLOSURE_ERROR, lane], now[RESIDUAL, lane])
-                else:
-                    now[ACCEPTS, lane], tally[AILMENT, lane] = 0.0, CLOSURE_LOST
-                    now[REJECTED_RESIDUAL, lane], now[REJECTED_PIVOT, lane] = now[RESIDUAL, lane], now[LOWEST, lane]
-
-
-@njit(forceinline=True, **OPTIONS)
-def reject(lane, pivot_bound, first_pivot, now, tally):
+def reject(lane, exponent, pivot_bound, first_pivot, now, tally):
     """Shrink the step of a lane."""
     tally[REJECTED, lane] += 1
     now[GROWTH, lane] = 1.0
     ailment, step = tally[AILMENT, lane], now[STEP, lane]
     if ailment == OK:
         tally[CAUSE, lane] = STEP_UNDERFLOW
-        now[STEP_SIZE, lane] = step * max(SMALLEST_FACTOR, SAFETY / now[ERROR, lane] ** EXPONENT)
+        now[STEP_SIZE, lane] = step * max(SMALLEST_FACTOR, SAFETY / now[ERROR, lane] ** exponent)
     else:
         tally[CAUSE, lane] = ailment
         now[STEP_SIZE, lane] = step * RETREAT
@@ -346,9 +273,11 @@ def reject(lane, pivot_bound, first_pivot, now, tally):
 
 
 @njit(forceinline=True, **OPTIONS)
-def restart(motion, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k, now, tally):
+def restart(
+    motion, last, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k, now, tally
+):  # fmt: skip
     """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break of their signal."""
-    n, last, broken = y.shape[0], STAGES - 1, 0
+    n, broken = y.shape[0], 0
     for lane in range(LANES):
         now[WANTED, lane] = 0.0
         if now[ACCEPTS, lane] > 0 and now[TIME, lane] == now[TARGET, lane] and now[TIME, lane] < stop:
@@ -391,6 +320,7 @@ _whole, _number = types.intp, types.float64
 _wholes = types.Array(types.intp, 1, "C", readonly=True)
 _SIGNATURE = (
     *(_whole, _whole, _table, _array, _tables, _wholes, _array, _wholes, types.boolean),
+    *(_table, _array, _table, _table, _whole, _whole, _number),
     *(_table, _number, _number),
     *(_whole, types.Array(types.float64, 2, "C"), _array, _number, _number, _number, _whole),
     *(types.Array(types.float64, 3, "C"), types.Array(types.float64, 2, "C"), types.Array(types.intp, 2, "C")),
@@ -401,22 +331,28 @@ _SIGNATURE = (
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
+    a, c, e, dense, solution, computed, exponent,
     tolerance, pivot_bound, closure_tol,
     nq, ys, save_at, start, stop, max_step, max_steps,
     samples, numbers, counts, cancel, progress,
 ):  # fmt: skip
     """Integrate the members ys (N, n) from start to stop, and leave their last states there.
 
+    a, c, ..., exponent: the `Plan` of an explicit pair.
     samples (N, K, n): the states at save_at; numbers (N, NUMBERS), counts (N, COUNTS): what came of each member.
     cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,): the members ended.
     """
     members, n = ys.shape[0], ys.shape[1]
     inputs, free = coefficients.shape[2], parameters.shape[1]
-    end = np.cumsum(np.array([n, n + inputs + free, STAGES * (n + 1), nq + free, nq + 1, n, STAGES, NOW, 2 * n]))
-    space = room(end[8])
+    stages, closed = a.shape[0], nq if closure != 0 else 0
+    method = Method(
+        pointer(a), pointer(c), pointer(e), pointer(dense), stages, dense.shape[0], e.shape[0], solution, computed, exponent
+    )  # fmt: skip
+    end = np.cumsum(np.array([n, n + inputs + free, stages * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n]))
+    space = room(end[9])
     y, x, k = space[: end[0]], space[end[0] : end[1]], space[end[1] : end[2]]
     z, z_next, sample = space[end[2] : end[3]], space[end[3] : end[4]], space[end[4] : end[5]]
-    weights, now = space[end[5] : end[6]], space[end[6] : end[7]]
+    weights, now, zeros = space[end[5] : end[6]], space[end[6] : end[7]], space[end[8] :]
     for m in range(n):
         space[end[7] + m], space[end[7] + n + m] = tolerance[0, m], tolerance[1, m]
     scale = address(space[end[7] :])
@@ -425,7 +361,7 @@ def integrate(
     for first in range(0, members, LANES):
         start_block(
             motion, closure, parameters, starts, coefficients, pieces, breaks, breaking,
-            scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
+            exponent, scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
             y, x, z, z_next, k, now, tally,
         )  # fmt: skip
 
@@ -459,44 +395,49 @@ def integrate(
         if live == 0 or cancel[0] != 0:
             break
         choose_steps(address(now))
-        for i in range(1, STAGES):
-            stage_state(
-                i, closure, n, nq, closure_tol, address(y), address(x), address(z), address(z_next), address(k),
-                address(now),
-            )  # fmt: skip
+        for i in range(1, solution + 1):
+            combine(method.a + i * stages, i, n, address(now), address(y), address(k), address(x))
+            if i == solution:
+                store(now, RESIDUAL, splat(0.0))
+                if closure != 0:
+                    project(closure, nq, address(x), address(z), address(z_next), address(now), closure_tol, RESERVE)
             if timed:
-                set_forces(i, starts, coefficients, pieces, x, n, now, tally)
+                set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
             call_batch(motion, x, k, i * (n + 1))
-        closed = nq if closure != 0 else 0
         judge(
-            n, closed, scale, pivot_bound, closure_tol, address(y), address(x), address(z), address(k), address(now)
+            method, n, closed, scale, pivot_bound, closure_tol, address(y), address(x), address(z), address(k),
+            address(zeros), address(sample), address(now),
         )  # fmt: skip
         for lane in range(LANES):
             tally[AILMENT, lane], tally[REACHED, lane] = OK, tally[SAVED, lane]
             now[ACCEPTS, lane] = 1.0 if now[LIVE, lane] > 0 and now[ERROR, lane] <= 1 else 0.0
             if math.isfinite(now[ERROR, lane]):
-                tally[EVALUATIONS, lane] += STAGES - 1
+                tally[EVALUATIONS, lane] += solution
             else:
-                diagnose(lane, k, n, pivot_bound, closure_tol, now, tally)
+                diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally)
         if save_at.size > 0:
-            take_samples(closure, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally)
+            if computed < stages and want_samples(save_at, now, tally)[1] > 0:
+                extend(
+                    motion, method, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
+                )  # fmt: skip
+            take_samples(
+                closure, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally
+            )
         for lane in range(LANES):
-            now[POWER, lane] = 1.0
             if now[ACCEPTS, lane] > 0:
-                now[POWER, lane] = max(now[ERROR, lane], SMALLEST_ERROR) ** (DAMPING * EXPONENT)
                 tally[ACCEPTED, lane] += 1
                 tally[SAVED, lane] = tally[REACHED, lane]
             elif now[LIVE, lane] > 0:
-                reject(lane, pivot_bound, k[n, lane], now, tally)
-        accept(max_step, address(now))
+                reject(lane, exponent, pivot_bound, k[n, lane], now, tally)
+        accept(sixteenths(exponent), max_step, address(now))
         if breaks.size > 0:
             restart(
-                motion, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k,
+                motion, solution, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k,
                 now, tally,
             )  # fmt: skip
         kept = load(now, ACCEPTS) <= splat(0.0)
         move(address(x), 0, address(y), n, kept)
-        move(address(k), (STAGES - 1) * (n + 1), address(k), n + 1, kept)
+        move(address(k), solution * (n + 1), address(k), n + 1, kept)
 
     for lane in range(LANES):
         if tally[MEMBER, lane] >= 0:

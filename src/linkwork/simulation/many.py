@@ -17,6 +17,7 @@ from linkwork.errors import LinkworkError
 from linkwork.simulation.integrate import ROUNDING
 from linkwork.simulation.signals import Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
+from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
 
 LARGEST_CHUNK = 1024
 CHUNKS_PER_THREAD = 4
@@ -136,10 +137,11 @@ def integrate_many(
     max_steps: int = 1_000_000,
     pivot_bound: float = 1e-4,
     closure_tol: float = 1e-13,
+    method: Tableau = DORMAND_PRINCE,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcomes:
-    """Integrate N members as `integrate` does each of them, by Dormand-Prince 5(4), many at a time.
+    """Integrate N members as `integrate` does each of them, many at a time.
 
     Arguments, where they differ from those of `integrate`:
         motion, closure: addresses of the kernels for blocks of states, void(int64, const double *, double *).
@@ -147,6 +149,7 @@ def integrate_many(
         inputs: u for all members: numbers (nu,), `Sampled` or a `Signal`; or of each: numbers (N, nu), or N signals.
         parameters: p (np,) for all members, or (N, np).
         save_at: increasing times (K,), s, common to all members, at which to save; none: only the last states are kept.
+        method: an explicit embedded pair.
         threads: of the processor to use; None: all.
         progress: called with the numbers of members that have ended and of all members, now and then.
 
@@ -190,6 +193,7 @@ def integrate_many(
         lanes.integrate(
             motion, closure or 0, p if len(p) == 1 else p[chunk],
             part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
+            *method.plan,
             tolerance, pivot_bound, closure_tol, nq, states[chunk], times, start, stop, max_step, max_steps,
             samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
         )  # fmt: skip

@@ -18,52 +18,49 @@ from numba import njit
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.native_loop import Trial, integrator
 from linkwork.simulation.native_parts import (
-    CLOSURE_LOST,
     NON_FINITE,
     OK,
-    combine,
     copy,
     error_norm,
     evaluate,
     force,
     project,
+    unclosed,
 )  # fmt: skip
+from linkwork.simulation.pointers import combine
 
 
 @njit(forceinline=True, **OPTIONS)
-def advance(
-    work, motion, closure, jacobian, knots, coefficients, a, c, e, solution, computed, tolerance, pivot_bound,
-    closure_tol, nq, measured, t, h, piece, y, k, new, x, z, z_next, sample,
-):  # fmt: skip
+def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
     """Try one step of size h from y at t; leave the new, projected state in `new` and the slopes in k."""
-    n, closed, fixed = tolerance.shape[1], nq if closure != 0 else 0, e.shape[0] == 0
+    n, nq, width, stages, solution = room.n, room.nq, room.width, method.stages, method.solution
+    y, new, k, x, sample = room.y, room.new, room.k, room.x, room.sample
+    closed, fixed = nq if kernels.closure != 0 else 0, method.estimates == 0
     pivot, pivot_time, last_pivot, residual, evaluations, projections = math.inf, t, math.inf, 0.0, 0, 0
-    if fixed and computed > solution:
-        combine(a, solution, 1, h, y, k, new)
+    if fixed and method.computed > solution:
+        combine(method.a + solution * stages, 1, h, y, k, width, n, new)
         copy(y, x, nq)
         for m in range(nq, n):
             x[m] = new[m]
-        ailment, last_pivot = evaluate(motion, x, k, 1, n, pivot_bound)
+        ailment, last_pivot = evaluate(kernels.motion, room, 1, limits.pivot_bound)
         if ailment != OK:
             return Trial(ailment, math.inf, last_pivot, t, last_pivot, residual, 1, 0)
-        for m in range(nq):
-            k[0, m] = k[1, m]
+        copy(k + width, k, nq)
         evaluations = 1
     for i in range(1, solution + 1):
-        combine(a, i, i, h, y, k, new)
+        combine(method.a + i * stages, i, h, y, k, width, n, new if i == solution else x)
         if i == solution:
             if closed > 0:
-                residual, projections = project(closure, new, z, z_next, closure_tol, measured)
-                if not residual <= closure_tol:
-                    return Trial(
-                        CLOSURE_LOST, math.inf, pivot, pivot_time, last_pivot, residual, evaluations, projections
-                    )
+                residual, projections = project(kernels.closure, limits.closure_tol, measured, new, room)
+                if not residual <= limits.closure_tol:
+                    lost = unclosed(residual, room, solution)
+                    return Trial(lost, math.inf, pivot, pivot_time, last_pivot, residual, evaluations, projections)
             if fixed:
                 break
-        time = t + c[i] * h
-        copy(new, x, n)
-        piece = force(knots, coefficients, time, True, piece, x, n)
-        ailment, last_pivot = evaluate(motion, x, k, i, n, pivot_bound)
+            copy(new, x, n)
+        time = t + method.c[i] * h
+        piece = force(inputs, time, True, piece, x + n)
+        ailment, last_pivot = evaluate(kernels.motion, room, i, limits.pivot_bound)
         evaluations += 1
         if last_pivot < pivot:
             pivot, pivot_time = last_pivot, time
@@ -74,11 +71,12 @@ def advance(
         for m in range(n):
             error += 0.0 * new[m]
     else:
-        combine(e, 0, solution + 1, 1.0, work, k, sample)
-        error = error_norm(sample, h, z, closed, y, new, tolerance)
-        if e.shape[0] > 1 and error > 0:
-            combine(e, 1, solution + 1, 1.0, work, k, sample)
-            error *= error / math.hypot(error, 0.1 * error_norm(sample, h, z, 0, y, new, tolerance))
+        combine(method.e, solution + 1, 1.0, room.zeros, k, width, n, sample)
+        error = error_norm(sample, h, closed, limits, room)
+        if method.estimates > 1 and error > 0:
+            combine(method.e + stages, solution + 1, 1.0, room.zeros, k, width, n, sample)
+            second = 0.1 * error_norm(sample, h, 0, limits, room)
+            error *= error / math.sqrt(error * error + second * second)
     ailment = OK if math.isfinite(error) else NON_FINITE  # one number of k that is not finite spoils it: 0 * nan is nan
     return Trial(ailment, error, pivot, pivot_time, last_pivot, residual, evaluations, projections)
 

@@ -10,8 +10,8 @@ the state away, to another assembly mode say, is an error like any other and is 
 Step sizes: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
 Roots of events: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
 
-Names: those of `native_parts`; `a`, `c`, `e`, `dense`, `solution`, `computed` as in `tableaus`; `held`, the last inputs,
-which a controller sets at the times k period; `conditions`, a row (direction, terminal) for each event.
+Names: those of `native_parts`; `held`, the last inputs, which a controller sets at the times k period; `conditions`, a row
+(direction, terminal) for each event.
 """
 
 import math
@@ -28,18 +28,21 @@ from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
     SINGULAR,
-    blend,
-    call,
-    combine,
+    Inputs,
+    Kernels,
+    Limits,
+    Method,
+    Room,
     copy,
     evaluate,
     first_fault,
     force,
+    interpolate,
     padded,
     project,
-    resized,
     scaled,
 )  # fmt: skip
+from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
 
 STEP_UNDERFLOW = int(Status.STEP_UNDERFLOW)
@@ -50,14 +53,31 @@ SAFETY = 0.9
 SMALLEST_FACTOR, LARGEST_FACTOR = 0.2, 10.0
 RETREAT = 0.25  # factor on the step where the equations themselves fail
 NEAR = 1.25  # a pivot this close to its bound, relative to it, is at it
-DAMPING = 0.85  # of the exponent with which the error of a step sets the next one: fewer steps fail
+DAMPING = 0.85  # of the exponent with which the error of a step sets the next one, about: fewer steps fail
 SMALLEST_ERROR = 1e-10
+BOLDNESS = 6.0  # of the first step, which the source makes short: a step that fails costs no more than one too many
+FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
 ROUNDING = 1e-9
 SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 ROOT = 2.0**-50  # width of the last bracket around an event, relative to the time and to the step
 ROOT_CALLS = 100
 FIRST_ROWS = 64
 NEVER = 2.0  # theta of an event that does not happen within the step
+
+
+@njit(forceinline=True, **OPTIONS)
+def sixteenths(exponent):
+    """Return how many sixteenths the damped exponent has: their powers are square roots, which vectors have, too."""
+    return round(16 * DAMPING * exponent)
+
+
+@njit(forceinline=True, **OPTIONS)
+def power(error, count):
+    """Return error^(count / 16)."""
+    root, result = math.sqrt(math.sqrt(math.sqrt(math.sqrt(error)))), 1.0
+    for _ in range(count):
+        result *= root
+    return result
 
 
 class Trial(NamedTuple):
@@ -97,62 +117,56 @@ COUNTS = 7  # numbers of an outcome that count something
 
 
 @njit(**OPTIONS)
-def evaluate_first(motion, x, k, n, pivot_bound):
+def evaluate_first(kernels, limits, room):
     """Evaluate k_0, from which no step can retreat, and look at all of its numbers."""
-    ailment, pivot = evaluate(motion, x, k, 0, n, pivot_bound)
-    if ailment == OK and first_fault(k, 1, n) < n:
+    ailment, pivot = evaluate(kernels.motion, room, 0, limits.pivot_bound)
+    if ailment == OK and first_fault(room, 1) < room.n:
         ailment = NON_FINITE
     return ailment, pivot
 
 
 @njit(**OPTIONS)
-def first_step(motion, knots, coefficients, exponent, tolerance, pivot_bound, t, longest, y, x, k):
+def first_step(kernels, inputs, method, limits, room, t, longest):
     """Guess a first step from the slope here, k_0, and one a little ahead, k_1."""
-    n = tolerance.shape[1]
-    for m in range(n):
-        k[1, m] = y[m]
-    size, steepness = scaled(k, 1, y, tolerance), scaled(k, 0, y, tolerance)
+    n, y, x, slope, next_slope = room.n, room.y, room.x, room.k, room.k + room.width
+    size, steepness = scaled(y, limits, room), scaled(slope, limits, room)
     ahead = min(longest, 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness)
     for m in range(n):
-        x[m] = y[m] + ahead * k[0, m]
-    force(knots, coefficients, t + ahead, True, 0, x, n)
-    ailment, _ = evaluate(motion, x, k, 1, n, pivot_bound)
+        x[m] = y[m] + ahead * slope[m]
+    force(inputs, t + ahead, True, 0, x + n)
+    ailment, _ = evaluate(kernels.motion, room, 1, limits.pivot_bound)
     if ailment != OK:
         return ahead
     for m in range(n):
-        k[1, m] -= k[0, m]
-    steepest = max(steepness, scaled(k, 1, y, tolerance) / ahead)
-    return min(100 * ahead, max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else (0.01 / steepest) ** exponent)
+        next_slope[m] -= slope[m]
+    steepest = max(steepness, scaled(next_slope, limits, room) / ahead)
+    guess = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** method.exponent
+    return min(FARTHEST * ahead, guess)
 
 
 @njit(**OPTIONS)
-def extend(motion, knots, coefficients, a, c, computed, n, pivot_bound, t, step, piece, y, k, x, sample):
+def extend(kernels, inputs, method, limits, room, t, step, piece):
     """Evaluate the stages that only the dense output needs; return OK or why the equations fail there."""
-    for i in range(computed, a.shape[0]):
-        combine(a, i, i, step, y, k, sample)
-        copy(sample, x, n)
-        force(knots, coefficients, t + c[i] * step, True, piece, x, n)
-        ailment, _ = evaluate(motion, x, k, i, n, pivot_bound)
+    for i in range(method.computed, method.stages):
+        combine(method.a + i * method.stages, i, step, room.y, room.k, room.width, room.n, room.x)
+        force(inputs, t + method.c[i] * step, True, piece, room.x + room.n)
+        ailment, _ = evaluate(kernels.motion, room, i, limits.pivot_bound)
         if ailment != OK:
             return ailment
     return OK
 
 
 @njit(**OPTIONS)
-def state_within(closure, closure_tol, dense, theta, step, y, k, weights, sample, z, z_next):
-    """Interpolate the state at t + theta step into the sample, and project it; return the residual and the calls made."""
-    blend(dense, theta, weights)
-    combine(weights, 0, dense.shape[0], step, y, k, sample)
-    if closure == 0:
+def state_within(kernels, method, limits, room, theta, step):
+    """Leave the state at t + theta step in the sample, projected; return the residual and the calls made."""
+    interpolate(method, theta, step, room)
+    if kernels.closure == 0:
         return 0.0, 0
-    return project(closure, sample, z, z_next, closure_tol, True)
+    return project(kernels.closure, limits.closure_tol, True, room.sample, room)
 
 
 @njit(**OPTIONS)
-def locate(
-    events, i, before, after, g, closure, closure_tol, knots, coefficients, n, piece, dense, t, step, y, k, weights,
-    sample, z, z_next, x,
-):  # fmt: skip
+def locate(kernels, inputs, method, limits, room, t, step, piece, i, before, after, g):
     """Return the theta at which g_i has just changed its sign from that of `before` (theta = 0) to that of `after`
     (theta = 1), and the calls of the closure kernel.
     """
@@ -161,10 +175,10 @@ def locate(
     theta_1, g_1, theta_2, g_2, guess = 1.0, after, 0.0, before, 0.5
     for _ in range(ROOT_CALLS):
         theta = theta_1 + guess * (theta_2 - theta_1)
-        calls += state_within(closure, closure_tol, dense, theta, step, y, k, weights, sample, z, z_next)[1]
-        copy(sample, x, n)
-        force(knots, coefficients, t + theta * step, True, piece, x, n)
-        call(events, x, g, 0)
+        calls += state_within(kernels, method, limits, room, theta, step)[1]
+        copy(room.sample, room.x, room.n)
+        force(inputs, t + theta * step, True, piece, room.x + room.n)
+        call(kernels.events, room.x, g)
         if (side * g[i] >= 0) == (side * g_1 >= 0):
             theta_3, g_3 = theta_1, g_1
         else:
@@ -184,19 +198,33 @@ def locate(
 
 
 @njit(**OPTIONS)
-def record(rows, row, time, y, n, residual, event, knots, coefficients, piece, x, inputs):
-    """Write (t, y, u, residual, event) into a row of the table, which grows if it is full; return the table."""
-    if row == rows.shape[0]:
-        rows = resized(rows, 2 * row + FIRST_ROWS)
-    force(knots, coefficients, time, False, piece, x, n)
-    rows[row, 0] = time
-    for m in range(n):
-        rows[row, 1 + m] = y[m]
-    for m in range(n, n + inputs):
-        rows[row, 1 + m] = x[m]
-    rows[row, 1 + n + inputs] = residual
-    rows[row, 2 + n + inputs] = event
-    return rows
+def earliest(crossings, count):
+    """Return which of the events comes first."""
+    first = 0
+    for i in range(1, count):
+        if crossings[i] < crossings[first]:
+            first = i
+    return first
+
+
+@njit(**OPTIONS)
+def record(row, time, state, residual, event, inputs, piece, room):
+    """Write a row (t, y, u, residual, event)."""
+    n, last = room.n, 1 + room.n + room.inputs
+    row[0] = time
+    copy(state, row + 1, n)
+    force(inputs, time, False, piece, row + 1 + n)
+    for i in range(inputs.columns, room.inputs):
+        row[1 + n + i] = room.x[n + i]
+    row[last], row[last + 1] = residual, event
+
+
+@njit(**OPTIONS)
+def resized(rows, size):
+    """Return the rows in a table of another length."""
+    table = np.empty((size, rows.shape[1]))
+    table[: rows.shape[0]] = rows
+    return table
 
 
 def run(
@@ -212,22 +240,37 @@ def run(
     step. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length h. tolerance (2, n): rtol, atol.
     """
     n, signals, width = y_end.size, coefficients.shape[2], padded(y_end.size + 1)
-    inputs = signals + held.size
-    stages, watched = max(2, dense.shape[0]), conditions.shape[0]
-    room = np.zeros((3 + stages) * width + 4 * watched + n + inputs + 2 * p.size + 2 * nq + 1)  # one allocation for all
-    y, new, sample = room[:width], room[width : 2 * width], room[2 * width : 3 * width]
-    k, rest = room[3 * width : (3 + stages) * width].reshape((stages, width)), room[(3 + stages) * width :]
-    g, g_new, g_within = rest[:watched], rest[watched : 2 * watched], rest[2 * watched : 3 * watched]
-    crossings, rest = rest[3 * watched : 4 * watched], rest[4 * watched :]
-    x, rest = rest[: n + inputs + p.size], rest[n + inputs + p.size :]
-    z, z_next = rest[: nq + p.size], rest[nq + p.size :]
-    copy(held, x[n + signals :], held.size)
-    copy(p, x[n + inputs :], p.size)
-    copy(p, z[nq:], p.size)
-    work = np.zeros(width + (n * (2 * n + inputs + 1) if jacobian != 0 else 0))
-    weights = np.empty((1, dense.shape[0]))
-    copy(y_end, y, n)
-    rows = np.empty((FIRST_ROWS if every_step else save_at.size, n + inputs + 3))
+    inputs_all, stages, watched = signals + held.size, a.shape[0], conditions.shape[0]
+    stiff = n * (2 * n + inputs_all + 2) if jacobian != 0 else 0
+    sizes = (3 + stages) * width + 4 * watched + n + inputs_all + 2 * p.size + 2 * nq + 1 + dense.shape[0] + stages
+    memory = np.zeros(sizes + max(width, dense.shape[1]) + stiff)
+    y = pointer(memory)
+    k = y + 3 * width
+    g = k + stages * width
+    x = g + 4 * watched
+    z = x + n + inputs_all + p.size
+    z_next = z + nq + p.size
+    powers = z_next + nq + 1
+    weights = powers + dense.shape[0]
+    zeros = weights + stages
+    kernels = Kernels(motion, closure, jacobian, events, control)
+    inputs = Inputs(pointer(knots), pointer(coefficients), coefficients.shape[0], signals)
+    method = Method(
+        pointer(a), pointer(c), pointer(e), pointer(dense), stages, dense.shape[0], e.shape[0], solution, computed, exponent
+    )  # fmt: skip
+    limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, closure_tol)
+    room = Room(
+        y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, zeros + max(width, dense.shape[1]),
+        n, nq, width, inputs_all,
+    )  # fmt: skip
+    new, sample, g_new, g_within, crossings = room.new, room.sample, g + watched, g + 2 * watched, g + 3 * watched
+    copy(pointer(y_end), y, n)
+    copy(pointer(held), x + n + signals, held.size)
+    copy(pointer(p), x + n + inputs_all, p.size)
+    copy(pointer(p), z + nq, p.size)
+    columns = n + inputs_all + 3
+    rows = np.empty((FIRST_ROWS if every_step else save_at.size + watched, columns))
+    table = pointer(rows)
     saved = taken = next_break = evaluations = accepted = rejected = projections = 0
     closure_error = rejected_residual = 0.0
     fixed, length, fault = exponent == 0, h, -1
@@ -237,7 +280,7 @@ def run(
 
     # The state at the start.
     if closure != 0:
-        closure_error, projections = project(closure, y, z, z_next, closure_tol, True)
+        closure_error, projections = project(closure, closure_tol, True, y, room)
         rejected_residual = closure_error
         if not closure_error <= closure_tol:
             status = CLOSURE_LOST
@@ -248,30 +291,33 @@ def run(
     while arrived or status == OK:
         if arrived:  # at the time t with the state y: what happens between two steps
             arrived = False
+            if saved + 1 + watched + save_at.size - taken > rows.shape[0]:
+                rows = resized(rows, 2 * saved + FIRST_ROWS + watched + save_at.size)
+                table = pointer(rows)
             copy(y, x, n)
-            piece = force(knots, coefficients, t, False, piece, x, n)
+            piece = force(inputs, t, False, piece, x + n)
             goes_on = status == OK and t < stop and not halted and accepted + rejected < max_steps
             if control != 0 and goes_on and next_sample * period <= t + ROUNDING * period:
-                call(control, x, held, 0)
-                copy(held, x[n + signals :], held.size)
+                call(control, x, pointer(held))
+                copy(pointer(held), x + n + signals, held.size)
                 next_sample, stale = next_sample + 1, True
                 for i in range(held.size):
-                    if saved > 0 and rows[saved - 1, 0] == t:
-                        rows[saved - 1, 1 + n + signals + i] = held[i]
+                    if saved > 0 and table[(saved - 1) * columns] == t:
+                        table[(saved - 1) * columns + 1 + n + signals + i] = held[i]
                     if not math.isfinite(held[i]) and status == OK:
                         status, fault = NON_FINITE, n + 1 + i
             if stale and (goes_on or accepted == 0) and status == OK:
-                status, first_pivot = evaluate_first(motion, x, k, n, pivot_bound)
+                status, first_pivot = evaluate_first(kernels, limits, room)
                 evaluations += 1
                 rejected_pivot, stale = first_pivot, False
                 if first_pivot < pivot:
                     pivot, pivot_time = first_pivot, t
                 if status == NON_FINITE:
-                    fault = first_fault(k, 1, n)
+                    fault = first_fault(room, 1)
             if accepted == 0 and events != 0:
-                call(events, x, g, 0)
+                call(events, x, g)
             if every_step or (accepted == 0 and save_at.size > 0 and save_at[0] == t):
-                rows = record(rows, saved, t, y, n, residual, -1.0, knots, coefficients, piece, x, inputs)
+                record(table + saved * columns, t, y, residual, -1.0, inputs, piece, room)
                 saved += 1
                 if not every_step:
                     taken += 1
@@ -293,7 +339,7 @@ def run(
                     status = TOO_MANY_STEPS
                 break
             if h <= 0:
-                h = first_step(motion, knots, coefficients, exponent, tolerance, pivot_bound, t, target - t, y, x, k)
+                h = first_step(kernels, inputs, method, limits, room, t, target - t)
                 evaluations += 1
             h = min(h, max_step)
         elif accepted + rejected == max_steps:
@@ -308,63 +354,59 @@ def run(
         step = gap if fixed or h * (1 + ROUNDING) >= gap else min(h, gap / 2)
         arrival = target if step == gap else t + step
         trial = advance(  # noqa: F821  # pyright: ignore[reportUndefinedVariable]
-            work, motion, closure, jacobian, knots, coefficients, a, c, e, solution, computed, tolerance, pivot_bound,
-            closure_tol, nq, every_step, t, step, piece, y, k, new, x, z, z_next, sample,
-        )  # fmt: skip
+            kernels, inputs, method, limits, room, every_step, t, step, piece
+        )
         evaluations += trial.evaluations
         projections += trial.projections
         ailment, residual = trial.ailment, trial.residual
         accepts = ailment == OK and (fixed or trial.error <= 1)
         if ailment == NON_FINITE:
-            fault = first_fault(k, k.shape[0], n)
-        extended = computed == dense.shape[0]
+            fault = first_fault(room, stages)
+        extended = computed == stages
         row, reached, sampled = saved, taken, residual
 
         # The events within the step, in the order of their times, up to the first that ends the run.
         if accepts and events != 0:
             copy(new, x, n)
-            force(knots, coefficients, arrival, True, piece, x, n)
-            call(events, x, g_new, 0)
+            force(inputs, arrival, True, piece, x + n)
+            call(events, x, g_new)
             due = 0
-            for i in range(g.size):
+            for i in range(watched):
                 rises, falls = g[i] < 0 <= g_new[i], g[i] > 0 >= g_new[i]
                 crossings[i] = NEVER
                 if math.isnan(g_new[i]):
                     accepts, ailment, fault = False, NON_FINITE, n + 1 + held.size + i
                 elif (rises and conditions[i, 0] >= 0) or (falls and conditions[i, 0] <= 0):
                     if not extended:
-                        ailment = extend(
-                            motion, knots, coefficients, a, c, computed, n, pivot_bound, t, step, piece, y, k, x, sample
-                        )  # fmt: skip
-                        evaluations += dense.shape[0] - computed
+                        ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
+                        evaluations += stages - computed
                         extended, accepts = True, ailment == OK
                     crossings[i], calls = locate(
-                        events, i, g[i], g_new[i], g_within, closure, closure_tol, knots, coefficients, n, piece,
-                        dense, t, step, y, k, weights, sample, z, z_next, x,
-                    )  # fmt: skip
+                        kernels, inputs, method, limits, room, t, step, piece, i, g[i], g_new[i], g_within
+                    )
                     projections += calls
                     due += 1
-            while accepts and due > 0 and not halted:
-                first = np.argmin(crossings)
-                theta, crossings[first] = crossings[first], NEVER
+            last = NEVER
+            while accepts and due > 0:
+                first = earliest(crossings, watched)
+                theta = crossings[first]
+                if halted and theta - last > 4 * ROOT * max(1.0, abs(t / step)):
+                    break
+                crossings[first] = NEVER
                 due -= 1
-                time = arrival if theta == 1 else t + theta * step
-                remainder, calls = residual, 0
-                if theta == 1:
+                time, remainder, calls = arrival, residual, 0
+                if halted or theta == 1:  # at the end of the step, or at the instant of the event that ends the run
                     copy(new, sample, n)
                 else:
-                    remainder, calls = state_within(
-                        closure, closure_tol, dense, theta, step, y, k, weights, sample, z, z_next
-                    )
+                    time = t + theta * step
+                    remainder, calls = state_within(kernels, method, limits, room, theta, step)
                 projections += calls
                 if not remainder <= closure_tol:
                     accepts, ailment, residual = False, CLOSURE_LOST, remainder
-                rows = record(
-                    rows, row, time, sample, n, remainder, float(first), knots, coefficients, piece, x, inputs
-                )
+                record(table + row * columns, time, sample, remainder, float(first), inputs, piece, room)
                 row += 1
-                if conditions[first, 1] != 0:
-                    halted, arrival, residual = True, time, remainder
+                if conditions[first, 1] != 0 and not halted:
+                    halted, last, arrival, residual = True, theta, time, remainder
                     copy(sample, new, n)
             halted = halted and accepts
 
@@ -374,22 +416,18 @@ def run(
             if time == arrival:
                 copy(new, sample, n)
                 if closure != 0:
-                    remainder, calls = project(closure, sample, z, z_next, closure_tol, True)
+                    remainder, calls = project(closure, closure_tol, True, sample, room)
             else:
                 if not extended:
-                    ailment = extend(
-                        motion, knots, coefficients, a, c, computed, n, pivot_bound, t, step, piece, y, k, x, sample
-                    )  # fmt: skip
-                    evaluations += dense.shape[0] - computed
+                    ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
+                    evaluations += stages - computed
                     extended, accepts = True, ailment == OK
                 theta = (time - t) / step
-                remainder, calls = state_within(
-                    closure, closure_tol, dense, theta, step, y, k, weights, sample, z, z_next
-                )
+                remainder, calls = state_within(kernels, method, limits, room, theta, step)
             projections += calls
             if not remainder <= closure_tol:
                 accepts, ailment, residual = False, CLOSURE_LOST, remainder
-            rows = record(rows, row, time, sample, n, remainder, -1.0, knots, coefficients, piece, x, inputs)
+            record(table + row * columns, time, sample, remainder, -1.0, inputs, piece, room)
             sampled = max(sampled, remainder)
             row, reached = row + 1, reached + 1
 
@@ -399,15 +437,14 @@ def run(
             stale = fixed or arrival == target
             t, saved, taken, arrived = arrival, row, reached, True
             copy(new, y, n)
-            copy(g_new, g, g.size)
+            copy(g_new, g, watched)
             closure_error = max(closure_error, sampled)
             if trial.pivot < pivot:
                 pivot, pivot_time = trial.pivot, trial.pivot_time
             if not fixed:
                 first_pivot = trial.last_pivot
-                for m in range(n):
-                    k[0, m] = k[solution, m]
-                factor = SAFETY / max(trial.error, SMALLEST_ERROR) ** (DAMPING * exponent)
+                copy(k + solution * width, k, n)
+                factor = SAFETY / power(max(trial.error, SMALLEST_ERROR), sixteenths(exponent))
                 proposal = min(max_step, step * max(SMALLEST_FACTOR, min(growth, factor)))
                 h = max(h, proposal) if step < h else proposal
                 growth = LARGEST_FACTOR
@@ -426,9 +463,8 @@ def run(
 
     if closure != 0 and accepted > 0:
         copy(y, sample, n)
-        residual, calls = project(closure, sample, z, z_next, closure_tol, True)
+        residual, calls = project(closure, closure_tol, True, sample, room)
         closure_error, projections = max(closure_error, residual), projections + calls
-    copy(y, y_end, n)
     counts = (status, evaluations, accepted, rejected, projections, fault, next_sample)
     numbers = (
         t, h, growth, pivot, pivot_time, closure_error, rejected_pivot, rejected_residual,
@@ -437,6 +473,8 @@ def run(
         facts[i] = count
     for i, number in enumerate(numbers):
         facts[len(counts) + i] = number
+    for m in range(n):
+        y_end[m] = memory[m]  # y, from the array itself, which so lives to the end
     return rows[:saved]
 
 

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from linkwork.simulation.tableaus import Plan, frozen
+from linkwork.simulation.tableaus import Plan, by_powers, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Rosenbrock:
         e[1:-1, 1:-1], e[1:-1, -1], e[0, -1] = self.C, self.d, self.gamma
         dense[1:-1] = self.dense
         c = np.concatenate([[0], self.c, [1]])
-        return Plan(frozen(a), frozen(c), frozen(e), frozen(dense), s + 1, s + 2, 1 / (self.error_order + 1))
+        return Plan(frozen(a), frozen(c), frozen(e), by_powers(dense), s + 1, s + 2, 1 / (self.error_order + 1))
 
 
 def _rows(*rows: list[float]) -> np.ndarray:

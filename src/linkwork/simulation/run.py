@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TIME, DESCRIPTION = "time", "description"
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -55,22 +56,22 @@ class Variable:
         object.__setattr__(self, "values", values)
 
 
-class Deferred(Mapping[str, Variable]):
-    """Hold variables in groups, each measured when one of it is first asked for: what nobody looks at costs nothing.
+class Deferred(Mapping[str, Value]):
+    """Hold values in groups, each found when one of it is first asked for: what nobody looks at costs nothing.
 
-    groups: what measures a group, by the names that it may give
+    groups: what finds a group, by the names that it may give
     """
 
-    def __init__(self, groups: Mapping[tuple[str, ...], Callable[[], Mapping[str, Variable]]]):
+    def __init__(self, groups: Mapping[tuple[str, ...], Callable[[], Mapping[str, Value]]]):
         self._groups = groups
-        self._measured: dict[tuple[str, ...], Mapping[str, Variable]] = {}
+        self._found: dict[tuple[str, ...], Mapping[str, Value]] = {}
 
-    def _group(self, names: tuple[str, ...]) -> Mapping[str, Variable]:
-        if names not in self._measured:
-            self._measured[names] = self._groups[names]()
-        return self._measured[names]
+    def _group(self, names: tuple[str, ...]) -> Mapping[str, Value]:
+        if names not in self._found:
+            self._found[names] = self._groups[names]()
+        return self._found[names]
 
-    def __getitem__(self, name: str) -> Variable:
+    def __getitem__(self, name: str) -> Value:
         for names in self._groups:
             if name in names:
                 return self._group(names)[name]
@@ -81,6 +82,9 @@ class Deferred(Mapping[str, Variable]):
 
     def __len__(self) -> int:
         return sum(len(self._group(names)) for names in self._groups)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,12 +210,14 @@ class Run:
             dataset = xarray.load_dataset(path, engine="scipy")
         except OSError as error:
             raise LinkworkError(f"cannot read a run from '{path}': {error.strerror or error}") from error
-        except (TypeError, ValueError, KeyError) as error:
-            raise LinkworkError(f"cannot read a run from '{path}': it is not a NetCDF file") from error
+        except Exception as error:  # a damaged header misleads the reader in any way
+            raise LinkworkError(f"cannot read a run from '{path}': it is not a NetCDF file, or damaged") from error
         attrs = dict(dataset.attrs)
         try:
-            status, message = Status[attrs.pop("status")], attrs.pop("message")
-            statistics = Statistics(**{field.name: attrs.pop(field.name).item() for field in fields(Statistics)})
+            status, message = Status[str(attrs.pop("status"))], str(attrs.pop("message"))
+            statistics = Statistics(
+                **{field.name: np.asarray(attrs.pop(field.name)).item() for field in fields(Statistics)}
+            )
         except KeyError as error:
             raise LinkworkError(
                 f"cannot read a run from '{path}': its attribute {error} is missing or unknown"
@@ -285,4 +291,5 @@ def _whole_or_nothing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise LinkworkError(f"cannot write '{path}': {error.strerror or error}") from error
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # where nothing can be written there is nothing to remove either
+            part.unlink(missing_ok=True)

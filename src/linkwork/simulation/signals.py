@@ -79,6 +79,11 @@ class Signal:
     coefficients: np.ndarray
     breaks: np.ndarray
 
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """The first and the last time that it is known at, in s."""
+        return float(self.knots[0]), float(self.knots[-1])
+
     def __call__(self, t: Any) -> np.ndarray:
         """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape (*t.shape, nu).
 
@@ -145,9 +150,11 @@ def stack(*signals: Signal) -> Signal:
 
 def require_increasing(what: str, times: np.ndarray) -> None:
     """Raise `LinkworkError` naming the first of the `times` that is not larger than the one before."""
-    steps = np.diff(times)
-    if steps.size and not steps.min() > 0:
-        i = int(np.argmax(~(steps > 0)))
+    if times.size < 2:
+        return
+    increase = times[1:] > times[:-1]
+    if not increase.all():
+        i = int(increase.argmin())
         raise LinkworkError(
             f"{what} must increase: number {i + 1} is {times[i + 1]:g} s after {times[i]:g} s (counted from 0)"
         )

@@ -29,13 +29,16 @@ from numpy.polynomial import polynomial
 
 from linkwork.errors import LinkworkError
 
+LANES = 4  # numbers of a vector in which weights are added up
+
 
 class Plan(NamedTuple):
     """Hold a method as the compiled loops take it.
 
     `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c` (rows,): stage times;
-    `e`: rows of error weights, none for a fixed step; `dense` (rows, degree): P; `computed`: how many of the rows a step
-    evaluates, the others are for the dense output only; `exponent`: 1 / (order of the error estimate + 1), 0 for a fixed step.
+    `e` (estimates, rows): error weights, none for a fixed step; `dense` (degree, rows): the transpose of P, its rows padded to
+    whole vectors; `computed`: how many of the rows a step evaluates, the others are for the dense output only; `exponent`:
+    1 / (order of the error estimate + 1), 0 for a fixed step.
     """
 
     a: np.ndarray
@@ -136,8 +139,9 @@ def _pair_plan(tableau: Tableau) -> Plan:
     a[:s, :s] = tableau.a
     a[s:, : tableau.more.shape[1]] = tableau.more
     estimates = [tableau.e] if tableau.second is None else [tableau.e, tableau.second]
+    e = np.pad(estimates, [(0, 0), (0, rows - s)])
     c = np.concatenate([tableau.c, tableau.more_c])
-    return Plan(frozen(a), frozen(c), frozen(estimates), frozen(tableau.dense), s - 1, s, 1 / (tableau.error_order + 1))
+    return Plan(frozen(a), frozen(c), frozen(e), by_powers(tableau.dense), s - 1, s, 1 / (tableau.error_order + 1))
 
 
 def _tableau(name: str, order: int, error_order: int, rows: list[str], lower: str, quartic: str) -> Tableau:
@@ -161,6 +165,12 @@ def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
 def _fractions(text: str, length: int) -> list[Fraction]:
     printed = [Fraction(word) for word in text.split()]
     return printed + [Fraction(0)] * (length - len(printed))
+
+
+def by_powers(dense) -> np.ndarray:
+    """Return P by powers of theta, a row for each, padded to whole vectors."""
+    table = np.array(dense, float).T
+    return frozen(np.pad(table, [(0, 0), (0, -table.shape[1] % LANES)]))
 
 
 def frozen(values) -> np.ndarray:
@@ -231,7 +241,7 @@ _KUTTA = Plan(
     a=frozen(_KUTTA_ROWS),
     c=frozen([sum(row) for row in _KUTTA_ROWS]),
     e=frozen(np.empty((0, 5))),
-    dense=frozen(_hermite(_KUTTA_ROWS[-1], _fractions("", 5))),
+    dense=by_powers(_hermite(_KUTTA_ROWS[-1], _fractions("", 5))),
     solution=4,
     computed=4,
     exponent=0.0,
@@ -240,7 +250,7 @@ _EULER = Plan(
     a=frozen([[0, 0], [1, 0]]),
     c=frozen([0, 0]),
     e=frozen(np.empty((0, 2))),
-    dense=frozen([[1], [0]]),
+    dense=by_powers([[1], [0]]),
     solution=1,
     computed=2,
     exponent=0.0,

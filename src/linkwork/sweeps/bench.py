@@ -13,16 +13,18 @@ from linkwork.control import Drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
 from linkwork.control.observation import Names
-from linkwork.errors import LinkworkError
-from linkwork.robot import Motion, Robot, State, UnreachableError
+from linkwork.mechanism.numbers import located
+from linkwork.robot import Motion, Robot, State
 from linkwork.robot.assembly import wrapped
 from linkwork.robot.labels import POSES
-from linkwork.robot.system import system
+from linkwork.robot.network import Network
+from linkwork.robot.reactions import spread
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps import starts
-from linkwork.sweeps.controllers import Law, drive
+from linkwork.sweeps.cases import Case, controlled, pushed, reached
+from linkwork.sweeps.controllers import drive
 from linkwork.sweeps.outputs import Output
-from linkwork.sweeps.quantities import QUANTITIES
+from linkwork.sweeps.quantities import QUANTITIES, REACTIONS
 from linkwork.sweeps.starts import REFUSED, UNREACHABLE, home
 from linkwork.sweeps.study import Study, StudyError
 
@@ -37,15 +39,6 @@ class Field:
     axes: tuple[str, ...]
     kind: str
     attrs: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Case:
-    """Hold one way to drive the robot: the controller, what it leads to, and the names of its parameters."""
-
-    law: Law | None
-    goal: Any
-    parameters: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +75,9 @@ class Bench:
         if isinstance(first, Motion) and study.start.tool is None and not study.start.joints:
             start = robot.make_state(first.state.q[0], start.rates)
         if not study.controllers:
-            constant = forces(study, robot)
-            cases = (Case(constant, None, parameters(robot, constant, drives, study, ("forces",))),)
+            cases = (pushed(study, robot, drives),)
         else:
-            laws = {name: given.law(goals[name], nominal) for name, given in study.controllers.items()}
-            cases = tuple(
-                Case(law, goals[name], parameters(robot, law, drives, study, ("controllers", name)))
-                for name, law in laws.items()
-            )
+            cases = tuple(controlled(study, name, goals[name], nominal, robot, drives) for name in study.controllers)
         bench = cls(study, robot, drives, start, cases)
         for name in study.varied:
             bench.require_known(name)
@@ -116,6 +104,7 @@ class Bench:
             "coordinate": robot.coordinates,
             "rate": robot.rates,
             "actuator": robot.actuators,
+            "joint": tuple(robot.mechanism.pairs),
             "pose": POSES[robot.planar] if robot.mechanism.tools else (),
             "extra": tuple(extra.name for extra in self.extras),
         }
@@ -196,6 +185,12 @@ class Bench:
         controller = tuple(self.study.controllers)[case] + "." if self.study.controllers else ""
         return rest.removeprefix(controller) if section == "controllers" and rest.startswith(controller) else None
 
+    def parameters(self, case: int, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the runs' parameters (M) by name for varied values (M, varied); nan where a controller has none."""
+        names = [self.parameter(name, case) for name in self.study.varied]
+        given = {name: values[:, i] for i, name in enumerate(names) if name is not None}
+        return self.cases[case].values(self.robot, given)
+
     def require_known(self, name: str) -> None:
         """Refuse a varied name that fits nothing."""
         section, _, rest = name.partition(".")
@@ -209,7 +204,7 @@ class Bench:
                 return
             allowed = [f"start.{part}.{each}" for part, names in known.items() for each in names]
         else:
-            own = [self.parameter(name, i) in case.parameters for i, case in enumerate(self.cases)]
+            own = [self.parameter(name, i) in case.numbers for i, case in enumerate(self.cases)]
             if any(own):
                 return
             allowed = self.allowed(section)
@@ -222,7 +217,7 @@ class Bench:
             return [
                 f"controllers.{name}.{gain}"
                 for name, case in pairs
-                for gain in case.parameters
+                for gain in case.numbers
                 if gain not in self.of_drives
             ]
         return [f"drives.{name}" for name in self.of_drives] if section == "drives" else list(self.cases[0].parameters)
@@ -245,15 +240,31 @@ class Bench:
             self.require_quantity(name, ("trajectories", str(index)))
 
     def require_quantity(self, name: str, where: tuple[str, ...]) -> None:
-        lack = {
-            "tool_pose": ("the robot has no tool", self.labels["pose"]),
-            "drive_state": ("no drive has a state", self.extras),
-            "tracking_error": ("there is no controller", self.study.controllers),
-            "tool_error": ("there is no controller, or no tool", self.study.controllers and self.labels["pose"]),
+        """Refuse a quantity that this study's runs do not have."""
+        geared = any("ratios" in located(self.study.robot, path)[0] for path in self.study.paths)
+        goals = bool(self.study.controllers)
+        lacks = {
+            "the robot has no tool": name in ("tool_pose", "tool_error") and not self.labels["pose"],
+            "no drive has a state": name == "drive_state" and not self.extras,
+            "there is no controller": name in ("tracking_error", "tool_error") and not goals,
+            "no joint is between two bodies": name in REACTIONS and not self.labels["joint"],
+            "the ratio of a gear varies": name in REACTIONS and geared,
         }
-        reason, there = lack.get(name, ("", True))
-        if not there:
-            raise StudyError(f"{name!r} is not defined here: {reason}", where)
+        for reason, lacking in lacks.items():
+            if lacking:
+                raise StudyError(f"{name!r} is not defined here: {reason}", where)
+
+    # Reactions
+
+    @cached_property
+    def network(self) -> Network:
+        """The graph of the joints between bodies."""
+        return Network.of(self.robot.mechanism)
+
+    @cached_property
+    def spread(self) -> float:
+        """The length over which moments count where rigid bodies leave reactions open [m]."""
+        return spread(self.robot)
 
     # Goals
 
@@ -285,37 +296,6 @@ class Bench:
             q = case.goal.state.q if isinstance(case.goal, Motion) else np.tile(case.goal.q, (len(self.times), 1))  # pyright: ignore
             found.append(self.robot.tool_poses(q))
         return found
-
-
-def reached(study: Study, name: str, robot: Robot, start: State) -> State | Motion:
-    """Return what a controller leads to."""
-    guess = State(start.positions, start.rates, start.q, robot.coordinates, robot.independent)
-    try:
-        return study.controllers[name].goal.reached(robot, guess, study.duration, study.samples)
-    except (UnreachableError, LinkworkError) as error:
-        raise StudyError(str(error), ("controllers", name, "goal")) from None
-
-
-def forces(study: Study, robot: Robot) -> Law | None:
-    """Return the constant forces as a controller, whose parameters they are."""
-    for name in study.forces:
-        if name not in robot.actuators:
-            there = ", ".join(robot.actuators) or "none"
-            raise StudyError(f"there is no actuator {name!r}; there are {there}", ("forces", name))
-    if not robot.actuators:
-        return None
-    return lambda t, state: [state.parameter(f"forces.{name}", study.forces.get(name, 0.0)) for name in robot.actuators]
-
-
-def parameters(
-    robot: Robot, law: Law | None, drives: Mapping[str, Drive], study: Study, where: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Return the names of the parameters of a controller and the drives."""
-    try:
-        runs = system(robot, law, drives, (), (), {}, (0.0, study.duration))
-    except LinkworkError as error:
-        raise StudyError(str(error), where) from None
-    return tuple(runs.acting.parameters) if runs.acting else ()
 
 
 def flags(meanings: Mapping[int, str]) -> dict[str, Any]:

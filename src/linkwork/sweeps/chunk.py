@@ -12,7 +12,7 @@ import numpy as np
 from linkwork.simulation import Status
 from linkwork.sweeps.bench import Bench
 from linkwork.sweeps.quantities import QUANTITIES, measured
-from linkwork.sweeps.starts import starts
+from linkwork.sweeps.starts import REFUSED, starts
 from linkwork.sweeps.study import Study
 
 Results = dict[str, np.ndarray]
@@ -45,18 +45,21 @@ def compute(study: Study, index: int, threads: int | None = None) -> Results:
 def run(bench: Bench, case: int, values: np.ndarray, rows: np.ndarray, results: Results, threads: int | None) -> None:
     """Run those members (rows) that one controller leads, and put what comes of them into the results."""
     study = bench.study
-    state, status = starts(bench, values[rows])
-    results["status"][rows] = status
-    if not (status == 0).any():
+    (state, status), parameters = starts(bench, values[rows]), bench.parameters(case, values[rows])
+    for column in parameters.values():
+        status[(status == 0) & np.isnan(column)] = REFUSED
+    results["status"][rows], able = status, status == 0
+    if not able.any():
         return
-    state, rows = state.at(status == 0), rows[status == 0]
-    named = {bench.parameter(name, case): values[rows, i] for i, name in enumerate(study.varied)}
+    state, rows = state.at(able), rows[able]
     ensemble = bench.robot.ensemble(
         state,
         bench.cases[case].law,
-        {name: column for name, column in named.items() if name is not None},
+        {name: column[able] for name, column in parameters.items()},
         duration=study.duration,
         drives=bench.drives,
+        method=study.method,  # pyright: ignore[reportArgumentType]
+        step=study.step,
         save_at=bench.times,
         rtol=study.rtol,
         atol=study.atol,

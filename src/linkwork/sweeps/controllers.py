@@ -1,19 +1,22 @@
 """What leads the robot in a study: goals, controllers and drives as records of a file, and what they stand for.
 
 The models of controllers are the robot of the study with the numbers that its file gives, whatever varies in the robot
-that is controlled; `model` changes numbers of them, by path.
+that is controlled; `model` changes numbers of them, by path. A controller's gains are parameters of the runs; those of a
+linear-quadratic one follow from its weights.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
-from typing import Annotated, Any, Literal
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from linkwork import control, paths
+from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record
 from linkwork.mechanism.refusal import suggestion
@@ -21,7 +24,9 @@ from linkwork.robot import Motion, Robot, State
 
 Numbers = tuple[Real, ...]
 Gain = Real | Mapping[Name, Real]
+Weight = NonNegativeFloat | Mapping[PathName, NonNegativeFloat]
 GAIN = "a number, or one by actuator"
+WEIGHT = "weight of its square, a number, or one by {}"
 MODEL = "numbers of the model that differ from the robot's, by path"
 
 
@@ -34,14 +39,14 @@ class Goal(Record, ABC):
 
 
 class Pose(Goal):
-    """Hold a pose, of the tool [m, rad] or of joints by name."""
+    """Hold a pose, of the tool [m, rad] or of joints by name; left out, where runs start."""
 
     type: Literal["pose"] = "pose"
     tool: Numbers | None = Field(default=None, description="pose of the tool [m, rad]")
     joints: Mapping[PathName, Real] | None = Field(default=None, description="joint coordinates by name [m, rad]")
 
     def reached(self, robot, start, duration, samples):
-        return robot.assemble(self.joints, tool=self.tool, guess=start)
+        return start if self == Pose() else robot.assemble(self.joints, tool=self.tool, guess=start)
 
 
 class Course(Goal, ABC):
@@ -97,8 +102,30 @@ AnyGoal = Annotated[Pose | Line | Circle | Through, Field(discriminator="type")]
 Law = Callable[[Any, Any], Any]
 
 
+class Sampling(Record):
+    """Call a controller at a fixed rate, and hold what it gives in between (`linkwork.control.Sampler`)."""
+
+    rate: PositiveFloat = Field(description="calls per second [Hz]")
+    delay: NonNegativeFloat = Field(default=0.0, description="until a result acts [s], a whole number of periods")
+    quantise: PositiveFloat | Mapping[PathName, PositiveFloat] | None = Field(
+        default=None, description="step in which joint coordinates are read [m, rad], or one by name"
+    )
+
+    def around(self, law: Law) -> control.Sampler:
+        """Return the controller that calls another one so."""
+        return control.Sampler(law, self.rate, self.delay, self.quantise, compiled=True)
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        try:
+            self.around(lambda t, state: ())
+        except LinkworkError as error:
+            raise MechanismError(str(error)) from None
+        return self
+
+
 class Controller(Record, ABC):
-    """Lead the actuated joints to a goal."""
+    """Lead the robot to a goal."""
 
     goal: AnyGoal = Field(description="where the robot is led to")
 
@@ -106,20 +133,54 @@ class Controller(Record, ABC):
     def law(self, goal: Any, robot: Robot) -> Law:
         """Return the controller; goal: a state or a motion; robot: with the study's own numbers."""
 
+    def forces(self, goal: Any, robot: Robot) -> Law | control.Sampler:
+        """Return what leads the runs: the controller as it is called."""
+        return self.law(goal, robot)
 
-class Modelled(Controller, ABC):
+    @property
+    def weights(self) -> tuple[str, ...]:
+        """The names of numbers that are no parameters of the runs, but that parameters follow from."""
+        return ()
+
+    def weighted(self, weights: Mapping[str, float]) -> Self:
+        """Return the controller with other values of some `weights`."""
+        changed: dict[str, Any] = {}
+        for name, value in weights.items():
+            field, _, label = name.partition(".")
+            changed[field] = changed.get(field, getattr(self, field)) | {label: value} if label else value
+        return type(self)(**dict(self) | changed)
+
+
+class Memoryless(Controller, ABC):
+    """Control without states of one's own, at all times or sampled."""
+
+    sampled: Sampling | None = Field(default=None, description="how it is sampled")
+
+    def forces(self, goal, robot):
+        law = self.law(goal, robot)
+        return law if self.sampled is None else self.sampled.around(law)
+
+
+class Modelled(Memoryless, ABC):
     """Control by a model, which may be wrong."""
 
     model: Mapping[str, Real] = Field(default_factory=dict, description=MODEL)
 
     def model_of(self, robot: Robot) -> Robot:
         """Return the robot that the controller believes in."""
-        if not self.model:
-            return robot
-        return Robot(edited(robot.mechanism, self.model), robot.independent)
+        return changed(robot, tuple(self.model.items())) if self.model else robot
 
 
-class PD(Controller):
+@lru_cache(maxsize=16)
+def changed(robot: Robot, numbers: tuple[tuple[str, float], ...]) -> Robot:
+    """Return a robot with other numbers, by path; it is derived once for all controllers that believe in them."""
+    try:
+        return Robot(edited(robot.mechanism, dict(numbers)), robot.independent)
+    except MechanismError as error:
+        raise MechanismError(f"{'.'.join(error.where)}: {error.what}".removeprefix(": "), ("model",)) from None
+
+
+class PD(Memoryless):
     """u = kp e + kd e' (`linkwork.control.PD`)."""
 
     type: Literal["pd"] = "pd"
@@ -150,7 +211,7 @@ class PID(Controller):
     kd: Gain = Field(description=GAIN)
 
     def law(self, goal, robot):
-        return control.PID(goal, self.kp, self.kd, ki=self.ki, joints=robot.actuators)
+        return control.PID(goal, self.kp, self.kd, ki=self.ki)
 
 
 class ComputedTorque(Modelled):
@@ -176,7 +237,46 @@ class SlidingMode(Modelled):
         return control.SlidingMode(goal, self.model_of(robot), self.slope, self.gain, self.boundary)
 
 
-AnyController = Annotated[PD | WeightlessPD | PID | ComputedTorque | SlidingMode, Field(discriminator="type")]
+class LQR(Modelled):
+    """Hold a pose by u = u_0 - K x of least cost, Q = diag(position, rate), R = diag(force) (`linkwork.control.LQR`)."""
+
+    WEIGHTS: ClassVar = ("position", "rate", "force")
+
+    type: Literal["lqr"] = "lqr"
+    goal: Pose = Field(default=Pose(), description="the pose to hold")  # pyright: ignore[reportIncompatibleVariableOverride]
+    position: Weight = Field(description=WEIGHT.format("independent coordinate"))
+    rate: Weight = Field(default=0.0, description=WEIGHT.format("independent rate"))
+    force: PositiveFloat | Mapping[PathName, PositiveFloat] = Field(description=WEIGHT.format("actuator"))
+
+    @property
+    def weights(self):
+        given = {field: getattr(self, field) for field in self.WEIGHTS}
+        return tuple(
+            name
+            for field, value in given.items()
+            for name in ([f"{field}.{label}" for label in value] if isinstance(value, Mapping) else [field])
+        )
+
+    def law(self, goal, robot):
+        model = self.model_of(robot)
+        if model is not robot:
+            near = State(goal.positions, goal.rates, goal.q, model.coordinates, model.independent)
+            goal = model.assemble({name: goal[name] for name in model.independent}, guess=near)
+        Q = [weight for field in ("position", "rate") for weight in self.diagonal(field, model.independent)]
+        return control.LQR.about(model, goal, Q, self.diagonal("force", model.actuators))
+
+    def diagonal(self, field: str, names: Sequence[str]) -> list[float]:
+        """Return a weight for each name; refuse weights that are others'."""
+        given = getattr(self, field)
+        if not isinstance(given, Mapping):
+            return [given] * len(names)
+        for name in set(given) ^ set(names):
+            fault = f"lacks {name!r}" if name in names else f"has {name!r}"
+            raise MechanismError(f"{fault}; give one number, or one for each of {', '.join(names)}", (field,))
+        return [given[name] for name in names]
+
+
+AnyController = Annotated[PD | WeightlessPD | PID | ComputedTorque | SlidingMode | LQR, Field(discriminator="type")]
 
 DRIVES: Mapping[str, type[control.Drive]] = {
     "saturated": control.Saturated,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -13,6 +13,7 @@ import numpy as np
 from linkwork.equations import Equations, functions, measures
 from linkwork.equations.powers import powers
 from linkwork.robot.ensemble import Ensemble, Rows
+from linkwork.robot.reactions import MEMORY, Samples, transmitted
 from linkwork.simulation.many import usable_processors
 
 if TYPE_CHECKING:
@@ -38,13 +39,16 @@ QUANTITIES = {
     "actuator_force": Quantity("actuator", "N, N m"),
     "actuator_power": Quantity("actuator", "W"),
     "command": Quantity("actuator", ""),
+    "reaction_moment": Quantity("joint", "N m"),
+    "reaction_force": Quantity("joint", "N"),
     "drive_state": Quantity("extra", ""),
     "kinetic_energy": Quantity(None, "J"),
     "potential_energy": Quantity(None, "J"),
     "energy": Quantity(None, "J"),
     "conditioning": Quantity(None, "1"),
 }
-ACTING = ("joint_acceleration", "actuator_force", "actuator_power", "command")
+REACTIONS = ("reaction_moment", "reaction_force")
+ACTING = ("joint_acceleration", "actuator_force", "actuator_power", "command", *REACTIONS)
 BLOCK = 16384  # saved states that are looked at at a time
 ENERGIES = ("kinetic_energy", "potential_energy", "energy")
 
@@ -81,7 +85,7 @@ def blocks(rows: Rows) -> Iterator[Rows]:
     """Yield saved states some at a time: a block fits the processor's cache, and threads have something to share."""
     for first in range(0, len(rows.members), BLOCK):
         part = slice(first, first + BLOCK)
-        yield Rows(rows.chart, rows.members[part], rows.times[part], rows.y[part])
+        yield Rows(rows.chart, rows.members[part], rows.times[part], rows.y[part], rows.held[part])
 
 
 def unwrap(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> None:
@@ -109,6 +113,9 @@ def of_rows(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[
         found["actuator_power"] = found["actuator_force"] * actuated
     positions, joint_rates, joint_accelerations, _ = chart.kernel("joints_motion")(q, v, acceleration, p_robot)
     found |= {"joint_position": positions, "joint_rate": joint_rates, "joint_acceleration": joint_accelerations}
+    if set(REACTIONS) & set(wanted):
+        samples = Samples(chart.with_parameters(p_robot), q, v, acceleration, found["actuator_force"])
+        found |= dict(zip(REACTIONS, reactions(bench, samples), strict=True))
     if "tracking_error" in wanted:
         actuated = [robot.coordinates.index(name) for name in robot.actuators]
         found["tracking_error"] = bench.wanted_joints(law)(t) - positions[:, actuated]
@@ -141,10 +148,26 @@ def poses(found: np.ndarray) -> np.ndarray:
     return np.concatenate([found[:, :3], turns], axis=1)
 
 
+def reactions(bench: Bench, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """Return how large the moments, about the origins of F1, and the forces are that joints transmit (rows, joints).
+
+    The samples' chart has a row of parameters for each sample, or one for all.
+    """
+    size, p = max(1, MEMORY // bench.network.numbers), samples.chart.p
+    parts = []
+    for first in range(0, len(samples.q), size):
+        rows = slice(first, first + size)
+        part = replace(samples[rows], chart=samples.chart.with_parameters(p[rows] if len(p) > 1 else p))
+        parts.append(transmitted(bench.robot, [part], (len(part.q),), length=bench.spread).wrenches)
+    moment, force = np.split(np.concatenate(parts), 2, axis=-1)
+    return np.linalg.norm(moment, axis=-1), np.linalg.norm(force, axis=-1)
+
+
 def forced(crew: Members, rows: Rows, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return accelerations of the independent rates, commands and actuator forces of saved states."""
     q, v, z = rows.split()
-    inputs, p = crew.system.inputs(t), crew.p[rows.members] if len(crew.p) > 1 else crew.p
+    inputs = np.concatenate([crew.system.inputs(t), rows.held], axis=1)
+    p = crew.p[rows.members] if len(crew.p) > 1 else crew.p
     if crew.system.acting is None:
         return rows.chart.kernel("motion")(q, v, inputs, crew.p_robot(rows.members))[1], inputs, inputs
     found = crew.system.kernel(rows.chart, "recorded")(q, v, z, inputs, p)

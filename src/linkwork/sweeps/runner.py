@@ -5,7 +5,9 @@ There is one writer, this process, and never more than a few chunks under way: m
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -136,11 +138,27 @@ def connected(address: str) -> Client:
     from distributed import Client
 
     try:
+        with ThreadPoolExecutor(1) as pool:  # its thread has no event loop under way, as that of a notebook has
+            kind = pool.submit(asyncio.run, introduced(address)).result()
+        if kind != "Scheduler":
+            raise ValueError(f"it is a {kind.lower()}")
         return Client(address, timeout=PATIENCE)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise StudyError(
-            f"there is no Dask scheduler at {address} ({reason(error)}); start one ('dask scheduler'), or leave out --scheduler"
-        ) from None
+    except (OSError, ValueError, ImportError) as error:
+        why = reason(error) or f"no answer in {PATIENCE:g} s"
+    except Exception:  # whatever comes of reading what another service says
+        why = "something else answers"
+    raise StudyError(
+        f"there is no Dask scheduler at {address} ({why}); start one ('dask scheduler'), or leave out --scheduler"
+    )
+
+
+async def introduced(address: str) -> str:
+    """Return what a Dask process says that it is: Scheduler, Worker or Nanny."""
+    from distributed import Security, rpc
+
+    async with asyncio.timeout(PATIENCE), rpc(address, connection_args=Security().get_connection_args("client")) as it:
+        known: Any = await it.identity()
+        return known["type"]
 
 
 def require_workers(client: Client, address: str) -> int:

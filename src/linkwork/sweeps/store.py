@@ -6,9 +6,10 @@ finished: it is written last, so that whatever ends the program at any moment, a
 
 from __future__ import annotations
 
+import json
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +39,7 @@ class Store:
 
     @classmethod
     def open(cls, path: Path, bench: Bench) -> Store:
-        """Open the store of a study, or make it, whole or not at all.
+        """Open the store of a study, or make it, whole or not at all; what is damaged of its descriptions is mended.
 
         Raises:
             StudyError: a store of another study, something that is no store, a place that cannot be written.
@@ -62,6 +63,7 @@ class Store:
         wanted = {name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()}
         if {name: array.shape for name, array in arrays.items()} != wanted | {CHECKSUM: (bench.study.chunks,)}:
             raise StudyError(f"{path} was written by another version of the program; give another folder, or remove it")
+        mend(path, group, bench)
         return cls(path, bench, arrays)
 
     def rows(self, index: int) -> slice:
@@ -114,17 +116,44 @@ def create(path: Path, bench: Bench) -> None:
             add(
                 group, CHECKSUM, (study.chunks,), (1,), ("chunk",), "u8", {"description": "of a finished chunk; else 0"}
             )
-            add(group, "time", bench.times.shape, bench.times.shape, ("time",), "f8", {"units": "s"})[:] = bench.times
-            used = {axis for field in bench.fields.values() for axis in field.axes}
-            for axis, names in bench.labels.items():
-                if axis in used:
-                    add(group, axis, (len(names),), (len(names),), (axis,), str, {})[:] = np.array(names, dtype=object)
+            for axis, values in coordinates(bench).items():
+                kind, attrs = ("f8", {"units": "s"}) if axis == "time" else (str, {})
+                add(group, axis, values.shape, values.shape, (axis,), kind, attrs)[:] = values
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # xarray wants what version 3 of the format leaves open
                 zarr.consolidate_metadata(part)
             part.rename(path)
         finally:
             shutil.rmtree(part, ignore_errors=True)
+
+
+def coordinates(bench: Bench) -> dict[str, np.ndarray]:
+    """Return the times and the names along the axes of the results."""
+    used = {axis for field in bench.fields.values() for axis in field.axes}
+    names = {axis: np.array(found, dtype=object) for axis, found in bench.labels.items() if axis in used}
+    return {"time": bench.times} | names
+
+
+def mend(path: Path, group: Any, bench: Bench) -> None:
+    """Write anew what is not as it was made: the arrays' descriptions, which the group's repeats, times and names."""
+    with written(path):
+        described = json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"]
+        for name, wanted in described.items():
+            place = path / name / "zarr.json"
+            if read_or_none(lambda place=place: json.loads(place.read_bytes())) != wanted:
+                place.parent.mkdir(exist_ok=True)
+                place.write_text(json.dumps(wanted, indent=2))
+        for axis, values in coordinates(bench).items():
+            if read_or_none(lambda axis=axis: list(group[axis][:])) != list(values):
+                group[axis][:] = values
+
+
+def read_or_none(read: Callable[[], Any]) -> Any:
+    """Return what can be read; None if it cannot."""
+    try:
+        return read()
+    except Exception:  # whatever a decoder says of a file that is damaged
+        return None
 
 
 def add(group: Any, name: str, shape, chunks, axes: tuple[str, ...], kind: Any, attrs: dict[str, Any]) -> Any:

@@ -18,10 +18,11 @@ from linkwork import robots
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.document import Node, read_document
-from linkwork.mechanism.files import MODELS, text_of
+from linkwork.mechanism.files import MODELS, described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
+from linkwork.robot.running import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController, drive
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
 from linkwork.sweeps.outputs import Output, require_quantity
@@ -32,7 +33,7 @@ NUMBERS_AT_ONCE = 2_000_000  # of one quantity of a chunk, where the study does 
 CHUNKS = (16, 4096)  # members of the shortest and the longest chunk then
 OWN = ("start", "forces", "controllers", "drives")
 TAKEN = ("member", "time", "chunk", "checksum", "status", "end_time", "nfev", "pivot", "closure_error", "controller",
-         "coordinate", "rate", "actuator", "pose", "extra")  # fmt: skip
+         "coordinate", "rate", "actuator", "joint", "pose", "extra")  # fmt: skip
 
 
 class StudyError(MechanismError):
@@ -72,6 +73,8 @@ class Study(Record):
     vary: Mapping[str, AnyVariation] = Field(description="what varies, by name")
     outputs: Mapping[Name, str] = Field(description="outputs by name, each a reduction and a quantity")
     trajectories: tuple[str, ...] = Field(default=(), description="quantities to keep at all times")
+    method: str | None = Field(default=None, description="integration method")
+    step: PositiveFloat | None = Field(default=None, description="step of a method of fixed step [s]")
     rtol: PositiveFloat = Field(default=1e-8, description="relative tolerance")
     atol: PositiveFloat = Field(default=1e-10, description="absolute tolerance [m, rad]")
     max_steps: Annotated[int, Field(ge=1)] = Field(default=1_000_000, description="most steps of a run")
@@ -107,7 +110,12 @@ class Study(Record):
             raise MechanismError("and controllers are both given; keep one of them", ("forces",))
         for actuator, numbers in self.drives.items():
             drive(numbers, ("drives", actuator))
+        try:
+            integrator(self.method, self.step)
+        except LinkworkError as error:
+            raise MechanismError(str(error), ("step" if self.method in (*METHODS, None) else "method",)) from None
         self._check_paths()
+        self._check_weights()
         return self
 
     def _check_paths(self) -> None:
@@ -122,6 +130,19 @@ class Study(Record):
                 with_place(
                     lambda values: edited(self.robot, values), {path: value for path in own}, ("vary", name), reached
                 )
+
+    def _check_weights(self) -> None:
+        """Refuse values that no weight of a controller may have."""
+        for name, variation in self.vary.items():
+            for controller, given in self.controllers.items():
+                own = [
+                    weight
+                    for weight in given.weights
+                    if f"controllers.{controller}.{weight}" in (name, *variation.also)
+                ]
+                for value in variation.bounds if own else ():
+                    reached = f"reaches {value:.6g}, which the controller may not have: "
+                    with_place(given.weighted, dict.fromkeys(own, value), ("vary", name), reached)
 
     def place(self, name: str) -> tuple[str, ...]:
         """Return where a varied name stands in the study."""
@@ -207,21 +228,12 @@ def _text(path: Path) -> str:
 
 
 def _study(root: Node, folder: Path) -> Study:
-    first = f"the first line should be 'study: {FORMAT_VERSION}'"
-    if not isinstance(root.data, dict):
-        raise MechanismError(f"holds no study; {first}", place=f"line {root.line}")
-    fields = dict(root.data)
-    version = fields.pop("study", None)
-    try:
-        if version is None:
-            raise MechanismError(f"is missing; {first}", ("study",))
-        if version != FORMAT_VERSION:
-            raise MechanismError(f"{shown(version)} is not a version this program reads; give 1", ("study",))
+    def make(**fields: Any) -> Study:
         if "robot" in fields:
             fields["robot"] = _robot(fields["robot"], folder)
         return Study(**fields)
-    except MechanismError as error:
-        raise MechanismError(error.what, error.where, f"line {root.line_of(error.where)}") from None
+
+    return described(root, "study", FORMAT_VERSION, "study", make)
 
 
 def _robot(name: Any, folder: Path) -> Mechanism:

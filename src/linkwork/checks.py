@@ -1,0 +1,85 @@
+"""Checks of what is given: numbers, names and parts of one kind, at the doors of every stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from math import isfinite
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.errors import LinkworkError
+
+Kind = TypeVar("Kind")
+
+
+def finite(values: ArrayLike, what: str) -> np.ndarray:
+    """Return values as floats; refuse what is not a finite number."""
+    if isinstance(values, float | int) and isfinite(values):
+        return np.array(values, float)
+    try:
+        given = np.asarray(values)
+        array = given.astype(float) if given.dtype.kind in "biufO" else None
+    except (TypeError, ValueError, RuntimeError, NotImplementedError):
+        array = None
+    if array is None:
+        raise LinkworkError(f"{what} is {values!r}; give numbers")
+    if not np.isfinite(array).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        place = f"{what}[{', '.join(map(str, index))}]" if index else what
+        raise LinkworkError(f"{place} is {array[index]}; give finite numbers")
+    return array
+
+
+def number(value: object, what: str) -> float:
+    """Return one number; refuse what is none, or not finite."""
+    if isinstance(value, float | int) and isfinite(value):
+        return float(value)
+    array = finite(value, what)  # pyright: ignore[reportArgumentType]
+    if array.ndim:
+        raise LinkworkError(f"{what} is {value!r}; give one number")
+    return float(array)
+
+
+def positive(value: object, what: str, unit: str = "") -> float:
+    """Return one positive number; refuse what is none."""
+    if not (result := number(value, what)) > 0:
+        raise LinkworkError(f"{what} is {value}; give a positive number{unit and f' [{unit}]'}")
+    return result
+
+
+def count(value: object, what: str) -> int:
+    """Return a whole number, at least 1; refuse what is none."""
+    result = number(value, what)
+    if result < 1 or result % 1:
+        raise LinkworkError(f"{what} is {value}; give a whole number, at least 1")
+    return int(result)
+
+
+def by_name(values: Any, what: str, example: str) -> Mapping[str, Any]:
+    """Return things by name, none for None; refuse what is no mapping."""
+    if values is not None and not isinstance(values, Mapping):
+        raise LinkworkError(f"{what} are {values!r}; give them by name, such as {example}")
+    return values or {}
+
+
+def several(values: Any, kind: type[Kind], what: str) -> tuple[Kind, ...]:
+    """Return a list of things of one kind; refuse one that is not in a list, and what is of another kind."""
+    if not isinstance(values, Iterable) or isinstance(values, str | Mapping):
+        raise LinkworkError(f"{what} are {values!r}; give a list")
+    found = tuple(values)
+    for value in found:
+        if not isinstance(value, kind):
+            raise LinkworkError(f"one of {what} is {value!r}; give linkwork.control.{kind.__name__}(...)")
+    return found
+
+
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Prefix the sentence of a refusal with the place where it happened."""
+    try:
+        yield
+    except LinkworkError as error:
+        raise type(error)(f"{place}{error}") from None

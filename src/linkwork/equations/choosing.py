@@ -1,0 +1,72 @@
+"""Choosing: charts that are good where a mechanism is, at many configurations at a time.
+
+At each configuration alone: the rows that depend least on each other, the preferred rates as far as they determine the
+motion well, an order of elimination, and the scale of each pivot: the usual size, that of its rows and columns at the
+reference, or where the pivot is small a power of FALL less. So what is chosen is a matter of the configuration, not of
+what was chosen before, and configurations that are not far from each other share a chart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from linkwork.equations.chart import Block, Chart, chart_of, choose_independents, choose_orders, independent_rows
+from linkwork.equations.equations import Equations
+
+WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
+LEAST, FALL = 0.125, 16.0  # relative pivot at least; factor by which scales fall until it is reached
+
+
+def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = ()) -> list[tuple[np.ndarray, Chart]]:
+    """Return charts that are good at configurations: rows, independent rates and elimination chosen at each.
+
+    Args:
+        Phi: the constraint Jacobian there (G x all rows x nv).
+        preferred: rates that should be independent, as far as the configuration allows it well.
+
+    Returns:
+        The charts, each with the numbers of the configurations at which it is chosen.
+    """
+    units, count = equations.scaled(Phi), len(equations.chart.rows)
+    kept = np.array([independent_rows([one], count) for one in units], int).reshape(-1, count)
+    found = []
+    for rows, members in alike(kept):
+        own = null_spaces(units[np.ix_(members, rows)])
+        for independent, places in alike(choose_independents(own, preferred, WELL)):
+            at = members[places]
+            for groups, stages, determinants in choose_orders(equations.rows.pattern, Phi[at, None], rows, independent):
+                usual = np.array([size(equations, block) for stage in stages for block in stage])
+                for scales, same in alike(scales_of(determinants, usual)):
+                    chart = chart_of(stages, scales, rows, independent, Phi.shape[2])
+                    found.append((at[groups[same]], chart))
+    return found
+
+
+def null_spaces(Phi: np.ndarray) -> np.ndarray:
+    """Return orthonormal bases (G x nv x n) of what matrices (G x rows x nv) of full rank leave free."""
+    groups, rows, width = Phi.shape
+    if not rows:
+        return np.broadcast_to(np.eye(width), (groups, width, width))
+    return np.swapaxes(np.linalg.svd(Phi)[2][:, rows:], 1, 2)
+
+
+def size(equations: Equations, block: Block) -> float:
+    """Return the product of the sizes of a block's rows and columns."""
+    columns, rows = equations.sizes
+    return float(np.prod(columns[list(block.columns)]) * np.prod(rows[list(block.rows)]))
+
+
+def scales_of(determinants: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """Return scales of determinants (G x blocks), by which these are at least LEAST."""
+    falls = np.ceil(np.log(LEAST * usual / np.abs(determinants)) / np.log(FALL))
+    return np.copysign(usual / FALL ** np.maximum(falls, 0.0), determinants)
+
+
+def alike(table: np.ndarray) -> list[tuple[tuple, np.ndarray]]:
+    """Return the different rows of a table, each with the numbers of those that are equal to it."""
+    groups: dict[tuple, list[int]] = {}
+    for i, row in enumerate(table.tolist()):
+        groups.setdefault(tuple(row), []).append(i)
+    return [(row, np.array(members)) for row, members in groups.items()]

@@ -1,0 +1,115 @@
+"""Alone: members of an ensemble that run one by one, each as `Robot.simulate` runs it, dealt to threads.
+
+The compiled loop runs without Python's lock. A Python function that controls a robot needs the lock, and may keep memory:
+then the members run one after the other, in their order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Event
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.members import Members
+from linkwork.robot.passage import Choice, Passage, Segment
+from linkwork.robot.recording import ending, statistics
+from linkwork.simulation import Statistics, Status
+from linkwork.simulation.many import GLANCE, usable_processors
+
+CHUNKS_PER_THREAD = 16
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Say what all members do: how long, saved at which times, over singular poses or not, how, on how many threads.
+
+    options: method, rtol, atol, max_step and max_steps
+    """
+
+    duration: float
+    times: np.ndarray
+    step_over: bool
+    options: Mapping[str, Any]
+    threads: int | None
+
+
+class Task(NamedTuple):
+    """Name a member to run: from its start, or from where a first segment ended and what is chosen there."""
+
+    member: int
+    first: Segment | None = None
+    choice: Choice | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Lone:
+    """Hold what became of a member that was run by itself."""
+
+    member: int
+    segments: Sequence[Segment]
+    status: Status
+    message: str
+
+    @cached_property
+    def statistics(self) -> Statistics:
+        """What the run took."""
+        return statistics(self.segments)
+
+
+def by_themselves(crew: Members, course: Course, tasks: Sequence[Task], report: Progress) -> list[Lone]:
+    """Run members, each from chart to chart; those that KeyboardInterrupt leaves out are not returned."""
+    sampler = crew.system.sampler
+    threads = 1 if sampler and not sampler.compiled else course.threads or usable_processors()
+    size = -(-len(tasks) // (CHUNKS_PER_THREAD * threads)) or 1
+    chunks = [tasks[first : first + size] for first in range(0, len(tasks), size)]
+    done: list[Lone] = []
+    cancel = Event()
+
+    def run(chunk: Sequence[Task]) -> None:
+        for task in chunk:
+            if cancel.is_set():
+                return
+            done.append(led(crew, course, task))
+
+    with ThreadPoolExecutor(threads) as pool:
+        left = {pool.submit(run, chunk) for chunk in chunks}
+        try:
+            while left:
+                ended, left = wait(left, timeout=GLANCE, return_when=FIRST_COMPLETED)
+                for future in ended:
+                    future.result()
+                report(len(crew) - len(tasks) + len(done), len(crew))
+        except KeyboardInterrupt:
+            pass
+        finally:
+            cancel.set()
+    return done
+
+
+def led(crew: Members, course: Course, task: Task) -> Lone:
+    """Run one member to its end."""
+    robot, system = crew.alone(task.member)
+    passage = Passage(robot, system, 0.0, course.duration, course.times, course.step_over, course.options)
+
+    def own(chart: CompiledChart) -> CompiledChart:
+        return chart if robot is crew.robot else chart.with_parameters(robot.p)
+
+    if task.first is None or task.choice is None:
+        q, v = crew.q[task.member], crew.v[task.member]
+        segments = list(passage.segments(robot.run_chart, q, v, system.start))
+    else:
+        better = task.choice.better
+        choice = Choice(task.choice.regular, better and own(better))
+        stand = passage.stand(own(task.first.chart), *task.first.start)
+        segments = [task.first, *passage.onward(passage.after(stand, task.first.trajectory, choice))]
+    for fault in system.faults:
+        if not isinstance(fault, Exception):
+            raise fault
+    return Lone(task.member, segments, *ending(system, segments[-1]))

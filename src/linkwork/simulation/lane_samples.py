@@ -1,0 +1,120 @@
+"""The samples within the accepted steps of the members in the lanes, by dense output.
+
+Names as in `lanes`.
+"""
+
+import math
+
+from numba import njit
+
+from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.lane_inputs import set_forces
+from linkwork.simulation.lane_steps import (
+    ACCEPTS,
+    AILMENT,
+    ARRIVAL,
+    CLOSURE_ERROR,
+    EVALUATIONS,
+    LOWEST,
+    MEMBER,
+    REACHED,
+    REJECTED_PIVOT,
+    REJECTED_RESIDUAL,
+    RESIDUAL,
+    STEP,
+    THETA,
+    TIME,
+    WANTED,
+    combine,
+    move,
+    project,
+)
+from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded
+from linkwork.simulation.vectors import LANES, address, call_batch, load, splat, store
+
+
+@njit(forceinline=True, **OPTIONS)
+def want_samples(save_at, now, tally):
+    """Mark the lanes with a sample to take in their accepted steps, and where; return how many, and how many within."""
+    wanted, within = 0, 0
+    for lane in range(LANES):
+        row = tally[REACHED, lane]
+        wants = now[ACCEPTS, lane] > 0 and row < save_at.size and save_at[row] <= now[ARRIVAL, lane]
+        now[WANTED, lane] = 1.0 if wants else 0.0
+        now[THETA, lane] = (save_at[row] - now[TIME, lane]) / now[STEP, lane] if wants else 1.0
+        wanted += wants
+        within += wants and save_at[row] < now[ARRIVAL, lane]
+    return wanted, within
+
+
+@njit(**OPTIONS)
+def extend(
+    motion, method, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
+):  # fmt: skip
+    """Evaluate the stages that only the dense output needs; refuse the steps of lanes with a sample in which they fail.
+
+    x is left as it was: the new state, under the inputs at its end.
+    """
+    n = y.shape[0]
+    move(address(x), 0, address(sample), n, splat(1.0) <= splat(0.0))
+    for lane in range(LANES):
+        if now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] < now[ARRIVAL, lane]:
+            tally[EVALUATIONS, lane] += method.stages - method.computed
+    for i in range(method.computed, method.stages):
+        combine(method.a + i * method.stages, i, n, address(now), address(y), address(k), address(x))
+        if timed:
+            set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
+        call_batch(motion, x, k, i * (n + 1))
+        for lane in range(LANES):
+            pivot = k[i * (n + 1) + n, lane]
+            if (
+                now[WANTED, lane] > 0
+                and save_at[tally[REACHED, lane]] < now[ARRIVAL, lane]
+                and not pivot >= pivot_bound
+            ):
+                now[ACCEPTS, lane], now[WANTED, lane] = 0.0, 0.0
+                tally[AILMENT, lane] = NON_FINITE if math.isnan(pivot) else SINGULAR
+                now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
+    move(address(sample), 0, address(x), n, splat(1.0) <= splat(0.0))
+    if timed:
+        set_forces(1.0, starts, coefficients, pieces, x, n, now, tally)
+
+
+@njit(forceinline=True, **OPTIONS)
+def take_samples(closure, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally):
+    """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
+    n, stages = y.shape[0], method.stages
+    while want_samples(save_at, now, tally)[0] > 0:
+        theta = load(now, THETA)
+        for i in range(stages):
+            weight, power = splat(0.0), theta
+            for m in range(method.degree):
+                weight = weight + power * splat(method.dense[m * padded(stages) + i])
+                power = power * theta
+            store(weights, i, weight)
+        h = load(now, STEP)
+        for m in range(n):
+            total = splat(0.0)
+            for i in range(stages):
+                total = total + load(weights, i) * load(k, i * (n + 1) + m)
+            store(sample, m, load(y, m) + h * total)
+        for lane in range(LANES):
+            now[RESIDUAL, lane] = 0.0
+            if now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] == now[ARRIVAL, lane]:
+                for m in range(n):
+                    sample[m, lane] = x[m, lane]
+        if closure != 0:
+            project(
+                closure, z_next.shape[0] - 1, address(sample), address(z), address(z_next), address(now), closure_tol,
+                math.inf,
+            )  # fmt: skip
+        for lane in range(LANES):
+            if now[WANTED, lane] > 0:
+                if now[RESIDUAL, lane] <= closure_tol:
+                    for m in range(n):
+                        samples[tally[MEMBER, lane], tally[REACHED, lane], m] = sample[m, lane]
+                    tally[REACHED, lane] += 1
+                    now[CLOSURE_ERROR, lane] = max(now[CLOSURE_ERROR, lane], now[RESIDUAL, lane])
+                else:
+                    now[ACCEPTS, lane], tally[AILMENT, lane] = 0.0, CLOSURE_LOST
+                    now[REJECTED_RESIDUAL, lane], now[REJECTED_PIVOT, lane] = now[RESIDUAL, lane], now[LOWEST, lane]

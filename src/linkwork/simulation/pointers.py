@@ -1,0 +1,133 @@
+"""Pointers: numbers in memory as compiled code sees them, by the address of the first.
+
+Numba counts the references to arrays, with an atomic instruction at every turn, and hands each on in seven words. The loops
+take what an array holds once, by `pointer`, and pass that: `p[i]` reads, `p[i] = value` writes, `p + i` points i numbers
+further on. Nobody checks bounds, and the array has to be kept alive by name for as long as it is pointed to.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, models, register_model
+
+from linkwork.simulation.tableaus import LANES
+
+
+class Pointer(types.Type):
+    """Type of a pointer to doubles."""
+
+    def __init__(self):
+        super().__init__(name="Pointer")
+
+
+POINTER = Pointer()
+_DOUBLES = ir.DoubleType().as_pointer()
+_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+
+@register_model(Pointer)
+class _PointerModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _DOUBLES)
+
+
+def _operator(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
+    """Teach Numba an operator on pointers, by a function that generates its code."""
+    shape = signature(result, POINTER, *arguments)
+
+    class Typing(ConcreteTemplate):
+        cases = [shape]  # noqa: RUF012
+
+    infer_global(python)(Typing)  # pyright: ignore[reportOptionalCall]
+    return lower_builtin(python, POINTER, *arguments)
+
+
+@_operator(operator.getitem, types.float64, types.intp)
+def _read(context, builder, signature, values):
+    return builder.load(builder.gep(values[0], [values[1]]))
+
+
+@_operator(operator.setitem, types.void, types.intp, types.float64)
+def _write(context, builder, signature, values):
+    builder.store(values[2], builder.gep(values[0], [values[1]]))
+    return context.get_dummy_value()
+
+
+@_operator(operator.add, POINTER, types.intp)
+def _further(context, builder, signature, values):
+    return builder.gep(values[0], [values[1]])
+
+
+def _pointer(typing_context, array):
+    """Return the pointer to an array's first number; the array is contiguous."""
+
+    def generate(context, builder, signature, values):
+        return context.make_array(signature.args[0])(context, builder, value=values[0]).data
+
+    return POINTER(array), generate
+
+
+def _call(typing_context, address, x, out):
+    """Call the C function void(const double *x, double *out) at an address."""
+
+    def generate(context, builder, signature, values):
+        kernel = ir.FunctionType(ir.VoidType(), [_DOUBLES, _DOUBLES])
+        builder.call(builder.inttoptr(values[0], kernel.as_pointer()), values[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.intp, POINTER, POINTER), generate
+
+
+def _combine(typing_context, weights, count, h, y, k, width, n, out):
+    """Compute n numbers out = y + h sum_(j < count) weights_j k_j by vectors of LANES; the rows of k are `width` apart.
+
+    y and the rows of k are padded to whole vectors; out is written up to n.
+    """
+
+    def generate(context, builder, signature, values):
+        weights, count, h, y, k, width, n, out = values
+        total, rest = cgutils.alloca_once(builder, _VECTOR), cgutils.alloca_once(builder, _VECTOR)
+        all_h, zero, lanes = _spread(builder, h), ir.Constant(n.type, 0), ir.Constant(n.type, LANES)
+        with cgutils.for_range_slice(builder, zero, n, lanes) as (m, _):
+            builder.store(ir.Constant(_VECTOR, [0.0] * LANES), total)
+            with cgutils.for_range(builder, count) as loop:
+                slopes = builder.load(_place(builder, k, builder.add(builder.mul(loop.index, width), m)), align=8)
+                weight = _spread(builder, builder.load(builder.gep(weights, [loop.index])))
+                product = builder.fmul(weight, slopes, flags=["contract"])
+                builder.store(builder.fadd(builder.load(total), product, flags=["contract"]), total)
+            change = builder.fmul(all_h, builder.load(total), flags=["contract"])
+            state = builder.fadd(builder.load(_place(builder, y, m), align=8), change, flags=["contract"])
+            left = builder.sub(n, m)
+            with builder.if_else(builder.icmp_signed(">=", left, lanes), likely=True) as (whole, part):
+                with whole:
+                    builder.store(state, _place(builder, out, m), align=8)
+                with part:
+                    builder.store(state, rest)
+                    few = builder.bitcast(rest, _DOUBLES)
+                    with cgutils.for_range(builder, left) as loop:
+                        number = builder.load(builder.gep(few, [loop.index]))
+                        builder.store(number, builder.gep(out, [builder.add(m, loop.index)]))
+        return context.get_dummy_value()
+
+    kinds = POINTER, types.intp, types.float64, POINTER, POINTER, types.intp, types.intp, POINTER
+    return types.void(*kinds), generate
+
+
+def _place(builder, pointer, index):
+    return builder.bitcast(builder.gep(pointer, [index]), _VECTOR.as_pointer())
+
+
+def _spread(builder, number):
+    single = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(single, single, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
+
+
+pointer: Callable[..., Any] = intrinsic(_pointer)
+call: Callable[..., None] = intrinsic(_call)
+combine: Callable[..., None] = intrinsic(_combine)
