@@ -47,8 +47,12 @@ class Members:
 
     def start(self, members: np.ndarray) -> np.ndarray:
         """Return the states y = (q, v, z) of some members (M, n)."""
-        z = np.broadcast_to(self.system.start, (len(members), len(self.system.extras)))
-        return np.concatenate([self.q[members], self.v[members], z], axis=1)
+        rows, z = self._rows(members), np.broadcast_to(self.system.start, (len(members), len(self.system.extras)))
+        return np.concatenate([self.q[rows], self.v[rows], z], axis=1)
+
+    def _rows(self, members: np.ndarray) -> np.ndarray | slice:
+        """Return some members, in the order of their numbers, as rows of a table: all of them without a copy."""
+        return slice(None) if len(members) == len(self) else members
 
     def p_robot(self, members: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the robot's parameters (1, np) or of some members (M, np)."""
@@ -67,7 +71,7 @@ class Members:
         acting = self.system.acting
         joined = acting is not None and (acting.timed or acting.references)
         if isinstance(self.forces, np.ndarray) and not joined:
-            return self.forces[members]
+            return self.forces[self._rows(members)]
         return [self.signal(i) for i in members]
 
     def signal(self, member: int) -> Signal:

@@ -7,7 +7,7 @@ ends, where registers run empty, cost little, and short enough that all threads 
 import math
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from linkwork.simulation.signals import Sampled, Signal, as_signal, require_incr
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
 
-LARGEST_CHUNK = 1024
+LARGEST_CHUNK = 2048
 CHUNKS_PER_THREAD = 4
 GLANCE = 0.05  # time between two looks at how far the threads are [s]
 
@@ -239,7 +239,7 @@ def _watch(futures: Sequence[Future], report: Callable[[], None]) -> None:
     """Wait until all is done, and report now and then."""
     left = set(futures)
     while left:
-        left = wait(left, timeout=GLANCE, return_when=FIRST_COMPLETED).not_done
+        left = wait(left, timeout=GLANCE).not_done
         report()
 
 
