@@ -30,7 +30,6 @@ from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.observing import observation
 from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
-from linkwork.simulation.integrate import ROUNDING
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -202,8 +201,8 @@ def require_cover(references: Sequence[Reference], span: tuple[float, float]) ->
     """Refuse signals that do not cover a span [s]; tell what reads them."""
     start, stop = span
     for signal, _, what in references:
-        first, last = signal.span
-        if start < first or stop > last + ROUNDING * (stop - start):
+        if not signal.covers(start, stop):
+            first, last = signal.span
             raise LinkworkError(
                 f"{what} reads a signal from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s; "
                 "give samples for the whole run"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 from linkwork.simulation.events import Control, Events, Occurrences, Pace
 from linkwork.simulation.rosenbrock import Rosenbrock
-from linkwork.simulation.signals import Sampled, Signal, as_signal, require_increasing
+from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, RK4, SymplecticEuler, Tableau
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 Method = Tableau | Rosenbrock | RK4 | SymplecticEuler
 NO_CONDITIONS = np.empty((0, 2))
-ROUNDING = 1e-9  # how far a time may lie beyond the end of a run, relative to the duration, and still count as the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +208,12 @@ def integrate(
         raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
     stop = start + duration
     signal = as_signal(forces)
-    _require_cover(signal, start, stop)
+    require_cover("the forces", signal, start, stop)
     q, v = _vector("q", q), _vector("v", v)
     y = np.concatenate((q, v))
     if not y.size:
         raise LinkworkError("there is nothing to integrate: q and v are both empty")
-    times = np.empty(0) if save_at is None else _times_within(save_at, start, stop)
+    times = np.empty(0) if save_at is None else times_within(save_at, start, stop)
     stiff = isinstance(method, Rosenbrock)
     native, loop = _compiled(stiff)
     pace = _pace(first_step if method.step is None else method.step, loop.LARGEST_FACTOR)
@@ -231,7 +230,7 @@ def integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
         *method.plan,
-        _tolerances(rtol, atol, y.size), pivot_bound, closure_tol,
+        tolerances(rtol, atol, y.size), pivot_bound, closure_tol,
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
         held, period, next_sample, conditions, facts,
     )  # fmt: skip
@@ -287,7 +286,7 @@ def _vector(what: str, values: ArrayLike) -> np.ndarray:
     return vector
 
 
-def _tolerances(rtol: ArrayLike, atol: ArrayLike, n: int) -> np.ndarray:
+def tolerances(rtol: ArrayLike, atol: ArrayLike, n: int) -> np.ndarray:
     """Return rtol and atol (2, n) for each of the n components."""
     table = np.empty((2, n))
     table[0], table[1] = _tolerance("rtol", rtol, n), _tolerance("atol", atol, n)
@@ -307,7 +306,7 @@ def _tolerance(name: str, value: ArrayLike, n: int) -> ArrayLike:
     return given
 
 
-def _times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
+def times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
     """Return the times to save at, (K,); a last one that lies beyond the end by rounding only is the end."""
     times = _vector("save_at", save_at)
     require_increasing("the times in save_at", times)
@@ -322,11 +321,12 @@ def _times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
     return times if last <= stop else np.minimum(times, stop)
 
 
-def _require_cover(signal: Signal, start: float, stop: float) -> None:
-    first, last = signal.span
-    if start < first or stop > last + ROUNDING * (stop - start):
+def require_cover(what: str, signal: Signal, start: float, stop: float) -> None:
+    """Refuse forces that are not known over the whole run."""
+    if not signal.covers(start, stop):
+        first, last = signal.span
         raise LinkworkError(
-            f"the forces are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s:"
+            f"{what} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s:"
             " give samples for the whole run"
         )
 

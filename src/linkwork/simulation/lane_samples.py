@@ -26,7 +26,6 @@ from linkwork.simulation.lane_steps import (
     TIME,
     WANTED,
     combine,
-    move,
     project,
 )
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded
@@ -34,17 +33,23 @@ from linkwork.simulation.vectors import LANES, address, call_batch, load, splat,
 
 
 @njit(forceinline=True, **OPTIONS)
+def within(lane, save_at, now, tally):
+    """Tell whether a lane wants a sample inside its step, not at the end of it."""
+    return now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] < now[ARRIVAL, lane]
+
+
+@njit(forceinline=True, **OPTIONS)
 def want_samples(save_at, now, tally):
     """Mark the lanes with a sample to take in their accepted steps, and where; return how many, and how many within."""
-    wanted, within = 0, 0
+    wanted, inside = 0, 0
     for lane in range(LANES):
         row = tally[REACHED, lane]
         wants = now[ACCEPTS, lane] > 0 and row < save_at.size and save_at[row] <= now[ARRIVAL, lane]
         now[WANTED, lane] = 1.0 if wants else 0.0
         now[THETA, lane] = (save_at[row] - now[TIME, lane]) / now[STEP, lane] if wants else 1.0
         wanted += wants
-        within += wants and save_at[row] < now[ARRIVAL, lane]
-    return wanted, within
+        inside += within(lane, save_at, now, tally)
+    return wanted, inside
 
 
 @njit(**OPTIONS)
@@ -56,9 +61,10 @@ def extend(
     x is left as it was: the new state, under the inputs at its end.
     """
     n = y.shape[0]
-    move(address(x), 0, address(sample), n, splat(1.0) <= splat(0.0))
+    for m in range(n):
+        store(sample, m, load(x, m))
     for lane in range(LANES):
-        if now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] < now[ARRIVAL, lane]:
+        if within(lane, save_at, now, tally):
             tally[EVALUATIONS, lane] += method.stages - method.computed
     for i in range(method.computed, method.stages):
         combine(method.a + i * method.stages, i, n, address(now), address(y), address(k), address(x))
@@ -67,15 +73,12 @@ def extend(
         call_batch(motion, x, k, i * (n + 1))
         for lane in range(LANES):
             pivot = k[i * (n + 1) + n, lane]
-            if (
-                now[WANTED, lane] > 0
-                and save_at[tally[REACHED, lane]] < now[ARRIVAL, lane]
-                and not pivot >= pivot_bound
-            ):
+            if within(lane, save_at, now, tally) and not pivot >= pivot_bound:
                 now[ACCEPTS, lane], now[WANTED, lane] = 0.0, 0.0
                 tally[AILMENT, lane] = NON_FINITE if math.isnan(pivot) else SINGULAR
                 now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
-    move(address(sample), 0, address(x), n, splat(1.0) <= splat(0.0))
+    for m in range(n):
+        store(x, m, load(sample, m))
     if timed:
         set_forces(1.0, starts, coefficients, pieces, x, n, now, tally)
 

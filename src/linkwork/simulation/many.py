@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation.integrate import ROUNDING
-from linkwork.simulation.signals import Sampled, Signal, as_signal, require_increasing
+from linkwork.simulation.integrate import require_cover, times_within, tolerances
+from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
 
@@ -166,13 +166,11 @@ def integrate_many(
         raise LinkworkError(f"the states have the shape {states.shape}: give a row for each member")
     members, n = states.shape
     given, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
-    _require_cover(inputs, start, stop)
-    times = _times(save_at, start, stop)
+    _require_covers(inputs, start, stop)
+    times = times_within(np.atleast_1d(save_at), start, stop)
     if max_steps < 1:
         raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
-    tolerance = np.stack([np.broadcast_to(np.asarray(given, float), n) for given in (rtol, atol)])
-    if not ((tolerance > 0) & (tolerance < math.inf)).all():
-        raise LinkworkError(f"rtol and atol must be positive and finite, not {rtol} and {atol}")
+    tolerance = tolerances(rtol, atol, n)
     threads = threads or usable_processors()
 
     from linkwork.simulation import lanes
@@ -253,30 +251,10 @@ def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:
     return table
 
 
-def _times(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
-    """Return the times to save at; a last one that lies beyond the end by rounding only is the end."""
-    times = np.array(save_at, dtype=float, ndmin=1)
-    if times.ndim != 1 or not np.isfinite(times).all():
-        raise LinkworkError(f"save_at is {save_at!r}: give a list of finite times")
-    require_increasing("the times in save_at", times)
-    if times.size and (times[0] < start or times[-1] > stop + ROUNDING * (stop - start)):
-        raise LinkworkError(
-            f"the times in save_at run from {times[0]:g} s to {times[-1]:g} s: give times within the run,"
-            f" from {start:g} s to {stop:g} s"
-        )
-    return np.minimum(times, stop)
-
-
-def _require_cover(inputs: object, start: float, stop: float) -> None:
-    signals = inputs if isinstance(inputs, Sequence) else [inputs]
-    for i, signal in enumerate(signals):
-        signal = as_signal(signal) if isinstance(signal, Sampled) else signal
-        if not isinstance(signal, Signal):
-            continue
-        first, last = signal.knots[0], signal.knots[-1]
-        if start < first or stop > last + ROUNDING * (stop - start):
-            which = f" of member {i}" if isinstance(inputs, Sequence) else ""
-            raise LinkworkError(
-                f"the forces{which} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} s to"
-                f" {stop:g} s: give samples for the whole run"
-            )
+def _require_covers(inputs: object, start: float, stop: float) -> None:
+    """Refuse signals that do not cover the run."""
+    if isinstance(inputs, Sampled | Signal):
+        require_cover("the forces", as_signal(inputs), start, stop)
+    for i, signal in enumerate(inputs if isinstance(inputs, Sequence) else ()):
+        if isinstance(signal, Sampled | Signal):
+            require_cover(f"the forces of member {i}", as_signal(signal), start, stop)

@@ -17,6 +17,7 @@ from linkwork.errors import LinkworkError
 
 Kind = Literal["spline", "linear", "hold"]
 SMOOTH = 1e-9  # jump of a value or slope, relative to the largest one, that is rounding
+ROUNDING = 1e-9  # how far a time may lie beyond the end of a run, relative to the duration, and still count as the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,11 @@ class Signal:
     def span(self) -> tuple[float, float]:
         """The first and the last time that it is known at, in s."""
         return float(self.knots[0]), float(self.knots[-1])
+
+    def covers(self, start: float, stop: float) -> bool:
+        """Tell whether it is known from start to stop, in s; by rounding only it may end before."""
+        first, last = self.span
+        return start >= first and stop <= last + ROUNDING * (stop - start)
 
     def __call__(self, t: Any) -> np.ndarray:
         """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape (*t.shape, nu).
