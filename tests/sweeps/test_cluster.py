@@ -37,7 +37,7 @@ def process(*words: object):
 
 
 def listening(port: int) -> None:
-    for _ in range(600):
+    for _ in range(6000):
         with socket.socket() as probe:
             if probe.connect_ex(("127.0.0.1", port)) == 0:
                 return
@@ -72,7 +72,7 @@ def wanted(tmp_path_factory):
 
 
 def until(condition, run):
-    for _ in range(6000):
+    for _ in range(60_000):
         if condition():
             return
         assert not run.done(), run.exception()

@@ -21,7 +21,7 @@ def undisturbed(tmp_path_factory):
     return path, results(folder / "out")
 
 
-def wait_for(condition, process, seconds=60):
+def wait_for(condition, process, seconds=300):
     end = time.monotonic() + seconds
     while not condition():
         assert process.poll() is None, process.communicate()
@@ -43,7 +43,7 @@ def test_interrupted_again_and_again(undisturbed, tmp_path):
         process, known = command(path, "--out", tmp_path), len(before)
         wait_for(lambda known=known: finished(tmp_path).sum() > known + 1, process)
         process.send_signal(how)
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
         assert process.returncode == status
         after = stamps(tmp_path)
         assert len(before) < len(after) < finished(tmp_path).size

@@ -161,7 +161,7 @@ def test_a_disk_that_is_really_full(tmp_path):
     file(tmp_path)
     (tmp_path / "disk").mkdir()
     words = ["unshare", "-rm", "sh", "-c", SMALL_DISK, "sh", str(tmp_path / "disk"), sys.executable]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     if done.returncode in (1, 77) and "status" not in done.stdout:
         pytest.skip(f"no file system of our own: {done.stderr}")
     sentences = [line for line in done.stderr.splitlines() if "space left" in line]

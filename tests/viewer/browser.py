@@ -22,7 +22,7 @@ def launch(playwright):
     return playwright.chromium.launch(executable_path=found, args=list(FLAGS))
 
 
-def until(true: Callable[[], object], seconds: float = 30.0) -> None:
+def until(true: Callable[[], object], seconds: float = 120.0) -> None:
     """Wait until something is true."""
     end = monotonic() + seconds
     while not true():

@@ -44,6 +44,7 @@ class Browser:
         self.page.on("console", lambda message: message.type == "error" and self.wrong.append(message.text))
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("dialog", lambda dialog: (self.wrong.append(dialog.message), dialog.dismiss()))
+        self.page.set_default_timeout(120_000)
         self.page.goto(viewer.url)
         self.page.wait_for_selector("[data-linkwork=facts]")
         until(lambda: set(viewer.server.get_clients()) - before)
