@@ -48,14 +48,14 @@ def size(equations: Equations) -> Size:
     """Count what forward dynamics takes in these equations."""
     traced, machine = functions.motion(equations), this_machine()
     program = simplify(trace(traced))
-    batch = listing(program, machine, vector=True)
+    batch = listing(program, machine, "batch")
     return Size(
         traced=traced.n_instructions(),
         operations=program.operations,
-        one=instruction_count(listing(program, machine, vector=False)),
+        one=instruction_count(listing(program, machine, "one")),
         batch=instruction_count(batch),
         lanes=machine.lanes,
-        wide=instruction_count(listing(program, AVX512, vector=True)),
+        wide=instruction_count(listing(program, AVX512, "batch")),
         flops=floating_point_operations(batch),
     )
 

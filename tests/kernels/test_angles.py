@@ -11,7 +11,7 @@ import pytest
 
 from linkwork.kernels import elementary
 from linkwork.kernels.compile import Code, object_code
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.emit import ABREAST, FUNCTIONS, Kind, module_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import trace
 
@@ -21,15 +21,14 @@ STATES = 16
 
 
 @cache
-def compiled(machine: Machine, n: int, vector: bool) -> Callable[[np.ndarray], np.ndarray]:
+def compiled(machine: Machine, n: int, kind: Kind) -> Callable[[np.ndarray], np.ndarray]:
     """Return the function of angles (states, n) to their sines and cosines (states, 2 n), by a program for n angles."""
     x = ca.SX.sym("x", n)
     program = trace(ca.Function("f", [x], [ca.sin(x), ca.cos(x)]))
-    name = "batch" if vector else "one"
-    code = Code(object_code(module_text(program, machine, vector), machine), (name,))
-    lanes = machine.lanes if vector else 1
-    counted = [ctypes.c_int64] if vector else []
-    function = ctypes.CFUNCTYPE(None, *counted, ctypes.c_void_p, ctypes.c_void_p)(code.addresses[name])
+    code = Code(object_code(module_text(program, machine, kind), machine), (kind,))
+    lanes = {"one": 1, "batch": machine.lanes, "wide": ABREAST * machine.lanes}[kind]
+    counted = [ctypes.c_int64] if kind == "batch" else []
+    function = ctypes.CFUNCTYPE(None, *counted, ctypes.c_void_p, ctypes.c_void_p)(code.addresses[kind])
 
     def sines_and_cosines(angles: np.ndarray) -> np.ndarray:
         states = len(angles)
@@ -37,10 +36,10 @@ def compiled(machine: Machine, n: int, vector: bool) -> Callable[[np.ndarray], n
         memory = memory[-memory.ctypes.data % 64 // 8 :][: 3 * states * n]
         inputs, outputs = memory[: states * n], memory[states * n :]
         inputs[:] = angles.reshape(-1, lanes, n).transpose(0, 2, 1).ravel()
-        if vector:
+        if kind == "batch":
             function(states // lanes, inputs.ctypes.data, outputs.ctypes.data)
         else:
-            for k in range(states):
+            for k in range(0, states, lanes):
                 function(inputs.ctypes.data + 8 * k * n, outputs.ctypes.data + 16 * k * n)
         assert code.addresses
         return outputs.reshape(-1, 2 * n, lanes).transpose(0, 2, 1).reshape(states, 2 * n)
@@ -56,9 +55,10 @@ def test_one_state_and_many_in_place_and_by_call_give_the_same_bits(machine: Mac
     for k, value in enumerate([1.0, *odd]):
         angles = np.random.default_rng(k).normal(scale=10, size=(STATES, n))
         angles[5, n // 2] = value
-        one, batch = (compiled(machine, n, vector)(angles) for vector in (False, True))
-        alone = compiled(machine, 1, True)(angles[:, n // 2, None])
+        one, batch, wide = (compiled(machine, n, kind)(angles) for kind in FUNCTIONS)
+        alone = compiled(machine, 1, "batch")(angles[:, n // 2, None])
         np.testing.assert_array_equal(one, batch)
+        np.testing.assert_array_equal(one, wide)
         np.testing.assert_array_equal(one[:, [n // 2, n + n // 2]], alone)
         exact = np.hstack([np.vectorize(_or_nan(math.sin))(angles), np.vectorize(_or_nan(math.cos))(angles)])
         np.testing.assert_array_equal(np.isnan(one), np.isnan(exact))

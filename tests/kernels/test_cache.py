@@ -72,15 +72,19 @@ def test_one_state_and_many_are_compiled_when_they_are_first_needed(folder: Path
     assert only_batches.batch_address
     assert only_batches.operations == 2
     assert entries(folder) == 3
+    assert only_batches.wide_address
+    assert entries(folder) == 4
 
 
-def test_the_program_is_made_once_for_both_and_not_at_all_from_the_cache(folder: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_program_is_made_once_for_all_kinds_and_not_at_all_from_the_cache(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
     traced = []
     trace = kernel_module.trace
     monkeypatch.setattr(kernel_module, "trace", lambda f: traced.append(f) or trace(f))
     for _ in range(2):
         kernel = compile_function(simple())
-        assert kernel.address and kernel.batch_address and kernel.operations == 2
+        assert kernel.address and kernel.batch_address and kernel.wide_address and kernel.operations == 2
         assert len(traced) == 1
 
 
@@ -142,14 +146,14 @@ def test_the_key_separates_its_parts():
 DIGEST = """
 import hashlib
 from linkwork.kernels import cache
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.emit import FUNCTIONS, module_text
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import trace
 from linkwork.kernels.simplify import simplify
 from tests.kernels.graphs import random_function
 for f in (random_function(1), random_function(1, 5000)):
-    for vector in (False, True):
-        print(hashlib.sha256(module_text(simplify(trace(f)), this_machine(), vector).encode()).hexdigest())
+    for kind in FUNCTIONS:
+        print(hashlib.sha256(module_text(simplify(trace(f)), this_machine(), kind).encode()).hexdigest())
 print(cache.key(f.serialize(), this_machine().identity))
 """
 

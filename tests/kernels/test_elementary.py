@@ -41,7 +41,7 @@ def sine_and_cosine(machine: Machine, x: np.ndarray) -> np.ndarray:
     """Return sin x and cos x by the code for blocks on that machine, shape (2, n)."""
     angle = ca.SX.sym("x")
     program = trace(ca.Function("f", [angle], [ca.sin(angle), ca.cos(angle)]))
-    code = Code(object_code(module_text(program, machine, vector=True), machine), ("batch",))
+    code = Code(object_code(module_text(program, machine, "batch"), machine), ("batch",))
     batch = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(code.addresses["batch"])
     blocks = -(-len(x) // machine.lanes)
     memory = np.zeros(3 * blocks * machine.lanes + 16)

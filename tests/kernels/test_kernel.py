@@ -10,6 +10,7 @@ import pytest
 
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, KernelError, compile_function, sections
+from linkwork.kernels.emit import FUNCTIONS
 
 from tests.kernels.graphs import BINARY, UNARY, evaluate, random_function
 
@@ -188,8 +189,8 @@ def test_large_functions_agree_with_casadi(seed: int, monkeypatch: pytest.Monkey
     f = random_function(seed, 1000)
     kernel = compile_function(f)
     assert kernel.operations > 1500
-    for vector in (False, True):
-        assert kernel.instruction_count(vector) > kernel.operations / 2
+    for kind in FUNCTIONS:
+        assert kernel.instruction_count(kind) > kernel.operations / 2
     batch = states(kernel, kernel.lanes + 1, seed=seed)
     batch[0][1, 0] = 1e10
     results = kernel(*batch)
@@ -215,6 +216,26 @@ def test_the_addresses_are_c_functions():
             one(state.ctypes.data, result.ctypes.data)
             np.testing.assert_array_equal(y[block, :, lane], result)
             assert_close(result, np.concatenate(evaluate(f, *np.split(state, [4, 8]))))
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_states_side_by_side(large: bool, monkeypatch: pytest.MonkeyPatch):
+    """What is computed of each state is what is computed of it alone, sections that are functions included."""
+    if large:
+        monkeypatch.setattr(sections, "_LARGE", 1000)
+    f = random_function(8, 1000 if large else 60)
+    kernel = compile_function(f)
+    one = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.address)
+    wide = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.wide_address)
+    lanes = kernel.abreast * kernel.lanes
+    x, y = _aligned(kernel.n_in, lanes), _aligned(kernel.n_out, lanes)
+    x[...] = np.random.default_rng(0).normal(size=x.shape)
+    x[0, 1] = 1e10
+    wide(x.ctypes.data, y.ctypes.data)
+    for lane in range(lanes):
+        state, result = np.ascontiguousarray(x[:, lane]), np.empty(kernel.n_out)
+        one(state.ctypes.data, result.ctypes.data)
+        np.testing.assert_array_equal(y[:, lane], result)
 
 
 def _aligned(*shape: int) -> np.ndarray:
@@ -267,10 +288,10 @@ def test_machine_code_can_be_read_and_counted():
     x = ca.SX.sym("x", 3)
     kernel = compile_function(ca.Function("f", [x], [x[0] * x[1] + x[2]]))
     assert kernel.operations == 2
-    for vector in (False, True):
-        assert "\tret" in kernel.assembly(vector)
-        assert 3 <= kernel.instruction_count(vector) <= 30
-    assert kernel.instruction_count(True) > kernel.instruction_count(False)
+    for kind in FUNCTIONS:
+        assert "\tret" in kernel.assembly(kind)
+        assert 3 <= kernel.instruction_count(kind) <= 30
+    assert kernel.instruction_count("batch") > kernel.instruction_count("one")
 
 
 x, y = ca.SX.sym("x", 2), ca.SX.sym("y")

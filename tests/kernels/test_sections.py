@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linkwork.kernels import sections
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.emit import FUNCTIONS, module_text
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program, trace
 from linkwork.kernels.sections import planned
@@ -81,9 +81,9 @@ def test_a_large_program_is_compiled_in_pieces_and_a_small_one_is_not():
     machine = this_machine()
     for operations, pieces in ((60, 0), (5000, 10)):
         program = simplify(trace(random_function(0, operations)))
-        for vector in (False, True):
-            functions = module_text(program, machine, vector).split("\ndefine ")[1:]
-            parts = [text for text in functions if text.startswith(("internal void @one.", "internal void @batch."))]
+        for kind in FUNCTIONS:
+            functions = module_text(program, machine, kind).split("\ndefine ")[1:]
+            parts = [text for text in functions if text.startswith(f"internal void @{kind}.")]
             assert len(parts) >= pieces and bool(parts) == bool(pieces)
             lines = [text.count(" = f") + text.count(" = call contract") for text in functions]
             assert pieces == 0 or max(lines) <= 1.5 * STRETCH

@@ -21,22 +21,21 @@ USUAL = pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART], ids=lam
 
 
 @cache
-def batched(kernel, n_in, n_out):
-    """Return the kernel for blocks of LANES states that does in each lane what a kernel for one state does."""
+def widened(kernel, n_in, n_out):
+    """Return the kernel for LANES states side by side that does in each lane what a kernel for one state does."""
     body = njit(error_model="numpy")(kernel.__wrapped__)
 
-    @cfunc(types.void(types.int64, NUMBERS, NUMBERS), error_model="numpy")
-    def batch(blocks, x, out):
+    @cfunc(types.void(NUMBERS, NUMBERS), error_model="numpy")
+    def wide(x, out):
         one, result = np.empty(n_in), np.empty(n_out)
-        for block in range(blocks):
-            for lane in range(LANES):
-                for m in range(n_in):
-                    one[m] = x[(block * n_in + m) * LANES + lane]
-                body(one, result)
-                for m in range(n_out):
-                    out[(block * n_out + m) * LANES + lane] = result[m]
+        for lane in range(LANES):
+            for m in range(n_in):
+                one[m] = x[m * LANES + lane]
+            body(one, result)
+            for m in range(n_out):
+                out[m * LANES + lane] = result[m]
 
-    return batch
+    return wide
 
 
 def many(motion, y, inputs=(), p=(), closure=None, nq=1, duration=1.0, **options):
@@ -45,9 +44,9 @@ def many(motion, y, inputs=(), p=(), closure=None, nq=1, duration=1.0, **options
     signal = inputs if not isinstance(inputs, list) else inputs[0]
     nu = as_signal(signal).coefficients.shape[2] if not isinstance(signal, np.ndarray) else signal.shape[-1]
     n = y.shape[-1]
-    batch = batched(motion, n + nu + table.shape[1], n + 1)
-    lock = batched(closure, nq + table.shape[1], nq + 1).address if closure else None
-    return integrate_many(batch.address, lock, y, inputs, p, nq=nq, duration=duration, **options)
+    wide = widened(motion, n + nu + table.shape[1], n + 1)
+    lock = widened(closure, nq + table.shape[1], nq + 1).address if closure else None
+    return integrate_many(wide.address, lock, y, inputs, p, nq=nq, duration=duration, **options)
 
 
 def alone(motion, y, inputs=(), p=(), closure=None, nq=1, duration=1.0, save_at=(), **options):

@@ -90,7 +90,7 @@ def kernel_facts(robot: Robot, name: str) -> dict[str, Any]:
         "inputs": {name: size for name, size in kernel.inputs if size},
         "outputs": dict(kernel.outputs),
         "operations": kernel.operations,
-        "instructions": kernel.instruction_count(vector=True),
+        "instructions": kernel.instruction_count("batch"),
         "lanes": kernel.lanes,
     }
 

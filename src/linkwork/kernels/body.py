@@ -32,14 +32,16 @@ class Body:
     """The code of sections, which reads %in and writes %out: values by position, as numbers or as truths, made when needed.
 
     What other sections compute is read from the slots at `source`; what they need is written to the slots at `target`.
+    So many vectors lie `abreast` in a row of %in and of %out.
     """
 
-    def __init__(self, lines: Lines, program: Program, plan: Plan, source: str, target: str):
+    def __init__(self, lines: Lines, program: Program, plan: Plan, source: str, target: str, abreast: int):
         self.lines = lines
         self.nodes = program.nodes
         self.plan = plan
         self.source = source
         self.target = target
+        self.abreast = abreast
         self._numbers: dict[int, str] = {}
         self._truths: dict[int, str] = {}
         self._turned: dict[int, tuple[str, str]] = {}
@@ -53,7 +55,7 @@ class Body:
                 self.lines.store(self.number(k), self.target, self.plan.kept[k])
         results = {place: k for k in section.nodes for place in self.plan.places.get(k, ())}
         for place in sorted(results):
-            self.lines.store(self.number(results[place]), "%out", place)
+            self.lines.store(self.number(results[place]), "%out", place * self.abreast)
 
     def turn(self, angle: int, sine: str, cosine: str) -> None:
         """Take the names of the sine and the cosine of the angle at that position."""
@@ -79,7 +81,7 @@ class Body:
     def _fetched(self, k: int) -> str:
         op, args, value = self.nodes[k]
         if op == "input":
-            return self.lines.load("%in", int(value))
+            return self.lines.load("%in", int(value) * self.abreast)
         if op not in ("sin", "cos"):
             return self.lines.load(self.source, self.plan.kept[k])
         if args[0] in self._turned:

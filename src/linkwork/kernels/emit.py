@@ -1,12 +1,18 @@
-"""A program written as LLVM instructions: a module for one state, and a module for blocks of them.
+"""A program written as LLVM instructions: a module for one state, one for blocks of them, and one for states side by side.
 
     void one(const double* in, double* out)
     void batch(int64_t blocks, const double* in, double* out)    in[block][n_in][lanes], out[block][n_out][lanes]
+    void wide(const double* in, double* out)                     in[n_in][ABREAST * lanes], out[n_out][ABREAST * lanes]
 
-Both come from the same walk over the program's sections, for double and for <lanes x double>: straight-line code, but for the
+All come from the same walk over the program's sections, for double and for <lanes x double>: straight-line code, but for the
 sines and cosines at the sections' ends (`angles`). The sections of a large program are functions of their own. Functions that
 are not inlined are calls of the C library, lane by lane. The second module holds `rows` as well, which uses `batch`.
+
+`wide` does one vector of states after the other, as `batch` does: the processor begins the next one while it waits for the
+last results of the one before. A loop that needs all results before it can go on gains by that.
 """
+
+from typing import Literal
 
 from linkwork.kernels import angles
 from linkwork.kernels.body import LIBRARY, Body
@@ -16,64 +22,78 @@ from linkwork.kernels.program import Program
 from linkwork.kernels.rows import rows_text
 from linkwork.kernels.sections import Plan, Section, planned
 
+Kind = Literal["one", "batch", "wide"]
+
+ABREAST = 2  # vectors of states that `wide` evaluates
+FUNCTIONS: dict[Kind, tuple[str, ...]] = {"one": ("one",), "batch": ("batch", "rows"), "wide": ("wide",)}
+
 _INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull writeonly {}"
 
 
-def module_text(program: Program, machine: Machine, vector: bool) -> str:
-    """Return the LLVM module of a program with the functions `batch` and `rows` (vector), or with the function `one`."""
+def module_text(program: Program, machine: Machine, kind: Kind) -> str:
+    """Return the LLVM module of a program with the FUNCTIONS of its kind."""
     called = {node.op for node in program.nodes if node.op in LIBRARY}
     if called & {"sin", "cos"}:
         called |= {"sin", "cos"}
     parts = [f"declare double @{name}({', '.join(['double'] * LIBRARY[name])})" for name in sorted(called)]
     if "sin" in called:
         parts.append(angles.sines_and_cosines_text(machine))
-    if vector:
-        parts += [_lane_by_lane(name, machine) for name in sorted(called - {"sin", "cos"})]
-        parts += [*_batch(program, machine), rows_text(program, machine.lanes)]
-    else:
+    if kind == "one":
         parts += _one(program, machine)
+    else:
+        parts += [_lane_by_lane(name, machine) for name in sorted(called - {"sin", "cos"})]
+        parts += _vectors(program, machine, kind)
+    if kind == "batch":
+        parts.append(rows_text(program, machine.lanes))
     return "\n\n".join(parts) + "\n"
 
 
 def _one(program: Program, machine: Machine) -> list[str]:
     lines = Lines(1, _table("one", machine))
-    parts = _evaluation("one", lines, program, machine)
+    parts = _evaluation("one", lines, program, machine, 1)
     lines.do("ret void")
     head = f"void @one({_INOUT.format('%in', '%out')}) {machine.attributes}"
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
-def _batch(program: Program, machine: Machine) -> list[str]:
-    lines = Lines(machine.lanes, _table("batch", machine))
-    lines.do("%some = icmp sgt i64 %blocks, 0")
+def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
+    """Return `batch`, whose blocks lie one after the other, or `wide`, whose rows hold the vectors side by side."""
+    wide = kind == "wide"
+    count, abreast, steps = (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
+    lines = Lines(machine.lanes, _table(kind, machine))
+    lines.do(f"%some = icmp sgt i64 {count}, 0")
     lines.do("br i1 %some, label %block, label %done")
     lines.label("block")
-    lines.do("%left = phi i64 [ %blocks, %entry ], [ %left.next, %next ]")
+    lines.do(f"%left = phi i64 [ {count}, %entry ], [ %left.next, %next ]")
     lines.do("%in = phi ptr [ %in.first, %entry ], [ %in.next, %next ]")
     lines.do("%out = phi ptr [ %out.first, %entry ], [ %out.next, %next ]")
-    parts = _evaluation("batch", lines, program, machine)
+    parts = _evaluation(kind, lines, program, machine, abreast)
     lines.do("br label %next")
     lines.label("next")
-    lines.do(f"%in.next = getelementptr inbounds {lines.number}, ptr %in, i64 {program.n_in}")
-    lines.do(f"%out.next = getelementptr inbounds {lines.number}, ptr %out, i64 {program.n_out}")
+    lines.do(f"%in.next = getelementptr inbounds {lines.number}, ptr %in, i64 {steps[0]}")
+    lines.do(f"%out.next = getelementptr inbounds {lines.number}, ptr %out, i64 {steps[1]}")
     lines.do("%left.next = add nsw i64 %left, -1")
     lines.do("%more = icmp ne i64 %left.next, 0")
     lines.do("br i1 %more, label %block, label %done")
     lines.label("done")
     lines.do("ret void")
-    head = f"void @batch(i64 %blocks, {_INOUT.format('%in.first', '%out.first')}) {machine.attributes}"
+    blocks = "" if wide else "i64 %blocks, "
+    head = f"void @{kind}({blocks}{_INOUT.format('%in.first', '%out.first')}) {machine.attributes}"
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
-def _evaluation(name: str, lines: Lines, program: Program, machine: Machine) -> list[str]:
-    """Append the evaluation of a program, from %in to %out, to a function; return the definitions that this needs besides."""
+def _evaluation(name: str, lines: Lines, program: Program, machine: Machine, abreast: int) -> list[str]:
+    """Append the evaluation of a program, from %in to %out, to a function; return the definitions that this needs besides.
+
+    abreast: the vectors that lie side by side in %in and %out, of which the first is meant.
+    """
     plan = planned(program, machine.lanes // lines.width)
     if plan.slots:
         lines.text.insert(1, f"%kept = alloca [{plan.slots} x {lines.number}], align 64")
     if plan.apart:
-        return _in_functions(name, lines, program, plan, machine)
+        return _in_functions(name, lines, program, plan, machine, abreast)
     wide = lines if lines.width > 1 else lines.of_width(machine.lanes, _table(f"{name}.angles", machine))
-    body = Body(lines, program, plan, "%kept", "%kept")
+    body = Body(lines, program, plan, "%kept", "%kept", abreast)
     for section in plan.sections:
         body.add(section)
         if section.vectors:
@@ -81,13 +101,13 @@ def _evaluation(name: str, lines: Lines, program: Program, machine: Machine) -> 
     return [] if wide is lines else [wide.table_text()]
 
 
-def _in_functions(name: str, lines: Lines, program: Program, plan: Plan, machine: Machine) -> list[str]:
+def _in_functions(name: str, lines: Lines, program: Program, plan: Plan, machine: Machine, abreast: int) -> list[str]:
     """Append the calls of the sections as functions, and return these."""
     wide = lines.of_width(machine.lanes)
     parts = []
     for k, section in enumerate(plan.sections):
         part = Lines(lines.width, _table(f"{name}.{k}", machine))
-        body = Body(part, program, plan, "%source", "%target")
+        body = Body(part, program, plan, "%source", "%target", abreast)
         body.add(section)
         _keep_angles(body, section, machine)
         part.do("ret void")

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from linkwork.kernels.emit import ABREAST, Kind
 from linkwork.kernels.listing import instruction_count, listing
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.module import Module, load
@@ -27,7 +28,8 @@ def compile_function(f: ca.Function) -> "Kernel":
 
     Inputs and outputs of any number and shape, dense or sparse, become flat vectors: each dense and column-major, one after the
     other. Every operation of SX graphs is compiled but for `erfinv`, `printme` and calls of functions that are not inlined.
-    The code for one state and the code for many at a time are separate: a process that needs one does not wait for the other.
+    The code for one state, for blocks of states and for states side by side is separate: a process that needs one kind does not
+    wait for the others.
 
     f: the function; it has no free variables.
     Returns the kernel.  Raises KernelError naming what cannot be compiled.
@@ -43,10 +45,13 @@ class Kernel:
     name: the function's.  inputs, outputs: (name, number of doubles) of each argument and result, in order.
     n_in, n_out: number of doubles of all inputs and of all outputs.
     operations: number of arithmetic operations of one evaluation, each +, -, *, /, sqrt, sin, ... counting one.
-    lanes: states in one vector register.
+    lanes: states in one vector register.  abreast: vector registers of states that the code for a loop evaluates together.
     address: of void(const double* in, double* out), which evaluates one state.
     batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of `lanes` states, laid out
     `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned to 64 bytes.
+    wide_address: of void(const double* in, double* out), which evaluates `abreast` x `lanes` states, laid out
+    `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned to 64 bytes: for loops whose next states need
+    the results of these.
     from_cache: whether all machine code so far was found in the cache.  compile_seconds: the time it took to get it, in s.
 
     `in` and `out` may not overlap. The functions hold no state and may be called by any number of threads at a time; they are
@@ -60,7 +65,8 @@ class Kernel:
         self.n_in = sum(size for _, size in self.inputs)
         self.n_out = sum(size for _, size in self.outputs)
         self.lanes = this_machine().lanes
-        self._modules: dict[bool, Module] = {}
+        self.abreast = ABREAST
+        self._modules: dict[Kind, Module] = {}
         self._lock = threading.Lock()
         self._buffers = _Buffers(self.inputs, self.outputs, self.lanes)
         self._shapes = tuple((size,) for _, size in self.inputs)
@@ -84,11 +90,15 @@ class Kernel:
 
     @cached_property
     def address(self) -> int:
-        return self._module(vector=False).addresses["one"]
+        return self._module("one").addresses["one"]
 
     @cached_property
     def batch_address(self) -> int:
-        return self._module(vector=True).addresses["batch"]
+        return self._module("batch").addresses["batch"]
+
+    @cached_property
+    def wide_address(self) -> int:
+        return self._module("wide").addresses["wide"]
 
     @property
     def operations(self) -> int:
@@ -137,13 +147,13 @@ class Kernel:
         self._one(x_address, y_address)
         return y.copy()
 
-    def assembly(self, vector: bool) -> str:
-        """Return the assembly of the function for blocks of states (vector) or for one state."""
-        return listing(self._program, this_machine(), vector)
+    def assembly(self, kind: Kind) -> str:
+        """Return the assembly of the function for one state, for blocks of states, or for states side by side."""
+        return listing(self._program, this_machine(), kind)
 
-    def instruction_count(self, vector: bool) -> int:
-        """Return the number of machine instructions of the function for blocks of states (vector) or for one state."""
-        return instruction_count(self.assembly(vector))
+    def instruction_count(self, kind: Kind) -> int:
+        """Return the number of machine instructions of the function of that kind."""
+        return instruction_count(self.assembly(kind))
 
     @cached_property
     def _program(self) -> Program:
@@ -155,18 +165,18 @@ class Kernel:
 
     @cached_property
     def _rows(self) -> Callable[..., None]:
-        return _ROWS(self._module(vector=True).addresses["rows"])
+        return _ROWS(self._module("batch").addresses["rows"])
 
-    def _module(self, vector: bool) -> Module:
-        """Return the code for blocks of states (vector) or for one state; the first to ask waits for it."""
+    def _module(self, kind: Kind) -> Module:
+        """Return the code of one kind; the first to ask waits for it."""
         with self._lock:
-            if vector not in self._modules:
-                self._modules[vector] = load(self._function, lambda: self._program, vector)
-            return self._modules[vector]
+            if kind not in self._modules:
+                self._modules[kind] = load(self._function, lambda: self._program, kind)
+            return self._modules[kind]
 
     def _any_modules(self) -> list[Module]:
         """Return the code that there is, or that for one state where there is none."""
-        return list(self._modules.values()) or [self._module(vector=False)]
+        return list(self._modules.values()) or [self._module("one")]
 
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.inputs)

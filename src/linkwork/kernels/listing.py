@@ -3,16 +3,16 @@
 import re
 
 from linkwork.kernels.compile import assembly
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.emit import Kind, module_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
 
 
-def listing(program: Program, machine: Machine, vector: bool) -> str:
-    """Return the assembly of the function for blocks of states (vector) or for one state, with all sections of a large one."""
-    text = assembly(module_text(program, machine, vector), machine)
-    name = r'"?_?batch' if vector else r'"?_?one'
-    functions = re.findall(rf"^{name}(?:\.\d+)?\"?:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)", text, re.MULTILINE | re.DOTALL)
+def listing(program: Program, machine: Machine, kind: Kind) -> str:
+    """Return the assembly of a function, of one kind, with all sections of a large one."""
+    text = assembly(module_text(program, machine, kind), machine)
+    one_function = rf'^"?_?{kind}(?:\.\d+)?"?:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)'
+    functions = re.findall(one_function, text, re.MULTILINE | re.DOTALL)
     return "".join(functions)
 
 

@@ -1,4 +1,6 @@
-"""The code of a kernel for one state, or for blocks of states: from the cache, or compiled and written there."""
+"""The code of a kernel for one state, for blocks of states, or for states side by side: from the cache, or compiled and
+written there.
+"""
 
 import struct
 import time
@@ -9,7 +11,7 @@ import casadi as ca
 
 from linkwork.kernels import cache
 from linkwork.kernels.compile import Code, object_code
-from linkwork.kernels.emit import module_text
+from linkwork.kernels.emit import FUNCTIONS, Kind, module_text
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program
 
@@ -34,20 +36,20 @@ class Module:
         return self.code.addresses
 
 
-def load(f: ca.Function, program: Callable[[], Program], vector: bool) -> Module:
-    """Return the code of a function for blocks of states (vector) or for one state.
+def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
+    """Return the code of a function, of one kind.
 
     program: makes the function's program, which is needed where the code is not in the cache.
     """
     start = time.perf_counter()
     machine = this_machine()
-    entry = cache.key(f.serialize(), machine.identity, "batch" if vector else "one")
+    entry = cache.key(f.serialize(), machine.identity, kind)
     content = cache.read(entry)
     from_cache = content is not None
     if content is None:
-        code = object_code(module_text(program(), machine, vector), machine)
+        code = object_code(module_text(program(), machine, kind), machine)
         content = _OPERATIONS.pack(program().operations) + code
         cache.write(entry, content)
     (operations,) = _OPERATIONS.unpack_from(content)
-    code = Code(content[_OPERATIONS.size :], ("batch", "rows") if vector else ("one",))
+    code = Code(content[_OPERATIONS.size :], FUNCTIONS[kind])
     return Module(code, operations, from_cache, time.perf_counter() - start)

@@ -249,8 +249,8 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
     while groups:
         chart, indices = groups.pop()
         outcomes = integrate_many(
-            crew.system.kernel(chart, "motion").batch_address,
-            chart.kernel("closure_step").batch_address if chart.equations.constrained else None,
+            crew.system.kernel(chart, "motion").wide_address,
+            chart.kernel("closure_step").wide_address if chart.equations.constrained else None,
             crew.start(indices),
             crew.inputs(indices),
             crew.p[indices] if len(crew.p) > 1 else crew.p,
@@ -326,12 +326,12 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
 
 def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course: Course) -> Ensemble:
     """Put the results of all members side by side."""
-    count, alone = len(crew), {one.member: one for one in lone}
-    numbers = {name: np.zeros(count) for name in ("end_time", "pivot", "closure_error")}
-    numbers |= {name: np.zeros(count, dtype=int) for name in ("status", "nfev", "steps", "rejected")}
-    for part in parts:
-        for name, values in numbers.items():
-            values[part.members] = getattr(part.outcomes, name)
+    alone = {one.member: one for one in lone}
+    names = ("status", "end_time", *STATISTICS)
+    numbers = {name: np.concatenate([getattr(part.outcomes, name) for part in parts]) for name in names}
+    if len(parts) > 1:
+        order = np.argsort(np.concatenate([part.members for part in parts]))
+        numbers = {name: values[order] for name, values in numbers.items()}
     unfinished = [i for part in parts for i in part.members[part.outcomes.status == Status.SINGULAR] if i not in alone]
     numbers["status"][unfinished] = Status.CANCELLED
     for one in lone:

@@ -46,9 +46,16 @@ class Members:
         return len(self.q)
 
     def start(self, members: np.ndarray) -> np.ndarray:
-        """Return the states y = (q, v, z) of some members (M, n)."""
-        rows, z = self._rows(members), np.broadcast_to(self.system.start, (len(members), len(self.system.extras)))
-        return np.concatenate([self.q[rows], self.v[rows], z], axis=1)
+        """Return the states y = (q, v, z) of some members (M, n), which all share their memory if all start alike."""
+        rows = slice(1) if self.alike else self._rows(members)
+        q, v = self.q[rows], self.v[rows]
+        z = np.broadcast_to(self.system.start, (len(q), len(self.system.extras)))
+        return np.broadcast_to(np.concatenate([q, v, z], axis=1), (len(members), q.shape[1] + v.shape[1] + z.shape[1]))
+
+    @property
+    def alike(self) -> bool:
+        """Whether q and v repeat a single row."""
+        return not any(self.q.strides[:1] + self.v.strides[:1])
 
     def _rows(self, members: np.ndarray) -> np.ndarray | slice:
         """Return some members, in the order of their numbers, as rows of a table: all of them without a copy."""

@@ -6,7 +6,7 @@ Names as in `lanes`.
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.lane_steps import BREAK, LIVE, MEMBER, PIECE, STEP, TIME
+from linkwork.simulation.lane_rows import BREAK, LIVE, MEMBER, PIECE, STEP, TIME
 from linkwork.simulation.native_loop import ROUNDING
 from linkwork.simulation.vectors import LANES
 

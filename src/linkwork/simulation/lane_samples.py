@@ -9,7 +9,7 @@ from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.lane_inputs import set_forces
-from linkwork.simulation.lane_steps import (
+from linkwork.simulation.lane_rows import (
     ACCEPTS,
     AILMENT,
     ARRIVAL,
@@ -25,11 +25,10 @@ from linkwork.simulation.lane_steps import (
     THETA,
     TIME,
     WANTED,
-    combine,
-    project,
 )
+from linkwork.simulation.lane_steps import combine, project
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded
-from linkwork.simulation.vectors import LANES, address, call_batch, load, splat, store
+from linkwork.simulation.vectors import LANES, address, call_wide, load, splat, store
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -70,7 +69,7 @@ def extend(
         combine(method.a + i * method.stages, i, n, address(now), address(y), address(k), address(x))
         if timed:
             set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
-        call_batch(motion, x, k, i * (n + 1))
+        call_wide(motion, x, k, i * (n + 1))
         for lane in range(LANES):
             pivot = k[i * (n + 1) + n, lane]
             if within(lane, save_at, now, tally) and not pivot >= pivot_bound:

@@ -2,7 +2,7 @@
 
 The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables are passed by their addresses:
 `y` (n rows), `x`, rows (y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`, numbers of the
-members in the lanes, whose rows are named below.
+members in the lanes, whose rows `lane_rows` names.
 """
 
 import math
@@ -10,11 +10,26 @@ import math
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.lane_rows import (
+    ACCEPTS,
+    ARRIVAL,
+    ERROR,
+    GROWTH,
+    LIVE,
+    LOWEST,
+    PIVOT,
+    RESIDUAL,
+    STEP,
+    STEP_SIZE,
+    TARGET,
+    TIME,
+    WANTED,
+)
 from linkwork.simulation.native_loop import LARGEST_FACTOR, ROUNDING, SAFETY, SMALLEST_ERROR, SMALLEST_FACTOR
 from linkwork.simulation.native_parts import NEWTON_CALLS
 from linkwork.simulation.vectors import (
     absolute,
-    call_batch,
+    call_wide,
     choose,
     every,
     larger,
@@ -25,18 +40,6 @@ from linkwork.simulation.vectors import (
     splat,
     store,
 )
-
-# Rows of `now`; the first NUMBERS are kept of every member.
-TIME, STEP_SIZE, GROWTH, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL = range(7)
-NUMBERS = 7
-STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA = range(7, 17)
-NOW = 17
-
-# Rows of `tally`; the first COUNTS are columns of `counts`, too.
-STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED, CAUSE, PIECE, BREAK = range(8)
-COUNTS = 8
-MEMBER, REACHED, AILMENT = range(8, 11)
-TALLY = 11
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -66,7 +69,7 @@ def project(closure, nq, state, z, z_next, now, tolerance, reserve):
     for m in range(nq):
         store(z, m, load(state, m))
     for _ in range(NEWTON_CALLS):
-        call_batch(closure, z, z_next, 0)
+        call_wide(closure, z, z_next, 0)
         residual = choose(done, residual, load(z_next, nq))
         done = done | (residual <= limit)
         if every(done):

@@ -3,7 +3,7 @@
 Each lane has its own time, step size and end. When a member ends the next one is loaded into its lane, so that the
 registers stay full. What a member goes through is what it goes through alone: the same arithmetic in the same order,
 lane by lane, so that no member depends on its neighbours. The kernels are C functions
-void(int64 blocks, const double *in, double *out) for blocks of LANES states:
+void(const double *in, double *out) for LANES states side by side:
 
     motion     in = (y, u, p)    out = (y', pivot)
     closure    in = (q, p)       out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
@@ -25,8 +25,7 @@ from numba import njit, types
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
 from linkwork.simulation.lane_inputs import force, next_target, set_forces, shared
-from linkwork.simulation.lane_samples import extend, take_samples, want_samples
-from linkwork.simulation.lane_steps import (
+from linkwork.simulation.lane_rows import (
     ACCEPTED,
     ACCEPTS,
     AILMENT,
@@ -57,14 +56,9 @@ from linkwork.simulation.lane_steps import (
     TARGET,
     TIME,
     WANTED,
-    accept,
-    choose_steps,
-    combine,
-    judge,
-    move,
-    project,
-    scaled,
 )
+from linkwork.simulation.lane_samples import extend, take_samples, want_samples
+from linkwork.simulation.lane_steps import accept, choose_steps, combine, judge, move, project, scaled
 from linkwork.simulation.native_loop import (
     BOLDNESS,
     FARTHEST,
@@ -81,7 +75,7 @@ from linkwork.simulation.native_loop import (
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, Method
 from linkwork.simulation.pointers import pointer
 from linkwork.simulation.status import Status
-from linkwork.simulation.vectors import LANES, address, call_batch, load, splat, store
+from linkwork.simulation.vectors import LANES, address, call_wide, load, splat, store
 
 CANCELLED = int(Status.CANCELLED)
 
@@ -110,7 +104,7 @@ def first_ailment(k, stage, n, lane, pivot_bound):
 
 @njit(forceinline=True, **OPTIONS)
 def start_block(
-    motion, closure, parameters, starts, coefficients, pieces, breaks, breaking,
+    motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
     exponent, scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
     y, x, z, z_next, k, now, tally,
 ):  # fmt: skip
@@ -140,7 +134,7 @@ def start_block(
                 tally[STATUS, lane] = CLOSURE_LOST
     for m in range(n):
         store(x, m, load(y, m))
-    call_batch(motion, x, k, 0)
+    call_wide(motion, x, k, 0)
     for lane in range(LANES):
         now[PIVOT, lane] = math.inf
         now[REJECTED_PIVOT, lane] = 0.0
@@ -156,10 +150,11 @@ def start_block(
         ahead = 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness
         now[STEP, lane] = min(now[TARGET, lane] - start, ahead)
         signal = shared(min(first + lane, members - 1), pieces.size - 1)
-        force(starts, coefficients, pieces, signal, start + now[STEP, lane], True, x, n, lane, tally)
+        if timed:
+            force(starts, coefficients, pieces, signal, start + now[STEP, lane], True, x, n, lane, tally)
     for m in range(n):
         store(x, m, load(y, m) + load(now, STEP) * load(k, m))
-    call_batch(motion, x, k, n + 1)
+    call_wide(motion, x, k, n + 1)
     store(now, RESIDUAL, load(k, 2 * n + 1))
     for m in range(n):
         store(k, n + 1 + m, load(k, n + 1 + m) - load(k, m))
@@ -177,9 +172,8 @@ def start_block(
 
     for lane in range(min(LANES, members - first)):
         i = first + lane
-        now[TIME, lane], now[GROWTH, lane] = start, LARGEST_FACTOR
+        now[TIME, lane] = start
         tally[ACCEPTED, lane] = tally[REJECTED, lane] = tally[SAVED, lane] = 0
-        tally[CAUSE, lane] = STEP_UNDERFLOW
         for m in range(n):
             ys[i, m], slopes[i, m] = y[m, lane], k[m, lane]
         slopes[i, n] = k[n, lane]
@@ -206,7 +200,9 @@ def load_member(
         now[m, lane] = numbers[i, m]
     for m in range(COUNTS):
         tally[m, lane] = counts[i, m]
-    tally[MEMBER, lane] = i
+    now[GROWTH, lane] = LARGEST_FACTOR
+    tally[MEMBER, lane], tally[CAUSE, lane] = i, STEP_UNDERFLOW
+    tally[PIECE, lane], tally[BREAK, lane] = 0, breaking[signal]
     force(starts, coefficients, pieces, signal, start, False, x, n, lane, tally)
     now[TARGET, lane] = next_target(breaks, breaking, signal, tally, start, start, stop, lane)
     if save_at.size > 0 and save_at[0] == start:
@@ -289,7 +285,7 @@ def restart(
     if broken == 0:
         return
     # All lanes are evaluated, at x; the last stages of those that go on smoothly come out as they were.
-    call_batch(motion, x, k, last * (n + 1))
+    call_wide(motion, x, k, last * (n + 1))
     for lane in range(LANES):
         if now[WANTED, lane] > 0:
             tally[EVALUATIONS, lane] += 1
@@ -310,7 +306,7 @@ def measure_closure(closure, closure_tol, ys, numbers, parameters, z, z_next):
                 z[m, lane] = ys[i, m]
             for m in range(parameters.shape[1]):
                 z[nq + m, lane] = parameters[row, m]
-        call_batch(closure, z, z_next, 0)
+        call_wide(closure, z, z_next, 0)
         for lane in range(min(LANES, members - first)):
             numbers[first + lane, CLOSURE_ERROR] = max(numbers[first + lane, CLOSURE_ERROR], z_next[nq, lane])
 
@@ -360,7 +356,7 @@ def integrate(
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
-            motion, closure, parameters, starts, coefficients, pieces, breaks, breaking,
+            motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
             exponent, scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
             y, x, z, z_next, k, now, tally,
         )  # fmt: skip
@@ -403,7 +399,7 @@ def integrate(
                     project(closure, nq, address(x), address(z), address(z_next), address(now), closure_tol, RESERVE)
             if timed:
                 set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
-            call_batch(motion, x, k, i * (n + 1))
+            call_wide(motion, x, k, i * (n + 1))
         judge(
             method, n, closed, scale, pivot_bound, closure_tol, address(y), address(x), address(z), address(k),
             address(zeros), address(sample), address(now),

@@ -1,7 +1,8 @@
 """Integrate many members: check what is asked, deal chunks of them to threads, and keep what is done.
 
 Each thread runs the compiled loop of `lanes` on a chunk at a time, without Python's lock. A chunk is long enough that its
-ends, where registers run empty, cost little, and short enough that all threads end together.
+ends, where registers run empty, cost little, and short enough that all threads end together. All that is as long as there
+are members is written by the threads, chunk by chunk: to fill memory that no one has touched yet takes its time, too.
 """
 
 import math
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
+from linkwork.simulation import lane_rows as rows
 from linkwork.simulation.integrate import require_cover, times_within, tolerances
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
@@ -56,7 +58,7 @@ class Outcomes:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Hold the inputs of all members: their signals one after the other, or one signal that all share.
+    """Hold the inputs of members: their signals one after the other, or one signal that all share.
 
     `starts` (P,) in s and `coefficients` (P, 4, nu) of all pieces; `pieces` (S + 1,): signal i has those from pieces[i] to
     pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`: whether any signal is not constant over the run.
@@ -81,7 +83,23 @@ class Inputs:
         )  # fmt: skip
 
 
-def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int) -> Inputs:
+@dataclass(frozen=True, eq=False)
+class Constants:
+    """Hold constant inputs, a row of the table for each member, or one that all share."""
+
+    table: np.ndarray
+
+    def part(self, first: int, last: int) -> Inputs:
+        """Return the inputs of the members from `first` to before `last`."""
+        own = self.table if len(self.table) == 1 else self.table[first:last]
+        count = len(own)
+        coefficients = np.zeros((count, 4, own.shape[1]))
+        coefficients[:, 0] = own
+        none = np.zeros(count + 1, dtype=np.intp)
+        return Inputs(np.zeros(count), coefficients, np.arange(count + 1), np.empty(0), none, False)
+
+
+def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int) -> Inputs | Constants:
     """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N signals for each.
 
     Numbers that are not finite are let through: they end their own member's run, and no other.
@@ -92,16 +110,7 @@ def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: 
         if len(inputs) != members:
             raise LinkworkError(f"there are {len(inputs)} signals for {members} members: give one, or one for each")
         return _joined(inputs)  # pyright: ignore[reportArgumentType]
-    table = np.array(inputs, dtype=float, ndmin=2)
-    if table.ndim != 2 or len(table) not in (1, members):
-        raise LinkworkError(
-            f"the inputs have the shape {table.shape}: give a row for each of the {members} members, or one"
-        )
-    count = len(table)
-    coefficients = np.zeros((count, 4, table.shape[1]))
-    coefficients[:, 0] = table
-    none = np.zeros(count + 1, dtype=np.intp)
-    return Inputs(np.zeros(count), coefficients, np.arange(count + 1), np.empty(0), none, False)
+    return Constants(_rows("the inputs", inputs, members))  # pyright: ignore[reportArgumentType]
 
 
 def _joined(signals: Sequence[Signal]) -> Inputs:
@@ -144,7 +153,7 @@ def integrate_many(
     """Integrate N members as `integrate` does each of them, many at a time.
 
     Arguments, where they differ from those of `integrate`:
-        motion, closure: addresses of the kernels for blocks of states, void(int64, const double *, double *).
+        motion, closure: addresses of the kernels for states side by side, void(const double *, double *).
         y: states y = (q, v, z) at the start (N, n), of which the first nq are q.
         inputs: u for all members: numbers (nu,), `Sampled` or a `Signal`; or of each: numbers (N, nu), or N signals.
         parameters: p (np,) for all members, or (N, np).
@@ -161,11 +170,11 @@ def integrate_many(
     if not 0 < duration < math.inf:
         raise LinkworkError(f"the duration of a run must be positive and finite, not {duration} s")
     stop = start + duration
-    states = np.array(y, dtype=float, order="C")
-    if states.ndim != 2 or not states.shape[1]:
-        raise LinkworkError(f"the states have the shape {states.shape}: give a row for each member")
-    members, n = states.shape
-    given, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
+    given = np.asarray(y, dtype=float)
+    if given.ndim != 2 or not given.shape[1]:
+        raise LinkworkError(f"the states have the shape {given.shape}: give a row for each member")
+    members, n = given.shape
+    forces, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
     _require_covers(inputs, start, stop)
     times = times_within(np.atleast_1d(save_at), start, stop)
     if max_steps < 1:
@@ -175,26 +184,29 @@ def integrate_many(
 
     from linkwork.simulation import lanes
 
-    samples = np.full((members, times.size, n), np.nan)
-    numbers = np.full((members, lanes.NUMBERS), np.nan)
-    counts = np.zeros((members, lanes.COUNTS), dtype=np.intp)
-    numbers[:, lanes.TIME], counts[:, lanes.STATUS] = start, Status.CANCELLED
+    states = np.empty((members, n))
+    samples = np.empty((members, times.size, n))
+    numbers, counts = np.empty((members, rows.NUMBERS)), np.empty((members, rows.COUNTS), dtype=np.intp)
     cancel = np.zeros(1, dtype=np.intp)
     size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
     ended = np.zeros((len(chunks), 1), dtype=np.intp)
 
     def run(i: int, chunk: slice) -> None:
+        states[chunk] = given[chunk]
         if cancel[0]:
-            return
-        part = given.part(chunk.start, chunk.stop)
-        lanes.integrate(
-            motion, closure or 0, p if len(p) == 1 else p[chunk],
-            part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
-            *method.plan,
-            tolerance, pivot_bound, closure_tol, nq, states[chunk], times, start, stop, max_step, max_steps,
-            samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
-        )  # fmt: skip
+            counts[chunk], numbers[chunk] = 0, np.nan
+            counts[chunk, rows.STATUS], numbers[chunk, rows.TIME] = Status.CANCELLED, start
+        else:
+            part = forces.part(chunk.start, chunk.stop)
+            lanes.integrate(
+                motion, closure or 0, p if len(p) == 1 else p[chunk],
+                part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
+                *method.plan,
+                tolerance, pivot_bound, closure_tol, nq, states[chunk], times, start, stop, max_step, max_steps,
+                samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
+            )  # fmt: skip
+        samples[chunk][np.arange(times.size) >= counts[chunk, rows.SAVED, None]] = np.nan
 
     def report() -> None:
         if progress is not None:
@@ -208,21 +220,20 @@ def integrate_many(
             cancel[0] = 1
     for future in futures:
         future.result()
-    samples[np.arange(times.size) >= counts[:, lanes.SAVED, None]] = np.nan
     return Outcomes(
-        status=counts[:, lanes.STATUS],
-        end_time=numbers[:, lanes.TIME],
+        status=counts[:, rows.STATUS],
+        end_time=numbers[:, rows.TIME],
         y_end=states,
         samples=samples,
-        saved=counts[:, lanes.SAVED],
-        nfev=counts[:, lanes.EVALUATIONS],
-        steps=counts[:, lanes.ACCEPTED],
-        rejected=counts[:, lanes.REJECTED],
-        pivot=numbers[:, lanes.PIVOT],
-        closure_error=numbers[:, lanes.CLOSURE_ERROR],
-        next_step=numbers[:, lanes.STEP_SIZE],
-        rejected_pivot=numbers[:, lanes.REJECTED_PIVOT],
-        rejected_residual=numbers[:, lanes.REJECTED_RESIDUAL],
+        saved=counts[:, rows.SAVED],
+        nfev=counts[:, rows.EVALUATIONS],
+        steps=counts[:, rows.ACCEPTED],
+        rejected=counts[:, rows.REJECTED],
+        pivot=numbers[:, rows.PIVOT],
+        closure_error=numbers[:, rows.CLOSURE_ERROR],
+        next_step=numbers[:, rows.STEP_SIZE],
+        rejected_pivot=numbers[:, rows.REJECTED_PIVOT],
+        rejected_residual=numbers[:, rows.REJECTED_RESIDUAL],
     )
 
 
@@ -243,7 +254,7 @@ def _watch(futures: Sequence[Future], report: Callable[[], None]) -> None:
 
 def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:
     """Return a table with one row, or one for each member."""
-    table = np.array(values, dtype=float, ndmin=2)
+    table = np.atleast_2d(np.asarray(values, dtype=float, order="C"))
     if table.ndim != 2 or len(table) not in (1, members):
         raise LinkworkError(
             f"{what} have the shape {table.shape}: give a row for each of the {members} members, or one"

@@ -26,6 +26,8 @@ class Pointer(types.Type):
         super().__init__(name="Pointer")
 
 
+ABREAST = 4  # vectors whose sums are computed together
+
 POINTER = Pointer()
 _DOUBLES = ir.DoubleType().as_pointer()
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -87,36 +89,63 @@ def _call(typing_context, address, x, out):
 def _combine(typing_context, weights, count, h, y, k, width, n, out):
     """Compute n numbers out = y + h sum_(j < count) weights_j k_j by vectors of LANES; the rows of k are `width` apart.
 
-    y and the rows of k are padded to whole vectors; out is written up to n.
+    y and the rows of k are padded to whole vectors; out is written up to n. Up to ABREAST vectors are added up together:
+    one sum would wait for its own last term each time.
     """
 
     def generate(context, builder, signature, values):
-        weights, count, h, y, k, width, n, out = values
-        total, rest = cgutils.alloca_once(builder, _VECTOR), cgutils.alloca_once(builder, _VECTOR)
-        all_h, zero, lanes = _spread(builder, h), ir.Constant(n.type, 0), ir.Constant(n.type, LANES)
-        with cgutils.for_range_slice(builder, zero, n, lanes) as (m, _):
-            builder.store(ir.Constant(_VECTOR, [0.0] * LANES), total)
-            with cgutils.for_range(builder, count) as loop:
-                slopes = builder.load(_place(builder, k, builder.add(builder.mul(loop.index, width), m)), align=8)
-                weight = _spread(builder, builder.load(builder.gep(weights, [loop.index])))
-                product = builder.fmul(weight, slopes, flags=["contract"])
-                builder.store(builder.fadd(builder.load(total), product, flags=["contract"]), total)
-            change = builder.fmul(all_h, builder.load(total), flags=["contract"])
-            state = builder.fadd(builder.load(_place(builder, y, m), align=8), change, flags=["contract"])
-            left = builder.sub(n, m)
-            with builder.if_else(builder.icmp_signed(">=", left, lanes), likely=True) as (whole, part):
-                with whole:
-                    builder.store(state, _place(builder, out, m), align=8)
-                with part:
-                    builder.store(state, rest)
-                    few = builder.bitcast(rest, _DOUBLES)
-                    with cgutils.for_range(builder, left) as loop:
-                        number = builder.load(builder.gep(few, [loop.index]))
-                        builder.store(number, builder.gep(out, [builder.add(m, loop.index)]))
+        n, whole = values[6], ir.Constant(values[6].type, LANES * ABREAST)
+        with cgutils.for_range_slice(builder, ir.Constant(n.type, 0), n, whole) as (m, _):
+            up = builder.add(builder.sub(n, m), ir.Constant(n.type, LANES - 1))
+            done, most = builder.append_basic_block("combined"), builder.append_basic_block("most")
+            choice = builder.switch(builder.sdiv(up, ir.Constant(n.type, LANES)), most)
+            for abreast in range(1, ABREAST + 1):
+                block = most if abreast == ABREAST else builder.append_basic_block(f"abreast.{abreast}")
+                if block is not most:
+                    choice.add_case(ir.Constant(n.type, abreast), block)
+                with builder.goto_block(block):
+                    _add_up(builder, values, m, abreast)
+                    builder.branch(done)
+            builder.position_at_end(done)
         return context.get_dummy_value()
 
     kinds = POINTER, types.intp, types.float64, POINTER, POINTER, types.intp, types.intp, POINTER
     return types.void(*kinds), generate
+
+
+def _add_up(builder, values, m, abreast):
+    """Combine so many vectors from the number m on; the last one may not be full."""
+    weights, count, h, y, k, width, n, out = values
+    places = [builder.add(m, ir.Constant(m.type, i * LANES)) for i in range(abreast)]
+    totals = [cgutils.alloca_once(builder, _VECTOR) for _ in places]
+    for total in totals:
+        builder.store(ir.Constant(_VECTOR, [0.0] * LANES), total)
+    with cgutils.for_range(builder, count) as loop:
+        weight, row = _spread(builder, builder.load(builder.gep(weights, [loop.index]))), builder.mul(loop.index, width)
+        for place, total in zip(places, totals, strict=True):
+            product = builder.fmul(weight, _numbers(builder, k, builder.add(row, place)), flags=["contract"])
+            builder.store(builder.fadd(builder.load(total), product, flags=["contract"]), total)
+    changes = [builder.fmul(_spread(builder, h), builder.load(total), flags=["contract"]) for total in totals]
+    states = [
+        builder.fadd(_numbers(builder, y, place), change, flags=["contract"])
+        for place, change in zip(places, changes, strict=True)
+    ]
+    for place, state in zip(places[:-1], states[:-1], strict=True):
+        builder.store(state, _place(builder, out, place), align=8)
+    left, last = builder.sub(n, places[-1]), builder.gep(out, [places[-1]])
+    with builder.if_else(builder.icmp_signed(">=", left, ir.Constant(n.type, LANES)), likely=True) as (full, part):
+        with full:
+            builder.store(states[-1], builder.bitcast(last, _VECTOR.as_pointer()), align=8)
+        with part:
+            rest = cgutils.alloca_once(builder, _VECTOR)
+            builder.store(states[-1], rest)
+            with cgutils.for_range(builder, left) as loop:
+                number = builder.load(builder.gep(builder.bitcast(rest, _DOUBLES), [loop.index]))
+                builder.store(number, builder.gep(last, [loop.index]))
+
+
+def _numbers(builder, pointer, index):
+    return builder.load(_place(builder, pointer, index), align=8)
 
 
 def _place(builder, pointer, index):

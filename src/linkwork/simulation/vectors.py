@@ -1,7 +1,8 @@
-"""Vectors: a double for each lane of a vector register, as values in compiled code.
+"""Vectors: a double for each lane, as values in compiled code; the lanes fill as many registers as wide kernels take.
 
 Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=, & and | and the functions
-below. They live in registers. In memory tables hold them, a vector a row: arrays (rows, LANES), or the addresses of such,
+below. They live in registers: two independent halves, say, so that one is computed while the
+other waits. In memory tables hold them, a vector a row: arrays (rows, LANES), or the addresses of such,
 of which Numba counts no references.
 """
 
@@ -16,9 +17,10 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, models, register_model
 
+from linkwork.kernels.emit import ABREAST
 from linkwork.kernels.machine import this_machine
 
-LANES = this_machine().lanes
+LANES = ABREAST * this_machine().lanes
 FLAGS = ("contract",)
 
 
@@ -187,15 +189,15 @@ def _by_llvm(name: str):
     return typed
 
 
-def _call_batch(typing_context, function, x, out, row):
-    """Call the C function void(int64 blocks, const double *x, double *out) for one block, its output from row `row` on."""
+def _call_wide(typing_context, function, x, out, row):
+    """Call the C function void(const double *x, double *out) for all lanes, its output from row `row` on."""
 
     def generate(context, builder, signature, values):
-        first, count = ir.Constant(values[3].type, 0), ir.IntType(64)
+        first = ir.Constant(values[3].type, 0)
         source = _row(context, builder, signature.args[1], values[1], first)
         target = _row(context, builder, signature.args[2], *values[2:])
-        kernel = ir.FunctionType(ir.VoidType(), [count, source.type, target.type])
-        builder.call(builder.inttoptr(values[0], kernel.as_pointer()), [ir.Constant(count, 1), source, target])
+        kernel = ir.FunctionType(ir.VoidType(), [source.type, target.type])
+        builder.call(builder.inttoptr(values[0], kernel.as_pointer()), [source, target])
         return context.get_dummy_value()
 
     return types.void(types.intp, x, out, types.intp), generate
@@ -212,4 +214,4 @@ larger: Callable[..., Any] = intrinsic(_larger)
 smaller: Callable[..., Any] = intrinsic(_smaller)
 absolute: Callable[..., Any] = intrinsic(_by_llvm("fabs"))
 root: Callable[..., Any] = intrinsic(_by_llvm("sqrt"))
-call_batch: Callable[..., None] = intrinsic(_call_batch)
+call_wide: Callable[..., None] = intrinsic(_call_wide)
