@@ -28,7 +28,7 @@ from linkwork.simulation.lane_rows import (
 )
 from linkwork.simulation.lane_steps import combine, project
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded
-from linkwork.simulation.vectors import LANES, address, call_wide, load, splat, store
+from linkwork.simulation.vectors import LANES, call_wide, load, splat, store
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -53,20 +53,19 @@ def want_samples(save_at, now, tally):
 
 @njit(**OPTIONS)
 def extend(
-    motion, method, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
+    motion, method, n, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
 ):  # fmt: skip
     """Evaluate the stages that only the dense output needs; refuse the steps of lanes with a sample in which they fail.
 
     x is left as it was: the new state, under the inputs at its end.
     """
-    n = y.shape[0]
     for m in range(n):
         store(sample, m, load(x, m))
     for lane in range(LANES):
         if within(lane, save_at, now, tally):
             tally[EVALUATIONS, lane] += method.stages - method.computed
     for i in range(method.computed, method.stages):
-        combine(method.a + i * method.stages, i, n, address(now), address(y), address(k), address(x))
+        combine(method.a + i * method.stages, i, n, now, y, k, x)
         if timed:
             set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
         call_wide(motion, x, k, i * (n + 1))
@@ -83,9 +82,9 @@ def extend(
 
 
 @njit(forceinline=True, **OPTIONS)
-def take_samples(closure, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally):
+def take_samples(closure, nq, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally):
     """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
-    n, stages = y.shape[0], method.stages
+    n, stages = samples.shape[2], method.stages
     while want_samples(save_at, now, tally)[0] > 0:
         theta = load(now, THETA)
         for i in range(stages):
@@ -107,7 +106,7 @@ def take_samples(closure, method, closure_tol, save_at, samples, y, x, z, z_next
                     sample[m, lane] = x[m, lane]
         if closure != 0:
             project(
-                closure, z_next.shape[0] - 1, address(sample), address(z), address(z_next), address(now), closure_tol,
+                closure, nq, sample, z, z_next, now, closure_tol,
                 math.inf,
             )  # fmt: skip
         for lane in range(LANES):

@@ -1,8 +1,8 @@
 """One step of many members at a time by an explicit pair: vector arithmetic, each lane a member with its own step.
 
-The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables are passed by their addresses:
-`y` (n rows), `x`, rows (y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`, numbers of the
-members in the lanes, whose rows `lane_rows` names.
+The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables: `y` (n rows), `x`, rows
+(y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`, numbers of the members in the lanes, whose
+rows `lane_rows` names.
 """
 
 import math

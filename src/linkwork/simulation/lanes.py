@@ -75,7 +75,7 @@ from linkwork.simulation.native_loop import (
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, Method
 from linkwork.simulation.pointers import pointer
 from linkwork.simulation.status import Status
-from linkwork.simulation.vectors import LANES, address, call_wide, load, splat, store
+from linkwork.simulation.vectors import LANES, as_table, call_wide, load, splat, store
 
 CANCELLED = int(Status.CANCELLED)
 
@@ -105,11 +105,11 @@ def first_ailment(k, stage, n, lane, pivot_bound):
 @njit(forceinline=True, **OPTIONS)
 def start_block(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-    exponent, scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
+    exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, slopes, numbers, counts,
     y, x, z, z_next, k, now, tally,
 ):  # fmt: skip
     """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
-    n, inputs, nq = ys.shape[1], coefficients.shape[2], z_next.shape[0] - 1
+    n, inputs = ys.shape[1], coefficients.shape[2]
     members = ys.shape[0]
     for lane in range(LANES):
         i = min(first + lane, members - 1)
@@ -126,7 +126,7 @@ def start_block(
         now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
     if closure != 0:
         project(
-            closure, nq, address(y), address(z), address(z_next), address(now), closure_tol, math.inf
+            closure, nq, y, z, z_next, now, closure_tol, math.inf
         )  # fmt: skip
         for lane in range(LANES):
             now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
@@ -143,8 +143,8 @@ def start_block(
             now[PIVOT, lane] = now[REJECTED_PIVOT, lane] = k[n, lane]
 
     # The first step, from the slope here, k_0, and one a little ahead, k_1.
-    store(now, ERROR, scaled(address(y), 0, n, address(y), scale))
-    store(now, LOWEST, scaled(address(k), 0, n, address(y), scale))
+    store(now, ERROR, scaled(y, 0, n, y, scale))
+    store(now, LOWEST, scaled(k, 0, n, y, scale))
     for lane in range(LANES):
         size, steepness = now[ERROR, lane], now[LOWEST, lane]
         ahead = 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness
@@ -158,7 +158,7 @@ def start_block(
     store(now, RESIDUAL, load(k, 2 * n + 1))
     for m in range(n):
         store(k, n + 1 + m, load(k, n + 1 + m) - load(k, m))
-    store(now, ERROR, scaled(address(k), n + 1, n, address(y), scale))
+    store(now, ERROR, scaled(k, n + 1, n, y, scale))
     for lane in range(LANES):
         if tally[STATUS, lane] == OK:
             ahead, steepness = now[STEP, lane], now[LOWEST, lane]
@@ -185,11 +185,11 @@ def start_block(
 
 @njit(forceinline=True, **OPTIONS)
 def load_member(
-    i, lane, parameters, starts, coefficients, pieces, breaks, breaking, start, stop, ys, slopes, numbers, counts,
+    i, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop, ys, slopes, numbers, counts,
     save_at, samples, y, x, z, k, now, tally,
 ):  # fmt: skip
     """Put a started member into a lane."""
-    n, inputs, nq = ys.shape[1], coefficients.shape[2], z.shape[0] - parameters.shape[1]
+    n, inputs = ys.shape[1], coefficients.shape[2]
     signal, row = shared(i, pieces.size - 1), shared(i, parameters.shape[0])
     for m in range(n):
         y[m, lane], k[m, lane] = ys[i, m], slopes[i, m]
@@ -270,10 +270,10 @@ def reject(lane, exponent, pivot_bound, first_pivot, now, tally):
 
 @njit(forceinline=True, **OPTIONS)
 def restart(
-    motion, last, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k, now, tally
+    motion, n, last, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, x, k, now, tally
 ):  # fmt: skip
     """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break of their signal."""
-    n, broken = y.shape[0], 0
+    broken = 0
     for lane in range(LANES):
         now[WANTED, lane] = 0.0
         if now[ACCEPTS, lane] > 0 and now[TIME, lane] == now[TARGET, lane] and now[TIME, lane] < stop:
@@ -295,9 +295,9 @@ def restart(
 
 
 @njit(**OPTIONS)
-def measure_closure(closure, closure_tol, ys, numbers, parameters, z, z_next):
+def measure_closure(closure, nq, ys, numbers, parameters, z, z_next):
     """Keep the residuals of the last states reached."""
-    nq, members = z_next.shape[0] - 1, ys.shape[0]
+    members = ys.shape[0]
     for first in range(0, members, LANES):
         for lane in range(LANES):
             i = min(first + lane, members - 1)
@@ -346,18 +346,18 @@ def integrate(
     )  # fmt: skip
     end = np.cumsum(np.array([n, n + inputs + free, stages * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n]))
     space = room(end[9])
-    y, x, k = space[: end[0]], space[end[0] : end[1]], space[end[1] : end[2]]
-    z, z_next, sample = space[end[2] : end[3]], space[end[3] : end[4]], space[end[4] : end[5]]
-    weights, now, zeros = space[end[5] : end[6]], space[end[6] : end[7]], space[end[8] :]
+    y, x, k = as_table(space), as_table(space[end[0] :]), as_table(space[end[1] :])
+    z, z_next, sample = as_table(space[end[2] :]), as_table(space[end[3] :]), as_table(space[end[4] :])
+    weights, now = as_table(space[end[5] :]), as_table(space[end[6] :])
+    scale, zeros = as_table(space[end[7] :]), as_table(space[end[8] :])
     for m in range(n):
         space[end[7] + m], space[end[7] + n + m] = tolerance[0, m], tolerance[1, m]
-    scale = address(space[end[7] :])
     tally, slopes = np.zeros((TALLY, LANES), np.intp), np.empty((members, n + 1))
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
             motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-            exponent, scale, pivot_bound, closure_tol, start, stop, max_step, first, ys, slopes, numbers, counts,
+            exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, slopes, numbers, counts,
             y, x, z, z_next, k, now, tally,
         )  # fmt: skip
 
@@ -381,7 +381,7 @@ def integrate(
                 if waiting == members:
                     break
                 load_member(
-                    waiting, lane, parameters, starts, coefficients, pieces, breaks, breaking, start, stop,
+                    waiting, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop,
                     ys, slopes, numbers, counts, save_at, samples, y, x, z, k, now, tally,
                 )  # fmt: skip
                 waiting += 1
@@ -390,19 +390,19 @@ def integrate(
             live += alive
         if live == 0 or cancel[0] != 0:
             break
-        choose_steps(address(now))
+        choose_steps(now)
         for i in range(1, solution + 1):
-            combine(method.a + i * stages, i, n, address(now), address(y), address(k), address(x))
+            combine(method.a + i * stages, i, n, now, y, k, x)
             if i == solution:
                 store(now, RESIDUAL, splat(0.0))
                 if closure != 0:
-                    project(closure, nq, address(x), address(z), address(z_next), address(now), closure_tol, RESERVE)
+                    project(closure, nq, x, z, z_next, now, closure_tol, RESERVE)
             if timed:
                 set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
             call_wide(motion, x, k, i * (n + 1))
         judge(
-            method, n, closed, scale, pivot_bound, closure_tol, address(y), address(x), address(z), address(k),
-            address(zeros), address(sample), address(now),
+            method, n, closed, scale, pivot_bound, closure_tol, y, x, z, k,
+            zeros, sample, now,
         )  # fmt: skip
         for lane in range(LANES):
             tally[AILMENT, lane], tally[REACHED, lane] = OK, tally[SAVED, lane]
@@ -414,10 +414,10 @@ def integrate(
         if save_at.size > 0:
             if computed < stages and want_samples(save_at, now, tally)[1] > 0:
                 extend(
-                    motion, method, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
+                    motion, method, n, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
                 )  # fmt: skip
             take_samples(
-                closure, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally
+                closure, nq, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally
             )
         for lane in range(LANES):
             if now[ACCEPTS, lane] > 0:
@@ -425,15 +425,15 @@ def integrate(
                 tally[SAVED, lane] = tally[REACHED, lane]
             elif now[LIVE, lane] > 0:
                 reject(lane, exponent, pivot_bound, k[n, lane], now, tally)
-        accept(sixteenths(exponent), max_step, address(now))
+        accept(sixteenths(exponent), max_step, now)
         if breaks.size > 0:
             restart(
-                motion, solution, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, y, x, k,
+                motion, n, solution, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, x, k,
                 now, tally,
             )  # fmt: skip
         kept = load(now, ACCEPTS) <= splat(0.0)
-        move(address(x), 0, address(y), n, kept)
-        move(address(k), solution * (n + 1), address(k), n + 1, kept)
+        move(x, 0, y, n, kept)
+        move(k, solution * (n + 1), k, n + 1, kept)
 
     for lane in range(LANES):
         if tally[MEMBER, lane] >= 0:
@@ -442,4 +442,5 @@ def integrate(
     for i in range(waiting, members):
         counts[i, STATUS] = CANCELLED
     if closure != 0:
-        measure_closure(closure, closure_tol, ys, numbers, parameters, z, z_next)
+        measure_closure(closure, nq, ys, numbers, parameters, z, z_next)
+    space[0, 0] = 0.0  # the memory of the tables lives to the end

@@ -39,29 +39,29 @@ class _PointerModel(models.PrimitiveModel):
         super().__init__(manager, kind, _DOUBLES)
 
 
-def _operator(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
-    """Teach Numba an operator on pointers, by a function that generates its code."""
-    shape = signature(result, POINTER, *arguments)
+def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
+    """Teach Numba an operator on some types, by the function that generates its code."""
+    shape = signature(result, *arguments)
 
     class Typing(ConcreteTemplate):
         cases = [shape]  # noqa: RUF012
 
     infer_global(python)(Typing)  # pyright: ignore[reportOptionalCall]
-    return lower_builtin(python, POINTER, *arguments)
+    return lower_builtin(python, *arguments)
 
 
-@_operator(operator.getitem, types.float64, types.intp)
+@taught(operator.getitem, types.float64, POINTER, types.intp)
 def _read(context, builder, signature, values):
     return builder.load(builder.gep(values[0], [values[1]]))
 
 
-@_operator(operator.setitem, types.void, types.intp, types.float64)
+@taught(operator.setitem, types.void, POINTER, types.intp, types.float64)
 def _write(context, builder, signature, values):
     builder.store(values[2], builder.gep(values[0], [values[1]]))
     return context.get_dummy_value()
 
 
-@_operator(operator.add, POINTER, types.intp)
+@taught(operator.add, POINTER, POINTER, types.intp)
 def _further(context, builder, signature, values):
     return builder.gep(values[0], [values[1]])
 

@@ -1,9 +1,8 @@
 """Vectors: a double for each lane, as values in compiled code; the lanes fill as many registers as wide kernels take.
 
 Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=, & and | and the functions
-below. They live in registers: two independent halves, say, so that one is computed while the
-other waits. In memory tables hold them, a vector a row: arrays (rows, LANES), or the addresses of such,
-of which Numba counts no references.
+below. They live in registers: two independent halves, say, so that one is computed while the other waits. In memory they are
+rows of a `Table`, the address of an array of which Numba counts no references and checks no indices.
 """
 
 import operator
@@ -13,12 +12,11 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, models, register_model
 
 from linkwork.kernels.emit import ABREAST
 from linkwork.kernels.machine import this_machine
+from linkwork.simulation.pointers import taught
 
 LANES = ABREAST * this_machine().lanes
 FLAGS = ("contract",)
@@ -38,7 +36,14 @@ class Mask(types.Type):
         super().__init__(name="Mask")
 
 
-VECTOR, MASK = Vector(), Mask()
+class Table(types.Type):
+    """Type of rows of LANES doubles in memory, by the address of the first: t[row, lane] reads and writes a number."""
+
+    def __init__(self):
+        super().__init__(name="Table")
+
+
+VECTOR, MASK, TABLE = Vector(), Mask(), Table()
 _NUMBERS, _BITS = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(1), LANES)
 
 
@@ -54,59 +59,75 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, _BITS)
 
 
-def _operator(
+@register_model(Table)
+class _TableModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, ir.IntType(64))
+
+
+def _instruction(
     python: Callable, result: types.Type, instruction: str, *arguments: str, kind: types.Type = VECTOR
 ) -> None:
     """Teach Numba one operator on two vectors, or two masks, by its LLVM instruction."""
-    shape = signature(result, kind, kind)
 
-    class Typing(ConcreteTemplate):
-        cases = [shape]  # noqa: RUF012
-
-    infer_global(python)(Typing)  # pyright: ignore[reportOptionalCall]
-
-    @lower_builtin(python, kind, kind)
+    @taught(python, result, kind, kind)
     def generate(context, builder, signature, values):
         flags = {"flags": FLAGS} if kind is VECTOR else {}
         return getattr(builder, instruction)(*arguments, *values, **flags)
 
 
-_operator(operator.add, VECTOR, "fadd")
-_operator(operator.sub, VECTOR, "fsub")
-_operator(operator.mul, VECTOR, "fmul")
-_operator(operator.truediv, VECTOR, "fdiv")
-_operator(operator.le, MASK, "fcmp_ordered", "<=")
-_operator(operator.ge, MASK, "fcmp_ordered", ">=")
-_operator(operator.and_, MASK, "and_", kind=MASK)
-_operator(operator.or_, MASK, "or_", kind=MASK)
+_instruction(operator.add, VECTOR, "fadd")
+_instruction(operator.sub, VECTOR, "fsub")
+_instruction(operator.mul, VECTOR, "fmul")
+_instruction(operator.truediv, VECTOR, "fdiv")
+_instruction(operator.le, MASK, "fcmp_ordered", "<=")
+_instruction(operator.ge, MASK, "fcmp_ordered", ">=")
+_instruction(operator.and_, MASK, "and_", kind=MASK)
+_instruction(operator.or_, MASK, "or_", kind=MASK)
 
 
-def _row(context, builder, table_type, table, row):
-    """Return the pointer to a vector in a table, an array (rows, LANES) or the address of one."""
-    if isinstance(table_type, types.Array):
-        table = _start(context, builder, table_type, table)
+_PLACE = types.UniTuple(types.intp, 2)
+
+
+@taught(operator.getitem, types.float64, TABLE, _PLACE)
+def _read(context, builder, signature, values):
+    return builder.load(_number(builder, *values[:2]))
+
+
+@taught(operator.setitem, types.void, TABLE, _PLACE, types.float64)
+def _write(context, builder, signature, values):
+    builder.store(values[2], _number(builder, *values[:2]))
+    return context.get_dummy_value()
+
+
+def _number(builder, table, place):
+    """Return the pointer to a number in a table."""
+    row, lane = (builder.extract_value(place, i) for i in range(2))
+    index = builder.add(builder.mul(row, ir.Constant(row.type, LANES)), lane)
+    return builder.gep(builder.inttoptr(table, ir.DoubleType().as_pointer()), [index])
+
+
+def _row(builder, table, row):
+    """Return the pointer to a vector in a table."""
     place = builder.add(table, builder.mul(row, ir.Constant(row.type, 8 * LANES)))
     return builder.inttoptr(place, _NUMBERS.as_pointer())
 
 
-def _start(context, builder, array_type, array):
-    return builder.ptrtoint(context.make_array(array_type)(context, builder, value=array).data, ir.IntType(64))
-
-
-def _address(typing_context, array):
-    """Return the address of an array's first number."""
+def _as_table(typing_context, array):
+    """Return an array (rows, LANES) as a `Table`; the array has to be kept alive by name."""
 
     def generate(context, builder, signature, values):
-        return _start(context, builder, signature.args[0], values[0])
+        data = context.make_array(signature.args[0])(context, builder, value=values[0]).data
+        return builder.ptrtoint(data, ir.IntType(64))
 
-    return types.int64(array), generate
+    return TABLE(array), generate
 
 
 def _load(typing_context, table, row):
     """Return the vector in a row of a table."""
 
     def generate(context, builder, signature, values):
-        return builder.load(_row(context, builder, signature.args[0], *values), align=8)
+        return builder.load(_row(builder, *values), align=8)
 
     return VECTOR(table, types.intp), generate
 
@@ -115,7 +136,7 @@ def _store(typing_context, table, row, vector):
     """Write a vector to a row of a table."""
 
     def generate(context, builder, signature, values):
-        builder.store(values[2], _row(context, builder, signature.args[0], *values[:2]), align=8)
+        builder.store(values[2], _row(builder, *values[:2]), align=8)
         return context.get_dummy_value()
 
     return types.void(table, types.intp, VECTOR), generate
@@ -194,8 +215,7 @@ def _call_wide(typing_context, function, x, out, row):
 
     def generate(context, builder, signature, values):
         first = ir.Constant(values[3].type, 0)
-        source = _row(context, builder, signature.args[1], values[1], first)
-        target = _row(context, builder, signature.args[2], *values[2:])
+        source, target = _row(builder, values[1], first), _row(builder, *values[2:])
         kernel = ir.FunctionType(ir.VoidType(), [source.type, target.type])
         builder.call(builder.inttoptr(values[0], kernel.as_pointer()), [source, target])
         return context.get_dummy_value()
@@ -203,7 +223,7 @@ def _call_wide(typing_context, function, x, out, row):
     return types.void(types.intp, x, out, types.intp), generate
 
 
-address: Callable[..., int] = intrinsic(_address)
+as_table: Callable[..., Any] = intrinsic(_as_table)
 load: Callable[..., Any] = intrinsic(_load)
 store: Callable[..., None] = intrinsic(_store)
 splat: Callable[..., Any] = intrinsic(_splat)
