@@ -229,7 +229,7 @@ def integrate(
     rows = native.integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
-        *method.plan,
+        *method.plan.arguments,
         tolerances(rtol, atol, y.size), pivot_bound, closure_tol,
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
         held, period, next_sample, conditions, facts,

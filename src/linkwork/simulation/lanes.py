@@ -72,8 +72,7 @@ from linkwork.simulation.native_loop import (
     TOO_MANY_STEPS,
     sixteenths,
 )
-from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, Method
-from linkwork.simulation.pointers import pointer
+from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, method_of
 from linkwork.simulation.status import Status
 from linkwork.simulation.vectors import LANES, as_table, call_wide, load, splat, store
 
@@ -316,7 +315,7 @@ _whole, _number = types.intp, types.float64
 _wholes = types.Array(types.intp, 1, "C", readonly=True)
 _SIGNATURE = (
     *(_whole, _whole, _table, _array, _tables, _wholes, _array, _wholes, types.boolean),
-    *(_table, _array, _table, _table, _whole, _whole, _number),
+    *(_array, _whole, _whole, _whole, _whole, _whole, _number),
     *(_table, _number, _number),
     *(_whole, types.Array(types.float64, 2, "C"), _array, _number, _number, _number, _whole),
     *(types.Array(types.float64, 3, "C"), types.Array(types.float64, 2, "C"), types.Array(types.intp, 2, "C")),
@@ -327,23 +326,21 @@ _SIGNATURE = (
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-    a, c, e, dense, solution, computed, exponent,
+    plan, stages, degree, estimates, solution, computed, exponent,
     tolerance, pivot_bound, closure_tol,
     nq, ys, save_at, start, stop, max_step, max_steps,
     samples, numbers, counts, cancel, progress,
 ):  # fmt: skip
     """Integrate the members ys (N, n) from start to stop, and leave their last states there.
 
-    a, c, ..., exponent: the `Plan` of an explicit pair.
+    plan, ..., exponent: the arguments of the `Plan` of an explicit pair.
     samples (N, K, n): the states at save_at; numbers (N, NUMBERS), counts (N, COUNTS): what came of each member.
     cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,): the members ended.
     """
     members, n = ys.shape[0], ys.shape[1]
     inputs, free = coefficients.shape[2], parameters.shape[1]
-    stages, closed = a.shape[0], nq if closure != 0 else 0
-    method = Method(
-        pointer(a), pointer(c), pointer(e), pointer(dense), stages, dense.shape[0], e.shape[0], solution, computed, exponent
-    )  # fmt: skip
+    closed = nq if closure != 0 else 0
+    method = method_of(plan, stages, degree, estimates, solution, computed, exponent)
     end = np.cumsum(np.array([n, n + inputs + free, stages * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n]))
     space = room(end[9])
     y, x, k = as_table(space), as_table(space[end[0] :]), as_table(space[end[1] :])

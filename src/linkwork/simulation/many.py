@@ -202,7 +202,7 @@ def integrate_many(
             lanes.integrate(
                 motion, closure or 0, p if len(p) == 1 else p[chunk],
                 part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
-                *method.plan,
+                *method.plan.arguments,
                 tolerance, pivot_bound, closure_tol, nq, states[chunk], times, start, stop, max_step, max_steps,
                 samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
             )  # fmt: skip

@@ -31,13 +31,13 @@ from linkwork.simulation.native_parts import (
     Inputs,
     Kernels,
     Limits,
-    Method,
-    Room,
+        Room,
     copy,
     evaluate,
     first_fault,
     force,
     interpolate,
+    method_of,
     padded,
     project,
     scaled,
@@ -229,7 +229,7 @@ def resized(rows, size):
 
 def run(
     motion, closure, jacobian, events, control, p, knots, coefficients, breaks,
-    a, c, e, dense, solution, computed, exponent,
+    plan, stages, degree, estimates, solution, computed, exponent,
     tolerance, pivot_bound, closure_tol,
     nq, y_end, save_at, every_step, start, stop, max_step, h, growth, max_steps,
     held, period, next_sample, conditions, facts,
@@ -240,10 +240,10 @@ def run(
     step. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length h. tolerance (2, n): rtol, atol.
     """
     n, signals, width = y_end.size, coefficients.shape[2], padded(y_end.size + 1)
-    inputs_all, stages, watched = signals + held.size, a.shape[0], conditions.shape[0]
+    inputs_all, watched, most = signals + held.size, conditions.shape[0], max(width, padded(stages))
     stiff = n * (2 * n + inputs_all + 2) if jacobian != 0 else 0
-    sizes = (3 + stages) * width + 4 * watched + n + inputs_all + 2 * p.size + 2 * nq + 1 + dense.shape[0] + stages
-    memory = np.zeros(sizes + max(width, dense.shape[1]) + stiff)
+    sizes = (3 + stages) * width + 4 * watched + n + inputs_all + 2 * p.size + 2 * nq + 1 + degree + stages
+    memory = np.zeros(sizes + most + stiff)
     y = pointer(memory)
     k = y + 3 * width
     g = k + stages * width
@@ -251,16 +251,14 @@ def run(
     z = x + n + inputs_all + p.size
     z_next = z + nq + p.size
     powers = z_next + nq + 1
-    weights = powers + dense.shape[0]
+    weights = powers + degree
     zeros = weights + stages
     kernels = Kernels(motion, closure, jacobian, events, control)
     inputs = Inputs(pointer(knots), pointer(coefficients), coefficients.shape[0], signals)
-    method = Method(
-        pointer(a), pointer(c), pointer(e), pointer(dense), stages, dense.shape[0], e.shape[0], solution, computed, exponent
-    )  # fmt: skip
+    method = method_of(plan, stages, degree, estimates, solution, computed, exponent)
     limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, closure_tol)
     room = Room(
-        y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, zeros + max(width, dense.shape[1]),
+        y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, zeros + most,
         n, nq, width, inputs_all,
     )  # fmt: skip
     new, sample, g_new, g_within, crossings = room.new, room.sample, g + watched, g + 2 * watched, g + 3 * watched
@@ -483,7 +481,7 @@ _state = types.Array(types.float64, 1, "C")
 _number, _whole = types.float64, types.intp
 _SIGNATURE = (
     *(_whole, _whole, _whole, _whole, _whole, _array, _array, _tables, _array),
-    *(_table, _array, _table, _table, _whole, _whole, _number),
+    *(_array, _whole, _whole, _whole, _whole, _whole, _number),
     *(_table, _number, _number),
     *(_whole, _state, _array, types.boolean, _number, _number, _number, _number, _number, _whole),
     *(_state, _number, _whole, _table, _state),

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.pointers import call, combine
+from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import LANES
 
@@ -64,6 +64,15 @@ class Method(NamedTuple):
     solution: int
     computed: int
     exponent: float
+
+
+@njit(forceinline=True, **OPTIONS)
+def method_of(numbers, stages, degree, estimates, solution, computed, exponent):
+    """Return the `Method` of the arguments of a `tableaus.Plan`; the numbers have to be kept alive by name."""
+    a = pointer(numbers)
+    c = a + stages * stages
+    e = c + stages
+    return Method(a, c, e, e + estimates * stages, stages, degree, estimates, solution, computed, exponent)
 
 
 class Limits(NamedTuple):

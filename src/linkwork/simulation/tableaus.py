@@ -21,8 +21,7 @@ Wanner, Geometric Numerical Integration, 2nd ed. (2006), sec. I.1.2.
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cache
-from typing import NamedTuple
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -32,8 +31,9 @@ from linkwork.errors import LinkworkError
 LANES = 4  # numbers of a vector in which weights are added up
 
 
-class Plan(NamedTuple):
-    """Hold a method as the compiled loops take it.
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Hold a method as the compiled loops need it.
 
     `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c` (rows,): stage times;
     `e` (estimates, rows): error weights, none for a fixed step; `dense` (degree, rows): the transpose of P, its rows padded to
@@ -48,6 +48,13 @@ class Plan(NamedTuple):
     solution: int
     computed: int
     exponent: float
+
+    @cached_property
+    def arguments(self) -> tuple[np.ndarray, int, int, int, int, int, float]:
+        """The plan as the compiled loops take it: a, c, e and dense in one list, the numbers of their rows, and the rest."""
+        numbers = np.concatenate([self.a.ravel(), self.c, self.e.ravel(), self.dense.ravel()])
+        counts = len(self.a), len(self.dense), len(self.e)
+        return frozen(numbers), *counts, self.solution, self.computed, self.exponent
 
 
 @dataclass(frozen=True, eq=False)
