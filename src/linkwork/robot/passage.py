@@ -132,14 +132,16 @@ class Passage:
             return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
         if done.status is not Status.SINGULAR or steps < 1:
             return None
-        regular, better = choice or choices(self.robot, chart, q[None])[0]
-        landing = self._over(chart, t, q, v) if self.step_over and not regular else None
-        if landing is None and better is not None:
-            n = chart.equations.mobility
-            v = np.concatenate([better.from_tree(chart.tree_rates(q, v[:n])), v[n:]])
-            return Stand(better, t, q, v, self.system.control(better, done.control), steps, SOFT, stand.short)
-        if self.step_over and regular:
-            landing = self._over(chart, t, q, v)
+        tried = self.step_over and not (choice.regular if choice else regular(self.robot, q))
+        landing = self._over(chart, t, q, v) if tried else None
+        if landing is None:
+            better = (choice or choices(self.robot, chart, q[None])[0]).better
+            if better is not None:
+                n = chart.equations.mobility
+                v = np.concatenate([better.from_tree(chart.tree_rates(q, v[:n])), v[n:]])
+                return Stand(better, t, q, v, self.system.control(better, done.control), steps, SOFT, stand.short)
+            if self.step_over and not tried:
+                landing = self._over(chart, t, q, v)
         if landing is not None:
             short, (t, q, v) = landing[0] - t, landing
             chart = self._faced(chart, q)
@@ -202,6 +204,11 @@ class Passage:
         return Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance).over(t, self.end, q, v)
 
 
+def regular(robot: Robot, q: np.ndarray) -> bool:
+    """Tell whether a configuration is far from losing rank."""
+    return bool(robot.equations.regular(robot.chart.constraint_jacobian(q)))
+
+
 def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
     """Choose what is better than a chart at each of some configurations.
 
@@ -213,8 +220,8 @@ def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
     """
     home = robot.chart
     Phi = home.constraint_jacobian(q, p)
-    regular = robot.equations.regular(Phi)
-    needed = np.where(regular, NOT_WORSE, BETTER) * chart.conditioning(Phi)
+    sound = robot.equations.regular(Phi)
+    needed = np.where(sound, NOT_WORSE, BETTER) * chart.conditioning(Phi)
     better: dict[int, CompiledChart] = {}
     with BUILDING:
         preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
@@ -226,7 +233,7 @@ def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
                 continue
             for own, kept in kept_charts(robot, candidate, good, q, p):
                 better |= dict.fromkeys(own, kept)
-    return [Choice(bool(of), better.get(i)) for i, of in enumerate(regular.tolist())]
+    return [Choice(bool(of), better.get(i)) for i, of in enumerate(sound.tolist())]
 
 
 def kept_charts(

@@ -234,13 +234,13 @@ def integrate(
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
         held, period, next_sample, conditions, facts,
     )  # fmt: skip
-    outcome, found = loop.Outcome._make(facts.tolist()), rows[:0]
+    outcome, found, event = loop.Outcome._make(facts.tolist()), rows[:0], -1
     if len(conditions):
         happened = rows[:, -1] >= 0
         found, rows = rows[happened], rows[~happened]
+        event = next((int(i) for i in found[:, -1] if conditions[int(i), 1]), -1)
     if control is not None:
         control = replace(control, held=held, next_sample=int(outcome.next_sample))
-    event = next((int(i) for i in found[:, -1] if conditions[int(i), 1]), -1)
     bounds = {"pivot_bound": pivot_bound, "closure_tol": closure_tol, "max_steps": max_steps, "event": event}
     return Trajectory(rows, found, y, q.size, outcome, control, bounds, Status(outcome.status))
 
