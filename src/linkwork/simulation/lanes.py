@@ -8,8 +8,9 @@ void(const double *in, double *out) for LANES states side by side:
     motion     in = (y, u, p)    out = (y', pivot)
     closure    in = (q, p)       out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
 
-Members start in blocks of LANES (`start_block`): q is closed, the first slope evaluated, the first step guessed. Then
-all lanes go step by step: `choose_steps`, `combine`, `project`, `judge`, `take_samples`, `reject`, `accept`, `restart`.
+Members start in blocks of LANES (`start_block`): q is closed, the first slope evaluated, the first step guessed; `begun`
+keeps that, block after block. Then all lanes go step by step: `choose_steps`, `combine`, `project`, `judge`,
+`take_samples`, `reject`, `accept`, `restart`.
 
 Names: `x`, rows (y, u, p); `k`, rows (y', pivot), stage after stage; `z`, rows (q, p); all (rows, LANES). `now` and `tally`
 hold numbers and counts of the members in the lanes, `numbers` and `counts` those of all members, a row each, of which
@@ -102,9 +103,15 @@ def first_ailment(k, stage, n, lane, pivot_bound):
 
 
 @njit(forceinline=True, **OPTIONS)
+def begun_rows(n):
+    """Return how many rows a block of started members takes: the first of `now`, y and k_0."""
+    return NUMBERS + 2 * n + 1
+
+
+@njit(forceinline=True, **OPTIONS)
 def start_block(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-    exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, slopes, numbers, counts,
+    exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, begun, counts,
     y, x, z, z_next, k, now, tally,
 ):  # fmt: skip
     """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
@@ -169,34 +176,36 @@ def start_block(
             now[STEP_SIZE, lane] = min(h, max_step)
             tally[EVALUATIONS, lane] += 1
 
+    store(now, TIME, splat(start))
+    row = first // LANES * begun_rows(n)
+    for m in range(NUMBERS):
+        store(begun, row + m, load(now, m))
+    for m in range(n):
+        store(begun, row + NUMBERS + m, load(y, m))
+    for m in range(n + 1):
+        store(begun, row + NUMBERS + n + m, load(k, m))
     for lane in range(min(LANES, members - first)):
         i = first + lane
-        now[TIME, lane] = start
-        tally[ACCEPTED, lane] = tally[REJECTED, lane] = tally[SAVED, lane] = 0
-        for m in range(n):
-            ys[i, m], slopes[i, m] = y[m, lane], k[m, lane]
-        slopes[i, n] = k[n, lane]
-        for m in range(NUMBERS):
-            numbers[i, m] = now[m, lane]
-        for m in range(COUNTS):
-            counts[i, m] = tally[m, lane]
+        counts[i, ACCEPTED] = counts[i, REJECTED] = counts[i, SAVED] = 0
+        counts[i, STATUS], counts[i, EVALUATIONS] = tally[STATUS, lane], tally[EVALUATIONS, lane]
 
 
 @njit(forceinline=True, **OPTIONS)
 def load_member(
-    i, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop, ys, slopes, numbers, counts,
+    i, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop, n, begun, counts,
     save_at, samples, y, x, z, k, now, tally,
 ):  # fmt: skip
     """Put a started member into a lane."""
-    n, inputs = ys.shape[1], coefficients.shape[2]
+    inputs, place, begin = coefficients.shape[2], i % LANES, i // LANES * begun_rows(n)
     signal, row = shared(i, pieces.size - 1), shared(i, parameters.shape[0])
+    for m in range(NUMBERS):
+        now[m, lane] = begun[begin + m, place]
     for m in range(n):
-        y[m, lane], k[m, lane] = ys[i, m], slopes[i, m]
-    k[n, lane] = slopes[i, n]
+        y[m, lane] = begun[begin + NUMBERS + m, place]
+    for m in range(n + 1):
+        k[m, lane] = begun[begin + NUMBERS + n + m, place]
     for m in range(parameters.shape[1]):
         x[n + inputs + m, lane] = z[nq + m, lane] = parameters[row, m]
-    for m in range(NUMBERS):
-        now[m, lane] = numbers[i, m]
     for m in range(COUNTS):
         tally[m, lane] = counts[i, m]
     now[GROWTH, lane] = LARGEST_FACTOR
@@ -206,7 +215,7 @@ def load_member(
     now[TARGET, lane] = next_target(breaks, breaking, signal, tally, start, start, stop, lane)
     if save_at.size > 0 and save_at[0] == start:
         for m in range(n):
-            samples[i, 0, m] = ys[i, m]
+            samples[i, 0, m] = y[m, lane]
         tally[SAVED, lane] = 1
 
 
@@ -349,12 +358,13 @@ def integrate(
     scale, zeros = as_table(space[end[7] :]), as_table(space[end[8] :])
     for m in range(n):
         space[end[7] + m], space[end[7] + n + m] = tolerance[0, m], tolerance[1, m]
-    tally, slopes = np.zeros((TALLY, LANES), np.intp), np.empty((members, n + 1))
+    tally, blocks = np.zeros((TALLY, LANES), np.intp), room((members + LANES - 1) // LANES * begun_rows(n))
+    begun = as_table(blocks)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
             motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-            exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, slopes, numbers, counts,
+            exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, begun, counts,
             y, x, z, z_next, k, now, tally,
         )  # fmt: skip
 
@@ -379,7 +389,7 @@ def integrate(
                     break
                 load_member(
                     waiting, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop,
-                    ys, slopes, numbers, counts, save_at, samples, y, x, z, k, now, tally,
+                    n, begun, counts, save_at, samples, y, x, z, k, now, tally,
                 )  # fmt: skip
                 waiting += 1
             alive = tally[MEMBER, lane] >= 0
@@ -438,6 +448,8 @@ def integrate(
             store_member(lane, ys, numbers, counts, y, now, tally)
     for i in range(waiting, members):
         counts[i, STATUS] = CANCELLED
+        for m in range(NUMBERS):
+            numbers[i, m] = begun[i // LANES * begun_rows(n) + m, i % LANES]
     if closure != 0:
         measure_closure(closure, nq, ys, numbers, parameters, z, z_next)
-    space[0, 0] = 0.0  # the memory of the tables lives to the end
+    space[0, 0] = blocks[0, 0] = 0.0  # the memory of the tables lives to the end
