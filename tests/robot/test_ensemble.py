@@ -168,6 +168,33 @@ def test_an_interruption_keeps_what_is_done(prr3):
     assert np.isfinite(members.final.q).all()
 
 
+def test_members_that_an_interruption_leaves_waiting_are_closed(prr3):
+    def interrupt(done, members):
+        raise KeyboardInterrupt
+
+    start = replace(prr3.home, q=prr3.home.q + 1e-8 * np.eye(prr3.home.q.size)[0])
+    options = {"duration": 10.0, "max_step": 1e-3, "threads": 1, "progress": interrupt}
+    members = prr3.ensemble(start, np.zeros((4000, 3)), **options)
+    waiting = (members.end_time == 0) & np.isfinite(members.pivot)
+    assert waiting.any()
+    assert members.closure_error[waiting].max() < 1e-14
+
+
+def test_forces_that_jump_under_the_method_for_smooth_ones(prr3):
+    """No stage reaches beyond the step, where the force is another one; no member depends on its neighbours."""
+    t, rates = np.linspace(0.0, 0.3, 6), 0.5 * random(6, 3)
+    states = prr3.state(np.broadcast_to(prr3.home.positions, (6, len(prr3.coordinates))), rates)
+    signals = [Sampled(t, 0.3 * random(6, 3, seed=i), kind) for i, kind in enumerate(2 * ("spline", "linear", "hold"))]
+    options = {"duration": 0.3, "save_at": np.linspace(0.0, 0.3, 7), "method": "sharp_smart", "rtol": 1e-6}
+    alone = [prr3.simulate(states.at(i), signal, **options) for i, signal in enumerate(signals)]
+    assert prr3.simulate(prr3.home, signals[-1], **options).rejected == 0
+    for chosen in ([0, 1, 2, 3, 4, 5], [3, 4, 5], [2], [5, 0]):
+        group = prr3.state(states.positions[chosen], rates[chosen])
+        members = prr3.ensemble(group, [signals[i] for i in chosen], threads=1, **options)
+        require_equal(members, [alone[i] for i in chosen])
+        assert np.array_equal(members.final.q, np.array([alone[i].attrs["final_q"] for i in chosen]))
+
+
 def test_progress_on_the_terminal(prr3, capfd):
     prr3.ensemble(prr3.home, 0.1 * random(20, 3), duration=0.1, progress=True)
     assert "20/20" in capfd.readouterr().out

@@ -90,3 +90,42 @@ def test_the_cache_is_renewed_when_a_constant_in_another_file_changes(tmp_path):
         done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path)
         assert done.stdout == f"{factor:.1f}\n"
     assert done.stderr == ""
+
+
+OPERATOR = """
+import operator
+from llvmlite import ir
+from numba import types
+from linkwork.simulation.compiled import taught
+
+FACTOR = {factor}
+
+@taught(operator.matmul, types.float64, types.float64, types.float64)
+def generate(context, builder, signature, values):
+    return builder.fmul(ir.Constant(ir.DoubleType(), FACTOR), builder.fmul(*values))
+
+def one():
+    return 1.0
+"""
+OPERATOR_USER = """
+from numba import njit, types
+import operating
+from linkwork.simulation.compiled import compiled_once
+
+one = njit(operating.one)
+
+@compiled_once("the product", (types.float64,))
+def product(x):
+    return x @ one()
+"""
+
+
+def test_the_cache_is_renewed_when_the_code_of_an_operator_changes(tmp_path):
+    """Of the modules whose functions are used: nobody names operators."""
+    (tmp_path / "using.py").write_text(OPERATOR_USER)
+    for factor in 2.0, 3.0, 3.0:
+        (tmp_path / "operating.py").write_text(OPERATOR.format(factor=factor))
+        script = "import using; print(using.product(1.0))"
+        done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path)
+        assert done.stdout == f"{factor:.1f}\n", done.stderr
+    assert done.stderr == ""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import RK23, RK45
 
-from linkwork.simulation import BOGACKI_SHAMPINE, DORMAND_PRINCE, SHARP_SMART, dop853
+from linkwork.simulation import BOGACKI_SHAMPINE, DORMAND_PRINCE, RODAS, SHARP_SMART, dop853
 
 PAIRS = pytest.mark.parametrize("pair", [DORMAND_PRINCE, BOGACKI_SHAMPINE], ids=lambda pair: pair.name)
 
@@ -128,6 +128,13 @@ def test_conditions_of_all_rooted_trees_are_met_up_to_the_order_and_no_further(p
     for weights, reached in (b, pair.order), (b - pair.e, 5 if pair.second is not None else pair.error_order):
         assert max(np.abs(defects(weights, a, order)).max() for order in range(1, reached + 1)) < 1e-13
         assert np.abs(defects(weights, a, reached + 1)).max() > 1e-7
+
+
+@pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART, dop853(), RODAS], ids=lambda method: method.name)
+def test_no_stage_is_beyond_the_step_and_the_new_state_is_at_its_end(method):
+    """Exactly: beyond the end of a step forces may jump."""
+    assert method.plan.c.min() >= 0 and method.plan.c.max() == 1
+    assert method.plan.c[method.plan.solution] == 1
 
 
 def test_dense_output_of_sharp_and_smart_is_of_order_6_and_smooth():

@@ -327,13 +327,10 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
 def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course: Course) -> Ensemble:
     """Put the results of all members side by side."""
     alone = {one.member: one for one in lone}
-    names = ("status", "end_time", *STATISTICS)
-    numbers = {name: np.concatenate([getattr(part.outcomes, name) for part in parts]) for name in names}
-    if len(parts) > 1:
-        order = np.argsort(np.concatenate([part.members for part in parts]))
-        numbers = {name: values[order] for name, values in numbers.items()}
     unfinished = [i for part in parts for i in part.members[part.outcomes.status == Status.SINGULAR] if i not in alone]
-    numbers["status"][unfinished] = Status.CANCELLED
+    numbers = in_order(parts, keep=not (lone or unfinished))
+    if unfinished:
+        numbers["status"][unfinished] = Status.CANCELLED
     for one in lone:
         numbers["end_time"][one.member] = one.segments[-1].trajectory.end_time
         numbers["status"][one.member] = one.status
@@ -363,6 +360,15 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         _measure=lambda: measured(crew, rows(), course.times),
         **numbers,
     )
+
+
+def in_order(parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
+    """Return numbers of all members; where they are one part and not to be written to, those of the part."""
+    columns = {name: [getattr(part.outcomes, name) for part in parts] for name in ("status", "end_time", *STATISTICS)}
+    if keep and len(parts) == 1:
+        return {name: values for name, (values,) in columns.items()}
+    order = np.argsort(np.concatenate([part.members for part in parts]))
+    return {name: np.concatenate(values)[order] for name, values in columns.items()}
 
 
 def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> tuple[State, np.ndarray]:

@@ -14,9 +14,13 @@ from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+
+TAUGHT: list[FunctionType] = []  # what generates the code of operators that Numba is taught here
 
 OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
@@ -58,10 +62,31 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     return dispatcher
 
 
+def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
+    """Teach Numba an operator on some types, by the function that generates its code."""
+    shape = signature(result, *arguments)
+
+    class Typing(ConcreteTemplate):
+        cases = [shape]  # noqa: RUF012
+
+    def register(generate: FunctionType) -> Callable:
+        TAUGHT.append(generate)
+        return lower_builtin(python, *arguments)(generate)
+
+    infer_global(python)(Typing)  # pyright: ignore[reportOptionalCall]
+    return register
+
+
 def fingerprint(function: Callable) -> str:
-    """Return a digest of a function's code, and of that of all functions and constants that it names, and they name."""
+    """Return a digest of a function's code, and of that of all functions and constants that it names, and they name.
+
+    Operators are not named: those count that are taught in the modules of these functions.
+    """
     parts: dict[Callable, list[object]] = {}
     _gather(function, parts)
+    modules = {part.__module__ for part in parts}
+    for generate in [generate for generate in TAUGHT if generate.__module__ in modules]:
+        _gather(generate, parts)
     return hashlib.sha256(repr(list(parts.values())).encode()).hexdigest()
 
 

@@ -3,12 +3,32 @@
 Names as in `lanes`.
 """
 
+from typing import Any, NamedTuple
+
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.lane_rows import BREAK, LIVE, MEMBER, PIECE, STEP, TIME
 from linkwork.simulation.native_loop import ROUNDING
 from linkwork.simulation.vectors import LANES
+
+
+class Signals(NamedTuple):
+    """The members' signals, one after the other, or one that all share, over a run from `start` to `stop`.
+
+    Signal i consists of the pieces from `pieces[i]` to `pieces[i + 1]`, which begin at `starts` and are polynomials of the
+    `coefficients` (pieces, powers, inputs), and of the breaks from `breaking[i]` to `breaking[i + 1]`. `timed`: whether any
+    varies over the run.
+    """
+
+    starts: Any
+    coefficients: Any
+    pieces: Any
+    breaks: Any
+    breaking: Any
+    timed: bool
+    start: float
+    stop: float
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -18,8 +38,15 @@ def shared(i, rows):
 
 
 @njit(forceinline=True, **OPTIONS)
-def force(starts, c, pieces, i, t, from_left, x, n, lane, tally):
+def signal_of(signals, member):
+    """Return the signal that a member follows."""
+    return shared(member, signals.pieces.size - 1)
+
+
+@njit(forceinline=True, **OPTIONS)
+def force(signals, i, t, from_left, x, n, lane, tally):
     """Evaluate signal i at t into x[n:] of the lane, and keep its piece, from which to look for the next."""
+    starts, c, pieces = signals.starts, signals.coefficients, signals.pieces
     first, last = pieces[i], pieces[i + 1] - 1
     piece = max(tally[PIECE, lane], first)
     while piece < last and (t > starts[piece + 1] or (t == starts[piece + 1] and not from_left)):
@@ -29,21 +56,25 @@ def force(starts, c, pieces, i, t, from_left, x, n, lane, tally):
     tally[PIECE, lane] = piece
     s = t - starts[piece]
     for j in range(c.shape[2]):
-        x[n + j, lane] = c[piece, 0, j] + s * (c[piece, 1, j] + s * (c[piece, 2, j] + s * c[piece, 3, j]))
+        value = c[piece, c.shape[1] - 1, j]
+        for power in range(c.shape[1] - 2, -1, -1):
+            value = c[piece, power, j] + s * value
+        x[n + j, lane] = value
 
 
 @njit(forceinline=True, **OPTIONS)
-def next_target(breaks, breaking, i, tally, t, start, stop, lane):
+def next_target(signals, i, tally, t, lane):
     """Return the next time at which a step has to end."""
-    while tally[BREAK, lane] < breaking[i + 1] and breaks[tally[BREAK, lane]] <= t + ROUNDING * (t - start):
+    breaks, end, stop = signals.breaks, signals.breaking[i + 1], signals.stop
+    while tally[BREAK, lane] < end and breaks[tally[BREAK, lane]] <= t + ROUNDING * (t - signals.start):
         tally[BREAK, lane] += 1
-    return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < breaking[i + 1] else stop
+    return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < end else stop
 
 
 @njit(forceinline=True, **OPTIONS)
-def set_forces(theta, starts, coefficients, pieces, x, n, now, tally):
+def set_forces(signals, theta, x, n, now, tally):
     """Evaluate the signals of all lanes at the times of a stage, t + theta h."""
     for lane in range(LANES):
         if now[LIVE, lane] > 0:
-            signal, time = shared(tally[MEMBER, lane], pieces.size - 1), now[TIME, lane] + theta * now[STEP, lane]
-            force(starts, coefficients, pieces, signal, time, True, x, n, lane, tally)
+            time = now[TIME, lane] + theta * now[STEP, lane]
+            force(signals, signal_of(signals, tally[MEMBER, lane]), time, True, x, n, lane, tally)

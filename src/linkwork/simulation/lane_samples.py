@@ -52,13 +52,14 @@ def want_samples(save_at, now, tally):
 
 
 @njit(**OPTIONS)
-def extend(
-    motion, method, n, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
-):  # fmt: skip
+def extend(motion, method, signals, pivot_bound, save_at, tables):
     """Evaluate the stages that only the dense output needs; refuse the steps of lanes with a sample in which they fail.
 
     x is left as it was: the new state, under the inputs at its end.
     """
+    n, y, x, k, sample, now, tally = (
+        tables.n, tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
+    )  # fmt: skip
     for m in range(n):
         store(sample, m, load(x, m))
     for lane in range(LANES):
@@ -66,8 +67,8 @@ def extend(
             tally[EVALUATIONS, lane] += method.stages - method.computed
     for i in range(method.computed, method.stages):
         combine(method.a + i * method.stages, i, n, now, y, k, x)
-        if timed:
-            set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
+        if signals.timed:
+            set_forces(signals, method.c[i], x, n, now, tally)
         call_wide(motion, x, k, i * (n + 1))
         for lane in range(LANES):
             pivot = k[i * (n + 1) + n, lane]
@@ -77,14 +78,15 @@ def extend(
                 now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
     for m in range(n):
         store(x, m, load(sample, m))
-    if timed:
-        set_forces(1.0, starts, coefficients, pieces, x, n, now, tally)
+    if signals.timed:
+        set_forces(signals, method.c[method.solution], x, n, now, tally)
 
 
 @njit(forceinline=True, **OPTIONS)
-def take_samples(closure, nq, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally):
+def take_samples(closure, method, closure_tol, save_at, samples, tables):
     """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
-    n, stages = samples.shape[2], method.stages
+    n, stages, weights = tables.n, method.stages, tables.weights
+    y, x, k, sample, now, tally = tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
     while want_samples(save_at, now, tally)[0] > 0:
         theta = load(now, THETA)
         for i in range(stages):
@@ -105,10 +107,7 @@ def take_samples(closure, nq, method, closure_tol, save_at, samples, y, x, z, z_
                 for m in range(n):
                     sample[m, lane] = x[m, lane]
         if closure != 0:
-            project(
-                closure, nq, sample, z, z_next, now, closure_tol,
-                math.inf,
-            )  # fmt: skip
+            project(closure, tables.nq, sample, tables.z, tables.z_next, now, closure_tol, math.inf)
         for lane in range(LANES):
             if now[WANTED, lane] > 0:
                 if now[RESIDUAL, lane] <= closure_tol:

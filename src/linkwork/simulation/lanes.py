@@ -14,9 +14,7 @@ keeps that, block after block. Then all lanes go step by step: `choose_steps`, `
 
 Names: `x`, rows (y, u, p); `k`, rows (y', pivot), stage after stage; `z`, rows (q, p); all (rows, LANES). `now` and `tally`
 hold numbers and counts of the members in the lanes, `numbers` and `counts` those of all members, a row each, of which
-the first NUMBERS and COUNTS are the same. The members' signals lie one after the other: signal i consists of the
-pieces from `pieces[i]` to `pieces[i + 1]`, which begin at `starts`, and of the breaks from `breaking[i]` to
-`breaking[i + 1]`; with one signal, or one row of p, all members share it.
+the first NUMBERS and COUNTS are the same. With one signal, or one row of p, all members share it.
 """
 
 import math
@@ -25,7 +23,7 @@ import numpy as np
 from numba import njit, types
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
-from linkwork.simulation.lane_inputs import force, next_target, set_forces, shared
+from linkwork.simulation.lane_inputs import Signals, force, next_target, set_forces, shared, signal_of
 from linkwork.simulation.lane_rows import (
     ACCEPTED,
     ACCEPTS,
@@ -57,6 +55,7 @@ from linkwork.simulation.lane_rows import (
     TARGET,
     TIME,
     WANTED,
+    Tables,
 )
 from linkwork.simulation.lane_samples import extend, take_samples, want_samples
 from linkwork.simulation.lane_steps import accept, choose_steps, combine, judge, move, project, scaled
@@ -103,37 +102,35 @@ def first_ailment(k, stage, n, lane, pivot_bound):
 
 
 @njit(forceinline=True, **OPTIONS)
-def begun_rows(n):
-    """Return how many rows a block of started members takes: the first of `now`, y and k_0."""
-    return NUMBERS + 2 * n + 1
+def block_row(member, n):
+    """Return the first row of a member's block in `begun`: the first NUMBERS rows of `now`, those of y, those of k_0."""
+    return member // LANES * (NUMBERS + 2 * n + 1)
 
 
 @njit(forceinline=True, **OPTIONS)
 def start_block(
-    motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-    exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, begun, counts,
-    y, x, z, z_next, k, now, tally,
+    motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts, tables
 ):  # fmt: skip
     """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
-    n, inputs = ys.shape[1], coefficients.shape[2]
-    members = ys.shape[0]
+    y, x, k, z, now, tally, scale = (
+        tables.y, tables.x, tables.k, tables.z, tables.now, tables.tally, tables.scale
+    )  # fmt: skip
+    (members, n), inputs, start = ys.shape, signals.coefficients.shape[2], signals.start
     for lane in range(LANES):
         i = min(first + lane, members - 1)
-        signal, row = shared(i, pieces.size - 1), shared(i, parameters.shape[0])
+        signal, row = signal_of(signals, i), shared(i, parameters.shape[0])
         for m in range(n):
             y[m, lane] = ys[i, m]
         for m in range(parameters.shape[1]):
-            x[n + inputs + m, lane] = z[nq + m, lane] = parameters[row, m]
+            x[n + inputs + m, lane] = z[tables.nq + m, lane] = parameters[row, m]
         now[WANTED, lane] = 1.0
-        tally[STATUS, lane], tally[EVALUATIONS, lane], tally[BREAK, lane] = OK, 0, breaking[signal]
+        tally[STATUS, lane], tally[EVALUATIONS, lane], tally[BREAK, lane] = OK, 0, signals.breaking[signal]
         tally[PIECE, lane] = 0
-        force(starts, coefficients, pieces, signal, start, False, x, n, lane, tally)
-        now[TARGET, lane] = next_target(breaks, breaking, signal, tally, start, start, stop, lane)
+        force(signals, signal, start, False, x, n, lane, tally)
+        now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
         now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
     if closure != 0:
-        project(
-            closure, nq, y, z, z_next, now, closure_tol, math.inf
-        )  # fmt: skip
+        project(closure, tables.nq, y, z, tables.z_next, now, closure_tol, math.inf)
         for lane in range(LANES):
             now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
             if not now[RESIDUAL, lane] <= closure_tol:
@@ -155,9 +152,9 @@ def start_block(
         size, steepness = now[ERROR, lane], now[LOWEST, lane]
         ahead = 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness
         now[STEP, lane] = min(now[TARGET, lane] - start, ahead)
-        signal = shared(min(first + lane, members - 1), pieces.size - 1)
-        if timed:
-            force(starts, coefficients, pieces, signal, start + now[STEP, lane], True, x, n, lane, tally)
+        if signals.timed:
+            signal = signal_of(signals, min(first + lane, members - 1))
+            force(signals, signal, start + now[STEP, lane], True, x, n, lane, tally)
     for m in range(n):
         store(x, m, load(y, m) + load(now, STEP) * load(k, m))
     call_wide(motion, x, k, n + 1)
@@ -177,7 +174,7 @@ def start_block(
             tally[EVALUATIONS, lane] += 1
 
     store(now, TIME, splat(start))
-    row = first // LANES * begun_rows(n)
+    row = block_row(first, n)
     for m in range(NUMBERS):
         store(begun, row + m, load(now, m))
     for m in range(n):
@@ -191,13 +188,11 @@ def start_block(
 
 
 @njit(forceinline=True, **OPTIONS)
-def load_member(
-    i, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop, n, begun, counts,
-    save_at, samples, y, x, z, k, now, tally,
-):  # fmt: skip
+def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, tables):
     """Put a started member into a lane."""
-    inputs, place, begin = coefficients.shape[2], i % LANES, i // LANES * begun_rows(n)
-    signal, row = shared(i, pieces.size - 1), shared(i, parameters.shape[0])
+    n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
+    inputs, place, begin = signals.coefficients.shape[2], i % LANES, block_row(i, n)
+    signal, row, start = signal_of(signals, i), shared(i, parameters.shape[0]), signals.start
     for m in range(NUMBERS):
         now[m, lane] = begun[begin + m, place]
     for m in range(n):
@@ -205,14 +200,14 @@ def load_member(
     for m in range(n + 1):
         k[m, lane] = begun[begin + NUMBERS + n + m, place]
     for m in range(parameters.shape[1]):
-        x[n + inputs + m, lane] = z[nq + m, lane] = parameters[row, m]
+        x[n + inputs + m, lane] = tables.z[tables.nq + m, lane] = parameters[row, m]
     for m in range(COUNTS):
         tally[m, lane] = counts[i, m]
     now[GROWTH, lane] = LARGEST_FACTOR
     tally[MEMBER, lane], tally[CAUSE, lane] = i, STEP_UNDERFLOW
-    tally[PIECE, lane], tally[BREAK, lane] = 0, breaking[signal]
-    force(starts, coefficients, pieces, signal, start, False, x, n, lane, tally)
-    now[TARGET, lane] = next_target(breaks, breaking, signal, tally, start, start, stop, lane)
+    tally[PIECE, lane], tally[BREAK, lane] = 0, signals.breaking[signal]
+    force(signals, signal, start, False, x, n, lane, tally)
+    now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
     if save_at.size > 0 and save_at[0] == start:
         for m in range(n):
             samples[i, 0, m] = y[m, lane]
@@ -277,17 +272,15 @@ def reject(lane, exponent, pivot_bound, first_pivot, now, tally):
 
 
 @njit(forceinline=True, **OPTIONS)
-def restart(
-    motion, n, last, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, x, k, now, tally
-):  # fmt: skip
+def restart(motion, last, signals, pivot_bound, tables):
     """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break of their signal."""
-    broken = 0
+    n, x, k, now, tally, broken = tables.n, tables.x, tables.k, tables.now, tables.tally, 0
     for lane in range(LANES):
         now[WANTED, lane] = 0.0
-        if now[ACCEPTS, lane] > 0 and now[TIME, lane] == now[TARGET, lane] and now[TIME, lane] < stop:
-            signal, time = shared(tally[MEMBER, lane], pieces.size - 1), now[TIME, lane]
-            force(starts, coefficients, pieces, signal, time, False, x, n, lane, tally)
-            now[TARGET, lane] = next_target(breaks, breaking, signal, tally, time, start, stop, lane)
+        if now[ACCEPTS, lane] > 0 and now[TIME, lane] == now[TARGET, lane] and now[TIME, lane] < signals.stop:
+            signal, time = signal_of(signals, tally[MEMBER, lane]), now[TIME, lane]
+            force(signals, signal, time, False, x, n, lane, tally)
+            now[TARGET, lane] = next_target(signals, signal, tally, time, lane)
             now[WANTED, lane] = 1.0
             broken += 1
     if broken == 0:
@@ -358,14 +351,14 @@ def integrate(
     scale, zeros = as_table(space[end[7] :]), as_table(space[end[8] :])
     for m in range(n):
         space[end[7] + m], space[end[7] + n + m] = tolerance[0, m], tolerance[1, m]
-    tally, blocks = np.zeros((TALLY, LANES), np.intp), room((members + LANES - 1) // LANES * begun_rows(n))
+    tally, blocks = np.zeros((TALLY, LANES), np.intp), room(block_row(members + LANES - 1, n))
     begun = as_table(blocks)
+    signals = Signals(starts, coefficients, pieces, breaks, breaking, timed, start, stop)
+    tables = Tables(y, x, k, z, z_next, sample, weights, scale, zeros, now, tally, n, nq)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
-            motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-            exponent, scale, pivot_bound, closure_tol, nq, start, stop, max_step, first, ys, begun, counts,
-            y, x, z, z_next, k, now, tally,
+            motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts, tables
         )  # fmt: skip
 
     waiting = np.intp(0)
@@ -387,10 +380,7 @@ def integrate(
                     tally[MEMBER, lane] = -1
                 if waiting == members:
                     break
-                load_member(
-                    waiting, lane, nq, parameters, starts, coefficients, pieces, breaks, breaking, start, stop,
-                    n, begun, counts, save_at, samples, y, x, z, k, now, tally,
-                )  # fmt: skip
+                load_member(waiting, lane, parameters, signals, begun, counts, save_at, samples, tables)
                 waiting += 1
             alive = tally[MEMBER, lane] >= 0
             now[LIVE, lane] = now[WANTED, lane] = 1.0 if alive else 0.0
@@ -405,12 +395,9 @@ def integrate(
                 if closure != 0:
                     project(closure, nq, x, z, z_next, now, closure_tol, RESERVE)
             if timed:
-                set_forces(method.c[i], starts, coefficients, pieces, x, n, now, tally)
+                set_forces(signals, method.c[i], x, n, now, tally)
             call_wide(motion, x, k, i * (n + 1))
-        judge(
-            method, n, closed, scale, pivot_bound, closure_tol, y, x, z, k,
-            zeros, sample, now,
-        )  # fmt: skip
+        judge(method, n, closed, scale, pivot_bound, closure_tol, y, x, z, k, zeros, sample, now)
         for lane in range(LANES):
             tally[AILMENT, lane], tally[REACHED, lane] = OK, tally[SAVED, lane]
             now[ACCEPTS, lane] = 1.0 if now[LIVE, lane] > 0 and now[ERROR, lane] <= 1 else 0.0
@@ -420,12 +407,8 @@ def integrate(
                 diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally)
         if save_at.size > 0:
             if computed < stages and want_samples(save_at, now, tally)[1] > 0:
-                extend(
-                    motion, method, n, timed, starts, coefficients, pieces, pivot_bound, save_at, y, x, k, sample, now, tally
-                )  # fmt: skip
-            take_samples(
-                closure, nq, method, closure_tol, save_at, samples, y, x, z, z_next, k, sample, weights, now, tally
-            )
+                extend(motion, method, signals, pivot_bound, save_at, tables)
+            take_samples(closure, method, closure_tol, save_at, samples, tables)
         for lane in range(LANES):
             if now[ACCEPTS, lane] > 0:
                 tally[ACCEPTED, lane] += 1
@@ -434,10 +417,7 @@ def integrate(
                 reject(lane, exponent, pivot_bound, k[n, lane], now, tally)
         accept(sixteenths(exponent), max_step, now)
         if breaks.size > 0:
-            restart(
-                motion, n, solution, starts, coefficients, pieces, breaks, breaking, pivot_bound, start, stop, x, k,
-                now, tally,
-            )  # fmt: skip
+            restart(motion, solution, signals, pivot_bound, tables)
         kept = load(now, ACCEPTS) <= splat(0.0)
         move(x, 0, y, n, kept)
         move(k, solution * (n + 1), k, n + 1, kept)
@@ -448,8 +428,11 @@ def integrate(
             store_member(lane, ys, numbers, counts, y, now, tally)
     for i in range(waiting, members):
         counts[i, STATUS] = CANCELLED
+        place, begin = i % LANES, block_row(i, n)
         for m in range(NUMBERS):
-            numbers[i, m] = begun[i // LANES * begun_rows(n) + m, i % LANES]
+            numbers[i, m] = begun[begin + m, place]
+        for m in range(n):
+            ys[i, m] = begun[begin + NUMBERS + m, place]
     if closure != 0:
         measure_closure(closure, nq, ys, numbers, parameters, z, z_next)
     space[0, 0] = blocks[0, 0] = 0.0  # the memory of the tables lives to the end

@@ -60,7 +60,7 @@ class Outcomes:
 class Inputs:
     """Hold the inputs of members: their signals one after the other, or one signal that all share.
 
-    `starts` (P,) in s and `coefficients` (P, 4, nu) of all pieces; `pieces` (S + 1,): signal i has those from pieces[i] to
+    `starts` (P,) in s and `coefficients` (P, powers, nu) of all pieces; `pieces` (S + 1,): signal i has those from pieces[i] to
     pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`: whether any signal is not constant over the run.
     """
 
@@ -93,10 +93,8 @@ class Constants:
         """Return the inputs of the members from `first` to before `last`."""
         own = self.table if len(self.table) == 1 else self.table[first:last]
         count = len(own)
-        coefficients = np.zeros((count, 4, own.shape[1]))
-        coefficients[:, 0] = own
         none = np.zeros(count + 1, dtype=np.intp)
-        return Inputs(np.zeros(count), coefficients, np.arange(count + 1), np.empty(0), none, False)
+        return Inputs(np.zeros(count), own[:, None], np.arange(count + 1), np.empty(0), none, False)
 
 
 def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int) -> Inputs | Constants:

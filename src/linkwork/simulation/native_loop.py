@@ -31,7 +31,7 @@ from linkwork.simulation.native_parts import (
     Inputs,
     Kernels,
     Limits,
-        Room,
+    Room,
     copy,
     evaluate,
     first_fault,
@@ -41,7 +41,7 @@ from linkwork.simulation.native_parts import (
     padded,
     project,
     scaled,
-)  # fmt: skip
+)
 from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
 

@@ -12,10 +12,9 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, models, register_model
 
+from linkwork.simulation.compiled import taught
 from linkwork.simulation.tableaus import LANES
 
 
@@ -26,7 +25,7 @@ class Pointer(types.Type):
         super().__init__(name="Pointer")
 
 
-ABREAST = 4  # vectors whose sums are computed together
+SUMS = 4  # vectors whose sums are computed together
 
 POINTER = Pointer()
 _DOUBLES = ir.DoubleType().as_pointer()
@@ -37,17 +36,6 @@ _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 class _PointerModel(models.PrimitiveModel):
     def __init__(self, manager, kind):
         super().__init__(manager, kind, _DOUBLES)
-
-
-def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
-    """Teach Numba an operator on some types, by the function that generates its code."""
-    shape = signature(result, *arguments)
-
-    class Typing(ConcreteTemplate):
-        cases = [shape]  # noqa: RUF012
-
-    infer_global(python)(Typing)  # pyright: ignore[reportOptionalCall]
-    return lower_builtin(python, *arguments)
 
 
 @taught(operator.getitem, types.float64, POINTER, types.intp)
@@ -89,18 +77,18 @@ def _call(typing_context, address, x, out):
 def _combine(typing_context, weights, count, h, y, k, width, n, out):
     """Compute n numbers out = y + h sum_(j < count) weights_j k_j by vectors of LANES; the rows of k are `width` apart.
 
-    y and the rows of k are padded to whole vectors; out is written up to n. Up to ABREAST vectors are added up together:
+    y and the rows of k are padded to whole vectors; out is written up to n. Up to SUMS vectors are added up together:
     one sum would wait for its own last term each time.
     """
 
     def generate(context, builder, signature, values):
-        n, whole = values[6], ir.Constant(values[6].type, LANES * ABREAST)
+        n, whole = values[6], ir.Constant(values[6].type, LANES * SUMS)
         with cgutils.for_range_slice(builder, ir.Constant(n.type, 0), n, whole) as (m, _):
             up = builder.add(builder.sub(n, m), ir.Constant(n.type, LANES - 1))
             done, most = builder.append_basic_block("combined"), builder.append_basic_block("most")
             choice = builder.switch(builder.sdiv(up, ir.Constant(n.type, LANES)), most)
-            for abreast in range(1, ABREAST + 1):
-                block = most if abreast == ABREAST else builder.append_basic_block(f"abreast.{abreast}")
+            for abreast in range(1, SUMS + 1):
+                block = most if abreast == SUMS else builder.append_basic_block(f"abreast.{abreast}")
                 if block is not most:
                     choice.add_case(ir.Constant(n.type, abreast), block)
                 with builder.goto_block(block):

@@ -81,13 +81,18 @@ def _table(text: str, columns: int) -> np.ndarray:
     return np.array([row + [0.0] * (columns - len(row)) for row in rows])
 
 
+def _times(a: np.ndarray) -> np.ndarray:
+    """Return the stage times, the sums of the rows; those at the end of the step exactly, for beyond it forces may jump."""
+    c = a.sum(axis=1)
+    return frozen(np.where(abs(c - 1) < 1e-14, 1.0, c))
+
+
 def _pair() -> Tableau:
     a, more, dense = _table(_STAGES, 12), _table(_MORE, 14), _table(_DENSE, 7)
     e = a[-1] - _table(_LOWER, 12)[0]
     return Tableau(
-        "Sharp-Smart 7(6)", 7, 6, *map(frozen, (a, a.sum(axis=1), e, dense)),
-        more=frozen(more), more_c=frozen(more.sum(axis=1)),
-    )  # fmt: skip
+        "Sharp-Smart 7(6)", 7, 6, frozen(a), _times(a), frozen(e), frozen(dense), more=frozen(more), more_c=_times(more)
+    )
 
 
 SHARP_SMART = _pair()

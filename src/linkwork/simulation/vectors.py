@@ -16,7 +16,7 @@ from numba.extending import intrinsic, models, register_model
 
 from linkwork.kernels.emit import ABREAST
 from linkwork.kernels.machine import this_machine
-from linkwork.simulation.pointers import taught
+from linkwork.simulation.compiled import taught
 
 LANES = ABREAST * this_machine().lanes
 FLAGS = ("contract",)
