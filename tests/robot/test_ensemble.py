@@ -169,8 +169,12 @@ def test_an_interruption_keeps_what_is_done(prr3):
 
 
 def test_members_that_an_interruption_leaves_waiting_are_closed(prr3):
+    glances = []
+
     def interrupt(done, members):
-        raise KeyboardInterrupt
+        glances.append(done)
+        if len(glances) == 8:
+            raise KeyboardInterrupt
 
     start = replace(prr3.home, q=prr3.home.q + 1e-8 * np.eye(prr3.home.q.size)[0])
     options = {"duration": 10.0, "max_step": 1e-3, "threads": 1, "progress": interrupt}
