@@ -15,7 +15,7 @@ from linkwork.engines.mujoco import MujocoEngine, mj
 from linkwork.engines.pinocchio import PinocchioEngine
 from linkwork.robot.ensemble import Ensemble
 from linkwork.robots import prr3
-from linkwork.simulation.many import usable_processors
+from linkwork.simulation.threads import usable_processors
 
 from benchmarks import engines, runs
 from benchmarks.table import Figure, Listing, Section

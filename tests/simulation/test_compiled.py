@@ -82,16 +82,6 @@ def product(x):
 """
 
 
-def test_the_cache_is_renewed_when_a_constant_in_another_file_changes(tmp_path):
-    (tmp_path / "using.py").write_text(USER)
-    for factor in 2, 3, 3:
-        (tmp_path / "helping.py").write_text(HELPER.format(factor=factor))
-        script = "import using; print(using.product(1.0))"
-        done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path)
-        assert done.stdout == f"{factor:.1f}\n"
-    assert done.stderr == ""
-
-
 OPERATOR = """
 import operator
 from llvmlite import ir
@@ -109,10 +99,10 @@ def one():
 """
 OPERATOR_USER = """
 from numba import njit, types
-import operating
+import helping
 from linkwork.simulation.compiled import compiled_once
 
-one = njit(operating.one)
+one = njit(helping.one)
 
 @compiled_once("the product", (types.float64,))
 def product(x):
@@ -120,11 +110,14 @@ def product(x):
 """
 
 
-def test_the_cache_is_renewed_when_the_code_of_an_operator_changes(tmp_path):
-    """Of the modules whose functions are used: nobody names operators."""
-    (tmp_path / "using.py").write_text(OPERATOR_USER)
+@pytest.mark.parametrize(
+    ("user", "helper"), [(USER, HELPER), (OPERATOR_USER, OPERATOR)], ids=["a constant", "the code of an operator"]
+)
+def test_the_cache_is_renewed_when_another_file_changes(user, helper, tmp_path):
+    """An operator counts if its module's functions are used: nobody names operators."""
+    (tmp_path / "using.py").write_text(user)
     for factor in 2.0, 3.0, 3.0:
-        (tmp_path / "operating.py").write_text(OPERATOR.format(factor=factor))
+        (tmp_path / "helping.py").write_text(helper.format(factor=factor))
         script = "import using; print(using.product(1.0))"
         done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path)
         assert done.stdout == f"{factor:.1f}\n", done.stderr

@@ -20,7 +20,7 @@ import numpy as np
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
-from linkwork.simulation.many import usable_processors
+from linkwork.simulation.threads import usable_processors
 
 CHUNK = 4096
 TURN = 1.0  # largest turn of a step [rad]

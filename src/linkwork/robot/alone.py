@@ -7,7 +7,6 @@ then the members run one after the other, in their order.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Event
@@ -20,7 +19,7 @@ from linkwork.robot.members import Members
 from linkwork.robot.passage import Choice, Passage, Segment
 from linkwork.robot.recording import ending, statistics
 from linkwork.simulation import Statistics, Status
-from linkwork.simulation.many import GLANCE, usable_processors
+from linkwork.simulation.threads import dealt, usable_processors
 
 CHUNKS_PER_THREAD = 16
 Progress = Callable[[int, int], None]
@@ -72,24 +71,13 @@ def by_themselves(crew: Members, course: Course, tasks: Sequence[Task], report: 
     done: list[Lone] = []
     cancel = Event()
 
-    def run(chunk: Sequence[Task]) -> None:
-        for task in chunk:
+    def run(i: int) -> None:
+        for task in chunks[i]:
             if cancel.is_set():
                 return
             done.append(led(crew, course, task))
 
-    with ThreadPoolExecutor(threads) as pool:
-        left = {pool.submit(run, chunk) for chunk in chunks}
-        try:
-            while left:
-                ended, left = wait(left, timeout=GLANCE, return_when=FIRST_COMPLETED)
-                for future in ended:
-                    future.result()
-                report(len(crew) - len(tasks) + len(done), len(crew))
-        except KeyboardInterrupt:
-            pass
-        finally:
-            cancel.set()
+    dealt(run, len(chunks), threads, lambda: report(len(crew) - len(tasks) + len(done), len(crew)), cancel.set)
     return done
 
 

@@ -17,6 +17,7 @@ from linkwork.mechanism.joints import TURN
 from linkwork.robot.assembly import wrapped
 from linkwork.robot.state import State
 
+ON_SINGULAR = ("stop", "step_over")
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
 
 
@@ -57,6 +58,13 @@ def known(names: Iterable[str], allowed: Sequence[str], kind: str) -> None:
     for name in names:
         if name not in allowed:
             raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(allowed) or 'none'}")
+
+
+def steps_over(on_singular: str) -> bool:
+    """Tell whether a run steps over singular poses; refuse what says neither that nor to stop."""
+    if on_singular not in ON_SINGULAR:
+        raise LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
+    return on_singular == "step_over"
 
 
 def values_by_name(

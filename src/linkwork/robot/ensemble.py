@@ -26,7 +26,7 @@ from linkwork.robot.charts import CompiledChart
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
 from linkwork.robot.passage import CLOSURE, SOFT, Segment, choices
-from linkwork.robot.recording import ON_SINGULAR, ending, labels
+from linkwork.robot.recording import ending, labels
 from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
 from linkwork.robot.running import integrator, usual, watched
 from linkwork.robot.state import State
@@ -174,15 +174,14 @@ def ensemble(
 ) -> Ensemble:
     """Run an ensemble: see `Robot.ensemble`."""
     options, chosen = checks.run_options(duration, rtol, atol, max_step, max_steps), integrator(method, step)
-    if on_singular not in ON_SINGULAR:
-        raise LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
+    step_over = checks.steps_over(on_singular)
     times = np.empty(0) if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
     stiff = isinstance(chosen, Rosenbrock)
     threads = None if threads is None else checks.count(threads, "threads")
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
     crew = members(robot, states, forces, parameters, drives, wrenches, watched(robot, events), duration, stiff)
     options["method"] = chosen or usual(crew.system, crew.signals, rtol)
-    course = Course(duration, times, on_singular == "step_over", options, threads)
+    course = Course(duration, times, step_over, options, threads)
     with shown(progress) as report:
         if in_lanes(crew, options["method"]):
             parts, cancelled = together(crew, course, report)
@@ -441,11 +440,7 @@ def measured(
             values["drive_state"][places] = z
         if robot.mechanism.tools:
             values["tool_pose"][places] = AssemblyKernel(robot.kernel("assembly").given(p), robot.planar).tool_poses(q)
-    jumping = robot.labels.jumping or robot.labels.quaternions
-    for i in range(len(crew) if jumping else 0):
-        kept = ~np.isnan(values["joint_rate"][i]).any(axis=-1)
-        positions, rates = values["joint_position"][i, kept], values["joint_rate"][i, kept]
-        values["joint_position"][i, kept] = robot.labels.unwrapped(times[kept], positions, rates)
+    robot.labels.unwrap_runs(times, values["joint_position"], values["joint_rate"])
     variables = {
         name: Variable(("member", "time", axes[name]), array, {"units": units[name]}) for name, array in values.items()
     }

@@ -74,6 +74,17 @@ class Labels:
             positions[1:, places] *= np.cumprod(np.where(flips == 0, 1, flips))[:, None]
         return positions
 
+    @property
+    def may_jump(self) -> bool:
+        """Whether any coordinate may jump over time."""
+        return bool(self.jumping or self.quaternions)
+
+    def unwrap_runs(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> None:
+        """Rid coordinates (N, K, m) of N runs of their jumps, each run's as `unwrapped`; nan is where a run did not get."""
+        for own, rate in zip(positions, rates, strict=True) if self.may_jump else ():
+            kept = ~np.isnan(rate).any(axis=-1)
+            own[kept] = self.unwrapped(time[kept], own[kept], rate[kept])
+
     def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:
         """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length.
 

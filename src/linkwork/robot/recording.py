@@ -38,7 +38,6 @@ AXES = (
 )
 ASKED = ("mechanism", "method", "rtol", "atol", "step", "parameters")
 TOLD = ("charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
-ON_SINGULAR = ("stop", "step_over")
 
 
 def simulate(
@@ -59,8 +58,7 @@ def simulate(
     """
     if state.batch:
         raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
-    if on_singular not in ON_SINGULAR:
-        raise checks.LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
+    step_over = checks.steps_over(on_singular)
     times = None if save_at is None else checks.finite(save_at, "save_at")
     if times is not None and not times.ndim:
         times = times[None]
@@ -69,7 +67,7 @@ def simulate(
         require_increasing("the times in save_at", times)
         besides = np.setdiff1d(calls(system.sampler, start, end, options["max_steps"]), times)
         times = np.union1d(times, besides)
-    passage = Passage(robot, system, start, end, times, on_singular == "step_over", options)
+    passage = Passage(robot, system, start, end, times, step_over, options)
     home, chart = robot.charts[state.independent], robot.run_chart
     v = state.rates if chart is home else chart.from_tree(home.tree_rates(state.q, state.rates))
     segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control))

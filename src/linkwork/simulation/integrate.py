@@ -202,8 +202,7 @@ def integrate(
     Raises `LinkworkError` for arguments that make no run: shapes, numbers that are not finite, a duration that is not
     positive, times to save outside the run, samples that do not cover the run.
     """
-    if not 0 < duration < math.inf:
-        raise LinkworkError(f"the duration of a run must be positive and finite, not {duration} s")
+    require_run(duration, max_steps)
     if not 0 <= start < math.inf:
         raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
     stop = start + duration
@@ -219,8 +218,6 @@ def integrate(
     pace = _pace(first_step if method.step is None else method.step, loop.LARGEST_FACTOR)
     for name, value in ("max_step", max_step), ("pivot_bound", pivot_bound), ("closure_tol", closure_tol):
         _require_positive(name, value)
-    if max_steps < 1:
-        raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
     if stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
     held, period, next_sample, acts = _sampling(control, start)
@@ -319,6 +316,14 @@ def times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
             f" from {start:g} s to {stop:g} s"
         )
     return times if last <= stop else np.minimum(times, stop)
+
+
+def require_run(duration: float, max_steps: int) -> None:
+    """Refuse runs that have no end, or no step."""
+    if not 0 < duration < math.inf:
+        raise LinkworkError(f"the duration of a run must be positive and finite, not {duration} s")
+    if max_steps < 1:
+        raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
 
 
 def require_cover(what: str, signal: Signal, start: float, stop: float) -> None:

@@ -6,24 +6,23 @@ are members is written by the threads, chunk by chunk: to fill memory that no on
 """
 
 import math
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_rows as rows
-from linkwork.simulation.integrate import require_cover, times_within, tolerances
+from linkwork.simulation.integrate import require_cover, require_run, times_within, tolerances
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
+from linkwork.simulation.threads import dealt, usable_processors
 
 LARGEST_CHUNK = 2048
 CHUNKS_PER_THREAD = 4
-GLANCE = 0.05  # time between two looks at how far the threads are [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +164,7 @@ def integrate_many(
 
     Raises `LinkworkError` as `integrate` does.
     """
-    if not 0 < duration < math.inf:
-        raise LinkworkError(f"the duration of a run must be positive and finite, not {duration} s")
+    require_run(duration, max_steps)
     stop = start + duration
     given = np.asarray(y, dtype=float)
     if given.ndim != 2 or not given.shape[1]:
@@ -175,8 +173,6 @@ def integrate_many(
     forces, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
     _require_covers(inputs, start, stop)
     times = times_within(np.atleast_1d(save_at), start, stop)
-    if max_steps < 1:
-        raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
     tolerance = tolerances(rtol, atol, n)
     threads = threads or usable_processors()
 
@@ -190,7 +186,8 @@ def integrate_many(
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
     ended = np.zeros((len(chunks), 1), dtype=np.intp)
 
-    def run(i: int, chunk: slice) -> None:
+    def run(i: int) -> None:
+        chunk = chunks[i]
         states[chunk] = given[chunk]
         if cancel[0]:
             counts[chunk], numbers[chunk] = 0, np.nan
@@ -210,14 +207,7 @@ def integrate_many(
         if progress is not None:
             progress(int(ended.sum()), members)
 
-    with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(run, i, chunk) for i, chunk in enumerate(chunks)]
-        try:
-            _watch(futures, report)
-        except KeyboardInterrupt:
-            cancel[0] = 1
-    for future in futures:
-        future.result()
+    dealt(run, len(chunks), threads, report, partial(cancel.fill, 1))
     return Outcomes(
         status=counts[:, rows.STATUS],
         end_time=numbers[:, rows.TIME],
@@ -233,21 +223,6 @@ def integrate_many(
         rejected_pivot=numbers[:, rows.REJECTED_PIVOT],
         rejected_residual=numbers[:, rows.REJECTED_RESIDUAL],
     )
-
-
-def usable_processors() -> int:
-    """Return the number of processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _watch(futures: Sequence[Future], report: Callable[[], None]) -> None:
-    """Wait until all is done, and report now and then."""
-    left = set(futures)
-    while left:
-        left = wait(left, timeout=GLANCE).not_done
-        report()
 
 
 def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:

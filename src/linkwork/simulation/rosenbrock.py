@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from linkwork.simulation.tableaus import Plan, by_powers, frozen
+from linkwork.simulation.tableaus import Plan, by_powers, filled, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Rosenbrock:
 
 
 def _rows(*rows: list[float]) -> np.ndarray:
-    return np.array([row + [0.0] * (len(rows) - len(row)) for row in rows])
+    return filled(rows, len(rows))
 
 
 _LAST = [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946]

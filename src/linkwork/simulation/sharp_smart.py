@@ -18,7 +18,7 @@ Differential Equations I, 2nd ed. (1993), sec. II.2 and II.6.
 
 import numpy as np
 
-from linkwork.simulation.tableaus import Tableau, frozen
+from linkwork.simulation.tableaus import Tableau, filled, frozen
 
 _STAGES = """
     0
@@ -77,8 +77,8 @@ _DENSE = """
 
 def _table(text: str, columns: int) -> np.ndarray:
     """Read rows of numbers, those that are missing at the end being zeros; a backslash continues a row."""
-    rows = [[float(word) for word in line.split()] for line in text.replace("\\\n", "").strip().splitlines()]
-    return np.array([row + [0.0] * (columns - len(row)) for row in rows])
+    lines = text.replace("\\\n", "").strip().splitlines()
+    return filled([[float(word) for word in line.split()] for line in lines], columns)
 
 
 def _times(a: np.ndarray) -> np.ndarray:

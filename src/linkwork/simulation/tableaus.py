@@ -19,6 +19,7 @@ II.1.2 (Kutta's method of order 4); Bogacki & Shampine, Appl. Math. Lett. 2 (198
 Wanner, Geometric Numerical Integration, 2nd ed. (2006), sec. I.1.2.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, cached_property
@@ -172,6 +173,11 @@ def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
 def _fractions(text: str, length: int) -> list[Fraction]:
     printed = [Fraction(word) for word in text.split()]
     return printed + [Fraction(0)] * (length - len(printed))
+
+
+def filled(rows: Sequence[Sequence[float]], columns: int) -> np.ndarray:
+    """Return printed rows as a table: what is missing at their ends are zeros."""
+    return np.array([[*row, *[0.0] * (columns - len(row))] for row in rows])
 
 
 def by_powers(dense) -> np.ndarray:

@@ -14,7 +14,7 @@ from linkwork.equations import Equations, functions, measures
 from linkwork.equations.powers import powers
 from linkwork.robot.ensemble import Ensemble, Rows
 from linkwork.robot.reactions import MEMORY, Samples, transmitted
-from linkwork.simulation.many import usable_processors
+from linkwork.simulation.threads import usable_processors
 
 if TYPE_CHECKING:
     from linkwork.robot.members import Members
@@ -76,7 +76,7 @@ def measured(
     put(first)  # compiles what is needed
     with ThreadPoolExecutor(threads or usable_processors()) as pool:
         list(pool.map(put, others))
-    if "joint_position" in wanted:
+    if "joint_position" in wanted and bench.robot.labels.may_jump:
         unwrap(bench, values["joint_position"], ensemble)
     return values
 
@@ -95,9 +95,7 @@ def unwrap(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> None:
         q, v, _ = rows.split()
         p = ensemble.members.p_robot(rows.members)
         rates[rows.members, rows.times] = rows.chart.kernel("joints_motion")(q, v, 0 * v, p)[1]
-    for own, rate in zip(positions, rates, strict=True):
-        kept = ~np.isnan(rate).any(axis=-1)
-        own[kept] = bench.robot.labels.unwrapped(bench.times[kept], own[kept], rate[kept])
+    bench.robot.labels.unwrap_runs(bench.times, positions, rates)
 
 
 def of_rows(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]) -> dict[str, np.ndarray]:
