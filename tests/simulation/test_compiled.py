@@ -4,6 +4,7 @@ import importlib.util
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from numba import types
 
@@ -36,6 +37,14 @@ def test_compilation_is_announced_once_and_cached(tmp_path, capfd):
     assert announced.endswith(" s\n") and announced.count("\n") == 1
     assert load(path).double(5.0) == 10.0
     assert capfd.readouterr().err == ""
+
+
+def test_arrays_that_may_be_written_are_no_second_signature(tmp_path):
+    path = tmp_path / "doubling.py"
+    path.write_text(MODULE.replace("(types.float64,)", '(types.Array(types.float64, 1, "C", readonly=True),)'))
+    double = load(path).double
+    assert double(np.ones(3)).tolist() == [2.0, 2.0, 2.0]
+    assert len(double.signatures) == 1
 
 
 def test_works_with_a_warning_where_nothing_can_be_cached():

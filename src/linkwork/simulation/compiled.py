@@ -34,7 +34,9 @@ def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
 
     def decorate(function: Callable) -> Dispatcher:
         with event.install_listener("numba:compile", _Announcer(what)):
-            return _cached(function, signature) or _uncached(what, function, signature)
+            dispatcher = _cached(function, signature) or _uncached(what, function, signature)
+        dispatcher.disable_compile()
+        return dispatcher
 
     return decorate
 
