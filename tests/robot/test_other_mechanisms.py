@@ -5,6 +5,8 @@ import pytest
 
 import linkwork as lw
 
+from tests.robot.oracle_state import Seen
+
 ROD = lw.Body(mass=1.5, centre_of_mass=(0.2, 0, 0), inertia=lw.Inertia(xx=0.01, yy=0.03, zz=0.03))
 
 
@@ -119,3 +121,51 @@ def test_angles_are_asked_for_the_short_way_round():
     robot = lw.Robot(lw.robots.prr3())
     again = robot.assemble({"pivot_1": robot.home["pivot_1"] + 2 * np.pi, "slide_1": robot.home["slide_1"]})
     assert np.allclose(again.positions, robot.home.positions, atol=1e-12)
+
+
+@pytest.mark.parametrize("legs", [0, 1, 3])
+def test_a_floating_robot_without_loops_falls_freely_and_keeps_its_angular_momentum(legs):
+    """p = M g t and L about the mass centre are those at the start, whatever the motors in the hips do."""
+    gravity = np.array([0.0, 0.0, -9.81])
+    leg = lw.Body(mass=0.5, centre_of_mass=(0, 0, -0.2), inertia=lw.Inertia(xx=0.02, yy=0.02, zz=0.001))
+    bodies = {"base": lw.Body(mass=2.0, inertia=lw.Inertia(xx=0.1, yy=0.15, zz=0.2))}
+    joints = {"float": lw.FreeJoint(connects=("ground", "base"))}
+    for i in range(legs):
+        frames = (lw.Frame(position=(0.2 * i, 0.1, 0)), lw.Frame())
+        joints[f"hip_{i}"] = lw.RevoluteJoint(connects=("base", f"leg_{i}"), axis=(0, 1, 0.2 * i), frames=frames)
+        bodies[f"leg_{i}"] = leg
+    hips = tuple(joints)[1:]
+    robot = lw.Robot(lw.Mechanism(gravity=tuple(gravity), bodies=bodies, joints=joints, actuators=hips))
+    start = robot.home.with_rates(dict(zip(robot.independent, np.linspace(-0.5, 0.8, robot.mobility), strict=True)))
+    torques = dict.fromkeys(hips, 0.2)
+    run = robot.simulate(start, torques, duration=1.0, save_at=[0.0, 0.4, 1.0], rtol=1e-10, atol=1e-12)
+    assert run.status is lw.Status.FINISHED
+    named = [dict(zip(robot.rates, rates, strict=True)) for rates in run.dataset["joint_rate"].values]
+    states = [
+        robot.state(positions, {name: rates[name] for name in robot.independent})
+        for positions, rates in zip(run.dataset["joint_position"].values, named, strict=True)
+    ]
+    linear, angular = np.transpose([momenta(robot, state) for state in states], (1, 0, 2))
+    mass = 2.0 + 0.5 * legs
+    assert np.allclose(linear - linear[0], mass * np.outer([0, 0.4, 1.0], gravity), atol=1e-9)
+    assert np.allclose(angular, angular[0], atol=1e-9)
+    assert np.abs(angular[0]).max() > 0.01
+    Seen.of(robot, states[-1]).agree([0.2] * legs, 1e-10)
+    ensemble = robot.ensemble(start, torques, duration=1.0, rtol=1e-10, atol=1e-12)
+    assert np.allclose(ensemble.final.at(0).positions, states[-1].positions, atol=1e-9)
+    halves = [robot.simulate(start, torques, duration=0.5, rtol=1e-10, atol=1e-12)]
+    halves.append(robot.resume(halves[0], torques, duration=0.5, rtol=1e-10, atol=1e-12))
+    assert np.allclose(halves[1].dataset["joint_position"].values[-1], states[-1].positions, atol=1e-9)
+
+
+def momenta(robot, state):
+    """Return the momentum and the angular momentum about the mass centre, body by body."""
+    parts = []
+    for (name, body), twist in zip(robot.mechanism.bodies.items(), robot.twists(state), strict=True):
+        p, R = robot.body_poses(state)[name]
+        inertia = R @ np.diag([body.inertia.xx, body.inertia.yy, body.inertia.zz]) @ R.T
+        parts.append((body.mass, p + R @ body.centre_of_mass, twist[:3], twist[3:], inertia))
+    masses = np.array([part[0] for part in parts])
+    centre = masses @ [part[1] for part in parts] / masses.sum()
+    linear = sum(m * v for m, _, _, v, _ in parts)
+    return linear, sum(m * np.cross(c - centre, v) + inertia @ w for m, c, w, v, inertia in parts)

@@ -30,7 +30,7 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
         The charts, each with the numbers of the configurations at which it is chosen.
     """
     units, count = equations.scaled(Phi), len(equations.chart.rows)
-    kept = np.array([independent_rows([one], count) for one in units], int).reshape(-1, count)
+    kept = np.array([independent_rows([one], count) for one in units], int).reshape(len(units), count)
     found = []
     for rows, members in alike(kept):
         own = null_spaces(units[np.ix_(members, rows)])

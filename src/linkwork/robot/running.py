@@ -112,7 +112,9 @@ def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run
     if q.size != robot.equations.nq or n != robot.mobility:
         raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
     state = robot.make_state(q, np.zeros(n))
-    w = chart_named(robot, independent, q).tree_rates(q, v[:n])
+    chart = chart_named(robot, independent, q)
+    rates = dict(zip(independent, v.tolist(), strict=False))
+    w = chart.tree_rates(q, np.array([rates[name] for name in chart.independent]))
     state = state.with_rates(robot.chart.from_tree(w))
     held = np.atleast_1d(np.asarray(run.attrs["final_held"], float)) if "final_held" in run.attrs else None
     own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
