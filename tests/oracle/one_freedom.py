@@ -116,7 +116,7 @@ def bricard_rods(psi: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for i in range(6):
         e = np.cos(turns[i % 2]) * e + np.sin(turns[i % 2]) * cross(u, e)
         rows.append((e, u, o))
-        u, o = (-1) ** (i + 1) * cross(e, u), o + e
+        u, o = (-1) ** i * cross(e, u), o + e
     directions, axes, origins = (np.array(row) for row in zip(*rows, strict=True))
     return directions, axes, origins
 

@@ -8,7 +8,7 @@ from linkwork.robots import bricard, flyball_governor, n_four_bar, pendulum, spa
 
 from tests.oracle import governor, one_freedom
 from tests.oracle.maximal import MaximalOracle
-from tests.oracle.published import N_FOUR_BAR, SLIDER_CRANK
+from tests.oracle.published import BRICARD_CORNERS, BRICARD_TURNS, N_FOUR_BAR, SLIDER_CRANK
 
 
 def positions(run):
@@ -68,6 +68,20 @@ def bricard_angles(psi):
 
 def test_A04_bricard_moves_although_gruebler_counts_no_freedom(bricard_linkage):
     assert (bricard_linkage.mobility, bricard_linkage.gruebler, len(bricard_linkage.redundant)) == (1, 0, 1)
+
+
+def test_A04_bricard_hangs_where_the_published_models_have_it(bricard_linkage):
+    joints = bricard_linkage.mechanism.joints.values()
+    assert [joint.frames[0].position for joint in joints] == [tuple(map(float, corner)) for corner in BRICARD_CORNERS]
+    origins = one_freedom.bricard_rods(one_freedom.RIGHT_ANGLES)[2]
+    assert np.allclose(origins, BRICARD_CORNERS, atol=1e-15)
+
+
+def test_A04_bricard_swings_as_published(bricard_linkage):
+    run = bricard_linkage.simulate(bricard_linkage.home, duration=5.0, save_at=list(BRICARD_TURNS))
+    origins, orientations = bricard_linkage.body_poses(bricard_linkage.state(positions(run)))["rod_2"]
+    corners = origins + orientations @ BRICARD_CORNERS[2]
+    assert np.allclose(corners, list(BRICARD_TURNS.values()), rtol=0, atol=0.01)
 
 
 def test_A04_bricard_for_ten_seconds(bricard_linkage):

@@ -74,7 +74,7 @@ def test_hinges_that_do_not_meet_stay_where_they_are_described():
     robot = built("bricard")
     drawn = skeleton(robot, robot.home)
     assert not drawn.arcs
-    corners = [(1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 0, 1), (0, 0, 0)]
+    corners = [(1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1), (0, 0, 0)]
     for joint, corner in zip(drawn.joints, np.roll(corners, 1, axis=0), strict=True):
         assert min(np.linalg.norm(np.array(corners) - joint.far, axis=1)) < 1e-12, (joint.name, corner)
 

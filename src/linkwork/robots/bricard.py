@@ -6,8 +6,9 @@ import numpy as np
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint
 
-# A closed hexagon along edges of the unit cube; the edge from the last corner to the first is ground.
-CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 0, 1))
+# A closed hexagon along edges of a cube that hangs below the ground's first corner, y being up; the edge from the last
+# corner to the first is ground.
+CORNERS = ((0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1))
 
 
 def bricard(length: float = 1.0, mass: float = 1.0, section: float = 0.1) -> Mechanism:
@@ -20,7 +21,8 @@ def bricard(length: float = 1.0, mass: float = 1.0, section: float = 0.1) -> Mec
         mass: of each rod [kg].
         section: side of the rods' square section [m].
 
-    Source: IFToMM library of computational benchmark problems, A04, Bricard's mechanism.
+    Source: IFToMM library of computational benchmark problems, A04, Bricard's mechanism; its corners as in the models of
+    it for OpenSim (Tagliapietra, Vivian & Reggiani) and Exudyn (Gerstmayr), which agree.
     """
     corners = length * np.array(CORNERS, float)
     names = ["ground", *(f"rod_{i}" for i in range(1, 6))]

@@ -38,7 +38,7 @@ def delta(
     idle_spins: bool = False,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe the rotary Delta robot; the lengths are those of an ABB FlexPicker IRB 360-1/1600, the masses ours.
+    """Describe the rotary Delta robot; the lengths between its joints are an ABB FlexPicker's.
 
     Args:
         base_radius, platform_radius: distances of the motors' axes and of the rods' lower ends from the centres [m].
@@ -62,7 +62,8 @@ def delta(
         MechanismError: a size that is not above zero, a mass below zero, arms and rods that do not reach the platform.
 
     Source: Clavel, Conception d'un robot parallèle rapide à 4 degrés de liberté, EPFL 1991; geometry and lengths as in
-    Williams, The Delta parallel robot: kinematics solutions, Ohio University 2015.
+    Williams, The Delta parallel robot: kinematics solutions, Ohio University 2015 (ABB FlexPicker IRB 360-1/1600: base,
+    platform, arm, rod, spread); masses, radii, motor_inertia and height ours.
     """
     require_sizes(
         base_radius=base_radius,
