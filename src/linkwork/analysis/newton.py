@@ -97,9 +97,10 @@ class Solver:
         index = np.arange(len(q))
         for _ in range(iterations):
             q, gap = self.step(q, y)
-            done = gap[:, 0] <= CONVERGED * max(1.0, self.length)
+            finite = np.isfinite(q).all(axis=1)  # the largest of some numbers passes over those that are none
+            done = finite & (gap[:, 0] <= CONVERGED * max(1.0, self.length))
             found[index[done]], good[index[done]] = q[done], True
-            going = ~done & np.isfinite(gap[:, 0])
+            going = ~done & finite
             if not going.any():
                 break
             if going.mean() < 0.9:

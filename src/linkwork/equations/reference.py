@@ -64,7 +64,7 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
         for _ in range(12):
             trial = unit(tree, q + np.array(N @ step).ravel())
             phi_trial, Phi_trial, N_trial = system(trial)
-            if not np.linalg.norm(phi_trial) > np.linalg.norm(phi) * (1 - 1e-4):
+            if np.linalg.norm(phi_trial) <= np.linalg.norm(phi) * (1 - 1e-4):
                 break
             step = step / 2
         else:

@@ -101,7 +101,7 @@ class Crossing:
         best, residual = q, np.inf
         for _ in range(NEWTON):
             out = evaluated(self.chart.kernel("closure_step"), np.concatenate([q, self.chart.p]))
-            if not out[-1] < residual:
+            if not (out[-1] < residual and np.isfinite(q).all()):
                 break
             best, residual, q = q, out[-1], out[:-1]
         return best, residual <= self.closure
