@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from linkwork.cli.source import Source
+
 analyse = typer.Typer(
     no_args_is_help=True, help="Study a robot: branches, singularities, workspace, small motions, statics."
 )
@@ -17,6 +19,13 @@ ToolPose = Annotated[
 Forces = Annotated[
     str | None, typer.Option(metavar="VALUES", help="Actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero).")
 ]
+Reference = Annotated[
+    str | None,
+    typer.Option(
+        metavar="VALUES",
+        help="Close the loops from 'slide_1=0.2,...', m or rad, in place of the model's own reference.",
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
 
@@ -27,8 +36,9 @@ def robot(
         str,
         typer.Argument(metavar="ROBOT", help="A robot of the catalogue (see 'linkwork robots') or a mechanism file."),
     ],
+    reference: Reference = None,
 ) -> None:
-    context.obj = robot
+    context.obj = Source(robot, reference)
 
 
 @analyse.command()

@@ -12,7 +12,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from linkwork.cli.analyse import analyse
+from linkwork.cli.analyse import Reference, analyse
+from linkwork.cli.source import Source
 from linkwork.errors import LinkworkError
 
 REFUSED = 2
@@ -91,11 +92,12 @@ def root(
 def info(
     robot: RobotName,
     json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
+    reference: Reference = None,
 ) -> None:
     """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled functions."""
     from linkwork.cli.info import show
 
-    show(robot, json)
+    show(Source(robot, reference), json)
 
 
 @app.command()
@@ -110,12 +112,13 @@ def robots() -> None:
 def export(
     robot: RobotName,
     file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="The mechanism file to write.")],
+    reference: Reference = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT."""
     from linkwork.cli.catalogue import export
 
-    export(robot, file, overwrite)
+    export(Source(robot, reference), file, overwrite)
 
 
 @app.command()
@@ -124,6 +127,7 @@ def convert(
         str, typer.Argument(metavar="A", help="A model file (.xml or .mjcf, .urdf, .yaml) or a robot of the catalogue.")
     ],
     target: Annotated[Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")],
+    reference: Reference = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Turn a model file into another format: MJCF or URDF into a mechanism file, that into MJCF.
@@ -132,7 +136,7 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    convert(source, target, overwrite)
+    convert(Source(source, reference), target, overwrite)
 
 
 @app.command()
@@ -174,6 +178,7 @@ def simulate(
     on_singular: Annotated[
         OnSingular, typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation.")
     ] = OnSingular.stop,
+    reference: Reference = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -186,7 +191,7 @@ def simulate(
     start = command.Start(tool, joints, rates)
     load = command.Load(forces, forces_csv, kind.value)
     settings = command.Settings(duration, rtol, atol, samples, on_singular.value)
-    if not command.simulate(robot, start, load, settings, command.Target(out, overwrite)):
+    if not command.simulate(Source(robot, reference), start, load, settings, command.Target(out, overwrite)):
         raise typer.Exit(1)
 
 
@@ -248,6 +253,7 @@ def view(
         typer.Argument(metavar="ROBOT|RUN", help="A robot of the catalogue, a mechanism file, or a saved run (.nc)."),
     ],
     of: Annotated[str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")] = None,
+    reference: Reference = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; the default serves this computer alone.")
     ] = "127.0.0.1",
@@ -259,7 +265,7 @@ def view(
     """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
     from linkwork.cli.view import view
 
-    view(robot, of, host, port, browser)
+    view(Source(robot, reference), of, host, port, browser)
 
 
 def main() -> None:

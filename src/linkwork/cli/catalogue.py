@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from linkwork import robots
+from linkwork.cli.entries import by_name
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, table
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -11,7 +13,23 @@ from linkwork.mechanism.files import MODELS
 SUFFIXES = (".yaml", ".yml")
 
 
-def find(name: str) -> Mechanism:
+def find(source: Source) -> Mechanism:
+    """Return the mechanism that is meant, about the reference that is asked for.
+
+    Raises:
+        LinkworkError: there is none of that name, or the file or the reference is refused.
+    """
+    return about(named(source.name), source)
+
+
+def about(mechanism: Mechanism, source: Source) -> Mechanism:
+    """Return the mechanism with the joint coordinates that are asked for in its reference."""
+    if source.reference is None:
+        return mechanism
+    return mechanism.with_reference(by_name(source.reference, mechanism.coordinates, "--reference"))
+
+
+def named(name: str) -> Mechanism:
     """Return the robot of the catalogue with that name, or the mechanism of that file.
 
     Raises:
@@ -43,9 +61,9 @@ def subject(text: str | None) -> str:
     return line[:1].upper() + line[1:]
 
 
-def export(name: str, file: Path, overwrite: bool) -> None:
+def export(source: Source, file: Path, overwrite: bool) -> None:
     """Write a robot as a mechanism file."""
-    mechanism = find(name)
+    mechanism = find(source)
     if file.suffix.lower() not in SUFFIXES:
         raise LinkworkError(f"{file}: a mechanism file ends in .yaml, not {file.suffix!r}")
     refuse_existing(file, overwrite)

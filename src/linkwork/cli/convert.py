@@ -1,29 +1,37 @@
 """Model files turned into others."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 from linkwork import formats
-from linkwork.cli.catalogue import find, refuse_existing
+from linkwork.cli.catalogue import about, named, refuse_existing
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience
 from linkwork.mechanism import Mechanism
 
 
-def convert(source: str, target: Path, overwrite: bool) -> None:
+def convert(source: Source, target: Path, overwrite: bool) -> None:
     """Read a robot of the catalogue or a model file, write it in another format, and say what was left out."""
     refuse_existing(target, overwrite)
-    named = not Path(source).suffix and not Path(source).exists()
-    imported = formats.Imported(find(source)) if named else formats.load(source)
+    imported = read(source)
     with patience("closing the loops"):
         written = formats.save(imported.mechanism, target)
     out = console()
     out.print(facts(summary(imported.mechanism)))
-    for file, notes in ((source, imported.notes), (str(target), written)):
+    for file, notes in ((source.name, imported.notes), (str(target), written)):
         if notes:
             out.print(f"notes on {file}:", soft_wrap=True)
         for note in notes:
             out.print(f"- {note}", soft_wrap=True)
     out.print(f"{target} written", soft_wrap=True)
+
+
+def read(source: Source) -> formats.Imported:
+    """Read a robot of the catalogue or a model file, about the reference that is asked for."""
+    known = not Path(source.name).suffix and not Path(source.name).exists()
+    imported = formats.Imported(named(source.name)) if known else formats.load(source.name)
+    return replace(imported, mechanism=about(imported.mechanism, source))
 
 
 def summary(mechanism: Mechanism) -> list[tuple[str, str]]:

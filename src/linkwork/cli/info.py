@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from linkwork.cli.catalogue import find
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
 from linkwork.mechanism import GROUND, GearJoint, Joint, Limits
 from linkwork.mechanism.joints import SLIDES
@@ -15,9 +16,9 @@ from linkwork.robot import Robot
 KERNELS = ("motion", "inverse_dynamics", "terms", "closure_step")
 
 
-def show(name: str, as_json: bool) -> None:
+def show(source: Source, as_json: bool) -> None:
     """Print the facts of a robot, as tables or as JSON."""
-    mechanism = find(name)
+    mechanism = find(source)
     with patience("deriving and compiling the equations of motion"):
         found = gather(Robot(mechanism))
     if as_json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from linkwork import robots
-from linkwork.cli.catalogue import find
+from linkwork.cli.catalogue import named
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Robot
@@ -24,7 +24,7 @@ def read(file: str) -> Run:
 def robot_of(run: Run, file: str, of: str | None) -> Robot:
     """Return the robot of a run: the one that is named, the one it holds, or the one of the catalogue of that name."""
     if of is not None:
-        return Robot(find(of))
+        return Robot(named(of))
     if run.description:
         return Robot(Mechanism.parse(run.description))
     wanted = str(run.attrs.get("mechanism", ""))

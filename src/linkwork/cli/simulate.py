@@ -12,6 +12,7 @@ import numpy as np
 
 from linkwork.cli.catalogue import find, refuse_existing
 from linkwork.cli.entries import by_name, numbers, read_columns
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
@@ -113,12 +114,12 @@ class Settings:
             raise LinkworkError(f"--samples {self.samples}: give at least 2")
 
 
-def simulate(name: str, start: Start, load: Load, settings: Settings, target: Target) -> bool:
+def simulate(source: Source, start: Start, load: Load, settings: Settings, target: Target) -> bool:
     """Simulate, print how it went, write what was computed; return whether the run reached its end."""
     target.check()
     settings.check()
     with patience("preparing the run"):
-        robot = Robot(find(name))
+        robot = Robot(find(source))
         state, forces = start.state(robot), load.forces(robot)
     with patience("simulating"):
         run = robot.simulate(

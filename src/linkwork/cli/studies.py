@@ -13,6 +13,7 @@ from linkwork.analysis.square import pose_names
 from linkwork.cli.catalogue import find, refuse_existing
 from linkwork.cli.entries import by_name, number, numbers
 from linkwork.cli.simulate import Start
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
@@ -49,13 +50,13 @@ class Map:
             refuse_existing(file, self.overwrite)
 
 
-def modes(name: str, joints: str | None, tool: str | None, starts: int, seed: int) -> None:
+def modes(source: Source, joints: str | None, tool: str | None, starts: int, seed: int) -> None:
     """Print all assembly modes or working modes, and how sure their number is."""
     if joints is not None and tool is not None:
         raise LinkworkError(
             "--joints and --tool are both given; the one asks for assembly modes, the other for working modes"
         )
-    robot = made(name)
+    robot = made(source)
     with patience("looking for all solutions"):
         if tool is not None:
             found = analysis.working_modes(robot, numbers(tool, "--tool"), starts=starts, seed=seed)
@@ -95,9 +96,9 @@ def modes(name: str, joints: str | None, tool: str | None, starts: int, seed: in
     out.print(table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2)))
 
 
-def singularities(name: str, joints: str | None, tool: str | None) -> None:
+def singularities(source: Source, joints: str | None, tool: str | None) -> None:
     """Print of which kinds a configuration is singular."""
-    robot = made(name)
+    robot = made(source)
     state = configuration(robot, joints, tool)
     told = analysis.singularity(robot, state)
     rows = [
@@ -127,10 +128,10 @@ def singularities(name: str, joints: str | None, tool: str | None) -> None:
     console().print(facts(rows))
 
 
-def workspace(name: str, joints: str | None, tool: str | None, asked: Map) -> None:
+def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) -> None:
     """Print what a map of the workspace holds; write and draw it."""
     asked.check()
-    robot = made(name)
+    robot = made(source)
     limits = None if asked.limits is None else ranges(asked.limits)
     rates, forces = (
         None if text is None else spread(robot, text, option)
@@ -159,9 +160,9 @@ def workspace(name: str, joints: str | None, tool: str | None, asked: Map) -> No
         console().print(f"{asked.picture} written", soft_wrap=True)
 
 
-def linearise(name: str, joints: str | None, tool: str | None, forces: str | None) -> None:
+def linearise(source: Source, joints: str | None, tool: str | None, forces: str | None) -> None:
     """Print poles, natural modes and controllability."""
-    robot = made(name)
+    robot = made(source)
     with patience("linearising"):
         state = configuration(robot, joints, tool)
         held = analysis.holding(robot, state) if forces is None else by_name(forces, robot.actuators, "--forces")
@@ -193,9 +194,9 @@ def linearise(name: str, joints: str | None, tool: str | None, forces: str | Non
         out.print(table(("frequency [Hz]", *shown), rows, numbers=range(len(shown) + 1)))
 
 
-def stiffness(name: str, joints: str | None, tool: str | None, given: str) -> None:
+def stiffness(source: Source, joints: str | None, tool: str | None, given: str) -> None:
     """Print the stiffness at the tool."""
-    robot = made(name)
+    robot = made(source)
     state = configuration(robot, joints, tool)
     named = by_name(given, robot.rates, "--joint-stiffness") if "=" in given else None
     if named is None:
@@ -212,9 +213,9 @@ def stiffness(name: str, joints: str | None, tool: str | None, given: str) -> No
     out.print(table(("", *(labels[i] for i in shown)), rows, numbers=range(1, len(shown) + 1)))
 
 
-def equilibrium(name: str, joints: str | None, tool: str | None, forces: str | None, every: bool) -> None:
+def equilibrium(source: Source, joints: str | None, tool: str | None, forces: str | None, every: bool) -> None:
     """Print where a robot rests."""
-    robot = made(name)
+    robot = made(source)
     u = None if forces is None else by_name(forces, robot.actuators, "--forces")
     with patience("looking for equilibria"):
         guess = configuration(robot, joints, tool)
@@ -239,9 +240,9 @@ def equilibrium(name: str, joints: str | None, tool: str | None, forces: str | N
         out.print()
 
 
-def parameters(name: str, effects: str | None, run: Path | None) -> None:
+def parameters(source: Source, effects: str | None, run: Path | None) -> None:
     """Print the base parameters, described or identified."""
-    robot = made(name)
+    robot = made(source)
     wanted = () if effects is None else tuple(part.strip() for part in effects.split(","))
     out = console()
     with patience("looking for the base parameters"):
@@ -262,10 +263,10 @@ def parameters(name: str, effects: str | None, run: Path | None) -> None:
 # What is typed, and what is shown
 
 
-def made(name: str) -> Robot:
+def made(source: Source) -> Robot:
     """Derive the equations of a robot."""
     with patience("deriving the equations of motion"):
-        return Robot(find(name))
+        return Robot(find(source))
 
 
 def configuration(robot: Robot, joints: str | None, tool: str | None) -> State:

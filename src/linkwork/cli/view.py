@@ -7,6 +7,7 @@ from pathlib import Path
 
 from linkwork.cli.catalogue import find
 from linkwork.cli.runs import SUFFIX, robot_of
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, patience
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot
@@ -15,15 +16,20 @@ from linkwork.simulation import Run
 LOCAL = ("127.0.0.1", "::1", "localhost")
 
 
-def view(name: str, of: str | None, host: str, port: int | None, browser: bool) -> None:
+def view(source: Source, of: str | None, host: str, port: int | None, browser: bool) -> None:
     """Serve a robot, or a run of one, until interrupted."""
+    name = source.name
     run = Run.load(name) if Path(name).suffix.lower() == SUFFIX else None
     if run is None and of is not None:
         raise LinkworkError(f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})")
+    if run is not None and source.reference is not None:
+        raise LinkworkError(
+            "--reference says where a robot's loops are closed from; a run holds its own configurations"
+        )
     with patience("preparing the robot"):
         from linkwork.views.viewer import Viewer
 
-        robot = Robot(find(name)) if run is None else robot_of(run, name, of)
+        robot = Robot(find(source)) if run is None else robot_of(run, name, of)
         viewer = Viewer(robot, run, host=host, port=port)
     with viewer:
         out = console()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from linkwork.formats import xml
@@ -23,11 +24,13 @@ class Imported:
     notes: tuple[str, ...] = ()
 
 
-def load(path: str | Path) -> Imported:
+def load(path: str | Path, reference: Mapping[str, float] | None = None) -> Imported:
     """Read a mechanism from a model file.
 
     Args:
         path: .yaml or .yml, the native format; .xml, .mjcf or .urdf, MJCF or URDF as the root element says.
+        reference: joint coordinates [m, rad] from which the loops are closed, by name, in place of the file's own; URDF
+            has none, so that a linkage that is drawn in a line needs them.
 
     Returns:
         The mechanism, and notes: sentences, each with its place, on what the mechanism does not hold of the file.
@@ -36,7 +39,11 @@ def load(path: str | Path) -> Imported:
         MechanismError: one sentence that names file, line and element; also for XML with a document type or entities,
             files larger than 20 MB, and files that include others from outside their folder.
     """
-    path = Path(path)
+    imported = _read(Path(path))
+    return imported if reference is None else replace(imported, mechanism=imported.mechanism.with_reference(reference))
+
+
+def _read(path: Path) -> Imported:
     suffix = path.suffix.lower()
     if suffix in NATIVE:
         return Imported(Mechanism.load(path))

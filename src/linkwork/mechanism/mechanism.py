@@ -141,6 +141,11 @@ class Mechanism(Record):
 
         return loaded(self, mass, centre_of_mass, inertia, tool)
 
+    def with_reference(self, values: Mapping[str, float]) -> Mechanism:
+        """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the others stay."""
+        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        return Mechanism(**fields | {"reference": {**self.reference, **values}})
+
     def save(self, path: str | Path) -> None:
         """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back."""
         from linkwork.mechanism.files import write_yaml
