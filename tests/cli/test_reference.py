@@ -54,7 +54,7 @@ def test_commands_take_a_reference(flat, tmp_path, command, compiled):
     target = tmp_path / "out.yaml"
     rest = {
         "info": ["--json"],
-        "analyse": ["singularities"],
+        "analyse": ["equilibrium"],
         "simulate": ["--duration", "0.01"],
         "export": [target],
         "convert": [target],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import networkx as nx
 from pydantic import Field, model_validator
@@ -143,7 +143,7 @@ class Mechanism(Record):
 
     def with_reference(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the others stay."""
-        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        fields: dict[str, Any] = {name: getattr(self, name) for name in type(self).model_fields}
         return Mechanism(**fields | {"reference": {**self.reference, **values}})
 
     def save(self, path: str | Path) -> None:
