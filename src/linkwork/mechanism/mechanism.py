@@ -144,7 +144,8 @@ class Mechanism(Record):
     def with_reference(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the others stay."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in type(self).model_fields}
-        return Mechanism(**fields | {"reference": {**self.reference, **values}})
+        fields["reference"] = {**self.reference, **values}
+        return Mechanism(**fields)
 
     def save(self, path: str | Path) -> None:
         """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back."""
