@@ -5,6 +5,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.analysis import along, input_output, jacobians, loci, singularity, workspace
+from linkwork.analysis.singularities import zeros
 
 from tests.analysis.mechanisms import arm, rpr
 from tests.catalogue import built
@@ -140,6 +141,12 @@ def test_along_a_motion_crossings_and_distances_are_told():
     near = np.abs(angles) < 0.03
     np.testing.assert_allclose(told.tool_distance[near], length * np.abs(angles[near]), rtol=2e-3, atol=1e-12)
     assert told.tool_distance.attrs["units"] == "m"
+
+
+def test_a_zero_that_falls_on_a_sample_is_found_too():
+    x = np.arange(5.0)
+    np.testing.assert_allclose(zeros(x, np.array([2.0, 1.0, 0.0, -1.0, 1.0])), [2.0, 3.5])
+    np.testing.assert_allclose(zeros(x, np.array([0.0, 1.0, np.nan, -1.0, 0.0])), [0.0, 4.0])
 
 
 def test_along_a_run_the_times_are_the_run_s():

@@ -4,6 +4,8 @@ import json
 import subprocess
 import sys
 
+from tests.processes import PATIENCE, python
+
 PROBE = """
 import sys
 from linkwork.cli import main
@@ -16,7 +18,7 @@ finally:
 
 def run(*words, code=None):
     start = [sys.executable, "-c", code] if code else [sys.executable, "-m", "linkwork"]
-    return subprocess.run([*start, *words], capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run([*start, *words], capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
 def test_a_refusal_is_one_line_on_stderr_and_status_2():
@@ -46,11 +48,8 @@ def test_the_views_load_matplotlib_only_to_draw():
 
 
 def test_an_output_that_nobody_reads_to_its_end_is_no_error():
-    process = subprocess.Popen(
-        [sys.executable, "-m", "linkwork", "info", "prr3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout and process.stderr
-    process.stdout.close()
-    assert "Traceback" not in process.stderr.read()
-    process.stderr.close()
-    process.wait(timeout=300)
+    with python("-m", "linkwork", "info", "prr3") as process:
+        assert process.stdout and process.stderr
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()
+        process.wait(PATIENCE)

@@ -215,6 +215,24 @@ def test_weights_that_stabilise_nothing_are_refused(Q, R, sentence):
         LQR.about(cart(), cart().home, Q, R)
 
 
+@pytest.mark.parametrize("mass", [1e-6, 2.0, 3e7])
+def test_a_pole_on_the_imaginary_axis_is_no_stable_one_however_it_is_rounded(mass):
+    """Where the place has no weight the closed loop leaves it alone: its exact pole is zero."""
+    plant, random = cart(mass), np.random.default_rng(1)
+    for speed, force in 10 ** random.uniform(-3, 3, (20, 2)):
+        with pytest.raises(lw.LinkworkError, match="cannot be stabilised with these weights"):
+            LQR.about(plant, plant.home, [0.0, speed], [force])
+
+
+def test_slow_and_fast_poles_are_stable_together():
+    """m x'' = -K x with Q = (a, b): both gains in closed form, poles at about sqrt(a / b) and sqrt(b / R) / m."""
+    plant = cart(2.0)
+    for place, speed in [(1e-6, 1e6), (1e-4, 1.0), (1.0, 1e-6), (1e6, 1.0)]:
+        (gains,) = LQR.about(plant, plant.home, [place, speed], [1.0]).gains
+        stiffness = np.sqrt(place)
+        assert gains == pytest.approx([stiffness, np.sqrt(speed + 2 * 2.0 * stiffness)], rel=1e-6)
+
+
 def test_controllers_work_with_numbers_too(robot):
     """A ready controller can be sampled from Python: the same forces as traced."""
     motion = circle_motion(robot)

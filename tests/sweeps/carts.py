@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -66,11 +64,6 @@ def whole(given: Study) -> dict[str, np.ndarray]:
 
 def results(folder: Path) -> xarray.Dataset:
     return xarray.open_zarr(folder / "results.zarr").load()
-
-
-def command(*words: object, **options) -> subprocess.Popen:
-    start = [sys.executable, "-m", "linkwork", "sweep", *map(str, words)]
-    return subprocess.Popen(start, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
 
 def finished(folder: Path) -> np.ndarray:

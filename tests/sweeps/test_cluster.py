@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import socket
 import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -15,6 +14,7 @@ import pytest
 
 from linkwork.sweeps import Study, StudyError, runner, sweep
 
+from tests.processes import python
 from tests.sweeps.carts import file, finished, results
 
 
@@ -24,16 +24,8 @@ def free_port() -> int:
         return found.getsockname()[1]
 
 
-@contextmanager
 def process(*words: object):
-    started = subprocess.Popen(
-        [sys.executable, "-m", "dask", *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    try:
-        yield started
-    finally:
-        started.kill()
-        started.wait()
+    return python("-m", "dask", *words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def listening(port: int) -> None:

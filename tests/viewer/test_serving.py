@@ -2,7 +2,6 @@
 
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import urllib.request
@@ -17,6 +16,7 @@ from linkwork.views.viewer import Viewer
 from linkwork.views.viewer.mailbox import Mailbox
 from linkwork.views.viewer.viewer import free_port, shown_host
 
+from tests.processes import PATIENCE, python
 from tests.viewer.browser import until
 
 
@@ -149,11 +149,10 @@ def test_the_command_refuses_in_a_sentence(robot, tmp_path, taken):
 
 def test_the_command_serves_a_saved_run_until_it_is_interrupted(robot, tmp_path):
     run = robot.simulate(robot.home, duration=0.05).save(tmp_path / "run.nc")
-    command = [sys.executable, "-u", "-m", "linkwork", "view", str(run), "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with python("-u", "-m", "linkwork", "view", run, "--no-browser", stderr=None) as process:
         assert process.stdout is not None
         line = next(line for line in process.stdout if line.startswith("3-PRR: "))
-        with urllib.request.urlopen(line.split()[1]) as page:
+        with urllib.request.urlopen(line.split()[1], timeout=PATIENCE) as page:
             assert page.status == 200 and b"<html" in page.read()
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE) == 0

@@ -167,7 +167,7 @@ def along(
     Returns:
         A dataset over time (or over `sample`): det_A and det_B over their values at the reference, conditioning,
         tool_distance [m] to an actuator-singular and actuator_distance [m, rad] to a leg-singular configuration, to
-        first order. `crossings` and `leg_crossings` are the times at which det A and det B change sign.
+        first order. `crossings` and `leg_crossings` are the times at which det A and det B are zero or change sign.
     """
     import xarray
 
@@ -199,9 +199,10 @@ def samples(robot: Robot, motion: Motion | Run | State) -> tuple[str, np.ndarray
 
 
 def zeros(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return where y (N) changes sign over x, by linear interpolation."""
+    """Return where y (N) is zero over x, or changes sign between two samples, by linear interpolation."""
     k = np.flatnonzero(np.sign(y[1:]) * np.sign(y[:-1]) < 0)
-    return x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1])
+    between = x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1])
+    return np.sort(np.concatenate([x[y == 0], between]))
 
 
 def loci(mapped: xarray.Dataset, name: str = "det_A", level: float = 0.0) -> list[np.ndarray]:

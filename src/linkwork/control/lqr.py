@@ -21,6 +21,8 @@ from linkwork.errors import LinkworkError
 if TYPE_CHECKING:
     from linkwork.robot import Robot, State
 
+ROUNDING = 1e-12  # relative size below which a number may be rounding alone
+
 
 @dataclass(frozen=True, eq=False)
 class LQR:
@@ -59,13 +61,14 @@ class LQR:
         still, forces = state.with_rates(0 * state.rates), robot.holding_forces(state)
         A, B = robot.linearised(still, forces)
         Q, R = (weights(value, size, name) for value, size, name in ((Q, len(A), "Q"), (R, B.shape[1], "R")))
-        if not np.linalg.eigvalsh(R + R.T).min() > 0:
+        sizes = np.linalg.eigvalsh(R + R.T)
+        if not sizes.min() > ROUNDING * sizes.max():
             raise LinkworkError("the weights R of the forces are not positive definite; give positive numbers")
         try:
             K = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
         except (LinAlgError, ValueError):
             K = np.full(B.T.shape, np.nan)
-        if not (np.isfinite(K).all() and np.linalg.eigvals(A - B @ K).real.max() < 0):
+        if not (np.isfinite(K).all() and stable(A - B @ K)):
             raise LinkworkError("the pose cannot be stabilised with these weights; change Q, R or the pose")
         positions = np.array([still[name] for name in still.independent])
         return cls(still.independent, positions, forces, K)
@@ -81,6 +84,20 @@ class LQR:
             for u, row in zip(actuators, self.gains, strict=True)
         ]
         return math.array([force - math.dot(row, x) for force, row in zip(self.forces, K, strict=True)])
+
+
+def stable(A: np.ndarray) -> bool:
+    """Tell whether all poles of x' = A x lie left of the imaginary axis, and no rounding of A would bring one onto it.
+
+    The distance of A to a matrix with the pole i omega is the smallest singular value of A - i omega 1 (Van Loan, How near
+    is a stable matrix to an unstable matrix?, 1985); A is balanced first, for its rows have different units.
+    """
+    from scipy.linalg import matrix_balance
+
+    A = matrix_balance(A, permute=False)[0]
+    poles, nearest = np.linalg.eigvals(A), ROUNDING * np.linalg.norm(A, 2)
+    apart = (np.linalg.svd(A - 1j * pole.imag * np.eye(len(A)), compute_uv=False)[-1] for pole in poles)
+    return bool(poles.real.max() < 0 and all(distance > nearest for distance in apart))
 
 
 def weights(values: ArrayLike, size: int, name: str) -> np.ndarray:
