@@ -84,7 +84,7 @@ def assembly_modes(
 ) -> Modes:
     """Find the assembly modes: all real solutions of the direct kinematics, told apart by the tool's pose.
 
-    Without a tool they are told apart by the poses of all bodies.
+    Without a tool they are told apart by the poses of all bodies that do not just spin about themselves.
 
     Args:
         robot: its closed loops are solved.
@@ -144,10 +144,10 @@ def working_modes(
 
 def actuated(robot: Robot) -> tuple[str, ...]:
     """Return the actuated coordinates, of which there have to be as many as the mobility."""
-    if len(robot.actuators) != robot.mobility - len(robot.idle):
+    if len(robot.actuators) != robot.mobility - len(robot.spins):
         raise LinkworkError(
             f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; say which "
-            f"{robot.mobility - len(robot.idle)} joint coordinates are given"
+            f"{robot.mobility - len(robot.spins)} joint coordinates are given"
         )
     return robot.actuators
 
@@ -270,6 +270,10 @@ def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
 
 
 def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the positions and orientations of all bodies (N, 12 r)."""
-    origins, orientations, *_ = square.robot.kernel("bodies_motion")(q, np.zeros(square.robot.mobility))
-    return np.concatenate([origins, orientations], axis=1)
+    """Return the positions and orientations of all bodies but those that may spin about themselves (N, 12 r)."""
+    robot = square.robot
+    spinning = {body for member in square.equations.spins.values() for body in member}
+    fixed = [k for k, body in enumerate(robot.bodies) if body not in spinning]
+    origins, orientations, *_ = robot.kernel("bodies_motion")(q, np.zeros(robot.mobility))
+    parts = origins.reshape(len(q), -1, 3)[:, fixed], orientations.reshape(len(q), -1, 9)[:, fixed]
+    return np.concatenate([part.reshape(len(q), -1) for part in parts], axis=1)

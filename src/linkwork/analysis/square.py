@@ -4,7 +4,7 @@
 
 Such a system decides the direct (J: the actuators' rates) and the inverse kinematics (J: the tool's). It is solved as
 the equations of motion are: an order of elimination chosen once, traced as straight-line code, evaluated many states
-at a time. Rates that the rows leave undetermined (idle freedoms) are held. The determinant of each stage of the
+at a time. Rates that the rows leave undetermined (spins) are held. The determinant of each stage of the
 block triangular form vanishes where the system is singular and nowhere else: between its zeros its sign tells
 working modes and assembly modes apart.
 Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290 (the two Jacobians); Chablat & Wenger,
@@ -178,7 +178,7 @@ def pose_names(robot: Robot) -> tuple[str, ...]:
 
 def tool_coordinates(robot: Robot) -> tuple[str, ...]:
     """Return the coordinates of the tool's pose that the robot can lead near its reference: positions first."""
-    names, freedoms = pose_names(robot), robot.mobility - len(robot.idle)
+    names, freedoms = pose_names(robot), robot.mobility - len(robot.spins)
     maps = twist_maps(robot)
     for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
         rows = [TWIST_ROWS[name] for name in chosen]
@@ -218,9 +218,9 @@ def exponential(r: ca.SX) -> ca.SX:
 
 def square(robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX) -> Square:
     """Return the system; refuse another number of rows than freedoms."""
-    freedoms = robot.mobility - len(robot.idle)
+    freedoms = robot.mobility - len(robot.spins)
     if len(what) != freedoms:
-        besides = " besides idle freedoms" if robot.idle else ""
+        besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(
             f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the mobility is {freedoms}{besides}; "
             "give as many"

@@ -10,14 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import closure, gears, mobility, readings
-from linkwork.equations.algebra import SX, cross, dense, symbol
+from linkwork.equations import closure, gears, mobility, readings, spins
+from linkwork.equations.algebra import SX, dense, symbol
 from linkwork.equations.chart import choose_chart, choose_independent, independent_rows
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.reference import OpenLoopsError, System, close, described, guess, neighbours, starts
 from linkwork.equations.topology import Topology, counting, ended, span
-from linkwork.equations.tree import Node, Tree, grow
+from linkwork.equations.tree import Tree, grow
 from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.mechanism.numbers import free_numbers, replaced
 
@@ -62,11 +62,11 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     preferred = [tree.rates.index(label) for label in (*independent, *mechanism.actuators) if label in tree.rates]
     chosen = choose_independent(samples[0][list(kept)], preferred)
     chart = choose_chart(rows.Phi, samples, kept, chosen)
-    idle = idle_freedoms(mechanism, tree, configurations[0], samples[0])
+    turning, idle = spins.spins(joints, configurations, samples)
     lengths = sizes(samples[0])
     smallest = float(smallest_singular(scaled(samples[0], lengths), len(kept)))
     return Equations(
-        freed, topology, tree, cuts, joints, rows, configurations[0], lengths, smallest, redundant, idle, chart
+        freed, topology, tree, cuts, joints, rows, configurations[0], lengths, smallest, redundant, turning, idle, chart
     )
 
 
@@ -191,22 +191,3 @@ def refuse_out_of_plane(
                     "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",
                     ("bodies", name, "inertia"),
                 )
-
-
-def idle_freedoms(mechanism: Mechanism, tree: Tree, q: np.ndarray, Phi: np.ndarray) -> tuple[str, ...]:
-    """Name the idle freedoms at a configuration (`mobility`)."""
-    if not mobility.members(mechanism):
-        return ()
-    rates = SX.sym("rates", len(tree.rates))
-    omega = tree.angular_velocities(rates)
-    v = tree.velocities(omega, rates)
-    nodes = [tree.node(name) for name in mechanism.bodies]
-    read = tree.evaluated("twists", [ca.vertcat(*[twist(node, omega, v) for node in nodes])], inputs=[rates])
-    twists = np.array(read(q, mobility.free_motions(Phi))[0])
-    return mobility.idle_freedoms(mechanism, twists.reshape(len(nodes), 6, -1))
-
-
-def twist(node: Node, omega: list[ca.SX], v: list[ca.SX]) -> ca.SX:
-    """Return [omega; v] of a node's body at the ground's origin, in the ground's axes."""
-    turn, slide = (ca.mtimes(node.axes.matrix, part[node.index]) for part in (omega, v))
-    return ca.vertcat(turn, slide - cross(turn, node.O))

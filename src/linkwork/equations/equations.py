@@ -61,7 +61,8 @@ class Equations:
     sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), 1 where they are zero
     smallest: smallest singular value of Phi there over its sizes
     redundant: names of the rows that depend on the others; they are left out of the elimination and watched
-    idle: names of the freedoms that move a member between two joints and nothing else
+    spins: freedoms that turn a member about the line through its two joints and move nothing else: its bodies, by name
+    idle: names of those of them that nothing acts on
     """
 
     mechanism: Mechanism
@@ -74,6 +75,7 @@ class Equations:
     sizes: tuple[np.ndarray, np.ndarray]
     smallest: float
     redundant: tuple[str, ...]
+    spins: Mapping[str, tuple[str, ...]]
     idle: tuple[str, ...]
     chart: Chart
 

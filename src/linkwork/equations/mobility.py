@@ -3,15 +3,13 @@
     n = nv - rank Phi                          computed, at closed configurations
     n_G = d r - sum of (d - f_i) - gears       Gruebler: d = 6 (3 in the plane), r bodies, f_i freedoms of joint i
 
-Where the geometry makes rows redundant n exceeds n_G. An idle freedom turns a member about the line through its two
-joints and moves nothing else.
+Where the geometry makes rows redundant n exceeds n_G.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import networkx as nx
 import numpy as np
 
 from linkwork.equations.reflections import reflect
@@ -20,7 +18,6 @@ from linkwork.equations.tree import Tree
 from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint, RodJoint
 
 RANK = 1e-9
-LONGEST = 3  # joints inside a member that is looked at for idle freedoms
 IN_PLANE = {"fixed": 0, "planar": 3, "free": 3, "rod": 2}
 
 
@@ -71,43 +68,3 @@ def loop_of(topology: Topology, cut: str) -> tuple[str, ...]:
         return (cut,)
     first, second = (chain(body) for body in topology.closing[cut].connects)
     return tuple(dict.fromkeys([*(name for name in first + second if (name in first) != (name in second)), cut]))
-
-
-def idle_freedoms(mechanism: Mechanism, twists: np.ndarray) -> tuple[str, ...]:
-    """Name the freedoms that turn a member about the line through its two joints and move nothing else.
-
-    A member is a chain of bodies between two joints to others; its own joints stay still.
-
-    Args:
-        twists: of all bodies about the ground's origin in motions that span those the loops allow (r x 6 x n).
-    """
-    index = {name: i for i, name in enumerate(mechanism.bodies)}
-    graph, order = mechanism.graph(), list(mechanism.pairs).index
-    found: dict[tuple[str, ...], str] = {}
-    for member in members(mechanism):
-        edges = graph.edges(member, keys=True)  # pyright: ignore[reportCallIssue]
-        ends = sorted((name for *bodies, name in edges if not set(bodies) <= set(member)), key=order)
-        if len(ends) < 2 or any(set(other) & set(member) for other in found):
-            continue
-        own = [index[name] for name in member]
-        first, together, others = twists[own[0]], twists[own[1:]] - twists[own[0]], np.delete(twists, own, axis=0)
-        still = np.concatenate([np.zeros((1, *first.shape)), others, together]).reshape(-1, first.shape[1])
-        if np.linalg.matrix_rank(np.vstack([still, first]), RANK) == np.linalg.matrix_rank(still, RANK) + 1:
-            found[member] = f"{' and '.join(member)}: spin about the line through {' and '.join(ends)}"
-    return tuple(found.values())
-
-
-def members(mechanism: Mechanism) -> list[tuple[str, ...]]:
-    """Return the chains of bodies, short ones first, between ground, branching bodies and the tools' bodies."""
-    graph = nx.Graph(mechanism.graph())
-    degree = mechanism.graph().degree
-    hubs = {GROUND, *(tool.body for tool in mechanism.tools.values())}
-    hubs |= {body for body in mechanism.bodies if degree[body] > 2}  # pyright: ignore[reportArgumentType]
-    graph.remove_nodes_from(hubs)
-    order = list(mechanism.bodies).index
-    chains = {
-        tuple(sorted(path, key=order))
-        for ends in nx.all_pairs_shortest_path(graph, cutoff=LONGEST)
-        for path in dict(ends[1]).values()
-    }
-    return sorted(chains, key=lambda chain: (len(chain), [order(name) for name in chain]))

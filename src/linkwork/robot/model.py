@@ -45,6 +45,7 @@ class Model:
         self.actuators: tuple[str, ...] = mechanism.actuators
         self.bodies: tuple[str, ...] = tuple(mechanism.bodies)
         self.redundant: tuple[str, ...] = self.equations.redundant
+        self.spins: tuple[str, ...] = tuple(self.equations.spins)
         self.idle: tuple[str, ...] = self.equations.idle
         self.mobility: int = self.equations.mobility
         self.planar: bool = measures.is_planar(self.equations.tree)

@@ -145,9 +145,9 @@ def open_row(robot: Robot, q: np.ndarray) -> str:
 
 def require_full_pose(robot: Robot, size: int) -> None:
     robot.assembler.pose_names(size)
-    needed = robot.mobility - len(robot.idle)
+    needed = robot.mobility - len(robot.spins)
     if size != needed:
-        besides = " besides idle freedoms" if robot.idle else ""
+        besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(
             f"the path prescribes {size} coordinates of the tool, but the mobility is {needed}{besides}; prescribe {needed}"
         )

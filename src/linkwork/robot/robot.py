@@ -48,7 +48,8 @@ class Robot(Model):
         parameters: values of the free numbers, by path; p: the same as an array, the kernels' last input
         mobility: number n of independent rates; gruebler: what Gruebler's formula gives for it
         redundant: closure rows that depend on the others, by joint and direction; they are left out and watched
-        idle: freedoms that turn a member about its own axis and move nothing else, by name
+        spins: freedoms that turn a member about its own axis and move nothing else, undriven, by name; left open by kinematics
+        idle: those of them that no friction, spring, rotor or limit acts on; left to themselves by inverse dynamics
 
     Raises:
         MechanismError: a description that cannot be assembled or has no motion, in one sentence.
