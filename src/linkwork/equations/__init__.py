@@ -1,8 +1,8 @@
 """Stage 2, derive: mechanism -> topology -> tree -> closure rows -> chart -> equations of motion (CasADi expressions)."""
 
 from linkwork.equations import functions
-from linkwork.equations.choosing import charts_at
+from linkwork.equations.choosing import chart_in, charts_at
 from linkwork.equations.derive import derive
 from linkwork.equations.equations import Equations
 
-__all__ = ["Equations", "charts_at", "derive", "functions"]
+__all__ = ["Equations", "chart_in", "charts_at", "derive", "functions"]

@@ -13,9 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from linkwork.equations.chart import Block, Chart, chart_of, choose_independents, choose_orders, independent_rows
-from linkwork.equations.equations import Equations
+from linkwork.equations.equations import Equations, smallest_singular
 
 WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
+DETERMINED = 1e-4  # least singular value of what rates are to solve for, over the smallest one at the reference
 LEAST, FALL = 0.125, 16.0  # relative pivot at least; factor by which scales fall until it is reached
 
 
@@ -42,6 +43,26 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
                     chart = chart_of(stages, scales, rows, independent, Phi.shape[2])
                     found.append((at[groups[same]], chart))
     return found
+
+
+def chart_in(
+    equations: Equations, Phi: np.ndarray, independent: Sequence[int], least: float = DETERMINED
+) -> Chart | None:
+    """Return the chart in given independent rates that is good at one configuration; None where they determine no motion.
+
+    Args:
+        Phi: the constraint Jacobian there (all rows x nv).
+        independent: n different rates.
+        least: singular value from which on they determine the motion, over the smallest one at the reference.
+    """
+    unit, count = equations.scaled(Phi), len(equations.chart.rows)
+    rows = independent_rows([unit], count)
+    solved = unit[np.ix_(rows, [j for j in range(Phi.shape[1]) if j not in independent])]
+    if solved.shape != (count, count) or smallest_singular(solved, count) <= least * equations.smallest:
+        return None
+    ((_, stages, determinants),) = choose_orders(equations.rows.pattern, Phi[None, None], rows, independent)
+    usual = np.array([size(equations, block) for stage in stages for block in stage])
+    return chart_of(stages, scales_of(determinants, usual)[0].tolist(), rows, independent, Phi.shape[1])
 
 
 def null_spaces(Phi: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import effects, measures
+from linkwork.equations import dynamics, effects, measures
 from linkwork.equations import regressor as linear
 from linkwork.equations.algebra import SX, dot, vector
 from linkwork.equations.chart import solve
@@ -85,6 +85,13 @@ def tree_rates(equations: Equations) -> ca.Function:
     """Return (q, v) -> the rates w = L v of the whole tree, and the weakest relative pivot, Eq. (7)."""
     outputs = {"w": equations.rates, "pivot": equations.elimination[2]}
     return function("tree_rates", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
+
+
+def motion_energy(equations: Equations) -> ca.Function:
+    """Return (q, w) -> the kinetic energy w' H w / 2 [J] of rates w of the whole tree: the same in all charts."""
+    tree, w = equations.tree, equations.rows.rates
+    H = dynamics.generalised_inertia(tree) + effects.rotor_inertia(equations.freedoms, equations.nv)
+    return function("motion_energy", equations, {"q": tree.q, "w": w}, {"T": ca.mtimes(w.T, ca.mtimes(H, w)) / 2})
 
 
 def maps(equations: Equations) -> ca.Function:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from linkwork.robot import rereading
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.members import Members
 from linkwork.robot.passage import Choice, Passage, Segment
@@ -90,8 +91,9 @@ def led(crew: Members, course: Course, task: Task) -> Lone:
         return chart if robot is crew.robot else chart.with_parameters(robot.p)
 
     if task.first is None or task.choice is None:
-        q, v = crew.q[task.member], crew.v[task.member]
-        segments = list(passage.segments(robot.run_chart, q, v, system.start))
+        state = crew.state(task.member)
+        chart, v = rereading.start(robot, state)
+        segments = list(passage.segments(chart, state.q, v, system.start))
     else:
         better = task.choice.better
         choice = Choice(task.choice.regular, better and own(better))

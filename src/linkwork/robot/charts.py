@@ -19,8 +19,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, charts_at, functions
+from linkwork.equations import Equations, chart_in, charts_at, functions
 from linkwork.equations.chart import Chart, faced
+from linkwork.equations.choosing import DETERMINED
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 
@@ -33,6 +34,7 @@ KERNELS = (
     "closure_step",
     "pivots",
     "tree_rates",
+    "motion_energy",
     "maps",
     "positions",
     "joints_motion",
@@ -148,6 +150,11 @@ class CompiledChart:
         """Return a chart chosen at q (nq): independent rates, rows and elimination are those that are good there."""
         ((_, chart),) = self.chosen(self.constraint_jacobian(q[None]), preferred)
         return chart
+
+    def anew(self, q: np.ndarray, independent: tuple[int, ...], least: float = DETERMINED) -> CompiledChart | None:
+        """Return a chart in given independent rates that is good at q (nq); None where they do not determine the motion."""
+        chart = chart_in(self.equations, self.constraint_jacobian(q), independent, least)
+        return chart and CompiledChart(self.equations.in_chart(chart), self.p)
 
     def chosen(self, Phi: np.ndarray, preferred: tuple[int, ...]) -> list[tuple[np.ndarray, CompiledChart]]:
         """Return charts chosen at each of some configurations, and the numbers of those (`charts_at`)."""

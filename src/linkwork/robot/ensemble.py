@@ -27,6 +27,7 @@ from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
 from linkwork.robot.passage import CLOSURE, SOFT, Segment, choices
 from linkwork.robot.recording import ending, labels
+from linkwork.robot.rereading import reread
 from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
 from linkwork.robot.running import integrator, usual, watched
 from linkwork.robot.state import State
@@ -54,7 +55,7 @@ class Ensemble:
     """Hold the results of N runs.
 
     status: how each member ended (N,), as `Status`; end_time: when (N,) [s]
-    final: the last states reached, a stack of N; extras: of drives and controllers there (N, nz)
+    final: the last states reached, a stack of N, rates that no common chart tells nan; extras: drives and controllers there
     nfev, steps, rejected: evaluations of the equations of motion, accepted and rejected steps of each member (N,)
     pivot, closure_error: the smallest relative pivot and the largest loop residual of each member (N,)
     parameters: values that vary, by name (N,)
@@ -186,8 +187,9 @@ def ensemble(
         if in_lanes(crew, options["method"]):
             parts, cancelled = together(crew, course, report)
             tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
+            tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
         else:
-            parts = [waiting(crew, course)]
+            parts = [waiting(crew, course, np.arange(len(crew)))]
             tasks = [Task(member) for member in range(len(crew))]
         lone = by_themselves(crew, course, tasks, report) if tasks else []
     return collected(crew, parts, lone, course)
@@ -207,11 +209,11 @@ class Part:
     outcomes: Outcomes
 
 
-def waiting(crew: Members, course: Course) -> Part:
+def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
     """Return members of which nothing was run yet."""
-    count = len(crew)
-    everyone, none, unknown = np.arange(count), np.zeros(count, int), np.full(count, np.nan)
-    y = crew.start(everyone)
+    count = len(members)
+    none, unknown = np.zeros(count, int), np.full(count, np.nan)
+    y = crew.start(members)
     outcomes = Outcomes(
         status=np.full(count, Status.CANCELLED),
         end_time=np.zeros(count),
@@ -227,20 +229,24 @@ def waiting(crew: Members, course: Course) -> Part:
         rejected_pivot=unknown,
         rejected_residual=unknown,
     )
-    return Part(crew.robot.run_chart, everyone, outcomes)
+    return Part(crew.chart, members, outcomes)
 
 
 def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part], bool]:
-    """Run all members as far as they come in the chart that runs start in; tell whether they were cancelled.
+    """Run all members as far as they come in the lanes' chart, if it tells their motion; tell whether they were cancelled.
 
     Its pivots are counted positive where the first member starts; members that start where they are negative then are run
     in the same chart, with its pivots counted positive there.
     """
     parts: list[Part] = []
-    first = crew.robot.run_chart
-    if len(crew) and crew.alone(0)[0].run_chart.pivot(crew.q[0]) < 0:
-        ((first, _),) = faced(crew, np.array([0]))
-    groups = [(first, np.arange(len(crew)))]
+    first, able = crew.chart, np.flatnonzero(crew.told)
+    if not len(able):
+        return [waiting(crew, course, np.arange(len(crew)))], False
+    if len(able) < len(crew):
+        parts.append(waiting(crew, course, np.flatnonzero(~crew.told)))
+    if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
+        ((first, _),) = faced(crew, able[:1])
+    groups = [(first, able)]
 
     def progress(ended: int, _: int) -> None:
         report(sum(len(part.members) for part in parts) + ended, len(crew))
@@ -267,17 +273,18 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             groups = list(faced(crew, indices[averted]))
             indices, outcomes = indices[~averted], outcomes.part(~averted)
         parts.append(Part(chart, indices, outcomes))
-    return parts, any((part.outcomes.status == Status.CANCELLED).any() for part in parts)
+    begun = [part.outcomes.status for part in parts if crew.told[part.members].all()]
+    return parts, any((status == Status.CANCELLED).any() for status in begun)
 
 
 def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, np.ndarray]]:
     """Yield charts with their pivots positive where members start that the first chart is averted from, and these."""
-    signs = crew.robot.run_chart.kernel("pivots")(crew.q[averted], crew.p_robot(averted))[0] < 0
+    signs = crew.chart.kernel("pivots")(crew.q[averted], crew.p_robot(averted))[0] < 0
     kinds = signs @ 2.0 ** np.arange(signs.shape[1])
     for kind in np.unique(kinds):
         indices = averted[kinds == kind]
         robot, _ = crew.alone(int(indices[0]))
-        other = robot.run_chart.facing(crew.q[indices[0]])
+        other = crew.chart.with_parameters(robot.p).facing(crew.q[indices[0]])
         yield crew.robot.run_charts.setdefault(other.key, other), indices
 
 
@@ -290,7 +297,8 @@ def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
     p = crew.p_robot(indices) if crew.varied and crew.robot.p.size else None
     found = choices(crew.robot, part.chart, np.ascontiguousarray(part.outcomes.y_end[rows, :nq]), p)
     for row, member, y, choice in zip(rows.tolist(), indices.tolist(), crew.start(indices), found, strict=True):
-        yield Task(member, segment(crew, course, part, row, y), choice)
+        begun = part.outcomes.steps[row] > 0
+        yield Task(member, segment(crew, course, part, row, y), choice) if begun else Task(member)
 
 
 def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) -> Segment:
@@ -371,22 +379,41 @@ def in_order(parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
 
 
 def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> tuple[State, np.ndarray]:
-    """Return the last states reached, in the home chart, and the extra states there."""
+    """Return the last states reached, in one chart, and the extra states there.
+
+    It is the home chart where that tells all motions, else the first of the members' own that does; if none does it is the
+    home chart, and the rates that it does not tell are nan.
+    """
     robot, count = crew.robot, len(crew)
-    q, v, z = (np.empty((count, size)) for size in (robot.equations.nq, robot.mobility, len(crew.system.extras)))
+    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.extras)))
     rows = [Rows(part.chart, part.members, part.outcomes.end_time, part.outcomes.y_end, NO_INPUTS) for part in parts]
     ends = [(one.member, one.segments[-1]) for one in lone]
     rows += gathered(
         Piece(end.chart, i, np.array([end.trajectory.end_time]), end.trajectory.y_end[None]) for i, end in ends
     )
     for row in rows:
-        q[row.members], chart_v, z[row.members] = row.split()
-        v[row.members] = chart_v
-        if row.chart.independent != robot.independent:
-            w = row.chart.kernel("tree_rates")(q[row.members], chart_v, crew.p_robot(row.members))[0]
-            v[row.members] = robot.chart.from_tree(w)
+        q[row.members], _, z[row.members] = row.split()
+    own = {row.chart.independent: row.chart for row in rows}.values()
+    home, common, v = robot.chart, robot.chart, told_in(crew, rows, robot.chart)
+    if np.isnan(v).any():
+        ways = ((chart, told_in(crew, rows, chart)) for chart in own)
+        common, v = next(((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v))
+    if common is not home:
+        robot.charts.setdefault(common.independent, common)
     (positions,) = robot.kernel("positions")(q, crew.p_robot())
-    return State(positions, v, q, robot.coordinates, robot.independent), z
+    return State(positions, v, q, robot.coordinates, common.independent), z
+
+
+def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.ndarray:
+    """Return the rates (N, n) in one chart of states in others; nan where it does not tell their motion."""
+    v = np.full((len(crew), crew.robot.mobility), np.nan)
+    for row in rows:
+        q, rates, _ = row.split()
+        if row.chart.independent != chart.independent:
+            rates, kept = reread(crew.robot, row.chart, chart, q, rates, crew.p_robot(row.members))
+            rates = np.where(kept[:, None], rates, np.nan)
+        v[row.members] = rates
+    return v
 
 
 def saved(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> Iterator[Rows]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import actuation, checks
+from linkwork.robot.rereading import chart_in, reread
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
@@ -20,21 +21,23 @@ if TYPE_CHECKING:
 
 def in_chart(robot: Robot, state: State, names: tuple[str, ...]) -> State:
     """Return the same state with the rates of these names as the independent ones: `Robot.in_chart`."""
-    tree = robot.equations.tree.rates
-    checks.known(names, tree, "rate of the tree")
-    w = robot.chart_of(robot.own(state)).tree_rates(state.q, state.rates)
-    chart = robot.charts.get(names)
+    given, chart = robot.chart_of(robot.own(state)), None
     for q in state.q.reshape(-1, state.q.shape[-1]):
         if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
-            chart = robot.chart.better(q, tuple(tree.index(name) for name in names))
-        if set(chart.independent) != set(names):
-            raise LinkworkError(
-                f"the rates {', '.join(names)} do not determine the motion here; {', '.join(chart.independent)} do"
-            )
+            chart = chart_in(robot, names, q)
+        if chart is None:
+            able = robot.chart.better(q, tuple(map(robot.equations.tree.rates.index, names))).independent
+            raise LinkworkError(f"the rates {', '.join(names)} do not determine the motion here; {', '.join(able)} do")
     if chart is None:
         raise LinkworkError("the stack of states is empty; there is no configuration to choose the rates at")
-    robot.charts[chart.independent] = chart
-    return replace(state, rates=chart.from_tree(w), independent=chart.independent)
+    rates, kept = reread(robot, given, chart, state.q, state.rates)
+    if not kept.all():
+        raise LinkworkError(
+            f"the motion cannot be told in the rates {', '.join(names)}: {', '.join(state.independent)}, in which it is "
+            "given, do not determine it here; give a state at rest, and then its rates"
+        )
+    robot.charts[names] = chart
+    return replace(state, rates=rates, independent=names)
 
 
 def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:

@@ -15,7 +15,9 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.refusal import MechanismError
 from linkwork.robot import checks
+from linkwork.robot.charts import CompiledChart
 from linkwork.robot.posing import OPEN_LOOPS
+from linkwork.robot.rereading import reread
 from linkwork.robot.state import State
 from linkwork.robot.system import System, as_input, system
 from linkwork.simulation import Sampled, Signal
@@ -30,13 +32,17 @@ class Members:
 
     system: what is integrated
     forces: the signals, or numbers (N, nu), of each member, in place of the system's; None: all share these
-    q (N, nq), v (N, n) in the chart that runs start in; p: the system's parameters, (1, np) or (N, np)
+    chart: of the lanes; q (N, nq), v (N, n) in this chart; p: the system's parameters, (1, np) or (N, np)
+    given: the states as they were given, one or a stack of N; told: whether v tells all of their motion (N,)
     varied: values of parameters that vary, by name (N,); own: which of them are the robot's
     """
 
     robot: Robot
     system: System
     forces: np.ndarray | Sequence[Signal] | None
+    chart: CompiledChart
+    given: State
+    told: np.ndarray
     q: np.ndarray
     v: np.ndarray
     p: np.ndarray
@@ -56,6 +62,10 @@ class Members:
     def alike(self) -> bool:
         """Whether q and v repeat a single row."""
         return not any(self.q.strides[:1] + self.v.strides[:1])
+
+    def state(self, member: int) -> State:
+        """Return the state that one member was given."""
+        return self.given.at(member) if self.given.batch else self.given
 
     def _rows(self, members: np.ndarray) -> np.ndarray | slice:
         """Return some members, in the order of their numbers, as rows of a table: all of them without a copy."""
@@ -149,13 +159,14 @@ def members(
         p = np.repeat(p, count, axis=0)
         for name, values in varied.items():
             p[:, names.index(name)] = values
-    q, home, chart = np.broadcast_to(state.q, (count, state.q.shape[-1])), robot.chart_of(state), robot.run_chart
-    v = np.broadcast_to(state.rates, (count, state.rates.shape[-1]))
-    if chart is not home:
-        v = chart.from_tree(home.kernel("tree_rates")(q, v, p[:, : robot.p.size])[0])
+    chart, q = robot.chart_of(state), np.broadcast_to(state.q, (count, state.q.shape[-1]))
+    v, told = np.broadcast_to(state.rates, (count, state.rates.shape[-1])), np.ones(count, bool)
+    if chart is robot.chart and chart is not robot.run_chart:
+        chart = robot.run_chart
+        v, told = reread(robot, robot.chart, chart, q, v, np.ascontiguousarray(p[:, : robot.p.size]))
     varied = {name: np.broadcast_to(values, count) for name, values in varied.items()}
     require_possible(robot, {name: values for name, values in varied.items() if name in robot.parameters}, q, p)
-    return Members(robot, runs, each, q, v, p, varied)
+    return Members(robot, runs, each, chart, state, told, q, v, p, varied)
 
 
 def require_possible(robot: Robot, own: Mapping[str, np.ndarray], q: np.ndarray, p: np.ndarray) -> None:

@@ -18,6 +18,7 @@ from linkwork.equations.choosing import alike
 from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.crossing import Crossing
+from linkwork.robot.rereading import moved
 from linkwork.robot.system import System
 from linkwork.simulation import Control, Rosenbrock, Status, Trajectory, integrate
 
@@ -132,13 +133,15 @@ class Passage:
             return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
         if done.status is not Status.SINGULAR or steps < 1:
             return None
-        tried = self.step_over and not (choice.regular if choice else regular(self.robot, q))
+        tried = self.step_over and not (choice.regular if choice else regular(self.robot.chart, q))
         landing = self._over(chart, t, q, v) if tried else None
         if landing is None:
             better = (choice or choices(self.robot, chart, q[None])[0]).better
+            n, kept, rates = chart.equations.mobility, False, v
             if better is not None:
-                n = chart.equations.mobility
-                v = np.concatenate([better.from_tree(chart.tree_rates(q, v[:n])), v[n:]])
+                rates, kept = moved(self.robot, chart, better, q, v[:n])
+            if better is not None and kept:
+                v = np.concatenate([rates, v[n:]])
                 return Stand(better, t, q, v, self.system.control(better, done.control), steps, SOFT, stand.short)
             if self.step_over and not tried:
                 landing = self._over(chart, t, q, v)
@@ -204,9 +207,9 @@ class Passage:
         return Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance).over(t, self.end, q, v)
 
 
-def regular(robot: Robot, q: np.ndarray) -> bool:
-    """Tell whether a configuration is far from losing rank."""
-    return bool(robot.equations.regular(robot.chart.constraint_jacobian(q)))
+def regular(chart: CompiledChart, q: np.ndarray) -> bool:
+    """Tell whether a configuration is far from losing rank; chart: any."""
+    return bool(chart.equations.regular(chart.constraint_jacobian(q)))
 
 
 def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
-from linkwork.robot import checks, derived, limits
+from linkwork.robot import checks, derived, limits, rereading
 from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
-from linkwork.robot.passage import Passage, Segment
+from linkwork.robot.passage import Passage, Segment, regular
 from linkwork.robot.reactions import COMPONENTS, Reactions
 from linkwork.robot.state import State
 from linkwork.robot.system import System
@@ -68,8 +68,7 @@ def simulate(
         besides = np.setdiff1d(calls(system.sampler, start, end, options["max_steps"]), times)
         times = np.union1d(times, besides)
     passage = Passage(robot, system, start, end, times, step_over, options)
-    home, chart = robot.charts[state.independent], robot.run_chart
-    v = state.rates if chart is home else chart.from_tree(home.tree_rates(state.q, state.rates))
+    chart, v = rereading.start(robot, state)
     segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control))
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
@@ -157,6 +156,11 @@ def ending(system: System, segment: Segment) -> tuple[Status, str]:
         fault = system.faults[0]
         status = Status.CANCELLED if isinstance(fault, KeyboardInterrupt) else Status.CALLBACK_FAILED
         return status, status.sentence(time=last.end_time, error=reason(fault))
+    if last.status is Status.SINGULAR and regular(segment.chart, last.q_end):
+        return last.status, last.message + (
+            f" The motion is given in the rates {', '.join(segment.chart.independent)}, which do not determine it there; "
+            "others do: give the state at rest in these, by robot.in_chart, and then its rates."
+        )
     if last.status is Status.SINGULAR:
         return last.status, last.message + (
             " No choice of independent rates determines the motion there: branches of motion meet (a bifurcation), or "

@@ -161,7 +161,7 @@ class Robot(Model):
                 a state gives are then in these.
 
         Raises:
-            LinkworkError: names that are no rates of the tree; rates that do not determine the motion there.
+            LinkworkError: names that are no rates of the tree; rates, new or given, that do not determine the motion there.
         """
         return evaluation.in_chart(self, state, checks.names(independent, "independent"))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from linkwork.checks import by_name, several
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks, recording
+from linkwork.robot.rereading import chart_in
 from linkwork.robot.state import State
 from linkwork.robot.system import Forces, System, system
 from linkwork.simulation import (
@@ -111,11 +113,14 @@ def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run
     n = len(independent)
     if q.size != robot.equations.nq or n != robot.mobility:
         raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
-    state = robot.make_state(q, np.zeros(n))
-    chart = chart_named(robot, independent, q)
-    rates = dict(zip(independent, v.tolist(), strict=False))
-    w = chart.tree_rates(q, np.array([rates[name] for name in chart.independent]))
-    state = state.with_rates(robot.chart.from_tree(w))
+    state = replace(robot.make_state(q, v[:n]), independent=independent)
+    if independent != robot.independent:
+        chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
+        if chart is None:
+            raise LinkworkError(
+                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine the motion where it ended"
+            )
+        robot.charts[independent] = chart
     held = np.atleast_1d(np.asarray(run.attrs["final_held"], float)) if "final_held" in run.attrs else None
     own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
     options["parameters"] = {**own, **by_name(options.get("parameters"), "parameters", EXAMPLE)}
@@ -126,15 +131,6 @@ def recorded(run: Run) -> dict[str, float]:
     """Return the values of parameters that a run tells of."""
     entries = str(run.attrs.get("parameters", "")).split(", ")
     return {name: float(value) for name, _, value in (entry.partition(" = ") for entry in entries) if value}
-
-
-def chart_named(robot: Robot, independent: tuple[str, ...], q: np.ndarray):
-    """Return a chart with the given independent rates."""
-    tree = robot.equations.tree.rates
-    checks.known(independent, tree, "rate of the tree")
-    if set(independent) == set(robot.independent):
-        return robot.chart
-    return robot.chart.better(q, tuple(tree.index(name) for name in independent))
 
 
 def usual(runs: System, inputs: Sequence[Signal], rtol: float) -> IntegrationMethod:

@@ -1,0 +1,78 @@
+"""Rereading: tell a motion in other independent rates, and check that nothing of it is lost.
+
+    w = L v,    v_other = w at the other chart's independent rates,    w' H w = w_other' H w_other
+
+Where a chart is nearly singular its rates say little of the motion: what is read in them from elsewhere, or from them, is
+wrong by far. So pivots are asked for first, and the kinetic energy is compared in the end.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from linkwork.equations.choosing import DETERMINED
+from linkwork.robot import checks
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.state import State
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+KEPT = 1e-6  # change of the kinetic energy that is none, relative to it
+
+
+def reread(
+    robot: Robot, given: CompiledChart, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rates (..., n) of a chart at states given in those of another, and whether they tell the same motion (...).
+
+    Args:
+        q, v: coordinates (..., nq) and rates of the given chart (..., n).
+        p: values of the robot's free parameters, of each state or of all; the robot's own if left out.
+    """
+    p = robot.p if p is None else p
+    w, *weak = given.kernel("tree_rates")(q, v, p)
+    found = chart.from_tree(w)
+    again, *weaker = chart.kernel("tree_rates")(q, found, p)
+    energies = [robot.kernel("motion_energy")(q, rates, p)[0][..., 0] for rates in (w, again)]
+    kept = np.abs(energies[1] - energies[0]) <= KEPT * np.maximum(*energies)
+    for pivot in (weak[0], weaker[0]):
+        kept &= np.abs(pivot[..., 0]) > checks.PIVOT_BOUND
+    moving = np.abs(v).max(axis=-1, keepdims=True, initial=0.0) > 0
+    return np.where(moving, found, 0.0), kept | ~moving[..., 0]
+
+
+def moved(
+    robot: Robot, given: CompiledChart, chart: CompiledChart, q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, bool]:
+    """Return the rates of a chart at one state as `reread` does; a chart that is weak there is eliminated in a new order."""
+    if abs(given.pivot(q)) <= checks.PIVOT_BOUND and v.any():
+        given = given.anew(q, given.key.independent) or given
+    found, kept = reread(robot, given, chart, q, v)
+    return found, bool(kept)
+
+
+def chart_in(robot: Robot, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED) -> CompiledChart | None:
+    """Return the known chart in the rates of these names where it is regular at q, else one that is chosen there.
+
+    None where these rates do not determine the motion (`choosing.chart_in`).
+    """
+    tree, known = robot.equations.tree.rates, robot.charts.get(names)
+    checks.known(names, tree, "rate of the tree")
+    if known is not None and abs(known.pivot(q)) > checks.PIVOT_BOUND:
+        return known
+    return robot.chart.anew(q, tuple(tree.index(name) for name in names), least)
+
+
+def start(robot: Robot, state: State) -> tuple[CompiledChart, np.ndarray]:
+    """Return the chart in which a run from one state starts, and its rates there.
+
+    A state in the home chart may start in a shorter one, if nothing is lost by that; any other keeps its own.
+    """
+    own, shorter = robot.charts[state.independent], robot.run_chart
+    if own is not robot.chart or shorter is own:
+        return own, state.rates
+    v, kept = moved(robot, own, shorter, state.q, state.rates)
+    return (shorter, v) if kept else (own, state.rates)
