@@ -6,6 +6,7 @@ import sys
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -15,7 +16,7 @@ from linkwork.kernels import Kernel, compile_function
 from linkwork.kernels import kernel as kernel_module
 from linkwork.kernels import module as modules
 from linkwork.kernels.cache import key
-from linkwork.kernels.machine import Machine
+from linkwork.kernels.machine import Machine, this_machine
 
 from tests.kernels.graphs import random_function
 
@@ -141,6 +142,50 @@ def test_no_warning_and_no_leftover_when_all_is_well(folder: Path):
 def test_the_key_separates_its_parts():
     assert key("ab", "c") != key("a", "bc")
     assert key("ab") == key("ab")
+
+
+def another_kind(machine: Machine) -> dict[str, Machine]:
+    """Return machines that differ from one in a single respect, and whose code this one can run."""
+    fewer = machine.features.replace("+avx512f", "-avx512f").replace("+avx2", "-avx2") + ",-sse4a"
+    return {
+        "triple": replace(machine, triple=machine.triple.replace("-linux-gnu", "-linux")),
+        "processor": replace(machine, cpu="generic"),
+        "features": replace(machine, features=fewer),
+    }
+
+
+@pytest.mark.parametrize("part", ["triple", "processor", "features"])
+def test_a_folder_shared_by_kinds_of_machines_gives_none_the_code_of_another(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, part: str
+):
+    other = another_kind(this_machine())[part]
+    assert other != this_machine()
+    assert compile_function(simple()).address
+    with monkeypatch.context() as patch:
+        patch.setattr(modules, "this_machine", lambda: other)
+        kernel = compile_function(simple())
+        assert not kernel.from_cache
+        assert compile_function(simple()).from_cache
+    assert entries(folder) == 2
+    assert compile_function(simple()).from_cache
+
+
+@pytest.mark.parametrize(
+    ("of", "name", "value"),
+    [
+        ("llvmlite", "__version__", "0.0.1"),
+        ("linkwork.kernels.cache", "_source", lambda: b"other source"),
+    ],
+)
+def test_another_version_of_the_compiler_or_of_this_package_is_another_entry(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, of: str, name: str, value: object
+):
+    assert compile_function(simple()).address
+    monkeypatch.setattr(f"{of}.{name}", value)
+    kernel = compile_function(simple())
+    assert not kernel.from_cache
+    assert_right(kernel)
+    assert entries(folder) == 2
 
 
 DIGEST = """

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from numba import types
+from numba.core.registry import cpu_target
 
 from linkwork.simulation.compiled import compiled_once
 
@@ -45,6 +46,22 @@ def test_arrays_that_may_be_written_are_no_second_signature(tmp_path):
     double = load(path).double
     assert double(np.ones(3)).tolist() == [2.0, 2.0, 2.0]
     assert len(double.signatures) == 1
+
+
+def test_kinds_of_machines_that_share_a_cache_folder_never_touch_each_other_s_files(tmp_path, monkeypatch, capfd):
+    path = tmp_path / "doubling.py"
+    path.write_text(MODULE)
+    load(path)
+    own = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.nb?")}
+    of = type(cpu_target.target_context.codegen())
+    with monkeypatch.context() as patch:
+        patch.setattr(of, "magic_tuple", lambda self: (self._llvm_module.triple, "another processor", "+fewer"))
+        assert load(path).double(4.0) == 8.0
+    assert capfd.readouterr().err.count("compiling the doubling") == 2
+    assert own and own == {file: file.stat().st_mtime_ns for file in own}
+    assert len(list(tmp_path.rglob("*.nb?"))) == 2 * len(own)
+    assert load(path).double(4.0) == 8.0
+    assert capfd.readouterr().err == ""
 
 
 def test_works_with_a_warning_where_nothing_can_be_cached():

@@ -1,7 +1,8 @@
 """Compile a function by Numba once per machine: kept in a cache folder, and announced while it happens.
 
 Numba renews its cache when the file of a function changes. A function is made of others, too, that are inlined or linked
-into it, and of constants; here the cache is renewed when any of them changes, in whatever file they are.
+into it, and of constants; here the cache is renewed when any of them changes, in whatever file they are. Kinds of machines
+that share a cache folder have files of their own in it.
 """
 
 import hashlib
@@ -16,8 +17,10 @@ from typing import Any
 import numpy as np
 from numba import njit, types
 from numba.core import event
+from numba.core.caching import IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 from numba.core.imputils import lower_builtin
+from numba.core.registry import cpu_target
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
 TAUGHT: list[FunctionType] = []  # what generates the code of operators that Numba is taught here
@@ -47,7 +50,9 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
         dispatcher = njit(cache=True, **OPTIONS)(function)
     except RuntimeError:  # Numba found no folder that it may write to
         return None
-    dispatcher._cache._cache_file._source_stamp = fingerprint(function)  # pyright: ignore[reportAttributeAccessIssue]
+    cache: Any = dispatcher._cache  # pyright: ignore[reportAttributeAccessIssue]
+    names = f"{cache._impl.filename_base}.{machine_digest()}"
+    cache._cache_file = IndexDataCacheFile(cache.cache_path, names, fingerprint(function))
     try:
         try:
             dispatcher.compile(signature)
@@ -57,11 +62,20 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
             EOFError,
             pickle.UnpicklingError,
         ):  # written by another version of the file
-            dispatcher._cache.flush()  # pyright: ignore[reportAttributeAccessIssue]
+            cache.flush()
             dispatcher.compile(signature)
     except OSError:  # the folder failed while being read or written
         return None
     return dispatcher
+
+
+def machine_digest() -> str:
+    """Return what tells kinds of machines apart that share a cache folder: each has files of its own.
+
+    Numba keeps the code of all of them under one name and tells it apart by an index, which one machine may rewrite between
+    another's two looks.
+    """
+    return hashlib.sha256(repr(cpu_target.target_context.codegen().magic_tuple()).encode()).hexdigest()[:16]
 
 
 def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
