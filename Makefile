@@ -34,9 +34,8 @@ $(READY): requirements.lock pyproject.toml
 	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
-$(BROWSER): $(READY)  # a Chromium for the viewer's tests, where none is installed; without one they are skipped and say so
-	command -v chromium || command -v chromium-browser || command -v google-chrome || command -v google-chrome-stable || \
-	    $(BIN)/playwright install chromium || echo "no Chromium: the viewer's tests in the browser will be skipped"
+$(BROWSER): $(READY) tests/viewer/chromium.sh  # a Chromium for the viewer's tests, where none is installed; without one they are skipped and say so
+	sh tests/viewer/chromium.sh $(BIN)/playwright
 	touch $@
 
 clean:

@@ -10,6 +10,8 @@ from time import monotonic, sleep
 import numpy as np
 import pytest
 
+from tests.processes import PATIENCE
+
 INSTALLED = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
 
@@ -22,9 +24,9 @@ def launch(playwright):
     return playwright.chromium.launch(executable_path=found, args=list(FLAGS))
 
 
-def until(true: Callable[[], object], seconds: float = 120.0) -> None:
+def until(true: Callable[[], object]) -> None:
     """Wait until something is true."""
-    end = monotonic() + seconds
+    end = monotonic() + PATIENCE
     while not true():
         assert monotonic() < end, "it did not happen in time"
         sleep(0.02)

@@ -133,7 +133,7 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     browser.page.get_by_label("slide_1 [N]").fill("3")
     browser.page.get_by_label("Duration [s]").fill("0.5")
     browser.page.get_by_role("button", name="Simulate from here").click()
-    until(lambda: viewer.session.playable and viewer.session.player.ended, 60)
+    until(lambda: viewer.session.playable and viewer.session.player.ended)
     assert viewer.session.player.time == pytest.approx(0.5)
     until(lambda: "t = 0.500 s" in browser.text())
     browser.page.get_by_role("tab", name="Run").click()

@@ -105,7 +105,7 @@ def test_many_hands_at_once_tear_nothing(robot):
 def test_a_simulation_is_carried_out_beside_and_played(robot):
     with Viewer(robot) as viewer:
         viewer.simulate("hold the pose", {"slide_1": 1.0}, 0.2)
-        until(lambda: viewer.session.playable and viewer.session.player.ended, 120)
+        until(lambda: viewer.session.playable and viewer.session.player.ended)
         final = viewer.session.replay.state(0.2)
         assert final.positions == pytest.approx(robot.home.positions, abs=0.05)
 
@@ -120,7 +120,7 @@ def test_what_cannot_be_simulated_is_said(robot):
 def test_branches_are_found_and_shown(robot):
     with Viewer(robot) as viewer:
         viewer.find_branches("tool")
-        until(lambda: len(viewer.branches) > 1, 60)
+        until(lambda: len(viewer.branches) > 1)
         assert len(viewer.branches) == 8  # two ways to bend each leg
         pose = robot.tool_pose(robot.home)
         for k, state in enumerate(viewer.branches):

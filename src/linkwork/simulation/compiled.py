@@ -75,7 +75,8 @@ def machine_digest() -> str:
     Numba keeps the code of all of them under one name and tells it apart by an index, which one machine may rewrite between
     another's two looks.
     """
-    return hashlib.sha256(repr(cpu_target.target_context.codegen().magic_tuple()).encode()).hexdigest()[:16]
+    context: Any = cpu_target.target_context
+    return hashlib.sha256(repr(context.codegen().magic_tuple()).encode()).hexdigest()[:16]
 
 
 def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Callable:
