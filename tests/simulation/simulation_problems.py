@@ -15,6 +15,12 @@ def oscillator(x, out):
 
 
 @cfunc(KERNEL)
+def decay(x, out):
+    """q' = -1e4 q."""
+    out[0], out[1] = -1e4 * x[0], 1.0
+
+
+@cfunc(KERNEL)
 def point_mass(x, out):
     """q'' = u / p."""
     out[0], out[1], out[2] = x[1], x[2] / x[3], 1.0

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from simulation_problems import bead, bead_closure, drift, explosion, fading, free, half_line, oscillator
+from simulation_problems import bead, bead_closure, decay, drift, explosion, fading, free, half_line, oscillator
 
 from linkwork.simulation import Status, integrate
 
@@ -54,6 +54,17 @@ def test_step_underflow():
     assert run.status is Status.STEP_UNDERFLOW
     assert run.end_time == pytest.approx(1.0, abs=1e-6)
     assert "the error stays above the tolerance however small the step" in run.message
+
+
+def test_stiff():
+    """y' = -1e4 y with an explicit method: its steps come to the end of its interval of stability, where it is left."""
+    run = integrate(decay.address, None, [1.0], [], [], duration=100.0, leave_stiff=True)
+    assert run.status is Status.STIFF
+    assert 1024 < run.steps < 1100
+    assert run.end_time < 1.0
+    assert "it is stiff there, stability bounds the steps" in run.message
+    near = integrate(decay.address, None, [1.0], [], [], duration=0.5, leave_stiff=True)
+    assert near.success  # what is left takes less steps than a look at it
 
 
 def test_too_many_steps():

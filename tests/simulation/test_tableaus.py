@@ -147,3 +147,19 @@ def test_dense_output_of_sharp_and_smart_is_of_order_6_and_smooth():
     first, solution, last = np.eye(14)[0], np.append(SHARP_SMART.a[-1], [0, 0]), np.eye(14)[11]
     for found, exact in zip(ends, (first, solution, last), strict=True):
         np.testing.assert_allclose(found, exact, atol=2e-13)
+
+
+@pytest.mark.parametrize(
+    ("pair", "printed"), [(DORMAND_PRINCE, 3.31), (dop853(), 6.39), (SHARP_SMART, 3.9)], ids=lambda of: str(of)[:4]
+)
+def test_the_interval_of_stability_is_that_of_one_step_on_the_test_equation(pair, printed):
+    """Hairer & Wanner II, sec. IV.2, take 3.25 and 6.1 for the first two, a little within."""
+    s = pair.plan.solution
+
+    def growth(z):
+        return 1 + z * pair.a[-1, :-1] @ np.linalg.solve(np.eye(s) - z * pair.a[:-1, :-1], np.ones(s))
+
+    x = pair.stability
+    assert x == pytest.approx(printed, abs=0.01)
+    assert all(abs(growth(-part * x)) < 1 for part in np.linspace(0.01, 0.999, 200))
+    assert abs(growth(-1.001 * x)) > 1

@@ -25,7 +25,7 @@ from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
-from linkwork.robot.passage import CLOSURE, SOFT, Segment, choices
+from linkwork.robot.passage import CLOSURE, SOFT, Choice, Segment, choices
 from linkwork.robot.recording import ending, labels
 from linkwork.robot.rereading import reread
 from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from linkwork.robot.robot import Robot
 
+LEFT = (Status.SINGULAR, Status.STIFF)  # with which members leave the lanes, to go on by themselves
 STATISTICS = ("nfev", "steps", "rejected", "pivot", "closure_error")
 
 
@@ -181,7 +182,7 @@ def ensemble(
     threads = None if threads is None else checks.count(threads, "threads")
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
     crew = members(robot, states, forces, parameters, drives, wrenches, watched(robot, events), duration, stiff)
-    options["method"] = chosen or usual(crew.system, crew.signals, rtol)
+    options |= {"method": chosen or usual(crew.system, crew.signals, rtol), "leave_stiff": chosen is None}
     course = Course(duration, times, step_over, options, threads)
     with shown(progress) as report:
         if in_lanes(crew, options["method"]):
@@ -289,7 +290,13 @@ def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, n
 
 
 def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
-    """Yield the members whose pivots have weakened, to go on from there; their next charts are chosen all at once."""
+    """Yield the members whose pivots have weakened, to go on from there; their next charts are chosen all at once.
+
+    Those that have become stiff go on in the same chart.
+    """
+    stiff = np.flatnonzero(part.outcomes.status == Status.STIFF)
+    for row, y in zip(stiff.tolist(), crew.start(part.members[stiff]), strict=True):
+        yield Task(int(part.members[row]), segment(crew, course, part, row, y), Choice(True, None))
     rows = np.flatnonzero(part.outcomes.status == Status.SINGULAR)
     if not rows.size:
         return
@@ -327,14 +334,14 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
         rejected_residual=float(done.rejected_residual[row]),
     )
     bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": course.options["max_steps"]}
-    trajectory = Trajectory(rows, rows[:0], done.y_end[row], nq, outcome, None, bounds, Status.SINGULAR)
-    return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]))
+    trajectory = Trajectory(rows, rows[:0], done.y_end[row], nq, outcome, None, bounds, Status(outcome.status))
+    return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), course.options["method"].name)
 
 
 def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course: Course) -> Ensemble:
     """Put the results of all members side by side."""
     alone = {one.member: one for one in lone}
-    unfinished = [i for part in parts for i in part.members[part.outcomes.status == Status.SINGULAR] if i not in alone]
+    unfinished = [i for part in parts for i in part.members[np.isin(part.outcomes.status, LEFT)] if i not in alone]
     numbers = in_order(parts, keep=not (lone or unfinished))
     if unfinished:
         numbers["status"][unfinished] = Status.CANCELLED

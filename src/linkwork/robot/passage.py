@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.crossing import Crossing
 from linkwork.robot.rereading import moved
-from linkwork.robot.system import System
-from linkwork.simulation import Control, Rosenbrock, Status, Trajectory, integrate
+from linkwork.robot.system import System, with_jacobian
+from linkwork.simulation import RODAS, Control, Method, Rosenbrock, Status, Trajectory, integrate
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -36,11 +37,14 @@ LOWER = 0.25  # the soft bound falls by this factor while no better chart is fou
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Hold a part of a run that was integrated in one chart; start: time, q and (v, z) that it went out from."""
+    """Hold a part of a run that was integrated in one chart; start: time, q and (v, z) that it went out from;
+    method: its name.
+    """
 
     chart: CompiledChart
     trajectory: Trajectory
     start: tuple[float, np.ndarray, np.ndarray]
+    method: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,7 @@ class Stand:
 
     chart, t, q, v: what the next segment goes out from, v with the extra states; control: what a sampled controller holds
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while the bound is lowered
+    method: of integration
     """
 
     chart: CompiledChart
@@ -59,6 +64,7 @@ class Stand:
     steps: int
     bound: float
     short: float
+    method: Method
 
 
 class Choice(NamedTuple):
@@ -74,7 +80,8 @@ class Passage:
 
     system: what is integrated; start, end: times of the run [s]
     save_at: times to save or None for every step; step_over: whether singular poses are stepped over
-    options: method, rtol, atol, max_step and max_steps of every segment
+    options: rtol, atol, max_step and max_steps of every segment, and the method, for whose explicit steps the stiff method is
+        taken from where they are stiff if `leave_stiff`
     """
 
     robot: Robot
@@ -104,7 +111,7 @@ class Passage:
         self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray, control: Control | None = None
     ) -> Stand:
         """Return a stand from which nothing was done yet; v with the extra states."""
-        return Stand(chart, t, q, v, control, self.options["max_steps"], SOFT, self.shortest)
+        return Stand(chart, t, q, v, control, self.options["max_steps"], SOFT, self.shortest, self.options["method"])
 
     @property
     def shortest(self) -> float:
@@ -118,7 +125,7 @@ class Passage:
         """
         while stand is not None:
             trajectory = self._integrate(stand)
-            yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v))
+            yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name)
             stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory, choice: Choice | None = None) -> Stand | None:
@@ -127,10 +134,12 @@ class Passage:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
-        here = Stand(chart, t, q, v, done.control, steps, stand.bound, stand.short)
+        here = replace(stand, t=t, q=q, v=v, control=done.control, steps=steps)
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
             return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
+        if done.status is Status.STIFF:
+            return replace(here, method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
         tried = self.step_over and not (choice.regular if choice else regular(self.robot.chart, q))
@@ -141,15 +150,15 @@ class Passage:
             if better is not None:
                 rates, kept = moved(self.robot, chart, better, q, v[:n])
             if better is not None and kept:
-                v = np.concatenate([rates, v[n:]])
-                return Stand(better, t, q, v, self.system.control(better, done.control), steps, SOFT, stand.short)
+                control = self.system.control(better, done.control)
+                return replace(here, chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT)
             if self.step_over and not tried:
                 landing = self._over(chart, t, q, v)
         if landing is not None:
             short, (t, q, v) = landing[0] - t, landing
             chart = self._faced(chart, q)
             control, bound = self.system.control(chart, done.control), min(SOFT, 0.5 * chart.pivot(q))
-            here = Stand(chart, t, q, v, control, steps, bound, short)
+            here = replace(here, chart=chart, t=t, q=q, v=v, control=control, bound=bound, short=short)
         elif stand.bound > checks.PIVOT_BOUND:
             bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
             here = replace(here, bound=bound)
@@ -163,10 +172,12 @@ class Passage:
 
     def _integrate(self, stand: Stand) -> Trajectory:
         chart, t, end, system = stand.chart, stand.t, self._until(stand), self.system
-        save_at, options, first = self.save_at, {**self.options, "max_steps": stand.steps}, t == self.start
+        save_at, first = self.save_at, t == self.start
+        options = {**self.options, "max_steps": stand.steps, "method": stand.method}
+        stiff = isinstance(stand.method, Rosenbrock)
         if save_at is not None and not (first and end == self.end):
             save_at = save_at[(save_at >= t) & ((save_at <= end) | (end == self.end))]
-        if not first:
+        if not first or stand.method is not self.options["method"]:
             options.pop("first_step", None)
         done = integrate(
             system.kernel(chart, "motion").address,
@@ -180,17 +191,17 @@ class Passage:
             save_at=save_at,
             closure_tol=CLOSURE * self.robot.size,
             pivot_bound=stand.bound,
-            jacobian=system.kernel(chart, "jacobian").address if self.stiff else None,
+            jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stiff else None,
             events=system.conditions(chart),
             control=stand.control,
             **options,
         )
         return replace(done, bounds={**done.bounds, "max_steps": self.options["max_steps"]})
 
-    @property
-    def stiff(self) -> bool:
-        """Whether the method needs the Jacobian."""
-        return isinstance(self.options.get("method"), Rosenbrock)
+    @cached_property
+    def with_jacobian(self) -> System:
+        """The same system, with the kernel that stiff methods need."""
+        return with_jacobian(self.robot, self.system, (self.start, self.end))
 
     def _faced(self, chart: CompiledChart, q: np.ndarray) -> CompiledChart:
         """Return a chart with its pivots positive at q."""

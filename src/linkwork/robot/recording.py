@@ -36,8 +36,8 @@ AXES = (
     *("time", "coordinate", "rate", "actuator", "spring", "pose", "extra", "wrench", "wrench_component"),
     *("event", "event_time"),
 )
-ASKED = ("mechanism", "method", "rtol", "atol", "step", "parameters")
-TOLD = ("charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
+ASKED = ("mechanism", "rtol", "atol", "step", "parameters")
+TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
 
 
 def simulate(
@@ -84,9 +84,9 @@ def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
 
 
 def asked(robot: Robot, system: System, options: Mapping[str, Any]) -> dict[str, object]:
-    """Return what a run was asked for: whose it is, the method and its tolerances or step, and values of parameters."""
+    """Return what a run was asked for: whose it is, tolerances or step, and values of parameters."""
     method = options["method"]
-    found: dict[str, object] = {"mechanism": robot.mechanism.name, "method": method.name}
+    found: dict[str, object] = {"mechanism": robot.mechanism.name}
     found |= {"rtol": options["rtol"], "atol": options["atol"]} if method.step is None else {"step": method.step}
     own = system.acting.parameters if system.acting else ()
     values = robot.parameters | dict(zip(own, system.parameters.tolist(), strict=True))
@@ -96,9 +96,10 @@ def asked(robot: Robot, system: System, options: Mapping[str, Any]) -> dict[str,
 
 
 def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
-    """Return the charts taken, and what a run can be resumed from: time, coordinates, rates with extra states, next step."""
+    """Return methods and charts taken, and what a run can be resumed from: time, coordinates, rates, extras, next step."""
     last = segments[-1].trajectory
     found: dict[str, object] = {
+        "method": methods_taken(segments),
         "charts": charts_taken(segments),
         "final_time": last.end_time,
         "final_q": last.q_end.copy(),
@@ -119,6 +120,13 @@ def held_last(system: System, control: Control) -> np.ndarray:
         return control.held
     n = len(system.acting.names.actuators)
     return np.concatenate([np.zeros(n), control.held[:-n]])
+
+
+def methods_taken(segments: Sequence[Segment]) -> str:
+    """Name the method, and that which a stiff run went on with, from when on."""
+    first, last = segments[0].method, segments[-1].method
+    begun = next(segment.start[0] for segment in segments if segment.method == last)
+    return first if first == last else f"{first}, from {begun:.6g} s {last}"
 
 
 def charts_taken(segments: Sequence[Segment]) -> str:

@@ -386,7 +386,8 @@ class Robot(Model):
             wrenches: external ones on bodies (`linkwork.control.Wrench`).
             method: "sharp_smart" (7th order), "dormand_prince" (5th), "dop853" (8th, for the tightest tolerances),
                 "rodas" (for stiff systems); with a fixed step "rk4", "symplectic_euler". If left out: "sharp_smart" for
-                rtol <= 1e-6 without sampled forces or controllers, whose kinks "dormand_prince" bears better.
+                rtol <= 1e-6 without sampled forces or controllers, whose kinks "dormand_prince" bears better; and "rodas" from
+                where the run is stiff, as where dry friction brings bodies to rest.
             step: of the methods with a fixed step [s].
             events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends where a joint leaves its
                 range, or where the actuators cease to determine the motion. An event happens when its function reaches

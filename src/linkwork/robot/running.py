@@ -85,7 +85,7 @@ def simulate(
         options["first_step"] = pace
     span = (start, start + duration)
     runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock))
-    options["method"] = chosen or usual(runs, [runs.inputs], rtol)
+    options |= {"method": chosen or usual(runs, [runs.inputs], rtol), "leave_stiff": chosen is None}
     z = runs.start if extras is None else extras
     if z.size != len(runs.extras):
         raise LinkworkError(

@@ -197,6 +197,14 @@ def system(
     return System(acting.inputs(commands), acting, np.array([float(value) for value in values.values()]))
 
 
+def with_jacobian(robot: Robot, runs: System, span: tuple[float, float]) -> System:
+    """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and parameters are the same."""
+    if runs.acting:
+        return runs
+    with BUILDING:
+        return replace(runs, acting=acting_once(Names.of(robot.mechanism, robot.planar), None, {}, (), (), span))
+
+
 def require_cover(references: Sequence[Reference], span: tuple[float, float]) -> None:
     """Refuse signals that do not cover a span [s]; tell what reads them."""
     start, stop = span

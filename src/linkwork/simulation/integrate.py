@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Method = Tableau | Rosenbrock | RK4 | SymplecticEuler
 NO_CONDITIONS = np.empty((0, 2))
+NEARLY = 0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Trajectory:
     nq: int
     outcome: "Outcome"
     control: Control | None
-    bounds: Mapping[str, float]
+    bounds: Mapping[str, float | str]
     status: Status
 
     @property
@@ -168,6 +169,7 @@ def integrate(
     jacobian: int | None = None,
     events: Events | None = None,
     control: Control | None = None,
+    leave_stiff: bool = False,
 ) -> Trajectory:
     """Integrate (q', v') = f(q, v, u(t), p) over time with q kept on phi(q) = 0.
 
@@ -196,6 +198,7 @@ def integrate(
             a fixed step for real time, RK4(step) or SymplecticEuler(step), which takes no notice of rtol and atol.
         jacobian: address of the kernel (y, u, p) -> (df/dy (n n), df/du (n nu)), both column by column; RODAS needs it.
         events: functions of (y, u, p) whose zeros are located, and may end the run. control: a sampled controller.
+        leave_stiff: end the run as STIFF where stability bounds the steps of an embedded pair and very many are to come.
 
     Returns the `Trajectory`, whatever way the run ended: see its `status` and `message`.
 
@@ -227,7 +230,7 @@ def integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
         *method.plan.arguments,
-        tolerances(rtol, atol, y.size), pivot_bound, closure_tol,
+        tolerances(rtol, atol, y.size), pivot_bound, closure_tol, stability(method, leave_stiff),
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
         held, period, next_sample, conditions, facts,
     )  # fmt: skip
@@ -239,6 +242,8 @@ def integrate(
     if control is not None:
         control = replace(control, held=held, next_sample=int(outcome.next_sample))
     bounds = {"pivot_bound": pivot_bound, "closure_tol": closure_tol, "max_steps": max_steps, "event": event}
+    if stiff:
+        bounds["remedy"] = "or look for what acts too suddenly"
     return Trajectory(rows, found, y, q.size, outcome, control, bounds, Status(outcome.status))
 
 
@@ -252,6 +257,11 @@ def _compiled(stiff: bool) -> tuple[Any, Any]:
     else:
         from linkwork.simulation import native
     return native, native_loop
+
+
+def stability(method: Method, asked: bool) -> float:
+    """Return h |lambda| at which stability bounds the steps of an embedded pair, 0 where that is not asked for."""
+    return NEARLY * method.stability if asked and isinstance(method, Tableau) else 0.0
 
 
 def _pace(first_step: float | Pace | None, growth: float) -> Pace:

@@ -35,5 +35,5 @@ NOW = 17
 # Rows of `tally`; the first COUNTS are kept of every member, too.
 STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED = range(5)
 COUNTS = 5
-CAUSE, PIECE, BREAK, MEMBER, REACHED, AILMENT = range(5, 11)
-TALLY = 11
+CAUSE, PIECE, BREAK, MEMBER, REACHED, AILMENT, STIFFLY = range(5, 12)
+TALLY = 12

@@ -28,6 +28,7 @@ from linkwork.simulation.lane_rows import (
     ACCEPTED,
     ACCEPTS,
     AILMENT,
+    ARRIVAL,
     BREAK,
     CAUSE,
     CLOSURE_ERROR,
@@ -51,6 +52,7 @@ from linkwork.simulation.lane_rows import (
     STATUS,
     STEP,
     STEP_SIZE,
+    STIFFLY,
     TALLY,
     TARGET,
     TIME,
@@ -63,13 +65,16 @@ from linkwork.simulation.native_loop import (
     BOLDNESS,
     FARTHEST,
     LARGEST_FACTOR,
+    LOOK,
     NEAR,
     RETREAT,
     SAFETY,
     SMALLEST_FACTOR,
     SMALLEST_STEP,
     STEP_UNDERFLOW,
+    STIFF,
     TOO_MANY_STEPS,
+    VOTES,
     sixteenths,
 )
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, method_of
@@ -205,7 +210,7 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
         tally[m, lane] = counts[i, m]
     now[GROWTH, lane] = LARGEST_FACTOR
     tally[MEMBER, lane], tally[CAUSE, lane] = i, STEP_UNDERFLOW
-    tally[PIECE, lane], tally[BREAK, lane] = 0, signals.breaking[signal]
+    tally[PIECE, lane], tally[BREAK, lane], tally[STIFFLY, lane] = 0, signals.breaking[signal], 0
     force(signals, signal, start, False, x, n, lane, tally)
     now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
     if save_at.size > 0 and save_at[0] == start:
@@ -224,6 +229,24 @@ def store_member(lane, ys, numbers, counts, y, now, tally):
         numbers[i, m] = now[m, lane]
     for m in range(COUNTS):
         counts[i, m] = tally[m, lane]
+
+
+@njit(**OPTIONS)
+def look(lane, method, n, stability, stop, tolerance, y, x, k, now, tally):
+    """Look whether an accepted step is stiff, and leave a run of which most are: see `native_loop.stiffness`."""
+    last, h, above, below = method.solution, now[STEP, lane], 0.0, 0.0
+    weights = method.a + (last - 1) * method.stages
+    for m in range(n):
+        total = 0.0
+        for j in range(last - 1):
+            total += weights[j] * k[j * (n + 1) + m, lane]
+        scale = tolerance[1, m] + tolerance[0, m] * abs(x[m, lane])
+        above += ((k[last * (n + 1) + m, lane] - k[(last - 1) * (n + 1) + m, lane]) / scale) ** 2
+        below += ((x[m, lane] - (y[m, lane] + h * total)) / scale) ** 2
+    stiff = below > 0 and h * math.sqrt(above / below) > stability
+    tally[STIFFLY, lane] = max(0, tally[STIFFLY, lane] + (1 if stiff else -1))
+    if tally[STIFFLY, lane] >= VOTES and stop - now[ARRIVAL, lane] > LOOK * h:
+        tally[STATUS, lane] = STIFF
 
 
 @njit(**OPTIONS)
@@ -318,7 +341,7 @@ _wholes = types.Array(types.intp, 1, "C", readonly=True)
 _SIGNATURE = (
     *(_whole, _whole, _table, _array, _tables, _wholes, _array, _wholes, types.boolean),
     *(_array, _whole, _whole, _whole, _whole, _whole, _number),
-    *(_table, _number, _number),
+    *(_table, _number, _number, _number),
     *(_whole, types.Array(types.float64, 2, "C"), _array, _number, _number, _number, _whole),
     *(types.Array(types.float64, 3, "C"), types.Array(types.float64, 2, "C"), types.Array(types.intp, 2, "C")),
     *(types.Array(types.intp, 1, "C"), types.Array(types.intp, 1, "C")),
@@ -329,7 +352,7 @@ _SIGNATURE = (
 def integrate(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
     plan, stages, degree, estimates, solution, computed, exponent,
-    tolerance, pivot_bound, closure_tol,
+    tolerance, pivot_bound, closure_tol, stability,
     nq, ys, save_at, start, stop, max_step, max_steps,
     samples, numbers, counts, cancel, progress,
 ):  # fmt: skip
@@ -413,6 +436,8 @@ def integrate(
             if now[ACCEPTS, lane] > 0:
                 tally[ACCEPTED, lane] += 1
                 tally[SAVED, lane] = tally[REACHED, lane]
+                if stability > 0 and (tally[STIFFLY, lane] > 0 or tally[ACCEPTED, lane] % LOOK == 0):
+                    look(lane, method, n, stability, stop, tolerance, y, x, k, now, tally)
             elif now[LIVE, lane] > 0:
                 reject(lane, exponent, pivot_bound, k[n, lane], now, tally)
         accept(sixteenths(exponent), max_step, now)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_rows as rows
-from linkwork.simulation.integrate import require_cover, require_run, times_within, tolerances
+from linkwork.simulation.integrate import require_cover, require_run, stability, times_within, tolerances
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
@@ -144,6 +144,7 @@ def integrate_many(
     pivot_bound: float = 1e-4,
     closure_tol: float = 1e-13,
     method: Tableau = DORMAND_PRINCE,
+    leave_stiff: bool = False,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcomes:
@@ -198,7 +199,8 @@ def integrate_many(
                 motion, closure or 0, p if len(p) == 1 else p[chunk],
                 part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
                 *method.plan.arguments,
-                tolerance, pivot_bound, closure_tol, nq, states[chunk], times, start, stop, max_step, max_steps,
+                tolerance, pivot_bound, closure_tol, stability(method, leave_stiff),
+                nq, states[chunk], times, start, stop, max_step, max_steps,
                 samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
             )  # fmt: skip
         samples[chunk][np.arange(times.size) >= counts[chunk, rows.SAVED, None]] = np.nan

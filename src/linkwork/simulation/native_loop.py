@@ -48,6 +48,7 @@ from linkwork.simulation.status import Status
 STEP_UNDERFLOW = int(Status.STEP_UNDERFLOW)
 TOO_MANY_STEPS = int(Status.TOO_MANY_STEPS)
 EVENT = int(Status.EVENT)
+STIFF = int(Status.STIFF)
 
 SAFETY = 0.9
 SMALLEST_FACTOR, LARGEST_FACTOR = 0.2, 10.0
@@ -62,6 +63,8 @@ SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 ROOT = 2.0**-50  # width of the last bracket around an event, relative to the time and to the step
 ROOT_CALLS = 100
 FIRST_ROWS = 64
+LOOK = 1024  # accepted steps from one look for stiffness to the next, and more than a stiff run ends with
+VOTES = 15  # by which stiff steps are more than others, where the run is called stiff
 NEVER = 2.0  # theta of an event that does not happen within the step
 
 
@@ -142,6 +145,21 @@ def first_step(kernels, inputs, method, limits, room, t, longest):
     steepest = max(steepness, scaled(next_slope, limits, room) / ahead)
     guess = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** method.exponent
     return min(FARTHEST * ahead, guess)
+
+
+@njit(**OPTIONS)
+def stiffness(method, limits, room, step):
+    """Return h |k_s - k_(s-1)| / |y_s - y_(s-1)|, about h times the largest |eigenvalue|, of the last two stages of a step,
+    both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
+    """
+    n, width, last = room.n, room.width, method.solution
+    combine(method.a + (last - 1) * method.stages, last - 1, step, room.y, room.k, width, n, room.sample)
+    above = below = 0.0
+    for m in range(n):
+        scale = limits.atol[m] + limits.rtol[m] * abs(room.new[m])
+        above += ((room.k[last * width + m] - room.k[(last - 1) * width + m]) / scale) ** 2
+        below += ((room.new[m] - room.sample[m]) / scale) ** 2
+    return step * math.sqrt(above / below) if below > 0 else 0.0
 
 
 @njit(**OPTIONS)
@@ -230,7 +248,7 @@ def resized(rows, size):
 def run(
     motion, closure, jacobian, events, control, p, knots, coefficients, breaks,
     plan, stages, degree, estimates, solution, computed, exponent,
-    tolerance, pivot_bound, closure_tol,
+    tolerance, pivot_bound, closure_tol, stability,
     nq, y_end, save_at, every_step, start, stop, max_step, h, growth, max_steps,
     held, period, next_sample, conditions, facts,
 ):  # fmt: skip
@@ -238,6 +256,7 @@ def run(
 
     A row is (t, y, u, residual, event), with event = -1 where the row was asked for. h <= 0 asks for a guess of the first
     step. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length h. tolerance (2, n): rtol, atol.
+    `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
     """
     n, signals, width = y_end.size, coefficients.shape[2], padded(y_end.size + 1)
     inputs_all, watched, most = signals + held.size, conditions.shape[0], max(width, padded(stages))
@@ -284,7 +303,7 @@ def run(
             status = CLOSURE_LOST
     residual, arrived, piece = closure_error, True, 0
     pivot, pivot_time, first_pivot, rejected_pivot = math.inf, t, 0.0, 0.0
-    halted, stale = False, True
+    halted, stale, votes = False, True, 0
 
     while arrived or status == OK:
         if arrived:  # at the time t with the state y: what happens between two steps
@@ -431,6 +450,10 @@ def run(
 
         if accepts:
             accepted += 1
+            if stability > 0 and (votes > 0 or accepted % LOOK == 0) and not halted:
+                votes = max(0, votes + (1 if stiffness(method, limits, room, step) > stability else -1))
+                if votes >= VOTES and stop - arrival > LOOK * step:
+                    status = STIFF
             # A slope is the next step's first unless the inputs may jump here.
             stale = fixed or arrival == target
             t, saved, taken, arrived = arrival, row, reached, True
@@ -482,7 +505,7 @@ _number, _whole = types.float64, types.intp
 _SIGNATURE = (
     *(_whole, _whole, _whole, _whole, _whole, _array, _array, _tables, _array),
     *(_array, _whole, _whole, _whole, _whole, _whole, _number),
-    *(_table, _number, _number),
+    *(_table, _number, _number, _number),
     *(_whole, _state, _array, types.boolean, _number, _number, _number, _number, _number, _whole),
     *(_state, _number, _whole, _table, _state),
 )

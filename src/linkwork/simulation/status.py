@@ -18,12 +18,18 @@ class Status(IntEnum):
     EVENT = 6
     CALLBACK_FAILED = 7
     CANCELLED = 8
+    STIFF = 9
 
     def sentence(self, **facts: float | str) -> str:
         """Return this ending as one sentence; `facts` are what its template names (times in s)."""
-        return _SENTENCES[self].format(**{"culprit": "what the equations of motion return"} | facts)
+        return _SENTENCES[self].format(**DEFAULTS | facts)
 
 
+DEFAULTS = {
+    "culprit": "what the equations of motion return",
+    "remedy": 'or take method="rodas" where a spring, damper, dry friction (at rates below its coulomb_rate), drive or'
+    " controller is stiff",
+}
 _SENTENCES = {
     Status.FINISHED: "The run reached its end at t = {time:.9g} s.",
     Status.SINGULAR: (
@@ -42,7 +48,7 @@ _SENTENCES = {
     ),
     Status.TOO_MANY_STEPS: (
         "The run stopped at t = {time:.9g} s: it used up max_steps = {max_steps:d} steps (step size now {step:.2g} s);"
-        " allow more, loosen rtol and atol, or look for a stiff spring, damper or controller."
+        " allow more, loosen rtol and atol, {remedy}."
     ),
     Status.NON_FINITE: (
         "The run stopped at t = {time:.9g} s: {culprit} is infinite or undefined from here on, however small the step"
@@ -51,4 +57,8 @@ _SENTENCES = {
     Status.EVENT: "The run was ended by event {event:d} (counted from 0) at t = {time:.9g} s.",
     Status.CALLBACK_FAILED: "The run stopped at t = {time:.9g} s: a function that it calls raised {error}.",
     Status.CANCELLED: "The run was cancelled at t = {time:.9g} s.",
+    Status.STIFF: (
+        "The run was left at t = {time:.9g} s: it is stiff there, stability bounds the steps ({step:.2g} s) of an explicit"
+        " method, not the tolerance."
+    ),
 }

@@ -90,6 +90,19 @@ class Tableau:
         """The method as the compiled loops take it."""
         return _pair_plan(self)
 
+    @cached_property
+    def stability(self) -> float:
+        """The largest x such that |R(-z)| <= 1 up to it, with the method's function of stability
+        R(z) = 1 + z b' (1 - z A)^-1 1 = 1 + sum_i b' A^(i-1) 1 z^i, a polynomial.
+        """
+        power, R = np.ones(len(self.c) - 1), [1.0]
+        for _ in power:
+            R.append(float(self.a[-1, :-1] @ power))
+            power = self.a[:-1, :-1] @ power
+        ends = [polynomial.polysub(R, [bound]) for bound in (1.0, -1.0)]
+        roots = np.concatenate([polynomial.polyroots(np.trim_zeros(end, "b")) for end in ends])
+        return float((-roots.real[(abs(roots.imag) < 1e-6) & (roots.real < -1e-3)]).min())
+
 
 @dataclass(frozen=True)
 class RK4:
