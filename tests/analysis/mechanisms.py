@@ -1,4 +1,4 @@
-"""Mechanisms of the tests: a general 3-RPR, Dietmaier's platform, a planar arm, a cart and a mass on springs."""
+"""Mechanisms of the tests: a general 3-RPR, Dietmaier's platform, a planar arm, a 3-RRS, a cart and a mass on springs."""
 
 from functools import cache
 from math import atan2, hypot
@@ -10,6 +10,7 @@ import linkwork as lw
 from tests.oracle.published import DIETMAIER_BASE, DIETMAIER_PLATFORM
 
 LIGHT = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+SOLID = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
 ALONG_X = (1.0, 0.0, 0.0)
 
 
@@ -125,6 +126,42 @@ def cables():
             joints=joints,
             actuators=("cable_1", "cable_2", "cable_3"),
             tools={"mass": lw.Tool(body="mass")},
+            reference=reference,
+        )
+    )
+
+
+@cache
+def rrs(knee=2.0, link=0.5, base=0.4, platform=0.3):
+    """Return a 3-RRS, its platform level in the reference: legs of hinge, hinge and ball in upright planes.
+
+    knee: angle between the links of a leg there [rad]; base, platform: distances of hinges and balls from the middle [m]
+    """
+    bodies, joints, reference = {"platform": SOLID}, {}, {}
+    reach = 2 * link * np.sin(knee / 2)
+    lean = np.arccos((platform - base) / reach) - (np.pi - knee) / 2
+    half = (lean + np.pi - knee) / 2
+    for i, azimuth in enumerate(2 * np.pi / 3 * np.arange(3), start=1):
+        foot, tip = (
+            lw.Frame(position=(r * np.cos(azimuth), r * np.sin(azimuth), 0), rotation=(0, 0, azimuth))
+            for r in (base, platform)
+        )
+        end, axis = lw.Frame(position=(link, 0, 0)), (0.0, -1.0, 0.0)
+        low, high = f"low_{i}", f"high_{i}"
+        bodies |= {low: SOLID, high: SOLID}
+        joints |= {
+            f"hip_{i}": lw.RevoluteJoint(connects=("ground", low), axis=axis, frames=(foot, lw.Frame())),
+            f"knee_{i}": lw.RevoluteJoint(connects=(low, high), axis=axis, frames=(end, lw.Frame())),
+            f"ball_{i}": lw.SphericalJoint(connects=(high, "platform"), frames=(end, tip)),
+        }
+        reference |= {f"hip_{i}": lean, f"knee_{i}": np.pi - knee}
+        reference |= {f"ball_{i}.qw": np.cos(half), f"ball_{i}.qy": np.sin(half)}
+    return lw.Robot(
+        lw.Mechanism(
+            bodies=bodies,
+            joints=joints,
+            actuators=("hip_1", "hip_2", "hip_3"),
+            tools={"centre": lw.Tool(body="platform")},
             reference=reference,
         )
     )

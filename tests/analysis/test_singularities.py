@@ -7,7 +7,7 @@ import linkwork as lw
 from linkwork.analysis import along, input_output, jacobians, loci, singularity, workspace
 from linkwork.analysis.singularities import zeros
 
-from tests.analysis.mechanisms import arm, rpr
+from tests.analysis.mechanisms import arm, rpr, rrs
 from tests.catalogue import built
 
 BASE, PROXIMAL, DISTAL = 0.3, 0.25, 0.35  # of the five-bar
@@ -101,6 +101,28 @@ def test_a_stretched_arm_is_leg_singular_and_two_serial_links_never_actuator_sin
     told = singularity(robot, robot.state({"hinge_1": 0.4, "hinge_2": 0.0}))
     assert told.kinds == ("I",)
     assert told.leg < 1e-12 and told.actuator > 0.1 and told.constraint == 1.0
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.1, -0.2])
+def test_a_3_rrs_is_not_singular_for_the_sideways_shifts_that_nothing_leads(lift):
+    """Level, its platform can rise and tilt, but to first order not shift in x or y."""
+    robot = rrs()
+    level = robot.assemble({f"hip_{i}": float(robot.home[f"hip_{i}"]) + lift for i in (1, 2, 3)})
+    told = singularity(robot, level)
+    assert told.kinds == () and told.leg > 0.1 and told.message == "regular"
+    asked = singularity(robot, level, what=("x", "y", "z"))
+    assert asked.kinds == ("I",) and "with the tool's x, y, z held still" in asked.message
+    with pytest.raises(lw.LinkworkError, match="name the coordinates that the tool is led in"):
+        along(robot, robot.state(level.positions[None]))
+
+
+@pytest.mark.parametrize("knee", [2.0, np.pi])
+def test_a_3_rrs_is_leg_singular_where_its_legs_are_stretched_whatever_its_reference(knee):
+    """With a knee straight, hip and knee can turn against each other while the ball stands still."""
+    robot, bent, straight = rrs(knee), rrs(2.0), rrs(np.pi)
+    told = singularity(robot, robot.state(straight.home.positions))
+    assert told.kinds == ("I",) and "with the tool held still" in told.message
+    assert singularity(robot, robot.state(bent.home.positions)).kinds == ()
 
 
 def test_a_flat_rhombus_of_rods_is_singular_in_its_loops():

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis.newton import extent
-from linkwork.analysis.square import Square, of_joints, of_tool
+from linkwork.analysis.square import Square, of_joints, of_tool, tool_coordinates
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -111,18 +111,24 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
     """Return the input-output Jacobians of a robot that has as many actuators as freedoms, and a tool.
 
     Args:
-        what: coordinates of the tool, as in `square.of_tool`.
+        what: coordinates of the tool, as in `square.of_tool`; if left out those that it is led in at the reference.
 
     Raises:
         LinkworkError: no tool, more or fewer actuators than freedoms, a reference around which all is singular.
     """
-    inverse = of_tool(robot, what)
-    if len(robot.actuators) != len(inverse.what):
+    robot.require_tool()
+    led = tool_coordinates(robot, near=False) if what is None else what
+    return Jacobians(of_tool(robot, led), of_actuators(robot))
+
+
+def of_actuators(robot: Robot) -> Square:
+    """Return the system that asks for the actuated joints, of which there have to be as many as freedoms."""
+    if len(robot.actuators) != robot.mobility - len(robot.spins):
         raise LinkworkError(
             f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; input-output Jacobians "
             "need as many actuators as freedoms"
         )
-    return Jacobians(inverse, of_joints(robot, robot.actuators))
+    return of_joints(robot, robot.actuators)
 
 
 def input_output(robot: Robot, state: State, what: tuple[str, ...] | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -137,7 +143,7 @@ def input_output(robot: Robot, state: State, what: tuple[str, ...] | None = None
     """
     made = jacobians(robot, what)
     q = robot.own(state).q.reshape(-1, robot.equations.nq)
-    rows, n = stacked_rows(made), len(made.what)
+    rows, n = stacked_rows(robot, made.inverse.J, made.direct.J), len(made.what)
     A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
     for k, one in enumerate(q):
         Phi, J_x, J_q = (np.array(part) for part in rows(one, robot.p))
@@ -158,8 +164,8 @@ def widest_relation(rows: np.ndarray) -> np.ndarray:
     return y / np.linalg.norm(y) if np.linalg.norm(y) > 1e-9 else null[:, 0]
 
 
-def stacked_rows(made: Jacobians) -> ca.Function:
+def stacked_rows(robot: Robot, J_x: ca.SX, J_q: ca.SX) -> ca.Function:
     """Return the function (q, p) -> Phi, J_x, J_q."""
-    equations = made.robot.equations
-    outputs = [ca.densify(part) for part in (equations.rows.Phi, made.inverse.J, made.direct.J)]
+    equations = robot.equations
+    outputs = [ca.densify(part) for part in (equations.rows.Phi, J_x, J_q)]
     return ca.Function("rows", [equations.tree.q, equations.p], outputs)

@@ -1,6 +1,7 @@
 """Singularities: where a parallel robot loses or gains a freedom, and how far away that is.
 
-    kind I     det B = 0    leg-singular: the joints move, the tool stands still; the edge of the workspace
+    kind I     det B = 0    leg-singular: the joints move, the tool stands still (in what it is led in); the edge of the
+                            workspace
     kind II    det A = 0    actuator-singular: the tool moves with the actuators locked, and bears no force there
     kind III   both
     constraint  rank Phi < its rank elsewhere: the loops themselves let go of a freedom
@@ -23,22 +24,26 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from linkwork.analysis.jacobians import Jacobians, jacobians, stacked_rows
+from linkwork.analysis.jacobians import Jacobians, jacobians, of_actuators, stacked_rows
+from linkwork.analysis.newton import extent
 from linkwork.analysis.singular_values import singular_values
+from linkwork.analysis.square import led_coordinates, pose_names, twist_rows
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.robot import Motion, Robot, State, checks
+from linkwork.robot.labels import POSE_ANGLES
 from linkwork.simulation import Run
 
 if TYPE_CHECKING:
     import xarray
 
 BOUND = 1e-6
+VANISHING = 1e-9  # of what the rows measure on all motions: what they measure on those that the loops allow is rounding
 SENTENCES = {
-    "I": "leg-singular: joints can move with the tool held still",
+    "I": "leg-singular: joints can move with {held} held still",
     "II": "actuator-singular: the tool can move with the actuators locked",
-    "III": "leg-singular and actuator-singular at once",
+    "III": "leg-singular and actuator-singular at once: joints can move with {held} held still, and with the actuators locked",
     "constraint": "the loops let go of a freedom more than elsewhere",
 }
 
@@ -51,6 +56,7 @@ class Singularity:
     leg, actuator, constraint: smallest over largest singular value of the tool's rows and the actuators' rows on the
         motions that the loops allow, and of the loops' rows; free of units, 0 singular
     tool: for kind II the tool's motion with the actuators locked, by coordinate [m/s, rad/s], its largest 1; else empty
+    held: what of the tool kind I was judged by
     """
 
     kinds: tuple[str, ...]
@@ -58,10 +64,11 @@ class Singularity:
     actuator: float
     constraint: float
     tool: dict[str, float]
+    held: str = "the tool"
 
     @property
     def message(self) -> str:
-        return "; ".join(SENTENCES[kind] for kind in self.kinds) or "regular"
+        return "; ".join(SENTENCES[kind].format(held=self.held) for kind in self.kinds) or "regular"
 
 
 def singularity(
@@ -72,32 +79,67 @@ def singularity(
     Args:
         robot: with as many actuators as freedoms, and a tool.
         state: one closed configuration.
-        what: coordinates of the tool that count, of x, y, angle or x, y, z, rx, ry, rz; all that it is led in if left out.
+        what: coordinates of the tool that count, of x, y, angle or x, y, z, rx, ry, rz; if left out those that it is led in:
+            all, the position, or the orientation, or the whole pose where none of these is led alone.
         bound: ratio of singular values below which a matrix counts as singular.
 
     Raises:
         LinkworkError: a stack of states; no tool; other than as many actuators as freedoms.
     """
-    made, q = jacobians(robot, what), robot.own(state).q
+    asked, q = watched(robot, what), robot.own(state).q
     checks.positive(bound, "the bound")
     if q.ndim != 1:
         raise LinkworkError("singularities are told of one state, not of a stack; take one by state.at(index)")
-    Phi, J_x, J_q = (np.array(part) for part in stacked_rows(made)(q, robot.p))
+    Phi, J_x, J_q = (np.array(part) for part in asked.rows(q, robot.p))
     columns, _ = robot.equations.sizes
     rank = len(robot.equations.chart.rows)
     sigma = np.linalg.svd(robot.equations.scaled(Phi), compute_uv=False)
     constraint = float(sigma[rank - 1] / sigma[0]) if rank else 1.0
     allowed = null_space(robot.equations.scaled(Phi), rank, bound) / columns[:, None]
-    x_scale, q_scale = made.lengths()
-    X, Q = x_scale[:, None] * (J_x @ allowed), q_scale[:, None] * (J_q @ allowed)
-    leg, actuator = ratio(X), ratio(Q)
+    J_x, J_q = asked.x_scale[:, None] * J_x, asked.q_scale[:, None] * J_q
+    X, Q = J_x @ allowed, J_q @ allowed
+    leg, actuator = (ratio(part, len(Q), J / columns) for part, J in ((X, J_x), (Q, J_q)))
     kinds = ["III"] if max(leg, actuator) < bound else [k for k, r in (("I", leg), ("II", actuator)) if r < bound]
     kinds += ["constraint"] * (constraint < bound)
-    free = X @ np.linalg.svd(Q)[2][-1] / x_scale
+    free = X @ np.linalg.svd(Q)[2][-1] / asked.x_scale
     largest = free[np.argmax(np.abs(free))]
     loose = actuator < bound and abs(largest) > bound
-    tool = dict(zip(made.what, (free / largest).tolist(), strict=True)) if loose else {}
-    return Singularity(tuple(kinds), leg, actuator, constraint, tool)
+    tool = dict(zip(asked.what, (free / largest).tolist(), strict=True)) if loose else {}
+    return Singularity(tuple(kinds), leg, actuator, constraint, tool, asked.held)
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """Hold what singular values are taken of: coordinates of the tool, and (q, p) -> Phi, J_x, J_q.
+
+    x_scale, q_scale: what x' and q' are multiplied by to be lengths over time
+    """
+
+    robot: Robot
+    what: tuple[str, ...]
+    rows: ca.Function
+    x_scale: np.ndarray
+    q_scale: np.ndarray
+
+    @property
+    def held(self) -> str:
+        """What of the tool stands still in a leg-singular configuration."""
+        whole = self.what == pose_names(self.robot)
+        return "the tool" if whole else f"the tool's {', '.join(self.what)}"
+
+
+def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
+    """Return what is watched of a robot: the coordinates asked for, or those that the tool is led in, or the whole pose."""
+    robot.require_tool()
+    led = led_coordinates(robot, near=False) if what is None else tuple(what)
+    if led is not None:
+        made = jacobians(robot, led)
+        return Watched(robot, made.what, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths())
+    whole, direct = pose_names(robot), of_actuators(robot)
+    scale = np.where([name in POSE_ANGLES for name in whole], extent(direct), 1.0)
+    return Watched(
+        robot, whole, stacked_rows(robot, twist_rows(robot, whole), direct.J), scale, np.ones(len(direct.what))
+    )
 
 
 def null_space(A: np.ndarray, rank: int, bound: float) -> np.ndarray:
@@ -108,10 +150,10 @@ def null_space(A: np.ndarray, rank: int, bound: float) -> np.ndarray:
     return V[min(rank, int(np.sum(sigma > bound * sigma[0]))) :].T
 
 
-def ratio(A: np.ndarray) -> float:
-    """Return the smallest over the largest singular value of n rows and at least as many columns; 0 for zero."""
+def ratio(A: np.ndarray, n: int, rows: np.ndarray) -> float:
+    """Return the singular value number n of a matrix over the largest; where A vanishes beside its rows, about 0."""
     sigma = np.linalg.svd(A, compute_uv=False)
-    return float(sigma[-1] / max(sigma[0], 1e-300))
+    return float(sigma[n - 1] / max(sigma[0], VANISHING * float(np.linalg.norm(rows)), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)

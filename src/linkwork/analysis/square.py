@@ -156,7 +156,6 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         raise LinkworkError(f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none")
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
     position, orientation, angle = measures.tool_pose(tree, tool)
-    J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
     y = SX.sym("y", len(what))
     errors = {name: position[k] - y[what.index(name)] for k, name in enumerate("xyz") if name in what}
     if "angle" in what:
@@ -166,9 +165,14 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         R = ca.reshape(orientation, 3, 3).T
         error = rotation_vector(matrix_quaternion(ca.mtimes(R, exponential(r).T)))
         errors |= {name: error[k] for k, name in enumerate(("rx", "ry", "rz"))}
-    return square(
-        robot, what, J[[TWIST_ROWS[name] for name in what], :], y, ca.vertcat(*[errors[name] for name in what])
-    )
+    return square(robot, what, twist_rows(robot, what), y, ca.vertcat(*[errors[name] for name in what]))
+
+
+def twist_rows(robot: Robot, what: Sequence[str]) -> ca.SX:
+    """Return the rows (rows x nv) of the tool's twist that belong to coordinates of its pose."""
+    tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
+    J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
+    return J[[TWIST_ROWS[name] for name in what], :]
 
 
 def pose_names(robot: Robot) -> tuple[str, ...]:
@@ -176,18 +180,36 @@ def pose_names(robot: Robot) -> tuple[str, ...]:
     return POSES[robot.planar]
 
 
-def tool_coordinates(robot: Robot) -> tuple[str, ...]:
-    """Return the coordinates of the tool's pose that the robot can lead near its reference: positions first."""
+def tool_coordinates(robot: Robot, near: bool = True) -> tuple[str, ...]:
+    """Return the coordinates of the tool's pose that the robot can lead (`led_coordinates`); refuse where there are none."""
+    led = led_coordinates(robot, near)
+    if led is None:
+        names = pose_names(robot)
+        raise LinkworkError(
+            f"the tool's pose has {len(names)} coordinates and the robot {robot.mobility - len(robot.spins)} freedoms; name "
+            f"the coordinates that the tool is led in, of {', '.join(names)}"
+        )
+    return led
+
+
+def led_coordinates(robot: Robot, near: bool) -> tuple[str, ...] | None:
+    """Return the coordinates of the tool's pose that the robot can lead: all, the position, or the orientation.
+
+    They have to be independent at the reference or near it.
+
+    near: whether that is enough. If not, a part of the pose may lack one direction at the reference, where a leg or an arm
+        is stretched, but not more: a tool that shifts only as it tilts lacks two when it is level, and is not led in them.
+    """
     names, freedoms = pose_names(robot), robot.mobility - len(robot.spins)
-    maps = twist_maps(robot)
+    maps = np.array(twist_maps(robot))
     for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
-        rows = [TWIST_ROWS[name] for name in chosen]
-        if chosen and len(chosen) == freedoms and any(full_rank(J[rows]) for J in maps):
+        if not chosen or len(chosen) != freedoms:
+            continue
+        sigma = np.linalg.svd(maps[:, [TWIST_ROWS[name] for name in chosen]], compute_uv=False)
+        here, *aside = np.sum(sigma > DEPENDENT * sigma.max(), axis=1)
+        if max(here, *aside) == freedoms and (near or chosen == names or here >= freedoms - 1):
             return chosen
-    raise LinkworkError(
-        f"the tool's pose has {len(names)} coordinates and the robot {freedoms} freedoms; name the coordinates that the "
-        f"tool is led in, of {', '.join(names)}"
-    )
+    return None
 
 
 def twist_maps(robot: Robot) -> list[np.ndarray]:

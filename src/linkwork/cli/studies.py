@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from linkwork import analysis
-from linkwork.analysis.square import pose_names
+from linkwork.analysis.square import led_coordinates, pose_names
 from linkwork.cli.catalogue import find, refuse_existing
 from linkwork.cli.entries import by_name, number, numbers
 from linkwork.cli.simulate import Start
@@ -110,7 +110,7 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
     ]
     if told.tool:
         rows.append(("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items())))
-    elif not told.kinds:
+    elif not told.kinds and led_coordinates(robot, near=False):
         stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
         near = analysis.along(robot, stack).isel(sample=0)
         rows += [

@@ -109,7 +109,7 @@ class Assembler:
         out = self.still(q)
         rows = self._pose_indices(velocity.size)
         A = np.vstack([out["Phi"], out["J_tool"][rows]])
-        self._refuse_leg_singular(A)
+        self._refuse_leg_singular(A, velocity.size)
         w = np.linalg.lstsq(A, np.concatenate([0 * out["phi"], velocity]), rcond=None)[0]
         out = self.evaluate(q, w)
         right = np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]])
@@ -173,12 +173,13 @@ class Assembler:
             )
         return q
 
-    def _refuse_leg_singular(self, A: np.ndarray) -> None:
+    def _refuse_leg_singular(self, A: np.ndarray, size: int) -> None:
         values = np.linalg.svd(A, compute_uv=False)
         if A.shape[0] >= A.shape[1] and values[A.shape[1] - 1] < LEG_SINGULAR * values[0]:
+            held = ", ".join(name.removeprefix("tool: ") for name in self.pose_names(size))
             raise LinkworkError(
-                "the configuration is leg-singular: the mechanism can move with the tool held still, so the tool's motion "
-                "does not determine the joints'; lead the path around it"
+                f"the configuration is leg-singular: the mechanism can move with the tool's {held} held still, so these do "
+                "not determine the joints' motion; lead the path around it"
             )
 
 
