@@ -142,6 +142,27 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     browser.page.close()
 
 
+KNOCK = """([url, version]) => new Promise(answer => {
+    const socket = new WebSocket(url, version);
+    socket.onopen = () => answer("open");
+    socket.onerror = () => answer("refused");
+})"""
+
+
+def test_a_page_of_another_origin_cannot_reach_the_robot(chromium, viewer):
+    """Even from the browser that knows the token, with its cookie."""
+    import viser
+
+    url, version = viewer.url.partition("?")[0].replace("http", "ws", 1), f"viser-v{viser.__version__}"
+    context = chromium.new_context()
+    own, other = context.new_page(), context.new_page()
+    own.goto(viewer.url)
+    assert own.evaluate(KNOCK, [url, version]) == "open"
+    other.goto("data:text/html,<p>elsewhere</p>")
+    assert other.evaluate(KNOCK, [url, version]) == "refused"
+    context.close()
+
+
 def test_two_browsers_see_the_same_robot_and_one_may_vanish_in_the_middle_of_a_drag(chromium, viewer, robot):
     home(viewer)
     first, second = Browser(chromium, viewer), Browser(chromium, viewer)

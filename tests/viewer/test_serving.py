@@ -4,20 +4,26 @@ import signal
 import socket
 import sys
 import threading
+import urllib.error
 import urllib.request
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from linkwork import LinkworkError, Robot, robots
 from linkwork.cli import app
 from linkwork.views.viewer import Viewer
+from linkwork.views.viewer.door import LOOPBACK, Door, free_port, shown_host
 from linkwork.views.viewer.mailbox import Mailbox
-from linkwork.views.viewer.viewer import free_port, shown_host
 
 from tests.processes import PATIENCE, python
 from tests.viewer.browser import until
+
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -84,12 +90,12 @@ def test_of_wishes_about_the_same_only_the_last_counts():
 
 def test_many_hands_at_once_tear_nothing(robot):
     with Viewer(robot) as viewer:
-        position, R = viewer.session.view().tool
+        position, _ = viewer.session.view().tool
         random = np.random.default_rng(2)
 
         def pull(seed: int) -> None:
             for shift in np.random.default_rng(seed).standard_normal((40, 3)):
-                viewer.post(lambda shift=shift: viewer._drag(position + shift * (1, 1, 0), R), "drag")
+                viewer.post(lambda shift=shift: viewer._drag(position + shift * (1, 1, 0), UPRIGHT), "drag")
                 viewer.post(lambda: viewer.session.slide("slide_1", float(random.uniform(0, 0.4))), "slide")
 
         hands = [threading.Thread(target=pull, args=(seed,)) for seed in range(3)]
@@ -100,6 +106,90 @@ def test_many_hands_at_once_tear_nothing(robot):
         viewer.post(viewer._released)
         until(lambda: not viewer.held)
         assert robot.closure_error(viewer.session.state) < 1e-9
+
+
+def asked(url: str, headers: dict[str, str] | None = None) -> tuple[int, str | None]:
+    """Return the status that a page is answered with, and the cookie that it sets."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers or {}), timeout=PATIENCE) as page:
+            return page.status, page.headers["Set-Cookie"]
+    except urllib.error.HTTPError as error:
+        return error.code, None
+
+
+def knocks(url: str, **options) -> int:
+    """Return the status with which a websocket is answered: 101 if it is let in."""
+    import viser
+
+    try:
+        with connect(url, subprotocols=[f"viser-v{viser.__version__}"], open_timeout=PATIENCE, **options):
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+def test_a_page_is_given_to_who_knows_the_token_alone(robot):
+    with Viewer(robot) as viewer:
+        bare, _, token = viewer.url.partition("?token=")
+        assert len(token) > 20 and token not in repr(Door("a", token))
+        assert asked(bare) == asked(f"{bare}?token=") == asked(f"{bare}?token={token[:-1]}") == (403, None)
+        status, cookie = asked(viewer.url)
+        assert status == 200 and cookie is not None and "HttpOnly; SameSite=Strict" in cookie
+        assert asked(bare, {"Cookie": f"other=1; {cookie.partition(';')[0]}"})[0] == 200
+        assert asked(bare, {"Cookie": "linkwork-8080=guessed"})[0] == 403
+
+
+def test_a_websocket_of_another_origin_or_without_the_token_is_not_let_in(robot):
+    with Viewer(robot) as viewer:
+        page, _, token = viewer.url.partition("?token=")
+        url, own = page.replace("http", "ws", 1), page.rstrip("/")
+        cookie = {"Cookie": (asked(viewer.url)[1] or "").partition(";")[0]}
+        assert knocks(url) == knocks(url, origin=own) == 403
+        assert knocks(url, origin=own, additional_headers=cookie) == 101
+        assert knocks(f"{url}?token={token}") == 101  # a program, which says no origin
+        for origin in ("http://evil.example", f"http://{LOOPBACK}:1", "null", own.replace(LOOPBACK, "localhost")):
+            assert knocks(f"{url}?token={token}", origin=origin, additional_headers=cookie) == 403
+
+
+def test_a_viser_that_lets_everybody_in_is_refused(robot, monkeypatch):
+    monkeypatch.setattr("linkwork.views.viewer.door.kept", lambda door, used: nullcontext())
+    with pytest.raises(LinkworkError, match="cannot be kept from strangers' pages"):
+        Viewer(robot)
+
+
+@pytest.mark.parametrize(
+    ("position", "wxyz", "sentence"),
+    [
+        ((np.nan, 0, 0), UPRIGHT, "position[0] is nan; give finite numbers"),
+        ((0, np.inf, 0), UPRIGHT, "position[1] is inf; give finite numbers"),
+        ((0, 0), UPRIGHT, "has the shape (2,)"),
+        ((0, 0, 0), "turned", "orientation is 'turned'; give numbers"),
+        ((0, 0, 0), (0, 0, 0, 0), "a quaternion of zeros"),
+        ((0, 0, 0), (1, np.nan, 0, 0), "orientation[1] is nan; give finite numbers"),
+    ],
+)
+def test_a_drag_to_nowhere_is_said_and_the_next_one_is_followed(robot, position, wxyz, sentence):
+    with Viewer(robot) as viewer:
+        start = viewer.session.state.q.copy()
+        viewer.post(lambda: viewer._drag(position, wxyz))
+        until(lambda: sentence in viewer.session.notice)
+        assert (viewer.session.state.q == start).all()
+        place, _ = viewer.session.view().tool
+        viewer.post(lambda: viewer._drag(np.add(place, (0.02, 0, 0)), UPRIGHT))
+        until(lambda: abs(viewer.session.view().tool[0][0] - place[0]) > 0.01)
+
+
+def test_what_fails_while_time_passes_does_not_end_the_viewer(robot, monkeypatch):
+    with Viewer(robot) as viewer:
+        monkeypatch.setattr(viewer.session, "advance", lambda seconds: 1 / 0)
+        viewer.post(lambda: None)
+        until(lambda: "failed unexpectedly" in viewer.session.notice)
+        monkeypatch.undo()
+        viewer.post(lambda: viewer.session.slide("slide_1", float("nan")))
+        until(lambda: "slide_1 is nan" in viewer.session.notice)
+        home = viewer.session.state["slide_1"]
+        viewer.post(lambda: viewer.session.slide("slide_1", home + 0.01))
+        until(lambda: abs(viewer.session.state["slide_1"] - home - 0.01) < 1e-6)
 
 
 def test_a_simulation_is_carried_out_beside_and_played(robot):

@@ -35,7 +35,7 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
         out = console()
         out.print(f"{robot.mechanism.name}: {viewer.url} (Ctrl-C ends it)", soft_wrap=True)
         if host not in LOCAL:
-            out.print("everyone who reaches this address can see and move the robot", soft_wrap=True)
+            out.print("everyone who is given this address can see and move the robot", soft_wrap=True)
         if browser:
             webbrowser.open(viewer.url)
         viewer.wait()

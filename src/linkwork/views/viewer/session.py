@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
@@ -117,6 +118,7 @@ class Session:
 
     def slide(self, name: str, value: float) -> None:
         """Want one actuated coordinate [m, rad] at a value, the others where they are."""
+        value = checks.number(value, name)
         self.pose_by_hand()
         targets = {other: float(self.state[other]) for other in self.sliders}
         self.goal = self.pursuit.joint_goal(targets | {name: value})
@@ -166,6 +168,7 @@ class Session:
 
     def seek(self, time: float) -> None:
         """Go to a time of the run [s]."""
+        time = checks.number(time, "the time")
         if self.playable:
             self.player = self.player.at(time)
             self.follow_run()

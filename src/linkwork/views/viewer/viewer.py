@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-import errno
-import socket
 import sys
 import traceback
 from collections.abc import Callable
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
+from linkwork.views.viewer.door import LOOPBACK, serve
 from linkwork.views.viewer.mailbox import Mailbox
 from linkwork.views.viewer.session import Session
-
-if TYPE_CHECKING:
-    import viser
 
 FRAME, IDLE = 1 / 30, 0.25  # between two pictures, and how long to wait for a wish while nothing moves [s]
 LONGEST = 0.2  # time that may pass in one picture [s]
 TEXTS = 0.12  # how often what is written is refreshed [s]
-PORT, PORTS = 8080, 50
-LOOPBACK = "127.0.0.1"
-UNAVAILABLE = (errno.EADDRNOTAVAIL,)
-MISSING = "the viewer needs viser; install linkwork with its extra: pip install 'linkwork[viewer]'"
+FAILED = "this failed unexpectedly; the terminal shows why"
 
 
 class Viewer:
@@ -45,7 +40,7 @@ class Viewer:
         port: port to listen on; left out, the first free one from 8080 on.
 
     Attributes:
-        url: where browsers find it
+        url: where browsers find it, with the token that they are let in by
 
     Raises:
         LinkworkError: a run of another robot, an address that cannot be listened on, a port in use, viser not installed.
@@ -61,8 +56,7 @@ class Viewer:
         self.mailbox = Mailbox()
         self.busy = False
         self.moved, self.held, self.last_texts = True, False, 0.0
-        self.server = serve(host, port)
-        self.url = f"http://{shown_host(host)}:{self.server.get_port()}"
+        self.server, self.url = serve(host, port)
         self._build(run)
         self._stopped = Event()
         self._thread = Thread(target=self._loop, name="linkwork viewer", daemon=True)
@@ -94,16 +88,16 @@ class Viewer:
     async def _dragged(self, event: Any) -> None:
         if event.client is None:
             return
-        position = np.array(event.target.position)
-        orientation = matrix(event.target.wxyz)
+        position, wxyz = event.target.position, event.target.wxyz
         if event.phase == "end":
             self.post(self._released, "drag")
         else:
-            self.post(lambda: self._drag(position, orientation), "drag")
+            self.post(lambda: self._drag(position, wxyz), "drag")
 
-    def _drag(self, position: np.ndarray, orientation: np.ndarray) -> None:
+    def _drag(self, position: ArrayLike, wxyz: ArrayLike) -> None:
+        place, turn = vector("position", position, 3), vector("orientation", wxyz, 4)
         self.held = True
-        self.session.drag(position, orientation)
+        self.session.drag(place, matrix(turn))
 
     def _released(self) -> None:
         self.held = False
@@ -167,7 +161,7 @@ class Viewer:
                 done = self._saying(str(error))
             except Exception:
                 traceback.print_exc()
-                done = self._saying("this failed unexpectedly; the terminal shows why")
+                done = self._saying(FAILED)
 
             def finish() -> None:
                 self.busy, self.session.notice = False, ""
@@ -190,23 +184,29 @@ class Viewer:
         while not self._stopped.is_set():
             wishes = self.mailbox.take(0.0 if self.moved or self.session.active else IDLE)
             now = monotonic()
-            self.tick(wishes, min(now - last, LONGEST), now)
+            self._attempt(lambda wishes=wishes, now=now, last=last: self.tick(wishes, min(now - last, LONGEST), now))
             last = now
             self._stopped.wait(max(0.0, FRAME - (monotonic() - now)))
 
     def tick(self, wishes: list[Callable[[], None]], seconds: float, now: float) -> None:
         """Carry out wishes, let time pass, and show what has changed."""
         for wish in wishes:
-            try:
-                wish()
-            except LinkworkError as error:
-                self.session.notice = str(error)
-            except Exception:
-                traceback.print_exc(file=sys.stderr)
+            self._attempt(wish)
         moved = self.session.advance(seconds)
         self.moved = self.moved or moved or bool(wishes)
         if self.moved:
             self.refresh(now)
+
+    def _attempt(self, act: Callable[[], None]) -> None:
+        """Carry something out; what goes wrong is said, and nothing is wanted further."""
+        try:
+            act()
+        except LinkworkError as error:
+            self.session.notice = str(error)
+        except Exception:
+            traceback.print_exc(file=sys.stderr)
+            self.session.release()
+            self.session.notice = FAILED
 
     def refresh(self, now: float) -> None:
         """Show what is to be seen."""
@@ -251,57 +251,19 @@ class Viewer:
         return f"Viewer({self.session.robot.mechanism.name!r} at {self.url})"
 
 
-def serve(host: str, port: int | None) -> viser.ViserServer:
-    """Listen at an address, on a port that must be free, or the first free one from 8080 on."""
-    try:
-        import viser
-    except ImportError:
-        raise LinkworkError(MISSING) from None
-    return viser.ViserServer(host=host, port=free_port(host, port), verbose=False)
+def vector(what: str, values: ArrayLike, size: int) -> np.ndarray:
+    """Return what a browser sends as a vector of finite numbers (size)."""
+    found = checks.finite(values, f"the handle's {what}")
+    if found.shape != (size,):
+        raise LinkworkError(f"the handle's {what} has the shape {found.shape}; give {size} numbers")
+    return found
 
 
-def free_port(host: str, port: int | None) -> int:
-    """Return the port where it is free, the first free one from 8080 on where none is given.
-
-    Raises:
-        LinkworkError: the port is in use or no port, or the address is none of this computer.
-    """
-    if port is not None and not 0 <= port < 65536:
-        raise LinkworkError(f"port {port} is none; give a number from 1 to 65535")
-    for candidate in range(PORT, PORT + PORTS) if port is None else (port,):
-        try:
-            family, kind, _, _, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
-            with socket.socket(family, kind) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind(address)
-                return candidate
-        except socket.gaierror:
-            raise LinkworkError(
-                f"there is no address {host!r}; give one of this computer, such as {LOOPBACK}"
-            ) from None
-        except PermissionError:
-            raise LinkworkError(f"port {candidate} is not free to use here; give one from 1024 on") from None
-        except OSError as error:
-            if error.errno in UNAVAILABLE:
-                raise LinkworkError(
-                    f"{host} is no address of this computer; give one that is, such as {LOOPBACK}"
-                ) from None
-            continue
-    if port is None:
-        raise LinkworkError(f"the ports {PORT} to {PORT + PORTS - 1} on {host} are all in use; give another one")
-    raise LinkworkError(f"port {port} on {host} is in use; give another one, or none for the next free one")
-
-
-def shown_host(host: str) -> str:
-    """Return the address as browsers on this computer reach it."""
-    if host in ("0.0.0.0", "::", ""):
-        return "localhost"
-    return f"[{host}]" if ":" in host else host
-
-
-def matrix(wxyz: Any) -> np.ndarray:
-    """Return the rotation matrix of a unit quaternion w, x, y, z."""
+def matrix(wxyz: np.ndarray) -> np.ndarray:
+    """Return the rotation matrix of a quaternion w, x, y, z."""
     from scipy.spatial.transform import Rotation
 
+    if not np.linalg.norm(wxyz) > 0:
+        raise LinkworkError("the handle's orientation is a quaternion of zeros; give one of length 1")
     w, x, y, z = wxyz
     return Rotation.from_quat([x, y, z, w]).as_matrix()
