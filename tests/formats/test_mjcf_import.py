@@ -323,7 +323,8 @@ def test_what_is_taken_otherwise_is_noted(body, words, tmp_path):
 
 def test_many_remarks_of_one_kind_are_one_sentence(tmp_path):
     geoms = "".join(f'<geom type="mesh" mesh="m" name="g{k}"/>' for k in range(9))
-    mass, shape = read(BODY.format(head="", body=geoms, tail=""), tmp_path).notes
+    mass, weight, shape = read(BODY.format(head="", body=geoms, tail=""), tmp_path).notes
+    assert "has no mass here" in weight
     assert "line 1 and 8 more: <geom> ('g0', 'g1', 'g2', 'g3', ...) is a mesh" in mass
     assert "line 1 and 8 more: <geom> ('g0', 'g1', 'g2', 'g3', ...) is no shape here" in shape
 

@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import linkwork as lw
+from linkwork.errors import ModelWarning
 from linkwork.formats import load
 from linkwork.mechanism import Friction, Limits, MechanismError
 
@@ -104,12 +105,95 @@ def test_planar_and_floating_joints(tmp_path):
     assert read(arm(kind="floating"), tmp_path).mechanism.joints["k"].type == "free"
 
 
-def test_moments_that_no_body_has_are_raised_and_noted(tmp_path):
-    text = arm().replace('ixx="0.1" iyy="0.1" izz="0.1"', 'ixx="0.1" iyy="0.1" izz="0.5"', 1)
+def accelerations(text, tmp_path, q, v, u):
+    """Return those of linkwork and of Pinocchio for a chain of hinges and slides, in the file's order of joints."""
+    robot = lw.Robot(read(text, tmp_path).mechanism)
+    complete = text.replace('"/></inertial>', '" ixy="0" ixz="0" iyz="0"/></inertial>')
+    theirs = pin.buildModelFromXML(complete.replace("</joint>", '<limit effort="1" velocity="1"/></joint>'))
+    order = [name for name in theirs.names if name != "universe"]
+    state = robot.state(dict(zip(order, q, strict=True)), dict(zip(order, v, strict=True)))
+    forces = [u[order.index(name)] for name in robot.actuators]
+    ours = dict(zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, forces)), strict=True))
+    return [ours[name] for name in order], pin.aba(theirs, theirs.createData(), *map(np.array, (q, v, u)))
+
+
+def test_moments_that_no_body_has_are_kept_and_noted(tmp_path):
+    text = arm(first='<axis xyz="0.6 0 0.8"/>').replace(
+        'ixx="0.1" iyy="0.1" izz="0.1"', 'ixx="0.1" iyy="0.2" izz="0.9"'
+    )
     imported = read(text, tmp_path)
-    inertia = imported.mechanism.bodies["a"].inertia
-    assert (inertia.xx, inertia.yy, inertia.zz) == pytest.approx((0.25, 0.25, 0.5))
-    assert any("<link 'a'> has moments of inertia that no rigid body has" in note for note in imported.notes)
+    assert any("<link> ('a', 'b') has moments of inertia that no rigid body has" in note for note in imported.notes)
+    assert not imported.mechanism.caveats
+    ours, theirs = accelerations(text, tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
+    np.testing.assert_allclose(ours, theirs, rtol=1e-11)
+    imported.mechanism.save(tmp_path / "arm.yaml")
+    assert lw.Mechanism.load(tmp_path / "arm.yaml") == imported.mechanism
+
+
+def test_rounding_below_zero_in_moments_is_zero(tmp_path):
+    for moments in ('ixx="-8.05e-19" iyy="7.5e-20" izz="0.003"', 'ixx="0" iyy="-1e-20" izz="0"'):
+        text = arm().replace('ixx="0.1" iyy="0.1" izz="0.1"', moments, 1)
+        tensor = read(text, tmp_path).mechanism.bodies["a"].inertia.tensor()
+        assert np.linalg.eigvalsh(tensor)[0] >= -1e-30
+        np.testing.assert_allclose(np.diag(tensor), [float(word.split('"')[1]) for word in moments.split()], atol=1e-18)
+    with pytest.raises(MechanismError, match=r"line 2: <link 'a'>: inertia\.yy: -0\.01 is below 0"):
+        read(arm().replace('iyy="0.1"', 'iyy="-0.01"', 1), tmp_path)
+
+
+def test_the_mass_of_links_that_are_frames_stays_with_their_bodies(tmp_path):
+    pod = '<link name="pod"><inertial><mass value="1e-6"/><inertia ixx="1e-7" iyy="1e-7" izz="1e-7"/></inertial></link>'
+    fixed = (
+        '<joint name="f" type="fixed"><parent link="b"/><child link="pod"/><origin xyz="0 30 1" rpy="1 2 3"/></joint>'
+    )
+    text = arm(extra=pod + fixed)
+    assert set(read(text, tmp_path).mechanism.bodies) == {"a", "b"}
+    ours, theirs = accelerations(text, tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
+    np.testing.assert_allclose(ours, theirs, rtol=1e-12)
+    without, _ = accelerations(arm(), tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
+    assert abs(np.subtract(ours, without)).max() > 1e-5
+
+
+def test_what_is_no_dynamics_is_noted_and_refuses_nothing(tmp_path):
+    wrong = {
+        '<box size="0 0 0"/>': "<box>: size.0: 0.0 is not above 0",
+        '<sphere radius="nan"/>': "<sphere>: radius holds nan, which is not a finite number",
+        '<cylinder radius="1"/>': "<cylinder>: has no attribute 'length'; add it",
+    }
+    for solid, words in wrong.items():
+        visual = f"<visual><geometry>{solid}</geometry></visual>"
+        imported = read(arm().replace('<link name="a">', f'<link name="a">{visual}'), tmp_path)
+        assert any(f"<visual> is not shown: line 2: {words}" in note for note in imported.notes)
+        assert not imported.mechanism.bodies["a"].shapes
+    imported = read(arm('<material name="m"><color rgba="1 0"/></material>'), tmp_path)
+    assert any("<material 'm'> is left out: line 2: <color>: rgba holds 2 numbers" in note for note in imported.notes)
+
+
+def test_fixed_joints_that_are_driven_or_mimicked(tmp_path):
+    drive = '<transmission><joint name="{}"/></transmission>'
+    fixed = LINK.format("c") + '<joint name="m" type="fixed"><parent link="b"/><child link="c"/>{}</joint>'
+    imported = read(arm(fixed.format("") + drive.format("m") + drive.format("k")), tmp_path)
+    assert imported.mechanism.actuators == ("k",)
+    assert any("<joint 'm'> is driven by a transmission, which is left out" in note for note in imported.notes)
+    imported = read(arm(fixed.format('<mimic joint="j"/>')), tmp_path)
+    assert any("<joint 'm'> is fixed, so that it mimics no other" in note for note in imported.notes)
+    assert not imported.mechanism.gears and not imported.mechanism.caveats
+    with pytest.warns(ModelWarning, match="<joint 'k'> mimics a joint that is fixed; it moves freely here"):
+        imported = read(arm(fixed.format(""), second='<mimic joint="m"/>'), tmp_path)
+    assert not imported.mechanism.gears
+
+
+def test_names_that_a_mechanism_does_not_take_are_changed_and_noted(tmp_path):
+    text = arm(second='<mimic joint="j"/>', extra='<transmission><joint name="j"/></transmission>')
+    for old, new in (("a", "ground"), ("b", "link.0"), ("j", "j.1"), ("k", " k\u200b")):
+        text = text.replace(f'name="{old}"', f'name="{new}"').replace(f'="{old}"', f'="{new}"')
+    imported = read(text, tmp_path)
+    mechanism = imported.mechanism
+    assert list(mechanism.bodies) == ["ground_2", "link_0"]
+    assert list(mechanism.joints) == ["j_1", "k_", "k__mimic"]
+    assert mechanism.actuators == ("j_1",)
+    assert mechanism.joints["k_"].connects == ("ground_2", "link_0")
+    assert any("<link 'ground'> is called 'ground_2' here" in note for note in imported.notes)
+    assert lw.Robot(mechanism).mobility == 1
 
 
 def test_light_links_that_carry_a_joint_stay_bodies(tmp_path):

@@ -81,6 +81,17 @@ def test_a_store_of_another_study_is_refused(tmp_path):
     assert results(tmp_path).identical(before)
 
 
+@pytest.mark.parametrize("text", ["nonsense", '{"name": 3}', "[]", {"a": 1}, 7, None])
+def test_a_store_that_says_nonsense_of_its_study_is_refused(tmp_path, text):
+    sweep(study(), tmp_path)
+    group = zarr.open_group(tmp_path / "results.zarr", mode="r+")
+    group.attrs["study"] = text
+    with pytest.raises(
+        StudyError, match=r"holds the results of another study \(another program's, or of another version"
+    ):
+        sweep(study(), tmp_path)
+
+
 @pytest.mark.parametrize("content", ["", "{}", '{"zarr_format": 3, "node_type": "group"}', None])
 def test_what_is_no_store_is_refused(tmp_path, content):
     sweep(study(), tmp_path)

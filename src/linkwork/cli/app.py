@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from linkwork.cli.analyse import Reference, analyse
+from linkwork.cli.caveats import STRICT, told
 from linkwork.cli.source import Source
 from linkwork.errors import LinkworkError
 
@@ -21,15 +22,16 @@ DEBUG = "--debug"
 
 
 class Group(TyperGroup):
-    """Turn refusals into one sentence, and let `--debug` stand anywhere."""
+    """Turn refusals into one sentence, and let `--debug` and `--strict` stand anywhere."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        debug = [DEBUG] if DEBUG in args else []
-        return super().parse_args(ctx, [*debug, *(arg for arg in args if arg != DEBUG)])
+        anywhere = [flag for flag in (DEBUG, STRICT) if flag in args]
+        return super().parse_args(ctx, [*anywhere, *(arg for arg in args if arg not in anywhere)])
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with told(ctx.params["strict"]):
+                return super().invoke(ctx)
         except BrokenPipeError:
             raise
         except (LinkworkError, OSError) as error:
@@ -84,6 +86,9 @@ def root(
         bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and leave.")
     ] = False,
     debug: Annotated[bool, typer.Option(DEBUG, help="Show the traceback of a refusal; may stand anywhere.")] = False,
+    strict: Annotated[
+        bool, typer.Option(STRICT, help="Refuse a model file that is not read whole; may stand anywhere.")
+    ] = False,
 ) -> None:
     """Exact equations of motion of mechanisms with closed loops, compiled to machine code."""
 

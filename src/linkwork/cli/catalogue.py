@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from linkwork import robots
+from linkwork import formats, robots
+from linkwork.cli.caveats import tell
 from linkwork.cli.entries import by_name
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, table
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
-from linkwork.mechanism.files import MODELS
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -30,18 +30,18 @@ def about(mechanism: Mechanism, source: Source) -> Mechanism:
 
 
 def named(name: str) -> Mechanism:
-    """Return the robot of the catalogue with that name, or the mechanism of that file.
+    """Return the robot of the catalogue with that name, or the mechanism of that file; print the notes on the file.
 
     Raises:
         LinkworkError: there is neither, or the file is refused.
     """
     if name in robots.__all__:
         return getattr(robots, name)()
-    if Path(name).suffix.lower() in MODELS:
-        from linkwork import formats
-
-        return formats.load(Path(name)).mechanism
-    if Path(name).suffix.lower() in SUFFIXES or Path(name).is_file():
+    if Path(name).suffix.lower() in formats.READ:
+        imported = formats.load(name)
+        tell(note for note in imported.notes if note not in imported.mechanism.caveats)
+        return imported.mechanism
+    if Path(name).is_file():
         return Mechanism.load(name)
     raise LinkworkError(
         f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file "

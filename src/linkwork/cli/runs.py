@@ -7,6 +7,7 @@ from pathlib import Path
 from linkwork import robots
 from linkwork.cli.catalogue import named
 from linkwork.errors import LinkworkError
+from linkwork.formats.models import warn
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Robot
 from linkwork.simulation import Run
@@ -26,7 +27,9 @@ def robot_of(run: Run, file: str, of: str | None) -> Robot:
     if of is not None:
         return Robot(named(of))
     if run.description:
-        return Robot(Mechanism.parse(run.description))
+        mechanism = Mechanism.parse(run.description)
+        warn(mechanism, stacklevel=2)
+        return Robot(mechanism)
     wanted = str(run.attrs.get("mechanism", ""))
     for name in robots.__all__:
         mechanism = getattr(robots, name)()

@@ -130,7 +130,9 @@ def lightened(body: Body, mass: float, points: np.ndarray) -> Body:
     centre = J[:3, 3] / J[3, 3]
     second = J[:3, :3] - J[3, 3] * np.outer(centre, centre)
     I = np.trace(second) * np.eye(3) - second  # noqa: E741
-    inertia = Inertia(xx=I[0, 0], yy=I[1, 1], zz=I[2, 2], xy=I[0, 1], xz=I[0, 2], yz=I[1, 2])
+    inertia = Inertia(
+        xx=I[0, 0], yy=I[1, 1], zz=I[2, 2], xy=I[0, 1], xz=I[0, 2], yz=I[1, 2], moments=body.inertia.moments
+    )
     return Body(mass=J[3, 3], centre_of_mass=vector(centre), inertia=inertia)
 
 

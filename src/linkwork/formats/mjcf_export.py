@@ -33,6 +33,7 @@ from linkwork.mechanism import (
     Shape,
     SphericalJoint,
 )
+from linkwork.mechanism.body import rigid
 
 STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 OPTION = {"timestep": "0.001", "integrator": "RK4", "solver": "Newton", "tolerance": "1e-12", "iterations": "100"}
@@ -177,6 +178,11 @@ class _Writer:
             mass = POINT_MASS * self.total
             self.notes.say(f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added")
         a, b, c = np.linalg.eigvalsh(I)
+        if not rigid(a, b, c):
+            raise MechanismError(
+                f"bodies.{seat.body}.inertia: one moment exceeds the sum of the others, which MuJoCo refuses; give moments of "
+                "a rigid body"
+            )
         if a + b < c * (1 + FLAT):
             I = I + FLAT * c * np.eye(3)  # noqa: E741
         if seat.moves and a < 1e-14:

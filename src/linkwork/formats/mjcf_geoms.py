@@ -34,23 +34,29 @@ def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -
         X: pose of the <frame> around it in the body.
     """
     kind = kind_of(element)
-    low, high = document.compiler.groups
-    if kind in TERRAIN or not low <= element.number("group", 0.0) <= high:
-        return []
-    if element.number("mass", -1.0) == 0 or ("mass" not in element.attributes and element.number("density", 1.0) == 0):
+    if not is_heavy(document, element):
         return []
     if kind not in SIZES:
         notes.on(
             element,
             f"is a {kind}, whose mass is left out: only spheres, boxes, capsules, cylinders and ellipsoids are "
             "weighed; give the body an <inertial>",
+            alters=True,
         )
         return []
     if flag(element, "shellinertia", False):
-        notes.on(element, "is a shell (shellinertia); it is weighed as a solid of the same mass")
+        notes.on(element, "is a shell (shellinertia); it is weighed as a solid of the same mass", alters=True)
     size, place = measured(document, element)
     mass = element.number("mass", element.number("density", DENSITY) * volume(kind, size))
     return [Solid(mass, np.zeros(3), np.diag(principal(kind, size, mass))).seen(X @ place)]
+
+
+def is_heavy(document: Document, element: Element) -> bool:
+    """Tell whether a geom, with its defaults, has mass in MuJoCo."""
+    low, high = document.compiler.groups
+    if kind_of(element) in TERRAIN or not low <= element.number("group", 0.0) <= high:
+        return False
+    return element.number("mass", element.number("density", 1.0)) != 0
 
 
 def shown(

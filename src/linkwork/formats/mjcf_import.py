@@ -16,7 +16,8 @@ from linkwork.formats.mjcf_document import ACTUATORS, Document
 from linkwork.formats.mjcf_joints import Coupling, Drive, Joints, read_joints
 from linkwork.formats.mjcf_loops import LoopReader, Tie, Ties
 from linkwork.formats.mjcf_survey import survey
-from linkwork.formats.mjcf_tree import COORDINATES, Names, Tree, read_tree
+from linkwork.formats.mjcf_tree import COORDINATES, Tree, read_tree
+from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
 from linkwork.formats.solids import Solid, together
 from linkwork.formats.xml import Element

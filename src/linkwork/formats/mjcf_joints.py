@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf_tree import Names, Node, Piece, Tree
+from linkwork.formats.mjcf_tree import Node, Piece, Tree
+from linkwork.formats.names import Names
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     Body,

@@ -22,7 +22,8 @@ import numpy as np
 from linkwork.formats import poses
 from linkwork.formats.mjcf_document import Document, flag
 from linkwork.formats.mjcf_joints import Coupling, Joints
-from linkwork.formats.mjcf_tree import Names, Tree, plane_normal
+from linkwork.formats.mjcf_tree import Tree, plane_normal
+from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -101,7 +102,7 @@ class LoopReader:
                 case "tendon":
                     found.tendons.append(element)
                 case _:
-                    self.notes.on(element, "is left out: only connect, weld, joint and tendon are joints")
+                    self.notes.on(element, "is left out: only connect, weld, joint and tendon are joints", alters=True)
         found.sites = {site for tie in (*found.points, *found.welds) for site in tie.sites}
         return found
 
@@ -214,7 +215,7 @@ class LoopReader:
     def _coupling(self, element: Element) -> list[Coupling]:
         offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
         if any(higher):
-            self.notes.on(element, "is left out: its polynomial is not linear, and a gear's is")
+            self.notes.on(element, "is left out: its polynomial is not linear, and a gear's is", alters=True)
             return []
         names = element.text("joint1"), element.attributes.get("joint2", "")
         for name in (names[0], *filter(None, names[1:])):
@@ -275,9 +276,10 @@ class LoopReader:
                 used |= {part.text("site") for part in element.children}
                 self._straight_tendon(element, holds, names, rods, springs)
             else:
-                self.notes.on(element, "is left out: only straight tendons of two sites are rods or springs")
+                remark = "is left out: only straight tendons of two sites are rods or springs"
+                self.notes.on(element, remark, alters=bool(holds) or _pulls(element))
         for element in (equality for equality, _ in held.values()):
-            self.notes.on(element, "is left out: there is no tendon of that name")
+            self.notes.on(element, "is left out: there is no tendon of that name", alters=True)
         return rods, springs, used
 
     def _held(self, equalities: Iterable[Element]) -> dict[str, tuple[Element, float]]:
@@ -286,7 +288,7 @@ class LoopReader:
         for element in equalities:
             offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
             if "tendon2" in element.attributes and (ratio or any(higher)):
-                self.notes.on(element, "is left out: a tendon that follows another is no joint")
+                self.notes.on(element, "is left out: a tendon that follows another is no joint", alters=True)
             else:
                 held[element.text("tendon1")] = element, offset
         return held
@@ -314,9 +316,8 @@ class LoopReader:
         if stiffness or damping:
             low, *high = element.numbers("springlength", (1, 2), (-1.0,))
             if high and high[0] != low:
-                self.notes.on(
-                    element, "has a spring without force over a range of lengths; it is taken to rest at the lower end"
-                )
+                remark = "has a spring without force over a range of lengths; it is taken to rest at the lower end"
+                self.notes.on(element, remark, alters=True)
             springs[name] = element.make(
                 PointSpring,
                 connects=bodies,
@@ -342,8 +343,8 @@ class LoopReader:
         names: Names,
         rods: dict[str, Joint],
     ) -> None:
-        if any(element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")):
-            self.notes.on(element, "has stiffness or damping across joints, which is left out")
+        if _pulls(element):
+            self.notes.on(element, "has stiffness or damping across joints, which is left out", alters=True)
         if not holds:
             self.notes.on(element, "is left out: no equality holds it, so it is no gear")
             return
@@ -356,6 +357,11 @@ class LoopReader:
             offset += factor * self.pieces[name].ref
         label = holds[0].attributes.get("name", element.attributes.get("name", "gear"))
         rods[names.give(label)] = element.make(GearJoint, ratios=ratios, offset=offset)
+
+
+def _pulls(tendon: Element) -> bool:
+    """Tell whether a tendon has stiffness or damping."""
+    return any(any(tendon.numbers(key, (1, 2, 3), (0.0,))) for key in ("stiffness", "damping"))
 
 
 def tie_name(tie: Tie) -> str:

@@ -92,7 +92,10 @@ CONSEQUENCES = {
     ("joint", "springyield"): "springs do not yield",
 }
 NOTHING = {"0", "false", "none", "auto", ""}
-FORCES = ("equality", "spring", "damper", "frictionloss", "limit", "actuation")
+PASSIVE = ("equality", "spring", "damper", "frictionloss")
+FORCES = (*PASSIVE, "limit", "actuation")
+UNFELT = ("actuator", "default", "geom", "key", "keyframe", "site")  # elements whose unread attributes move nothing
+BOUNDS = ("range", "actuatorfrcrange", "actuatorfrclimited", "actuatorgravcomp", "mocap")  # attributes of that kind
 
 
 def survey(document: Document, notes: Notes) -> None:
@@ -101,13 +104,16 @@ def survey(document: Document, notes: Notes) -> None:
         if section.tag in READ_SECTIONS:
             _inside(section, notes)
         elif section.tag not in SILENT_SECTIONS:
-            notes.on(section, SECTIONS.get(section.tag, "is left out: it is not known"))
+            told = section.tag not in SECTIONS or section.tag == "deformable"
+            notes.on(section, SECTIONS.get(section.tag, "is left out: it is not known"), alters=told)
     for option in document.root.each("option"):
         for flag in option.each("flag"):
             for force in FORCES:
                 if flag.attributes.get(force) == "disable":
                     notes.on(
-                        flag, f"switches {force} off, which is left out: take such elements out of the file instead"
+                        flag,
+                        f"switches {force} off, which is left out: take such elements out of the file instead",
+                        alters=force in PASSIVE,
                     )
 
 
@@ -125,13 +131,13 @@ def _inside(element: Element, notes: Notes) -> None:
             if element.tag == "equality" and child.tag in ("connect", "weld", "joint", "tendon"):
                 _equality(child, notes)
             elif element.tag == "equality" and child.tag not in EQUALITIES:
-                notes.on(child, "is left out: it is not known")
+                notes.on(child, "is left out: it is not known", alters=True)
         elif child.tag in ACTUATORS and element.tag in ("actuator", "default"):
             _attributes(child, "actuator", notes, silent=DRIVE | SERVO)
         elif child.tag in known:
             _inside(child, notes)
         elif child.tag not in SILENT_ELEMENTS:
-            notes.on(child, "is left out: it is not known here")
+            notes.on(child, "is left out: it is not known here", alters=element.tag not in UNFELT)
 
 
 def _equality(element: Element, notes: Notes) -> None:
@@ -146,7 +152,8 @@ def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | Non
         if all(_is_nothing(word) for word in value.split()):
             continue
         consequence = CONSEQUENCES.get((tag, name))
-        notes.on(element, f"says {name}, which is left out" + (f": {consequence}" if consequence else ""))
+        alters = tag not in UNFELT and name not in BOUNDS
+        notes.on(element, f"says {name}, which is left out" + (f": {consequence}" if consequence else ""), alters)
 
 
 def _is_nothing(word: str) -> bool:

@@ -16,7 +16,8 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.mjcf_document import MAIN, Document
-from linkwork.formats.mjcf_geoms import SHAPES, fromto, is_shown, kind_of, materials_of, shown, weighed
+from linkwork.formats.mjcf_geoms import SHAPES, fromto, is_heavy, is_shown, kind_of, materials_of, shown, weighed
+from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
 from linkwork.formats.solids import Solid, together
 from linkwork.formats.xml import Element
@@ -24,6 +25,7 @@ from linkwork.mechanism import GROUND, Friction, Limits, Shape, Spring
 
 WORLD = "world"
 NEAR = 1e-9  # directions that agree [1]
+ONLY_MESHES = "has no mass here: all of it is that of meshes, which are not weighed; give it an <inertial>"
 UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
 Kind = Literal["hinge", "slide", "ball", "free"]
@@ -150,24 +152,6 @@ def plane_normal(motions: Iterable[tuple[Kind, np.ndarray]]) -> np.ndarray | Non
     return z if flat else None
 
 
-class Names:
-    """Give names that a mechanism accepts: no dots, none twice."""
-
-    def __init__(self, notes: Notes, taken: tuple[str, ...] = ()):
-        self._notes, self._taken = notes, set(taken)
-
-    def give(self, wanted: str, element: Element | None = None) -> str:
-        """Return the wanted name, or the nearest to it that is free; a name of the file that changes is noted."""
-        clean = "".join(c if c.isprintable() else "_" for c in wanted.replace(".", "_")).strip() or "_"
-        name, number = clean, 2
-        while name in self._taken:
-            name, number = f"{clean}_{number}", number + 1
-        self._taken.add(name)
-        if name != wanted and element is not None:
-            self._notes.say(f"{element.place}: <{element.tag} {wanted!r}> is called {name!r} here")
-        return name
-
-
 def read_tree(document: Document, notes: Notes) -> Tree:
     """Read all bodies of a document."""
     reader = _Reader(document, notes)
@@ -274,7 +258,8 @@ class _Reader:
         stiffness, damping = (self.linear(element, name) for name in ("stiffness", "damping"))
         spring = Spring()
         if kind == "free" and stiffness:
-            self.notes.on(element, "has a spring, which is left out: a free joint's pose has no place to be pulled to")
+            remark = "has a spring, which is left out: a free joint's pose has no place to be pulled to"
+            self.notes.on(element, remark, alters=True)
         elif stiffness:
             spring = element.make(Spring, stiffness=stiffness, rest=springref)
         friction = element.make(Friction, viscous=damping, coulomb=element.number("frictionloss", 0.0))
@@ -283,6 +268,7 @@ class _Reader:
                 element,
                 "has dry friction, which is smoothed here: frictionloss is the Coulomb force, reached at rates well above "
                 f"{friction.coulomb_rate:g} rad/s or m/s",
+                alters=True,
             )
         return Piece(
             kind,
@@ -304,7 +290,7 @@ class _Reader:
         """Return a coefficient of a joint or tendon; higher powers are left out."""
         value, *higher = element.numbers(name, (1, 2, 3), (0.0,))
         if any(higher):
-            self.notes.on(element, f"has a {name} that is not linear; its higher powers are left out")
+            self.notes.on(element, f"has a {name} that is not linear; its higher powers are left out", alters=True)
         return value
 
     def limits(self, kind: Kind, element: Element) -> Limits:
@@ -332,6 +318,8 @@ class _Reader:
         else:
             solids = (weighed(self.document, geom, X, self.notes) for geom, X in parts.geoms)
             solid = together(part for found in solids for part in found)
+            if not solid.mass and any(is_heavy(self.document, geom) for geom, _ in parts.geoms):
+                self.notes.on(element, ONLY_MESHES, alters=True)
         moments, axes = np.linalg.eigh(solid.inertia)
         a, b, c = sorted(moments)
         bad = a + b < c * (1 - 1e-9)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from linkwork.errors import ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import Mechanism, MechanismError
@@ -18,7 +20,10 @@ WRITTEN = (*NATIVE, ".xml", ".mjcf")
 
 @dataclass(frozen=True)
 class Imported:
-    """Hold a mechanism read from a file, and sentences on what was left out, taken otherwise or decided."""
+    """Hold a mechanism read from a file, and sentences on what was left out, taken otherwise or decided.
+
+    Those by which it moves otherwise than the file says are also the mechanism's `caveats`, and stay with it.
+    """
 
     mechanism: Mechanism
     notes: tuple[str, ...] = ()
@@ -38,15 +43,28 @@ def load(path: str | Path, reference: Mapping[str, float] | None = None) -> Impo
     Raises:
         MechanismError: one sentence that names file, line and element; also for XML with a document type or entities,
             files larger than 20 MB, and files that include others from outside their folder.
+
+    Warns:
+        ModelWarning: each of the mechanism's caveats.
     """
-    imported = _read(Path(path))
+    imported = read(path)
+    warn(imported.mechanism, stacklevel=3)
     return imported if reference is None else replace(imported, mechanism=imported.mechanism.with_reference(reference))
 
 
-def _read(path: Path) -> Imported:
+def warn(mechanism: Mechanism, stacklevel: int) -> None:
+    """Warn of a mechanism's caveats, as of the caller so many levels above."""
+    for caveat in mechanism.caveats:
+        warnings.warn(caveat, ModelWarning, stacklevel)
+
+
+def read(path: str | Path) -> Imported:
+    """Read a mechanism from a model file as `load` does, without warnings."""
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix in NATIVE:
-        return Imported(Mechanism.load(path))
+        mechanism = Mechanism.load(path)
+        return Imported(mechanism, mechanism.caveats)
     if suffix not in READ:
         raise MechanismError(f"{path}: a model file ends in {', '.join(READ)}, not {suffix!r}")
     root, notes = xml.read(path), Notes()
@@ -61,7 +79,7 @@ def _read(path: Path) -> Imported:
             mechanism = read_urdf(root, notes)
         case _:
             raise root.refusal("is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>")
-    return Imported(mechanism, notes.sentences())
+    return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 
 def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:

@@ -1,4 +1,7 @@
-"""Notes: sentences on what a reader or a writer left out, took otherwise, or decided, each with its place."""
+"""Notes: sentences on what a reader or a writer left out, took otherwise, or decided, each with its place.
+
+Those by which the mechanism moves otherwise than the file says are its caveats.
+"""
 
 from __future__ import annotations
 
@@ -12,26 +15,29 @@ class Notes:
 
     def __init__(self) -> None:
         self._groups: dict[tuple[str, str], list[Element]] = {}
-        self._sentences: list[str | tuple[str, str]] = []
+        self._alters: dict[str | tuple[str, str], bool] = {}  # in the order of the first remarks
 
-    def say(self, sentence: str) -> None:
-        """Add a sentence, once."""
-        if sentence not in self._sentences:
-            self._sentences.append(sentence)
+    def say(self, sentence: str, alters: bool = False) -> None:
+        """Add a sentence, once; `alters`: the motion is another than the file's."""
+        self._alters.setdefault(sentence, alters)
 
-    def on(self, element: Element, remark: str) -> None:
-        """Add a remark on an element, such as "is left out: a contact is no joint"."""
+    def on(self, element: Element, remark: str, alters: bool = False) -> None:
+        """Add a remark on an element, such as "is left out: a contact is no joint"; `alters` as for `say`."""
         key = element.tag, remark
-        if key not in self._groups:
-            self._groups[key] = []
-            self._sentences.append(key)
-        self._groups[key].append(element)
+        self._alters.setdefault(key, alters)
+        self._groups.setdefault(key, []).append(element)
 
     def sentences(self) -> tuple[str, ...]:
         """Return all sentences in the order of their first remarks."""
-        return tuple(item if isinstance(item, str) else self._sentence(item) for item in self._sentences)
+        return tuple(map(self._sentence, self._alters))
 
-    def _sentence(self, key: tuple[str, str]) -> str:
+    def caveats(self) -> tuple[str, ...]:
+        """Return the sentences on what alters the motion."""
+        return tuple(self._sentence(item) for item, alters in self._alters.items() if alters)
+
+    def _sentence(self, key: str | tuple[str, str]) -> str:
+        if isinstance(key, str):
+            return key
         tag, remark = key
         elements = self._groups[key]
         first = elements[0]

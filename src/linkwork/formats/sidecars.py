@@ -111,10 +111,11 @@ def _read_urdf_plus(model: Model, found: Closures) -> None:
         if name in names:
             raise element.refusal("has the name of another joint; names are given once")
         names.add(name)
+        label = model.names.give(name, element)
         if element.tag == "loop":
-            found.closures.append(_loop(element, model))
+            found.closures.append(_loop(label, element, model))
         else:
-            found.gears[name] = _coupling(element, model)
+            found.gears[label] = _coupling(element, model)
     said = {joint.name: joint.element.attributes.get("independent") for joint in model.joints.values()}
     if any(word is not None for word in said.values()):
         found.actuators = tuple(
@@ -131,7 +132,7 @@ def _link(element: Element, model: Model) -> str:
     return name
 
 
-def _loop(element: Element, model: Model) -> Closure:
+def _loop(name: str, element: Element, model: Model) -> Closure:
     ends = [element.named(end) for end in ("predecessor", "successor")]
     kind = element.attributes.get("type", "revolute")
     if kind not in LOOPS:
@@ -139,12 +140,12 @@ def _loop(element: Element, model: Model) -> Closure:
     links, frames = (_link(ends[0], model), _link(ends[1], model)), (origin(ends[0]), origin(ends[1]))
     if kind in ("revolute", "continuous", "prismatic"):
         joint = PrismaticJoint if kind == "prismatic" else RevoluteJoint
-        return Closure(element.text("name"), joint, links, frames, axis_of(element))
+        return Closure(name, joint, links, frames, axis_of(element))
     if kind == "planar":
         turn = poses.pose(rotation=poses.from_z(axis_of(element)))
         frames = frames[0] @ turn, frames[1] @ turn
     joint = {"fixed": FixedJoint, "planar": PlanarJoint}.get(kind, SphericalJoint)
-    return Closure(element.text("name"), joint, links, frames)
+    return Closure(name, joint, links, frames)
 
 
 def _coupling(element: Element, model: Model) -> Joint:
@@ -161,7 +162,7 @@ def _coupling(element: Element, model: Model) -> Joint:
                 raise element.refusal(
                     f"couples across {joint.name!r}, a {joint.type} joint; only hinges and slides are coupled"
                 )
-            ratios[joint.name] = factor
+            ratios[model.labels[joint.name]] = factor
     return element.make(GearJoint, ratios=ratios)
 
 
@@ -215,7 +216,11 @@ class _Laas:
         if kind.lower() not in ("6d", "3d"):
             raise self._refusal(("type", str(index)), f"{xml.shortened(kind)} is not one of 6d, 3d")
         joint = FixedJoint if kind.lower() == "6d" else SphericalJoint
-        return Closure(f"loop_{index + 1}", joint, (self._frame(pair[0], where), self._frame(pair[1], where)))
+        return Closure(
+            self.model.names.give(f"loop_{index + 1}"),
+            joint,
+            (self._frame(pair[0], where), self._frame(pair[1], where)),
+        )
 
     def _frame(self, name: str, where: tuple[str, ...]) -> str:
         """Return the link of that name, or the link that the joint of that name carries."""
@@ -248,12 +253,21 @@ class _Laas:
             if trio is None:
                 continue
             first, second, _ = trio
-            X = first.origin @ second.origin @ last.origin
+            X, lost = first.origin @ second.origin @ last.origin, self._lost(first, second, last)
             self.model.merge(replace(last, type="spherical", parent=first.parent, origin=X), [first, second])
             file = self.model.root.file.name
             self.notes.say(
-                f"{file}: {first.name}, {second.name} and {last.name} are one spherical joint, {last.name!r}"
+                f"{file}: {first.name}, {second.name} and {last.name} are one spherical joint, {last.name!r}{lost}",
+                alters=bool(lost),
             )
+
+    def _lost(self, *trio: UrdfJoint) -> str:
+        """Say what a spherical joint in the place of three hinges leaves out: their distance, and their links' mass."""
+        apart = sum(float(np.linalg.norm(joint.origin[:3, 3])) for joint in trio[1:])
+        mass = sum(weight(self.model.links[joint.parent]) for joint in trio[1:])
+        if apart <= poses.TINY and not mass:
+            return ""
+        return f"; the distances of {apart:.2g} m and the mass of {mass:.2g} kg between them are left out"
 
     def _trio(self, last: UrdfJoint, driven: set[str]) -> tuple[UrdfJoint, UrdfJoint, UrdfJoint] | None:
         model, trio = self.model, [last]

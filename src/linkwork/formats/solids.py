@@ -15,6 +15,8 @@ import numpy as np
 from linkwork.formats.poses import TINY
 from linkwork.mechanism import Body
 
+NOISE = 1e-12  # of a moment of inertia, relative to the greatest
+
 
 @dataclass(frozen=True)
 class Solid:
@@ -47,11 +49,14 @@ class Solid:
         }
 
 
-def repaired(inertia: np.ndarray) -> np.ndarray:
-    """Return an inertia tensor that a rigid body can have: the two smaller moments raised alike until a + b = c."""
-    (a, b, c), axes = np.linalg.eigh(inertia)
-    lack = max(0.0, c - a - b) / 2
-    return axes @ np.diag([a + lack, b + lack, c]) @ axes.T
+def without_noise(inertia: np.ndarray, least: float) -> np.ndarray:
+    """Return an inertia tensor whose moments below zero are zero where they are rounding: not below -`least`."""
+    moments, axes = np.linalg.eigh(inertia)
+    if moments[0] >= 0 or moments[0] < -max(least, NOISE * moments[-1]):
+        return inertia
+    tensor = axes @ np.diag(np.maximum(moments, 0.0)) @ axes.T
+    np.fill_diagonal(tensor, np.maximum(np.diag(tensor), 0.0))
+    return tensor
 
 
 def together(solids: Iterable[Solid]) -> Solid:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.formats import poses, sidecars
+from linkwork.formats import poses, sidecars, xml
+from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
-from linkwork.formats.solids import Solid, repaired
+from linkwork.formats.solids import Solid, together, without_noise
 from linkwork.formats.urdf_model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
 from linkwork.formats.urdf_shapes import shapes_of
 from linkwork.formats.xml import Element
@@ -36,6 +37,9 @@ from linkwork.mechanism import (
     Tool,
     UniversalJoint,
 )
+from linkwork.mechanism.body import rigid
+
+NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared size
 
 SILENT = {
     "robot": {"material", "link", "joint", "loop", "coupling", "transmission"},
@@ -51,7 +55,7 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
     _survey(root, notes)
-    model = read_model(root)
+    model = read_model(root, notes)
     closures = sidecars.read(model, notes)
     model.find_frames()
     if model.base == GROUND:
@@ -61,30 +65,28 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
     notes.say(
         f"{root.file.name}: {base}" + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
     )
-    shapes = shapes_of(model, notes)
+    shapes, solids = shapes_of(model, notes), _solids(model, notes)
     bodies = {
-        name: _body(link, shapes[name], notes)
-        for name, link in model.links.items()
-        if name != model.base and name not in model.frames
+        name: _body(link, solids[name], shapes[name])
+        for link, name in ((link, model.bodies[name]) for name, link in model.links.items() if name not in model.frames)
+        if name != GROUND
     }
     joints: dict[str, Joint] = {
-        joint.name: _joint(model, joint, notes) for joint in model.joints.values() if joint.child not in model.frames
+        model.labels[joint.name]: _joint(model, joint, notes)
+        for joint in model.joints.values()
+        if joint.child not in model.frames
     }
-    gears = _mimics(model)
-    loops = closures.joints(model)
-    for name in (*gears, *loops):
-        if name in joints or (name in gears and name in loops):
-            raise MechanismError(f"{root.file}: the name {name!r} is given to two joints; rename one")
-    used = closures.frames()
+    gears, loops = _mimics(model, notes), closures.joints(model)
+    used, tool_names = closures.frames(), Names(notes)
     actuators = closures.actuators if closures.actuators is not None else _actuators(model, bool(loops), notes)
     try:
         return Mechanism(
             name=root.attributes.get("name") or root.file.stem,
             bodies=bodies,
             joints=joints | gears | loops,
-            actuators=actuators,
+            actuators=tuple(model.labels[name] for name in actuators),
             tools={
-                link: Tool(body=body, frame=poses.frame_of(X))
+                tool_names.give(link, model.links[link]): Tool(body=body, frame=poses.frame_of(X))
                 for link, (body, X) in model.frames.items()
                 if body in bodies and link not in used
             },
@@ -102,7 +104,7 @@ def _survey(root: Element, notes: Notes) -> None:
             notes.on(element, "is left out: it is no part of a mechanism known here")
         for child in element.children if element.tag in ("link", "joint") else ():
             if child.tag not in SILENT[element.tag] and not _says_nothing(child):
-                notes.on(child, f"in a <{element.tag}> is left out: it is not known here")
+                notes.on(child, f"in a <{element.tag}> is left out: it is not known here", alters=True)
 
 
 def _says_nothing(element: Element) -> bool:
@@ -117,25 +119,39 @@ def _says_nothing(element: Element) -> bool:
 # ------------------------------------------------------------------------------------------------------------ bodies
 
 
-def _body(link: Element, shapes: tuple[Shape, ...], notes: Notes) -> Body:
+def _solids(model: Model, notes: Notes) -> dict[str, Solid]:
+    """Return the mass of each body: of the link that it is, with those that are frames of it."""
+    parts: dict[str, list[Solid]] = {}
+    for name, link in model.links.items():
+        body, X = model.seat(name)
+        if body != GROUND:
+            parts.setdefault(body, []).append(_solid(link, model.size, notes).seen(X))
+    heavy = {body: [solid for solid in solids if solid.mass or solid.inertia.any()] for body, solids in parts.items()}
+    return {body: solids[0] if len(solids) == 1 else together(solids) for body, solids in heavy.items()}
+
+
+def _solid(link: Element, size: float, notes: Notes) -> Solid:
+    """Return the mass of a link in its own axes; `size` is the robot's [m], for what is rounding in its inertia."""
     inertial = link.first("inertial")
     if inertial is None:
-        return Body(mass=0.0, shapes=shapes)
-    tensor = np.zeros((3, 3))
+        return Solid(0.0, np.zeros(3), np.zeros((3, 3)))
+    mass, tensor = inertial.named("mass").number("value"), np.zeros((3, 3))
     moments = inertial.first("inertia")
     if moments is not None:
         xx, yy, zz, xy, xz, yz = (moments.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    a, b, c = np.linalg.eigvalsh(tensor)
-    if a >= 0 and a + b < c * (1 - 1e-9):
-        tensor = repaired(tensor)
-        notes.on(
-            link,
-            "has moments of inertia that no rigid body has, one above the sum of the others; the smaller ones are raised",
-        )
-    solid = Solid(inertial.named("mass").number("value"), np.zeros(3), tensor).seen(origin(inertial))
+        tensor = without_noise(tensor, NOISE * abs(mass) * size**2)
+    if not rigid(*np.linalg.eigvalsh(tensor)):
+        notes.on(link, "has moments of inertia that no rigid body has, one above the sum of the others; they are kept")
+    return Solid(mass, np.zeros(3), tensor).seen(origin(inertial))
+
+
+def _body(link: Element, solid: Solid, shapes: tuple[Shape, ...]) -> Body:
+    fields = solid.fields()
+    if not rigid(*np.linalg.eigvalsh(solid.inertia)):
+        fields["inertia"]["moments"] = "any"
     try:
-        return Body(**solid.fields(), shapes=shapes)
+        return Body(**fields, shapes=shapes)
     except MechanismError as error:
         raise link.refusal(str(error)) from None
 
@@ -146,7 +162,7 @@ def _body(link: Element, shapes: tuple[Shape, ...], notes: Notes) -> Body:
 def _joint(model: Model, joint: UrdfJoint, notes: Notes) -> Joint:
     """Return a joint of the tree."""
     parent, X = model.seat(joint.parent)
-    connects, first = (parent, joint.child), X @ joint.origin
+    connects, first = (parent, model.bodies[joint.child]), X @ joint.origin
     frames = poses.frame_of(first), Frame()
     axis = poses.triple(joint.axis)
     element = joint.element
@@ -169,7 +185,7 @@ def _joint(model: Model, joint: UrdfJoint, notes: Notes) -> Joint:
         viscous, coulomb = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
         friction = dynamics.make(Friction, viscous=viscous, coulomb=coulomb)
         if coulomb:
-            notes.on(element, "has dry friction, which is smoothed here about rate zero")
+            notes.on(element, "has dry friction, which is smoothed here about rate zero", alters=True)
     fields = {"connects": connects, "frames": frames, "axis": axis, "friction": friction, "limits": _limits(joint)}
     return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
 
@@ -182,7 +198,7 @@ def _limits(joint: UrdfJoint) -> Limits:
     return Limits(lower=lower, upper=upper) if lower < upper else Limits()
 
 
-def _mimics(model: Model) -> dict[str, Joint]:
+def _mimics(model: Model, notes: Notes) -> dict[str, Joint]:
     """Return a gear for every <mimic>: q - multiplier q_other = offset."""
     gears: dict[str, Joint] = {}
     for joint in model.joints.values():
@@ -190,23 +206,34 @@ def _mimics(model: Model) -> dict[str, Joint]:
         if mimic is None:
             continue
         other = mimic.text("joint")
-        for name in (joint.name, other):
-            if name not in model.joints or model.joints[name].type not in ONE_FREEDOM:
-                raise mimic.refusal(f"there is no hinge or slide {name!r}")
-        ratios = {joint.name: 1.0, other: -mimic.number("multiplier", 1.0)}
-        gears[f"{joint.name}_mimic"] = mimic.make(GearJoint, ratios=ratios, offset=mimic.number("offset", 0.0))
+        kinds = {name: model.joints[name].type if name in model.joints else "" for name in (joint.name, other)}
+        strange = next((name for name, kind in kinds.items() if kind not in (*ONE_FREEDOM, "fixed")), None)
+        if strange is not None:
+            raise mimic.refusal(f"there is no hinge or slide {xml.shortened(strange)}")
+        if kinds[joint.name] == "fixed":
+            notes.on(joint.element, "is fixed, so that it mimics no other")
+        elif kinds[other] == "fixed":
+            notes.on(joint.element, "mimics a joint that is fixed; it moves freely here", alters=True)
+        else:
+            ratios = {model.labels[joint.name]: 1.0, model.labels[other]: -mimic.number("multiplier", 1.0)}
+            gear = mimic.make(GearJoint, ratios=ratios, offset=mimic.number("offset", 0.0))
+            gears[model.names.give(f"{joint.name}_mimic")] = gear
     return gears
 
 
 def _actuators(model: Model, loops: bool, notes: Notes) -> tuple[str, ...]:
     """Return the joints of the transmissions; without any, all hinges and slides of a tree that mimic none."""
+    driven = [part for transmission in model.root.each("transmission") for part in transmission.each("joint")]
     named: dict[str, None] = {}
-    for element in (part for transmission in model.root.each("transmission") for part in transmission.each("joint")):
+    for element in driven:
         name = element.text("name")
         if name not in model.joints:
             raise element.refusal("is driven by a transmission and is not there")
-        named[name] = None
-    if named:
+        if model.joints[name].type in ONE_FREEDOM:
+            named[name] = None
+        else:
+            notes.on(element, "is driven by a transmission, which is left out: it is no hinge or slide")
+    if driven:
         return tuple(named)
     where = model.root.file.name
     if loops:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.names import Names
+from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND
 
@@ -40,15 +42,25 @@ class Model:
         carriers: the joint that carries a link, by link.
         carried: the links that a link carries, by link.
         frames: the links that are frames of others: the body that they are fixed to, and X_body_link.
+        bodies, labels: what the links and the joints are called here.
+        names: gives names to joints.
     """
 
     root: Element
+    names: Names
     links: dict[str, Element] = field(default_factory=dict)
     joints: dict[str, UrdfJoint] = field(default_factory=dict)
     base: str = ""
     carriers: dict[str, UrdfJoint] = field(default_factory=dict)
     carried: dict[str, list[str]] = field(default_factory=dict)
     frames: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+    bodies: dict[str, str] = field(default_factory=dict)
+    labels: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def size(self) -> float:
+        """Return the greatest distance between two joints of a link [m]; 1 where there is none."""
+        return max((float(np.linalg.norm(joint.origin[:3, 3])) for joint in self.joints.values()), default=0.0) or 1.0
 
     def chain(self, link: str) -> list[UrdfJoint]:
         """Return the joints from a link up to the base."""
@@ -60,9 +72,7 @@ class Model:
 
     def seat(self, link: str) -> tuple[str, np.ndarray]:
         """Return the body that a link is, or is fixed to, and the link's pose in it."""
-        if link == self.base:
-            return GROUND, np.eye(4)
-        return self.frames.get(link, (link, np.eye(4)))
+        return self.frames.get(link, (self.bodies[link], np.eye(4)))
 
     def put(self, joint: UrdfJoint) -> None:
         """Take a joint in the place of the one of its name."""
@@ -90,7 +100,7 @@ class Model:
                 self.frames[link] = body, X @ self.carriers[link].origin
 
 
-def read_model(root: Element) -> Model:
+def read_model(root: Element, notes: Notes) -> Model:
     """Read the links and joints of a document whose root is <robot>; what is no tree is refused."""
     links: dict[str, Element] = {}
     for link in root.each("link"):
@@ -98,7 +108,7 @@ def read_model(root: Element) -> Model:
         if name in links:
             raise link.refusal("has the name of another link; names are given once")
         links[name] = link
-    model = Model(root)
+    model = Model(root, Names(notes))
     for element in root.each("joint"):
         joint = _read_joint(element, links)
         if joint.name in model.joints:
@@ -126,6 +136,11 @@ def read_model(root: Element) -> Model:
     lost = next((name for name in links if name not in model.links), None)
     if lost:
         raise links[lost].refusal("hangs in a circle of joints that does not reach the root link; URDF is a tree")
+    body_names = Names(notes, (GROUND,))
+    model.bodies = {
+        name: GROUND if name == model.base else body_names.give(name, link) for name, link in model.links.items()
+    }
+    model.labels = {name: model.names.give(name, joint.element) for name, joint in model.joints.items()}
     return model
 
 

@@ -17,14 +17,21 @@ from linkwork.formats import poses
 from linkwork.formats.notes import Notes
 from linkwork.formats.urdf_model import Model, origin
 from linkwork.formats.xml import Element
-from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, Shape, Sphere
+from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, MechanismError, Shape, Sphere
 
+FEW = 4  # kinds of geometry in one sentence
 SHAPES = ("box", "cylinder", "sphere", "capsule")
 
 
 def shapes_of(model: Model, notes: Notes) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of all links by the body that they are on, in its frame."""
-    colours = {name: colour for name, colour in map(_material, model.root.each("material")) if colour is not None}
+    colours: dict[str, tuple[float, ...]] = {}
+    for element in model.root.each("material"):
+        try:
+            name, colour = _material(element)
+            colours |= {} if colour is None else {name: colour}
+        except MechanismError as error:
+            notes.on(element, f"is left out: {_reason(error, element)}")
     found: dict[str, tuple[Shape, ...]] = defaultdict(tuple)
     for name, link in model.links.items():
         body, X = model.seat(name)
@@ -38,13 +45,21 @@ def shapes_of(model: Model, notes: Notes) -> dict[str, tuple[Shape, ...]]:
 
 def _shapes(link: Element, colours: dict[str, tuple[float, ...]], notes: Notes) -> Iterator[Shape]:
     for visual in link.each("visual"):
-        geometry = visual.named("geometry")
-        solid = next(geometry.each(*SHAPES), None)
-        if solid is None:
-            kinds = ", ".join(child.tag for child in geometry.children) or "nothing"
+        try:
+            geometry = visual.named("geometry")
+            solid = next(geometry.each(*SHAPES), None)
+            if solid is not None:
+                yield _shape(solid, poses.frame_of(origin(visual)), _colour(visual, colours))
+                continue
+            kinds = ", ".join(child.tag for child in geometry.children[:FEW]) or "nothing"
             notes.on(visual, f"is not shown: it is {kinds}, not one of {', '.join(SHAPES)}")
-            continue
-        yield _shape(solid, poses.frame_of(origin(visual)), _colour(visual, colours))
+        except MechanismError as error:
+            notes.on(visual, f"is not shown: {_reason(error, visual)}")
+
+
+def _reason(error: MechanismError, element: Element) -> str:
+    """Return a refusal without the file, which the note names."""
+    return str(error).removeprefix(f"{element.file}: ")
 
 
 def _shape(solid: Element, frame: Frame, colour: tuple[float, ...] | None) -> Shape:

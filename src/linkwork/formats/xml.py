@@ -37,7 +37,7 @@ class Element:
     def label(self) -> str:
         """Return what a user calls the element: <joint 'hip'>."""
         name = self.attributes.get("name")
-        return f"<{self.tag} {name!r}>" if name else f"<{self.tag}>"
+        return f"<{self.tag} {shortened(name)}>" if name else f"<{self.tag}>"
 
     @property
     def place(self) -> str:

@@ -5,7 +5,7 @@ A body that only ever turns about the z axis of its own frame (a planar mechanis
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, model_validator
@@ -15,7 +15,11 @@ from linkwork.mechanism.shapes import Shape
 
 
 class Inertia(Record):
-    """Hold the inertia tensor about the mass centre, in the body's axes [kg m^2]; `zz` alone for planar bodies."""
+    """Hold the inertia tensor about the mass centre, in the body's axes [kg m^2]; `zz` alone for planar bodies.
+
+    No principal moment of a rigid body exceeds the sum of the others. `moments: any` keeps a tensor that breaks this rule,
+    as model files of others may: the equations of motion need no more than moments that are not negative.
+    """
 
     zz: NonNegativeFloat = Field(description="moment of inertia about z [kg m^2]")
     xx: NonNegativeFloat | None = Field(default=None, description="moment of inertia about x [kg m^2]")
@@ -23,6 +27,9 @@ class Inertia(Record):
     xy: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
     xz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
     yz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
+    moments: Literal["rigid", "any"] = Field(
+        default="rigid", description="rigid: no principal moment exceeds the sum of the others; any: it may"
+    )
 
     @property
     def planar(self) -> bool:
@@ -43,12 +50,19 @@ class Inertia(Record):
                 raise MechanismError("xy, xz and yz need xx and yy too; give zz alone for a planar body")
             return self
         a, b, c = np.linalg.eigvalsh(self.tensor())
-        if a < -1e-12 * c or a + b < c * (1 - 1e-9):
+        if a < -1e-12 * c:
+            raise MechanismError(f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2: none may be negative")
+        if self.moments == "rigid" and not rigid(a, b, c):
             raise MechanismError(
                 f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2 violate the triangle inequality: "
-                "no moment may exceed the sum of the other two"
+                "no moment may exceed the sum of the other two (moments: any keeps them)"
             )
         return self
+
+
+def rigid(a: float, b: float, c: float) -> bool:
+    """Tell whether principal moments a <= b <= c are those of a rigid body, up to rounding: a + b >= c."""
+    return a + b >= c * (1 - 1e-9)
 
 
 class Body(Record):

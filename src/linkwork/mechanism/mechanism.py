@@ -35,6 +35,7 @@ class Mechanism(Record):
     An actuator is named by the rate it drives: the joint's name, or joint.freedom where a joint has several.
     `reference` holds approximate joint coordinates [m, rad] of a typical configuration; those it leaves out are at
     zero (quaternions at 1, 0, 0, 0). The loops are closed from there, and every choice that needs numbers is made there.
+    `caveats` are sentences on how the motion differs from that of the model that this was read from (`linkwork.formats`).
 
     Raises:
         MechanismError: one sentence that names the element, the value and what would be accepted.
@@ -51,6 +52,9 @@ class Mechanism(Record):
     tools: Mapping[Name, Tool] = Field(default_factory=dict, description="the tools by name; the first is the default")
     reference: Mapping[PathName, Real] = Field(
         default_factory=dict, description="approximate joint coordinates [m, rad]"
+    )
+    caveats: tuple[str, ...] = Field(
+        default=(), description="what the model that this was read from has and this has not, and changes the motion"
     )
 
     @property

@@ -51,7 +51,8 @@ def together(body: Body, payload: Body, frame: Frame) -> Body:
         tensor += m * (d @ d * np.eye(3) - np.outer(d, d))
     names = ("zz",) if body.inertia.planar else ("xx", "yy", "zz", "xy", "xz", "yz")
     axes = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in names}
-    inertia = Inertia(**{name: float(tensor[place]) for name, place in axes.items()})
+    moments = "any" if "any" in (body.inertia.moments, payload.inertia.moments) else "rigid"
+    inertia = Inertia(**{name: float(tensor[place]) for name, place in axes.items()}, moments=moments)
     x, y, z = map(float, centre)
     return Body(mass=float(total), centre_of_mass=(x, y, z), inertia=inertia, shapes=body.shapes)
 

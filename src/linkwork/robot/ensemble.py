@@ -150,7 +150,8 @@ class Ensemble:
         entries = [
             {name: (v.dims, v.values, dict(v.attrs)) for name, v in part.items()} for part in (variables, coords)
         ]
-        return xarray.Dataset(*entries)
+        caveats = self.members.robot.mechanism.caveats
+        return xarray.Dataset(*entries, attrs={"caveats": "\n".join(caveats)} if caveats else {})
 
 
 def ensemble(

@@ -36,7 +36,7 @@ AXES = (
     *("time", "coordinate", "rate", "actuator", "spring", "pose", "extra", "wrench", "wrench_component"),
     *("event", "event_time"),
 )
-ASKED = ("mechanism", "rtol", "atol", "step", "parameters")
+ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
 TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
 
 
@@ -90,6 +90,8 @@ def asked(robot: Robot, system: System, options: Mapping[str, Any]) -> dict[str,
     found |= {"rtol": options["rtol"], "atol": options["atol"]} if method.step is None else {"step": method.step}
     own = system.acting.parameters if system.acting else ()
     values = robot.parameters | dict(zip(own, system.parameters.tolist(), strict=True))
+    if robot.mechanism.caveats:
+        found["caveats"] = "\n".join(robot.mechanism.caveats)
     if values:
         found["parameters"] = ", ".join(f"{name} = {float(value)!r}" for name, value in values.items())
     return found

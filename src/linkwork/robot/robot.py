@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
 from linkwork.robot import checks, evaluation, limits, linear, posing
 from linkwork.robot.model import Model
@@ -57,8 +56,16 @@ class Robot(Model):
 
     @classmethod
     def from_file(cls, path: str | FilePath) -> Robot:
-        """Read a mechanism file (YAML) and derive its equations."""
-        return cls(Mechanism.load(path))
+        """Read a mechanism file (YAML) or a model file (MJCF, URDF: see `linkwork.formats.load`) and derive its equations.
+
+        Warns:
+            ModelWarning: what makes the robot move otherwise than the file says.
+        """
+        from linkwork.formats import models
+
+        mechanism = models.read(path).mechanism
+        models.warn(mechanism, stacklevel=3)
+        return cls(mechanism)
 
     def free(self, *paths: str) -> Robot:
         """Return the robot with some numbers of its description free: `with_parameters` then changes them in no time.

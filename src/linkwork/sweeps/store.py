@@ -58,10 +58,13 @@ class Store:
                 f"{path} is no store of a study that can be read ({reason(error)}); remove it, or give another folder"
             ) from None
         if text != bench.study.text:
-            other = Study.model_validate_json(str(text)).name if text else "another program"
-            raise StudyError(f"{path} holds the results of another study ({other}); give another folder, or remove it")
+            raise StudyError(
+                f"{path} holds the results of another study ({other(text)}); give another folder, or remove it"
+            )
         wanted = {name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()}
-        if {name: array.shape for name, array in arrays.items()} != wanted | {CHECKSUM: (bench.study.chunks,)}:
+        if {name: getattr(array, "shape", None) for name, array in arrays.items()} != wanted | {
+            CHECKSUM: (bench.study.chunks,)
+        }:
             raise StudyError(f"{path} was written by another version of the program; give another folder, or remove it")
         mend(path, group, bench)
         return cls(path, bench, arrays)
@@ -109,7 +112,10 @@ def create(path: Path, bench: Bench) -> None:
         try:
             from linkwork import __version__
 
-            group = zarr.create_group(part, attributes={STUDY: study.text, "name": study.name, "linkwork": __version__})
+            about = {STUDY: study.text, "name": study.name, "linkwork": __version__}
+            if study.robot.caveats:
+                about["caveats"] = "\n".join(study.robot.caveats)
+            group = zarr.create_group(part, attributes=about)
             for name, field in bench.fields.items():
                 shape = bench.shape(field, study.members)
                 add(group, name, shape, (study.chunk_length, *shape[1:]), field.axes, field.kind, dict(field.attrs))
@@ -136,8 +142,10 @@ def coordinates(bench: Bench) -> dict[str, np.ndarray]:
 
 def mend(path: Path, group: Any, bench: Bench) -> None:
     """Write anew what is not as it was made: the arrays' descriptions, which the group's repeats, times and names."""
+    described = read_or_none(lambda: json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"])
+    if not isinstance(described, Mapping):
+        raise StudyError(f"{path} does not describe its arrays any more; remove it, or give another folder")
     with written(path):
-        described = json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"]
         for name, wanted in described.items():
             place = path / name / "zarr.json"
             if read_or_none(lambda place=place: json.loads(place.read_bytes())) != wanted:
@@ -146,6 +154,14 @@ def mend(path: Path, group: Any, bench: Bench) -> None:
         for axis, values in coordinates(bench).items():
             if read_or_none(lambda axis=axis: list(group[axis][:])) != list(values):
                 group[axis][:] = values
+
+
+def other(text: Any) -> str:
+    """Return the name of the study that a store says it is of; what is no study is another program's."""
+    try:
+        return Study.model_validate_json(text).name
+    except Exception:  # whatever is there in its place
+        return "another program's, or of another version of this one"
 
 
 def read_or_none(read: Callable[[], Any]) -> Any:
