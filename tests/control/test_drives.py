@@ -121,6 +121,46 @@ def test_a_pneumatic_cylinder_fills_to_the_supply(plant):
     assert np.isclose(run.dataset.joint_position.values[-1, 0], force / 1e5, 2e-3)
 
 
+def test_flow_of_warm_air():
+    """ISO 6358: the mass flow falls with the square root of the temperature upstream: 0.938 at 60 C."""
+    cold, warm = (PneumaticCylinder(**AIR, temperature=T).flow(7e5, 1e5) for T in (293.15, 333.15))
+    assert np.isclose(warm / cold, np.sqrt(293.15 / 333.15), 1e-14)
+
+
+@pytest.mark.parametrize("command", [1.0, -1.0])
+def test_a_pneumatic_piston_stops_at_both_ends_of_its_stroke(command):
+    """There the chambers come to the supply's and the exhaust's pressure, and the stop gives way by F / k."""
+    drive, robot = PneumaticCylinder(**AIR, retracted=-0.2), damped(20.0)
+    law = lw.Sampled([0.0, 4.0, 8.0], [[command], [-command], [0.0]], "hold")
+    run = robot.simulate(robot.home, law, duration=8.0, drives={"slide": drive}, save_at=np.linspace(0, 8, 161))
+    assert run.success
+    x, p = run.dataset.joint_position.values[:, 0], run.dataset.drive_state.values
+    assert x.min() > -0.2 - 5e-3
+    assert x.max() < 0.3 + 5e-3
+    assert p.min() > 1.01325e5 / 2
+    assert p.max() < 2 * 7e5
+    out = 7e5 * 1.2e-3 - 1.01325e5 * 1e-3 - 101325 * 0.2e-3
+    back = 1.01325e5 * 1.2e-3 - 7e5 * 1e-3 - 101325 * 0.2e-3
+    stiffness = 7e5 * 1.2e-3 / (1e-3 * 0.5)
+    ends = [0.3 + out / stiffness, -0.2 + back / stiffness][:: int(command)]
+    assert np.allclose(x[[80, 160]], ends, 0, 1e-7)
+
+
+def test_a_piston_outside_of_its_stroke_is_refused(plant):
+    drive = PneumaticCylinder(**AIR, retracted=0.1)
+    sentence = (
+        "drive of 'slide': the joint coordinate 0 m lies outside of the stroke .* from retracted = 0.1 m to 0.6 m"
+    )
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        plant.simulate(plant.home, [1.0], duration=1.0, drives={"slide": drive})
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        plant.ensemble(plant.home, [1.0], duration=1.0, drives={"slide": drive})
+    moved = plant.simulate(
+        plant.home, [0.0], duration=0.01, drives={"slide": drive}, parameters={"slide.retracted": -0.1}
+    )
+    assert moved.success
+
+
 OIL = dict(
     area_a=1e-3, area_b=1e-3, stroke=0.8, supply=14e6, exhaust=1e5, initial_a=7e6, initial_b=7e6, dead_volume=1e-4,
     flow=2e-4, drop=3.5e6, bulk_modulus=1.4e9, retracted=-0.1,
@@ -145,6 +185,37 @@ def test_a_hydraulic_cylinder_reaches_its_steady_rate():
     assert np.isclose(p_a - p_b, 2e4 * rate / 1e-3, 1e-3)
     assert np.isclose(rate, 0.5 * 2e-4 / 1e-3 * np.sqrt((14e6 - 1e5 - (p_a - p_b)) / (2 * 3.5e6)), 1e-3)
     assert np.isclose(p_a + p_b, 14e6 + 1e5, 1e-3)
+
+
+def test_a_hydraulic_piston_stops_at_the_end_of_its_stroke():
+    drive, robot = HydraulicCylinder(**OIL), damped(2e4)
+    run = robot.simulate(robot.home, [1.0], duration=6.0, drives={"slide": drive}, save_at=np.linspace(0, 6, 121))
+    assert run.success
+    x, p = run.dataset.joint_position.values[:, 0], run.dataset.drive_state.values
+    assert np.isclose(x[-1], 0.7 + (14e6 - 1e5) * 1e-3 / (14e6 * 1e-3 / (1e-3 * 0.8)), 0, 1e-6)
+    assert x.max() < 0.7 + 2e-3
+    assert np.allclose(p[-1], [14e6, 1e5], 1e-3)
+
+
+def test_oil_that_is_drawn_apart_keeps_a_pressure_above_zero():
+    """A closed valve, and a load that pulls: chamber B bears it, p_b A_b = load + p_a A_a; in A, which grows, the oil's air
+
+    takes up the volume that the oil leaves, air V_0 p_0 / p_a + V_0 (1 - p / beta ...): the balances of both chambers.
+    """
+    robot, load = damped(2e4), 1.2e4
+    drive = HydraulicCylinder(**(OIL | {"initial_a": 2e5, "initial_b": 2e5}), air=1e-3)
+    wrench = lw.control.Wrench("cart", force=(load, 0.0, 0.0))
+    run = robot.simulate(
+        robot.home, [0.0], duration=3.0, drives={"slide": drive}, wrenches=[wrench], save_at=np.linspace(0, 3, 61)
+    )
+    assert run.success
+    x, (p_a, p_b) = run.dataset.joint_position.values[-1, 0], run.dataset.drive_state.values[-1]
+    assert run.dataset.drive_state.values.min() > 0
+    assert p_a < 1.5e5
+    assert np.isclose(p_b * 1e-3, load + p_a * 1e-3, 1e-4)
+    for start, area, p in ((1e-4 + 1e-3 * 0.1, 1e-3, p_a), (1e-4 + 1e-3 * 0.7, -1e-3, p_b)):
+        grown = np.log((start + area * x) / start)
+        assert np.isclose(grown, -(p - 2e5) / 1.4e9 + 1e-3 * 1e5 * (1 / p - 1 / 2e5), 1e-4)
 
 
 def test_leakage_bleeds_a_pressure_difference():

@@ -48,6 +48,9 @@ class Drive(ABC):
     def equations(self, command: Any, x: Any, w: Any, z: Any) -> tuple[Any, tuple[Any, ...]]:
         """Return the force and z' for a command, the joint's coordinate [m, rad] and rate, and z."""
 
+    def require_start(self, x: float) -> None:  # noqa: B027
+        """Refuse the joint's coordinate [m, rad] at the start of a run if the drive cannot be there."""
+
     @property
     def numbers(self) -> dict[str, float]:
         """The numbers of the drive's equations by name: free parameters."""

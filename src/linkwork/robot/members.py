@@ -19,7 +19,7 @@ from linkwork.robot.charts import CompiledChart
 from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.rereading import reread
 from linkwork.robot.state import State
-from linkwork.robot.system import System, as_input, system
+from linkwork.robot.system import System, as_input, require_starts, system
 from linkwork.simulation import Sampled, Signal
 
 if TYPE_CHECKING:
@@ -136,6 +136,7 @@ def members(
         )
     each, shared = forces_of_each(robot, forces)
     runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined)
+    require_starts(runs, state, parameters)
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
     checks.known(parameters, names, "parameter")
     varied = {name: checks.finite(values, f"parameter {name!r}") for name, values in parameters.items()}

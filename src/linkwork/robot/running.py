@@ -14,7 +14,7 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import checks, recording
 from linkwork.robot.rereading import chart_in
 from linkwork.robot.state import State
-from linkwork.robot.system import Forces, System, system
+from linkwork.robot.system import Forces, System, require_starts, system
 from linkwork.simulation import (
     DORMAND_PRINCE,
     RK4,
@@ -85,6 +85,8 @@ def simulate(
         options["first_step"] = pace
     span = (start, start + duration)
     runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock))
+    if pace is None:
+        require_starts(runs, robot.own(state))
     options |= {"method": chosen or usual(runs, [runs.inputs], rtol), "leave_stiff": chosen is None}
     z = runs.start if extras is None else extras
     if z.size != len(runs.extras):

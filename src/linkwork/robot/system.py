@@ -6,7 +6,7 @@ The state is y = (q, v, z) in a chart of the robot; z, the extra states of drive
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,7 @@ from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
+    from linkwork.robot.state import State
 
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
 KERNEL = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
@@ -203,6 +204,19 @@ def with_jacobian(robot: Robot, runs: System, span: tuple[float, float]) -> Syst
         return runs
     with BUILDING:
         return replace(runs, acting=acting_once(Names.of(robot.mechanism, robot.planar), None, {}, (), (), span))
+
+
+def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> None:
+    """Refuse states in which a drive cannot start; drives of which parameters vary are not looked at."""
+    if runs.acting is None:
+        return
+    values = dict(zip(runs.acting.parameters, runs.parameters.tolist(), strict=True))
+    for name, drive in zip(runs.acting.names.actuators, runs.acting.drives, strict=True):
+        if not any(other.startswith(f"{name}.") for other in varied):
+            own = replace(drive, **{number: values[f"{name}.{number}"] for number in drive.numbers})
+            with checks.at(f"the drive of {name!r}: "):
+                for x in (np.min(state[name]), np.max(state[name])):
+                    own.require_start(float(x))
 
 
 def require_cover(references: Sequence[Reference], span: tuple[float, float]) -> None:
