@@ -184,6 +184,13 @@ NUT = lw.CylindricalJoint(connects=("ground", "a"))
         (
             "of joint 'rod' stays open by ",
             one_body(
+                slide=lw.PrismaticJoint(connects=("ground", "a")),
+                rod=lw.RodJoint(connects=("ground", "a"), frames=(lw.Frame.planar(0.4), lw.Frame()), length=0.3),
+            ),
+        ),
+        (
+            "the loop of slide, rod leaves it no motion",
+            one_body(
                 slide=lw.PrismaticJoint(connects=("ground", "a")), rod=lw.RodJoint(connects=("ground", "a"), length=0.3)
             ),
         ),

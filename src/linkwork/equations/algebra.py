@@ -40,16 +40,23 @@ def present(value: Number | Vector) -> bool:
 
 
 @overload
-def snap(values: np.ndarray) -> np.ndarray: ...
+def snap(values: np.ndarray, size: float | None = None) -> np.ndarray: ...
 @overload
-def snap(values: Vector) -> Vector: ...
-def snap(values: Vector) -> Vector:
-    """Replace numbers within rounding of a multiple of 1/2 by that multiple."""
+def snap(values: Vector, size: float | None = None) -> Vector: ...
+def snap(values: Vector, size: float | None = None) -> Vector:
+    """Replace numbers within rounding of a multiple of 1/2 by that multiple.
+
+    size: of numbers that a zero may have come of; that of the largest one here, 1 at most, if left out
+    """
     if isinstance(values, SX):
-        entries = [SX(snap(np.array(float(e)))) if e.is_constant() else e for e in ca.vertsplit(ca.vec(values))]
-        return ca.reshape(ca.vertcat(*entries), *values.shape)
+        entries = ca.vertsplit(ca.vec(values))
+        constants = [abs(float(e)) for e in entries if e.is_constant()]
+        size = min(1.0, max(constants, default=1.0)) if size is None else size
+        snapped = [SX(snap(np.array(float(e)), size)) if e.is_constant() else e for e in entries]
+        return ca.reshape(ca.vertcat(*snapped), *values.shape)
+    size = min(1.0, np.abs(values).max(initial=0.0)) if size is None else size
     halves = np.round(2 * values) / 2
-    return np.where(np.abs(values - halves) < ROUNDING * np.maximum(1, np.abs(halves)), halves, values)
+    return np.where(np.abs(values - halves) < ROUNDING * np.maximum(size, np.abs(halves)), halves, values)
 
 
 def dense(matrix: ca.DM) -> np.ndarray:

@@ -166,18 +166,31 @@ def entries(Phi: ca.SX) -> Entries:
 
 
 def choose_chart(
-    Phi: ca.SX, samples: Sequence[np.ndarray], rows: tuple[int, ...], independent: tuple[int, ...]
+    Phi: ca.SX,
+    samples: Sequence[np.ndarray],
+    rows: tuple[int, ...],
+    independent: tuple[int, ...],
+    units: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Chart:
     """Choose the order of elimination for given independent rates.
 
     Args:
         Phi: constraint Jacobian as an expression (all rows x nv).
-        samples: its values at closed configurations, the reference configuration first.
+        samples: its values at closed configurations, the reference configuration first, in the mechanism's own units.
         rows: the kept rows, as many as there are dependent rates.
         independent: indices of the independent rates.
+        units: those of the rows and of the rates; 1 if left out.
     """
     ((_, stages, determinants),) = choose_orders(constancy(Phi), np.array(samples)[None], rows, independent)
-    return chart_of(stages, determinants[0].tolist(), rows, independent, Phi.shape[1])
+    units = (np.ones(Phi.shape[0]), np.ones(Phi.shape[1])) if units is None else units
+    scales = determinants[0] * [unit_of(block, units) for stage in stages for block in stage]
+    return chart_of(stages, scales.tolist(), rows, independent, Phi.shape[1])
+
+
+def unit_of(block: Block, units: tuple[np.ndarray, np.ndarray]) -> float:
+    """Return the unit of a block's determinant for those of the rows and of the rates."""
+    of_rows, of_rates = units
+    return float(np.prod(of_rows[list(block.rows)]) / np.prod(of_rates[list(block.columns)]))
 
 
 def chart_of(
@@ -209,7 +222,7 @@ def choose_orders(
 
     Args:
         pattern: the elements of the constraint Jacobian that are not zero, and whether they are constant.
-        Phi: its values (G x samples x rows x nv); the order is good at all samples of a group.
+        Phi: its values in the mechanism's own units (G x samples x rows x nv); the order is good at all samples of a group.
         rows, independent: the kept rows and the independent rates.
 
     Returns:
@@ -277,15 +290,15 @@ def _triangular(
     rows: tuple[tuple[int, tuple[int, ...]], ...],
 ) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
     graph, pattern = nx.Graph(), dict(rows)
-    graph.add_nodes_from(("row", r) for r in sorted(pattern))
-    graph.add_edges_from((("row", r), ("column", c)) for r in sorted(pattern) for c in pattern[r])
-    matching = nx.bipartite.hopcroft_karp_matching(graph, [("row", r) for r in pattern])
+    graph.add_nodes_from(sorted(pattern))  # a column c is the node -1 - c: numbers keep one order on every machine
+    graph.add_edges_from((r, -1 - c) for r in sorted(pattern) for c in pattern[r])
+    matching = nx.bipartite.hopcroft_karp_matching(graph, sorted(pattern))
     leads = nx.DiGraph()
     leads.add_nodes_from(sorted(pattern))
-    leads.add_edges_from((matching[("column", c)][1], r) for r in pattern for c in pattern[r])
+    leads.add_edges_from((matching[-1 - c], r) for r in pattern for c in pattern[r])
     order = nx.condensation(leads)
     stages = [sorted(order.nodes[part]["members"]) for part in nx.lexicographical_topological_sort(order)]
-    return tuple((tuple(stage), frozenset(matching[("row", r)][1] for r in stage)) for stage in stages)
+    return tuple((tuple(stage), frozenset(-1 - matching[r] for r in stage)) for stage in stages)
 
 
 def next_blocks(values: Values, constant: set[tuple[int, int]], groups: int) -> Iterator[tuple[Block, np.ndarray]]:

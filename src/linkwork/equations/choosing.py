@@ -8,11 +8,19 @@ what was chosen before, and configurations that are not far from each other shar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from linkwork.equations.chart import Block, Chart, chart_of, choose_independents, choose_orders, independent_rows
+from linkwork.equations.chart import (
+    Block,
+    Chart,
+    chart_of,
+    choose_independents,
+    choose_orders,
+    independent_rows,
+    unit_of,
+)
 from linkwork.equations.equations import Equations, smallest_singular
 
 WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
@@ -37,8 +45,7 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
         own = null_spaces(units[np.ix_(members, rows)])
         for independent, places in alike(choose_independents(own, preferred, WELL)):
             at = members[places]
-            for groups, stages, determinants in choose_orders(equations.rows.pattern, Phi[at, None], rows, independent):
-                usual = np.array([size(equations, block) for stage in stages for block in stage])
+            for groups, stages, determinants, usual in orders(equations, Phi[at], rows, independent):
                 for scales, same in alike(scales_of(determinants, usual)):
                     chart = chart_of(stages, scales, rows, independent, Phi.shape[2])
                     found.append((at[groups[same]], chart))
@@ -60,9 +67,21 @@ def chart_in(
     solved = unit[np.ix_(rows, [j for j in range(Phi.shape[1]) if j not in independent])]
     if solved.shape != (count, count) or smallest_singular(solved, count) <= least * equations.smallest:
         return None
-    ((_, stages, determinants),) = choose_orders(equations.rows.pattern, Phi[None, None], rows, independent)
-    usual = np.array([size(equations, block) for stage in stages for block in stage])
+    ((_, stages, determinants, usual),) = orders(equations, Phi[None], rows, independent)
     return chart_of(stages, scales_of(determinants, usual)[0].tolist(), rows, independent, Phi.shape[1])
+
+
+def orders(
+    equations: Equations, Phi: np.ndarray, rows: Sequence[int], independent: Sequence[int]
+) -> Iterator[tuple[np.ndarray, list[tuple[Block, ...]], np.ndarray, np.ndarray]]:
+    """Yield the orders of elimination for configurations: which, blocks, their determinants there and their usual sizes."""
+    units = equations.rows.units, equations.tree.rate_units
+    for groups, stages, found in choose_orders(
+        equations.rows.pattern, equations.natural(Phi)[:, None], rows, independent
+    ):
+        blocks = [block for stage in stages for block in stage]
+        determinants = found * [unit_of(block, units) for block in blocks]
+        yield groups, stages, determinants, np.array([size(equations, block) for block in blocks])
 
 
 def null_spaces(Phi: np.ndarray) -> np.ndarray:

@@ -81,7 +81,7 @@ def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
 
 def side(tree: Tree, body: str, frame: Frame) -> Side:
     node, position, R_F = (tree.node(body), vector(frame.position), rotation_matrix(frame.rotation))
-    arm = snap(position - node.frame_origin)
+    arm = snap(position - node.frame_origin, tree.length)
     return Side(node, arm, R_F, node.O + in_base(node.R, arm), node.R.then_constant(R_F))
 
 

@@ -6,6 +6,8 @@ Mechanism -> Topology -> Tree -> closure rows -> reference configuration -> kept
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from itertools import chain, islice
 
 import casadi as ca
 import numpy as np
@@ -15,7 +17,20 @@ from linkwork.equations.algebra import SX, dense, symbol
 from linkwork.equations.chart import choose_chart, choose_independent, independent_rows
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
-from linkwork.equations.reference import OpenLoopsError, System, close, described, guess, neighbours, starts
+from linkwork.equations.lengths import own_length
+from linkwork.equations.reference import (
+    OPEN,
+    OpenLoopsError,
+    System,
+    bends,
+    close,
+    described,
+    guess,
+    neighbours,
+    starts,
+    unit,
+)
+from linkwork.equations.reflections import reflect
 from linkwork.equations.topology import Topology, counting, ended, span
 from linkwork.equations.tree import Tree, grow
 from linkwork.mechanism import Mechanism, MechanismError
@@ -23,6 +38,13 @@ from linkwork.mechanism.numbers import free_numbers, replaced
 
 STAYS_OPEN = 1e-9
 TURNS_OUT = 1e-9
+SHOWN = 6  # coordinates in a note
+REGULAR = 1e-3  # least singular value at a bent reference, in own units
+NEAR = 12  # bends beside a reference that is closed, but singular
+BENT = (
+    "branches of motion meet at the given reference, as where a linkage lies in a line; home is bent to {}; give a "
+    "reference on the branch that is meant"
+)
 FLIPPED = (
     "the loops close near the reference configuration only with a joint's frames facing opposite ways; give joint "
     "coordinates nearer to the intended configuration, or turn one of the frames"
@@ -42,51 +64,70 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
         MechanismError: loops that do not close at the reference configuration, a mechanism without motion, bodies whose
             inertia is given for planar motion but that leave their plane, paths that lead to no number that can be free.
     """
-    parameters = free_numbers(mechanism, free)
+    parameters, length = free_numbers(mechanism, free), own_length(mechanism)
     freed = replaced(mechanism, {path: symbol(path) for path in parameters})
     topology = span(freed)
-    tree, cuts = grown(freed, topology, parameters)
+    tree, cuts = grown(freed, topology, parameters, length)
     counts = counting(freed)
     uncounted = [cut.joint for cut in cuts if cut.joint in counts and readings.jump(cut)]
     if uncounted:
         topology = ended(freed, topology, uncounted)
-        tree, cuts = grown(freed, topology, parameters)
+        tree, cuts = grown(freed, topology, parameters, length)
     start = guess(mechanism, topology, tree)
     joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
-    rows = closure_rows(freed, tree, cuts, joints)
-    configurations, samples = closed_samples(tree, rows, starts(mechanism, topology, tree, start))
+    rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length))
+    configurations, samples, notes = closed_samples(tree, rows, start, starts(mechanism, topology, tree, start))
     kept = independent_rows(samples)
     redundant = tuple(name for index, name in enumerate(rows.names) if index not in kept)
     mobility.refuse_locked(topology, tree, rows.names, samples[0])
     refuse_out_of_plane(mechanism, tree, configurations, samples)
     preferred = [tree.rates.index(label) for label in (*independent, *mechanism.actuators) if label in tree.rates]
     chosen = choose_independent(samples[0][list(kept)], preferred)
-    chart = choose_chart(rows.Phi, samples, kept, chosen)
+    chart = choose_chart(rows.Phi, samples, kept, chosen, (rows.units, tree.rate_units))
     turning, idle = spins.spins(joints, configurations, samples)
-    lengths = sizes(samples[0])
-    smallest = float(smallest_singular(scaled(samples[0], lengths), len(kept)))
+    columns, heights = sizes(samples[0])
+    smallest = float(smallest_singular(scaled(samples[0], (columns, heights)), len(kept)))
     return Equations(
-        freed, topology, tree, cuts, joints, rows, configurations[0], lengths, smallest, redundant, turning, idle, chart
+        freed,
+        topology,
+        tree,
+        cuts,
+        joints,
+        rows,
+        configurations[0],
+        (columns / tree.rate_units, heights * rows.units),
+        smallest,
+        redundant,
+        turning,
+        idle,
+        chart,
+        notes,
     )
 
 
 def grown(
-    mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float]
+    mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float], length: float
 ) -> tuple[Tree, tuple[closure.Cut, ...]]:
     """Return the tree of a topology and the cut joints in it."""
-    tree = grow(mechanism, topology, parameters)
+    tree = grow(mechanism, topology, parameters, length)
     return tree, tuple(closure.cut(tree, name, joint) for name, joint in topology.closing.items())
 
 
-def closure_rows(mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...], joints: JointMap) -> Rows:
-    """Gather the rows of all cut joints and gears; those that vanish symbolically (out of a plane) are left out."""
-    rates = SX.sym("rates", len(tree.rates))
-    names, phi, Phi, open_Phi, gamma = [], [], [], [], []
+def closure_rows(
+    mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...], joints: JointMap, of_gears: Mapping[str, float]
+) -> Rows:
+    """Gather the rows of all cut joints and gears; those that vanish symbolically (out of a plane) are left out.
 
-    def gather(name: str, residual: ca.SX, row: ca.SX, open_row: ca.SX, bias: ca.SX) -> None:
+    of_gears: units of the gears' residuals, by name
+    """
+    rates = SX.sym("rates", len(tree.rates))
+    names, phi, Phi, open_Phi, gamma, units = [], [], [], [], [], []
+
+    def gather(name: str, residual: ca.SX, row: ca.SX, open_row: ca.SX, bias: ca.SX, unit: float) -> None:
         if ca.SX(ca.sparsify(row)).nnz() == 0 and residual.is_constant():
-            refuse_open(name, float(residual))
+            refuse_open(name, float(residual), unit)
             return
+        units.append(unit)
         names.append(name)
         phi.append(residual)
         Phi.append(row)
@@ -99,22 +140,24 @@ def closure_rows(mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...]
         jacobians = (ca.vertsplit(of(tree, cut)) for of in (closure.jacobian, closure.open_jacobian))
         parts = zip(closure.residuals(cut), *jacobians, closure.biases(tree, cut, rates), strict=True)
         for row, part in zip(cut.rows, parts, strict=True):
-            gather(f"{cut.joint}: {row.name}", *part)
+            gather(f"{cut.joint}: {row.name}", *part, unit=tree.length if row.f is None else 1.0)
     for name, gear in mechanism.gears.items():
         residual, Phi_row = gears.row(gear, joints)
         bias = ca.mtimes(derivative(Phi_row, tree, rates), rates)
-        gather(f"{name}: ratio", residual, Phi_row, Phi_row, bias)
+        gather(f"{name}: ratio", residual, Phi_row, Phi_row, bias, of_gears[name])
     alignment = ca.mmin(ca.vertcat(SX(1), *[closure.alignment(cut) for cut in cuts]))
     stacked, open_stacked = (ca.sparsify(ca.vertcat(SX(0, len(tree.rates)), *part)) for part in (Phi, open_Phi))
-    return Rows(tuple(names), column(phi), stacked, open_stacked, rates, column(gamma), alignment)
+    return Rows(
+        tuple(names), column(phi), stacked, open_stacked, rates, column(gamma), alignment, np.array(units, float)
+    )
 
 
 def column(values: list[ca.SX]) -> ca.SX:
     return ca.vertcat(SX.zeros(0, 1), *values)
 
 
-def refuse_open(row: str, residual: float) -> None:
-    if abs(residual) > STAYS_OPEN:
+def refuse_open(row: str, residual: float, unit: float) -> None:
+    if abs(residual) > STAYS_OPEN * unit:
         joint, _, what = row.partition(": ")
         raise MechanismError(
             f"the loop cannot close: {what} stays open by {abs(residual):.3g} in every configuration; "
@@ -123,17 +166,65 @@ def refuse_open(row: str, residual: float) -> None:
         )
 
 
-def closed_samples(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the closed reference configuration and closed ones near it, and Phi at each."""
-    system, geometric = closing(tree, rows), tree.evaluated("checks", [rows.Phi])
-    reference = closed_reference(tree, rows, starts)
-    configurations = [reference, *neighbours(system, tree, reference)]
-    return configurations, [dense(geometric(q)[0]) for q in configurations]
+Samples = tuple[list[np.ndarray], list[np.ndarray], tuple[str, ...]]
+
+
+def closed_samples(tree: Tree, rows: Rows, start: np.ndarray, starts: Iterable[np.ndarray]) -> Samples:
+    """Return the closed reference configuration and closed ones near it, Phi at each in the mechanism's own units, notes.
+
+    Where the rows lose rank at the reference, or at a start that leads to none, another one is looked for beside it.
+    """
+    try:
+        reference = closed_reference(tree, rows, starts)
+    except MechanismError:
+        if not singular_start(tree, rows, start):
+            raise
+        reference = closed_reference(tree, rows, chain([start], bends(tree, start)))
+    samples = about(tree, rows, reference)
+    rank = len(independent_rows(samples[1]))
+    if len(independent_rows(samples[1][:1])) == rank:
+        return *samples, ()
+    beside = bent(tree, rows, reference, rank)
+    if beside is None:
+        return samples[0][:1], samples[1][:1], ()
+    where = ", ".join(f"{label} = {x:.3g}" for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN])
+    return *about(tree, rows, beside), (BENT.format(where),)
+
+
+def about(tree: Tree, rows: Rows, reference: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own units."""
+    configurations = [reference, *neighbours(closing(tree, rows), tree, reference)]
+    return configurations, jacobians(tree, rows, configurations)
+
+
+def singular_start(tree: Tree, rows: Rows, start: np.ndarray) -> bool:
+    """Tell whether the rows lose rank at an open start, compared with what is beside it."""
+    system = closing(tree, rows)
+    ranks = [len(reflect(dense(ca.DM(system(unit(tree, q))[1]))).rows) for q in (start, *islice(bends(tree, start), 4))]
+    return ranks[0] < max(ranks)
+
+
+def bent(tree: Tree, rows: Rows, reference: np.ndarray, rank: int) -> np.ndarray | None:
+    """Return the closed configuration beside a singular one at which the rows are farthest from losing rank, if any is."""
+    found = []
+    for start in islice(bends(tree, reference), NEAR):
+        with suppress(MechanismError):
+            found.append(closed_reference(tree, rows, [start]))
+    values = [float(smallest_singular(Phi, rank)) for Phi in jacobians(tree, rows, found)]
+    return found[int(np.argmax(values))] if max(values, default=0.0) > REGULAR else None
+
+
+def jacobians(tree: Tree, rows: Rows, configurations: Iterable[np.ndarray]) -> list[np.ndarray]:
+    """Return Phi (rows x nv) at closed configurations, in the mechanism's own units."""
+    evaluated = tree.evaluated("checks", [rows.Phi])
+    return [dense(evaluated(q)[0]) * tree.rate_units / rows.units[:, None] for q in configurations]
 
 
 def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
-    """Return the system that `close` solves, at p or at the description's numbers."""
-    exact = tree.evaluated("rows", [rows.phi, rows.open_Phi, tree.derivative_map], p)
+    """Return the system that `close` solves, in the mechanism's own units, at p or at the description's numbers."""
+    D_r, D_c = ca.diag(ca.DM(1 / rows.units)), ca.diag(ca.DM(tree.rate_units))
+    scaled_Phi = ca.mtimes(ca.mtimes(D_r, rows.open_Phi), D_c)
+    exact = tree.evaluated("rows", [rows.phi / rows.units, scaled_Phi, ca.mtimes(tree.derivative_map, D_c)], p)
 
     def system(q: np.ndarray) -> tuple[np.ndarray, ca.DM, ca.DM]:
         phi, Phi, derivatives = exact(q)
@@ -153,13 +244,27 @@ def closed_reference(tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np
         try:
             reference = close(system, tree, start)
         except OpenLoopsError as error:
-            refusal = open_near_reference(rows.names[error.worst], error.gap)
+            gap = error.gap * rows.units[error.worst]
+            refusal = too_large(tree, start) or open_near_reference(rows.names[error.worst], gap)
             continue
         if float(alignment(reference)[0]) < 0:
             refusal = MechanismError(FLIPPED, ("reference",))
             continue
         return reference
     raise refusal
+
+
+def too_large(tree: Tree, q: np.ndarray) -> MechanismError | None:
+    """Return the refusal of a coordinate that is so large that its rounding leaves loops open, if there is one."""
+    spacings = np.spacing(np.abs(q)) / tree.units
+    if not spacings.max(initial=0.0) > OPEN:
+        return None
+    worst = int(np.argmax(spacings))
+    return MechanismError(
+        f"{tree.coordinates[worst]!r} is {q[worst]:.3g}, which a computer keeps to {np.spacing(abs(q[worst])):.1g} only, so "
+        "that no loop closes; give it without whole turns, or nearer to the mechanism",
+        ("reference",),
+    )
 
 
 def open_near_reference(row: str, gap: float) -> MechanismError:
@@ -186,7 +291,8 @@ def refuse_out_of_plane(
             continue
         turning = tree.evaluated("turning", [local], inputs=[rates])
         for q, Phi in zip(configurations, samples, strict=True):
-            if np.abs(np.array(turning(q, mobility.free_motions(Phi))[0])).max(initial=0.0) > TURNS_OUT:
+            motions = tree.rate_units[:, None] * mobility.free_motions(Phi)
+            if np.abs(np.array(turning(q, motions)[0])).max(initial=0.0) > TURNS_OUT:
                 raise MechanismError(
                     "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",
                     ("bodies", name, "inertia"),

@@ -37,6 +37,7 @@ class Rows:
     names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nv; gamma: bias for the rates w
     open_Phi: the derivative of phi along the rates where the loops are open, too
     alignment: positive where the frames of every cut joint agree, negative where a direction is flipped
+    units: of phi (rows): the own length of positions, 1 of directions, the largest term's of gears
     """
 
     names: tuple[str, ...]
@@ -46,6 +47,7 @@ class Rows:
     rates: ca.SX
     gamma: ca.SX
     alignment: ca.SX
+    units: np.ndarray
 
     @cached_property
     def pattern(self) -> dict[int, dict[int, bool]]:
@@ -63,6 +65,7 @@ class Equations:
     redundant: names of the rows that depend on the others; they are left out of the elimination and watched
     spins: freedoms that turn a member about the line through its two joints and move nothing else: its bodies, by name
     idle: names of those of them that nothing acts on
+    notes: sentences on what was decided about the reference that the description does not say
     """
 
     mechanism: Mechanism
@@ -78,6 +81,7 @@ class Equations:
     spins: Mapping[str, tuple[str, ...]]
     idle: tuple[str, ...]
     chart: Chart
+    notes: tuple[str, ...]
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -113,6 +117,10 @@ class Equations:
     def constrained(self) -> bool:
         """Tell whether the coordinates have conditions to keep to: closed loops or unit quaternions."""
         return bool(self.rows.names or self.tree.quaternions)
+
+    def natural(self, Phi: np.ndarray) -> np.ndarray:
+        """Return Phi (..., rows x nv) in the mechanism's own units: lengths over its own length."""
+        return Phi * self.tree.rate_units / self.rows.units[:, None]
 
     def scaled(self, Phi: np.ndarray) -> np.ndarray:
         """Return Phi (..., rows x nv) over the sizes of its columns and rows at the reference: free of units."""

@@ -11,7 +11,8 @@ import casadi as ca
 
 from linkwork.equations.algebra import SX
 from linkwork.equations.joint_map import JointMap
-from linkwork.mechanism import GearJoint
+from linkwork.equations.lengths import slides
+from linkwork.mechanism import GearJoint, Mechanism
 
 
 def row(gear: GearJoint, joints: JointMap) -> tuple[ca.SX, ca.SX]:
@@ -21,3 +22,12 @@ def row(gear: GearJoint, joints: JointMap) -> tuple[ca.SX, ca.SX]:
         phi += ratio * joints.position(label)
         Phi += ratio * joints.rate_row(label)
     return phi, Phi
+
+
+def units(mechanism: Mechanism, length: float) -> dict[str, float]:
+    """Return the unit of each gear's phi, the largest of its terms': slides count in the mechanism's own length."""
+    slide = slides(mechanism)
+    return {
+        name: max(abs(ratio) * (length if slide[label] else 1.0) for label, ratio in gear.ratios.items())
+        for name, gear in mechanism.gears.items()
+    }

@@ -23,6 +23,8 @@ CLOSED = 1e-12
 NEIGHBOURS = 4
 STARTS = 30
 SPREAD = 0.05
+BENDS = (0.1, 0.2, 0.4, 0.8, 1.6)  # how far coordinates are moved out of a singular start, each several times
+OPEN = 1e-9  # gap that rounding of large coordinates never excuses
 DAMPING = 1e-6  # over the largest number of Phi: far above the rounding of inconsistent rows, far below what matters
 
 Matrix = np.ndarray | ca.DM
@@ -44,13 +46,13 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
 
     Args:
         system: returns phi (rows), its derivative along the rates (rows x nv), and the map from rates to q' (nq x nv),
-            the matrices dense or sparse.
+            the matrices dense or sparse; phi and the rates are in the mechanism's own units, lengths over its own.
         tree: says where unit quaternions are.
         q: start.
         steps: most steps to take.
 
     Returns:
-        q with max |phi| <= 1e-12 times the size of the coordinates.
+        q with max |phi| <= 1e-12 in the mechanism's own units; more only as far as the rounding of large q asks for it.
 
     Raises:
         OpenLoopsError: where no step reduces the residual further.
@@ -72,7 +74,8 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
         q, phi, Phi, N = trial, phi_trial, Phi_trial, N_trial
         if size <= CLOSED:
             break
-    if not np.abs(phi).max(initial=0.0) <= CLOSED * max(1.0, np.abs(q).max(initial=0.0)):
+    rounding = 0.01 * np.abs(q / tree.units).max(initial=0.0)
+    if not np.abs(phi).max(initial=0.0) <= min(CLOSED * max(1.0, rounding), OPEN):
         raise OpenLoopsError(phi)
     return q
 
@@ -104,10 +107,18 @@ def neighbours(system: System, tree: Tree, q: np.ndarray) -> list[np.ndarray]:
     found = []
     for _ in range(NEIGHBOURS):
         try:
-            found.append(close(system, tree, q + SPREAD * random.standard_normal(q.size)))
+            found.append(close(system, tree, q + SPREAD * tree.units * random.standard_normal(q.size)))
         except OpenLoopsError:
             continue
     return found
+
+
+def bends(tree: Tree, q: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield starts farther and farther from a singular one, such as a linkage that lies in a line (fixed seed)."""
+    random = np.random.default_rng(1687)
+    for spread in BENDS:
+        for _ in range(NEIGHBOURS):
+            yield q + spread * tree.units * random.standard_normal(q.size)
 
 
 def guess(mechanism: Mechanism, topology: Topology, tree: Tree) -> np.ndarray:
@@ -124,7 +135,7 @@ def starts(mechanism: Mechanism, topology: Topology, tree: Tree, first: np.ndarr
     reached = body_poses(mechanism, described(mechanism))
     lost = [name for name in topology.added if topology.joints[name].connects[1] not in reached]
     random = np.random.default_rng(1998)
-    size = max((joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)), default=1.0)
+    size = max((joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)), default=tree.length)
     for _ in range(STARTS if lost else 0):
         q = first.copy()
         for name in lost:

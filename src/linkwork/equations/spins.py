@@ -18,6 +18,7 @@ import numpy as np
 from linkwork.equations import effects
 from linkwork.equations.algebra import SX, cross
 from linkwork.equations.joint_map import JointMap
+from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
 from linkwork.equations.tree import Node, Tree
 from linkwork.mechanism import GROUND, Limits, Mechanism
@@ -35,13 +36,13 @@ def spins(
     """Return the spins by name, the bodies of each, and the names of those that are idle.
 
     Args:
-        configurations: closed ones around the reference (nq each); samples: Phi at each.
+        configurations: closed ones around the reference (nq each); samples: Phi at each, in own units.
     """
     named = members(joints.mechanism)
     if not named:
         return {}, ()
     found, motions = spinning(joints.mechanism, joints.tree, tuple(named), configurations, samples)
-    driven = moves(joints.tree, joints.rate_rows(joints.mechanism.actuators), configurations)
+    driven = moves(joints.tree, rate_rows(joints, joints.mechanism.actuators), configurations)
     free = apart([member for member, rates in found.items() if not driven(rates)])
     if not free or len(free) == motions:
         return {}, ()
@@ -86,8 +87,9 @@ def spinning(
     order, twists = list(mechanism.bodies).index, body_twists(mechanism, tree)
     found, motions = {chain: [] for chain in chains}, 0
     for q, Phi in zip(configurations, samples, strict=True):
-        N = free_motions(Phi)
+        N = tree.rate_units[:, None] * free_motions(Phi)
         t, motions = np.array(twists(q, N)[0]).reshape(len(mechanism.bodies), 6, -1), N.shape[1]
+        t[:, 3:] /= tree.length
         turns = {chain: alone(t, [order(body) for body in chain]) for chain in found}
         found = {chain: [*found[chain], N @ turn] for chain, turn in turns.items() if turn is not None}
         if not found:
@@ -141,7 +143,14 @@ def loaded_rows(joints: JointMap) -> ca.SX:
     labels = [rate for freedom in effects.freedoms(joints) for rate in freedom.rates]
     lengths = [ca.log(pull.length) for pull in effects.pulls(joints.mechanism, tree)]
     changes = ca.mtimes(ca.jacobian(ca.vertcat(SX(0, 1), *lengths), tree.q), tree.derivative_map)
-    return ca.vertcat(joints.rate_rows([*labels, *limited_rates(joints.mechanism)]), changes)
+    return ca.vertcat(rate_rows(joints, [*labels, *limited_rates(joints.mechanism)]), changes)
+
+
+def rate_rows(joints: JointMap, labels: Sequence[str]) -> ca.SX:
+    """Return the rows (rates x nv) of joint rates, those of slides over the mechanism's own length."""
+    slide = slides(joints.mechanism)
+    units = np.array([joints.tree.length if slide[label] else 1.0 for label in labels], float)
+    return ca.mtimes(ca.diag(ca.DM(1 / units)), joints.rate_rows(labels))
 
 
 def limited_rates(mechanism: Mechanism) -> Iterator[str]:

@@ -131,6 +131,7 @@ class Tree:
     coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's place in q by name
     quaternions: the places in q and in w of each free turn
     parameters: values in the description of its free numbers p (np), by path
+    length: the mechanism's own (`lengths`) [m]
     """
 
     q: ca.SX
@@ -139,6 +140,23 @@ class Tree:
     quaternions: tuple[tuple[range, range], ...]
     nodes: tuple[Node, ...]
     parameters: Mapping[str, float]
+    length: float
+
+    @cached_property
+    def rate_units(self) -> np.ndarray:
+        """Units of the rates (nv) but for the time: the own length of slides, 1 of turns."""
+        units = np.ones(len(self.rates))
+        slides = [node for node in self.nodes if node.slides and not node.turns]
+        units[[column.rate for node in slides for column in node.columns]] = self.length
+        return units
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Units of the coordinates (nq): the own length of slides, 1 of turns and quaternions."""
+        units = np.ones(len(self.coordinates))
+        for place, k in self.single:
+            units[place] = self.rate_units[k]
+        return units
 
     @property
     def p(self) -> ca.SX:
@@ -281,10 +299,10 @@ def near_offset(node: Node, position: Vector) -> ca.SX:
     return in_axes(node.R, position - node.frame_origin)
 
 
-def grow(mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float]) -> Tree:
+def grow(mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float], length: float = 1.0) -> Tree:
     """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the joints.
 
-    parameters: values of the mechanism's free numbers, by path
+    parameters: values of the mechanism's free numbers, by path; length: its own [m]
     """
     coordinates, rates, quaternions = [], [], []
     for name, joint in topology.joints.items():
@@ -297,7 +315,7 @@ def grow(mechanism: Mechanism, topology: Topology, parameters: Mapping[str, floa
     labels = (joint.coordinates(name) for name, joint in topology.joints.items())
     rate_labels = (joint.rates(name) for name, joint in topology.joints.items())
     q = SX.sym("q", len(coordinates))
-    tree = Tree(q, tuple(chain(*labels)), tuple(chain(*rate_labels)), tuple(quaternions), (), parameters)
+    tree = Tree(q, tuple(chain(*labels)), tuple(chain(*rate_labels)), tuple(quaternions), (), parameters, length)
     for branch in topology.branches:
         joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
         start = coordinates.index(branch.joint) if branch.joint in coordinates else 0
@@ -317,7 +335,7 @@ def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
     origin, own = vector(outer.position), rotation_matrix(outer.rotation).T
     parent = tree.node(branch.parent)
-    arm, turned = (snap(vector(inner.position) - parent.frame_origin), rotation_matrix(inner.rotation))
+    arm, turned = (snap(vector(inner.position) - parent.frame_origin, tree.length), rotation_matrix(inner.rotation))
     first = len(tree.nodes)
     for index, (motion, places, rates) in enumerate(steps or [(None, range(0), range(0))], start=first):
         last = index == first + max(len(steps), 1) - 1

@@ -47,6 +47,7 @@ class Model:
         self.redundant: tuple[str, ...] = self.equations.redundant
         self.spins: tuple[str, ...] = tuple(self.equations.spins)
         self.idle: tuple[str, ...] = self.equations.idle
+        self.notes: tuple[str, ...] = self.equations.notes
         self.mobility: int = self.equations.mobility
         self.planar: bool = measures.is_planar(self.equations.tree)
         self.gruebler: int = mobility.gruebler(mechanism, self.planar)

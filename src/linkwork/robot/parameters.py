@@ -58,5 +58,5 @@ def reference(robot: Robot, mechanism: Mechanism) -> np.ndarray:
     if gap <= CLOSED:
         return kept
     tree, topology = equations.tree, equations.topology
-    begin = starts(mechanism, topology, tree, guess(mechanism, topology, tree))
+    begin = [kept] if equations.notes else starts(mechanism, topology, tree, guess(mechanism, topology, tree))
     return closed_reference(tree, equations.rows, begin, robot.p)

@@ -49,6 +49,7 @@ class Robot(Model):
         redundant: closure rows that depend on the others, by joint and direction; they are left out and watched
         spins: freedoms that turn a member about its own axis and move nothing else, undriven, by name; left open by kinematics
         idle: those of them that no friction, spring, rotor or limit acts on; left to themselves by inverse dynamics
+        notes: sentences on what was decided about the reference that the description does not say
 
     Raises:
         MechanismError: a description that cannot be assembled or has no motion, in one sentence.

@@ -104,7 +104,7 @@ def transversals(axis: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, n
     for candidate in (preferred, *np.eye(3)):
         e1 = candidate - axis * (axis @ candidate)
         length = np.linalg.norm(e1)
-        if length > 0.1 * max(np.linalg.norm(candidate), 1e-9):
+        if length > 0.1 * np.linalg.norm(candidate):
             e1 = e1 / length
             return e1, np.cross(axis, e1)
     raise AssertionError("one of the three coordinate directions is always transversal")

@@ -1,0 +1,56 @@
+"""The mechanism's own length, in which thresholds are told: none depends on the unit that a description is written in.
+
+It is the largest extent of what a body holds, its joints and its mass centre, or a rod's length. Where these vanish it is
+the radius of gyration, then the largest slide of the reference; a mechanism without any length has 1 m.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linkwork.mechanism import Mechanism, RodJoint
+from linkwork.mechanism.joints import SLIDES
+
+ROUNDING = 1e-9  # part of the largest coordinate, and of the radius of gyration, below which an extent is none
+
+
+def own_length(mechanism: Mechanism) -> float:
+    """Return the length [m] that is characteristic of a mechanism, all of whose numbers are given."""
+    points = held_points(mechanism).values()
+    extents = [float(np.linalg.norm(np.ptp(own, axis=0))) for own in points]
+    extents += [joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)]
+    farthest = max((float(np.abs(own).max()) for own in points), default=0.0)
+    gyration = radius_of_gyration(mechanism)
+    if max(extents, default=0.0) > ROUNDING * max(farthest, gyration):
+        return max(extents)
+    lengths = {label for label, unit in slides(mechanism).items() if unit}
+    slid = [abs(value) for label, value in mechanism.reference.items() if label in lengths]
+    return gyration or max(slid, default=0.0) or 1.0
+
+
+def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:
+    """Return the origins of the joints' frames on each body that joints hold, and its mass centre, in its own frame."""
+    points: dict[str, list[tuple[float, float, float]]] = {}
+    for joint in mechanism.pairs.values():
+        for body, frame in zip(joint.connects, joint.frames, strict=True):
+            points.setdefault(body, []).append(frame.position)
+    for name, body in mechanism.bodies.items():
+        points.setdefault(name, []).extend([body.centre_of_mass] if body.mass > 0 else [])
+    return {name: np.array(own, float) for name, own in points.items() if own}
+
+
+def radius_of_gyration(mechanism: Mechanism) -> float:
+    """Return that of all bodies together, each about its mass centre; 0 where nothing has mass."""
+    mass = sum(body.mass for body in mechanism.bodies.values())
+    inertia = sum(float(np.abs(body.inertia.tensor()).max()) for body in mechanism.bodies.values())
+    return float(np.sqrt(inertia / mass)) if mass > 0 else 0.0
+
+
+def slides(mechanism: Mechanism) -> dict[str, bool]:
+    """Tell of every joint coordinate and rate, by name, whether it is a length; else it is an angle or a quaternion's."""
+    told = {}
+    for name, joint in mechanism.pairs.items():
+        alone = len(joint.freedoms) == 1
+        for label in (*joint.coordinates(name), *joint.rates(name)):
+            told[label] = (joint.freedoms[0] if alone else label.rpartition(".")[2]) in SLIDES
+    return told
