@@ -31,8 +31,10 @@ from linkwork.robot.rereading import reread
 from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
 from linkwork.robot.running import integrator, usual, watched
 from linkwork.robot.state import State
+from linkwork.robot.turning import turning
 from linkwork.simulation import Method, Rosenbrock, Status, Tableau, Trajectory, Variable
 from linkwork.simulation.many import Outcomes, integrate_many
+from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
     import xarray
@@ -230,6 +232,7 @@ def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
         next_step=unknown,
         rejected_pivot=unknown,
         rejected_residual=unknown,
+        turns=np.zeros((count, crew.robot.equations.nq)),
     )
     return Part(crew.chart, members, outcomes)
 
@@ -248,7 +251,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
         parts.append(waiting(crew, course, np.flatnonzero(~crew.told)))
     if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
         ((first, _),) = faced(crew, able[:1])
-    groups = [(first, able)]
+    groups, limits = [(first, able)], turning(crew.robot, crew.system)
 
     def progress(ended: int, _: int) -> None:
         report(sum(len(part.members) for part in parts) + ended, len(crew))
@@ -268,6 +271,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             closure_tol=CLOSURE * crew.robot.size,
             threads=course.threads,
             progress=progress,
+            turning=limits,
             **course.options,
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
@@ -335,7 +339,9 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
         rejected_residual=float(done.rejected_residual[row]),
     )
     bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": course.options["max_steps"]}
-    trajectory = Trajectory(rows, rows[:0], done.y_end[row], nq, outcome, None, bounds, Status(outcome.status))
+    trajectory = Trajectory(
+        rows, rows[:0], done.y_end[row], done.turns[row], nq, outcome, None, bounds, Status(outcome.status)
+    )
     return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), course.options["method"].name)
 
 
@@ -394,6 +400,11 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
     """
     robot, count = crew.robot, len(crew)
     q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.extras)))
+    turns = np.zeros(q.shape)
+    for part in parts:
+        turns[part.members] = part.outcomes.turns
+    for one in lone:
+        turns[one.member] = one.segments[-1].trajectory.turns
     rows = [Rows(part.chart, part.members, part.outcomes.end_time, part.outcomes.y_end, NO_INPUTS) for part in parts]
     ends = [(one.member, one.segments[-1]) for one in lone]
     rows += gathered(
@@ -408,6 +419,7 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
         common, v = next(((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v))
     if common is not home:
         robot.charts.setdefault(common.independent, common)
+    q = whole(q, turns)
     (positions,) = robot.kernel("positions")(q, crew.p_robot())
     return State(positions, v, q, robot.coordinates, common.independent), z
 

@@ -17,6 +17,8 @@ from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
 from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.state import State
+from linkwork.robot.turning import own_turning
+from linkwork.simulation import Turning
 
 
 class Model:
@@ -76,6 +78,11 @@ class Model:
     def size(self) -> float:
         """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
         return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
+
+    @cached_property
+    def turning(self) -> Turning:
+        """Return how large coordinates may grow in a run, and which angles may be wrapped where only forces over time act."""
+        return own_turning(self.chart, self.size)
 
     @cached_property
     def run_chart(self) -> CompiledChart:

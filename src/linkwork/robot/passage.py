@@ -21,7 +21,8 @@ from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.crossing import Crossing
 from linkwork.robot.rereading import moved
 from linkwork.robot.system import System, with_jacobian
-from linkwork.simulation import RODAS, Control, Method, Rosenbrock, Status, Trajectory, integrate
+from linkwork.robot.turning import turning
+from linkwork.simulation import RODAS, Control, Method, Rosenbrock, Status, Trajectory, Turning, integrate
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -51,7 +52,8 @@ class Segment:
 class Stand:
     """Hold where a run stands between two segments.
 
-    chart, t, q, v: what the next segment goes out from, v with the extra states; control: what a sampled controller holds
+    chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole turns of angles that are
+        not in q; control: what a sampled controller holds
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while the bound is lowered
     method: of integration
     """
@@ -60,6 +62,7 @@ class Stand:
     t: float
     q: np.ndarray
     v: np.ndarray
+    turns: np.ndarray | None
     control: Control | None
     steps: int
     bound: float
@@ -93,7 +96,13 @@ class Passage:
     options: Mapping[str, Any]
 
     def segments(
-        self, chart: CompiledChart, q: np.ndarray, v: np.ndarray, z: np.ndarray, control: Control | None = None
+        self,
+        chart: CompiledChart,
+        q: np.ndarray,
+        v: np.ndarray,
+        z: np.ndarray,
+        control: Control | None = None,
+        turns: np.ndarray | None = None,
     ) -> Iterator[Segment]:
         """Yield the segments of the run, one after the other.
 
@@ -101,17 +110,33 @@ class Passage:
             chart: to start in.
             q, v, z: coordinates, independent rates of the chart, and extra states at the start.
             control: what a sampled controller holds at the start; zeros if left out.
+            turns: whole turns of angles that are not in q; none if left out.
         """
+        if turns is not None:
+            q, turns = self.turning.begun(q, turns)
         chart = self._faced(chart, q)
         return self.onward(
-            self.stand(chart, self.start, q, np.concatenate([v, z]), self.system.control(chart, control))
+            self.stand(chart, self.start, q, np.concatenate([v, z]), turns, self.system.control(chart, control))
         )
 
     def stand(
-        self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray, control: Control | None = None
+        self,
+        chart: CompiledChart,
+        t: float,
+        q: np.ndarray,
+        v: np.ndarray,
+        turns: np.ndarray | None = None,
+        control: Control | None = None,
     ) -> Stand:
         """Return a stand from which nothing was done yet; v with the extra states."""
-        return Stand(chart, t, q, v, control, self.options["max_steps"], SOFT, self.shortest, self.options["method"])
+        return Stand(
+            chart, t, q, v, turns, control, self.options["max_steps"], SOFT, self.shortest, self.options["method"]
+        )
+
+    @property
+    def turning(self) -> Turning:
+        """How large coordinates may grow, and which angles are wrapped."""
+        return turning(self.robot, self.system)
 
     @property
     def shortest(self) -> float:
@@ -134,7 +159,7 @@ class Passage:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
-        here = replace(stand, t=t, q=q, v=v, control=done.control, steps=steps)
+        here = replace(stand, t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps)
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
             return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
@@ -194,6 +219,8 @@ class Passage:
             jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stiff else None,
             events=system.conditions(chart),
             control=stand.control,
+            turning=self.turning,
+            turns=stand.turns,
             **options,
         )
         return replace(done, bounds={**done.bounds, "max_steps": self.options["max_steps"]})

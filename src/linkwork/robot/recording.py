@@ -37,7 +37,7 @@ AXES = (
     *("event", "event_time"),
 )
 ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
-TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
+TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")))
 
 
 def simulate(
@@ -51,10 +51,12 @@ def simulate(
     start: float = 0.0,
     z: np.ndarray | None = None,
     control: Control | None = None,
+    turns: np.ndarray | None = None,
 ) -> Run:
     """Run a system from a state and record positions, rates, accelerations, forces, tool, energies and closure over time.
 
     start: time at the start [s]; z: extra states there, the system's own if left out; control: what is held there
+    turns: whole turns of angles that are not in the state's q
     """
     if state.batch:
         raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
@@ -69,7 +71,7 @@ def simulate(
         times = np.union1d(times, besides)
     passage = Passage(robot, system, start, end, times, step_over, options)
     chart, v = rereading.start(robot, state)
-    segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control))
+    segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control, turns))
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
             raise fault
@@ -109,7 +111,11 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         "final_rates": ", ".join(segments[-1].chart.independent),
         "final_pace": np.array([last.pace.step, last.pace.growth]),
     }
-    return found | ({"final_held": held_last(system, last.control)} if last.control else {})
+    if last.control:
+        found["final_held"] = held_last(system, last.control)
+    if last.turns.any():
+        found["final_turns"] = last.turns.copy()
+    return found
 
 
 def held_last(system: System, control: Control) -> np.ndarray:
