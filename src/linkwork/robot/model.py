@@ -15,6 +15,8 @@ from linkwork.robot import checks
 from linkwork.robot.assembly import Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
+from linkwork.robot.leading import Leader
+from linkwork.robot.modes import Modes, modes_of
 from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.state import State
 from linkwork.robot.turning import own_turning
@@ -101,6 +103,18 @@ class Model:
         tree, rows = self.equations.tree, self.equations.rows.names
         evaluate = self._assembly.evaluate
         return Assembler(evaluate, tree, self.coordinates, self.rates, self.labels.angular, rows, self.planar)
+
+    def leader(self, size: int, kept: bool) -> Leader:
+        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode of where it begins."""
+        if (size, kept) not in self._leaders:
+            twist = self.assembler.pose_indices(size)
+            modes = modes_of(self.equations, self.p, twist) if kept else Modes()
+            self._leaders[size, kept] = Leader(self, modes, twist)
+        return self._leaders[size, kept]
+
+    @cached_property
+    def _leaders(self) -> dict[tuple[int, bool], Leader]:
+        return {}
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
