@@ -26,7 +26,7 @@ LOOP = (
     '<successor link="distal_2"><origin xyz="0.35 0 0"/></successor><axis xyz="0 0 1"/></loop>'
 )
 FRAMES = "".join(
-    f'<link name="end_{k}"><inertial><mass value="1e-9"/></inertial></link><joint name="end_{k}_frame" type="fixed">'
+    f'<link name="end_{k}"><inertial><mass value="1e-13"/></inertial></link><joint name="end_{k}_frame" type="fixed">'
     f'<parent link="distal_{k}"/><child link="end_{k}"/><origin xyz="0.35 0 0"/></joint>'
     for k in (1, 2)
 )
