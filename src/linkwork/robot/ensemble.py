@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks
+from linkwork.robot.accuracy import compared, repeatable, tightened
 from linkwork.robot.alone import Course, Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
@@ -62,7 +63,7 @@ class Ensemble:
     nfev, steps, rejected: evaluations of the equations of motion, accepted and rejected steps of each member (N,)
     pivot, closure_error: the smallest relative pivot and the largest loop residual of each member (N,)
     parameters: values that vary, by name (N,)
-    members: what they went out from; rows: gives their states at the saved times
+    members: what they went out from; rows: gives their states at the saved times; options: of the integration
     events: what happened in a member's run, and when
     dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over (member, time, ...)
     """
@@ -77,10 +78,12 @@ class Ensemble:
     parameters: Mapping[str, np.ndarray]
     members: Members = field(repr=False)
     rows: Callable[[], Sequence[Rows]] = field(repr=False)
+    options: Mapping[str, Any] = field(repr=False)
     _happened: Happened = field(repr=False)
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
     _sentences: Callable[[int], str] = field(repr=False)
     _measure: Callable[[], tuple[dict[str, Variable], dict[str, Variable]]] = field(repr=False)
+    _companion: Callable[[], Ensemble] | None = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.status)
@@ -103,6 +106,24 @@ class Ensemble:
     @cached_property
     def _reached(self) -> tuple[State, np.ndarray]:
         return self._last()
+
+    @cached_property
+    def error_estimate(self) -> np.ndarray:
+        """Return the largest error of each member's last state (N,), relative to atol + rtol |y|: estimated.
+
+        It is found by running all members again at a tenth of the tolerance (half of the step) when it is first asked for:
+        see `linkwork.robot.accuracy`. nan for members that did not reach their ends, or that a Python function controls.
+        """
+        if self._companion is None:
+            return np.full(len(self), np.nan)
+        other = self._companion()
+        y, y_c = (np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other))
+        start = np.pad(self.members.q, [(0, 0), (0, y.shape[1] - self.members.q.shape[1])])
+        labels = self.members.robot.equations.tree.coordinates
+        units = [*map(self.members.robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
+        largest = compared(y, y_c, np.maximum(np.abs(start), np.abs(y)), units, self.options).max(axis=1)
+        reached = (self.status == Status.FINISHED) & (other.status == Status.FINISHED)
+        return np.where(reached, largest, np.nan)
 
     @property
     def success(self) -> bool:
@@ -188,14 +209,19 @@ def ensemble(
     options |= {"method": chosen or usual(crew.system, crew.signals, rtol), "leave_stiff": chosen is None}
     course = Course(duration, times, step_over, options, threads)
     with shown(progress) as report:
-        if in_lanes(crew, options["method"]):
-            parts, cancelled = together(crew, course, report)
-            tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
-            tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
-        else:
-            parts = [waiting(crew, course, np.arange(len(crew)))]
-            tasks = [Task(member) for member in range(len(crew))]
-        lone = by_themselves(crew, course, tasks, report) if tasks else []
+        return completed(crew, course, report)
+
+
+def completed(crew: Members, course: Course, report: Progress) -> Ensemble:
+    """Run members to their ends."""
+    if in_lanes(crew, course.options["method"]):
+        parts, cancelled = together(crew, course, report)
+        tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
+        tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
+    else:
+        parts = [waiting(crew, course, np.arange(len(crew)))]
+        tasks = [Task(member) for member in range(len(crew))]
+    lone = by_themselves(crew, course, tasks, report) if tasks else []
     return collected(crew, parts, lone, course)
 
 
@@ -379,8 +405,18 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         _last=lambda: last_states(crew, parts, lone),
         _sentences=sentence,
         _measure=lambda: measured(crew, rows(), course.times),
+        _companion=companion(crew, course),
+        options=course.options,
         **numbers,
     )
+
+
+def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:
+    """Return what runs all members again at a tighter tolerance; None where that is not possible."""
+    if not repeatable(crew.system, course.options):
+        return None
+    other = replace(course, times=np.empty(0), options=tightened(course.options))
+    return lambda: completed(crew, other, lambda done, total: None)
 
 
 def in_order(parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
