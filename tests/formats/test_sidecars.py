@@ -186,6 +186,15 @@ def test_types_of_joints(kind, type_, tmp_path):
         assert joint.axes == tuple(tuple(np.eye(3)["XYZ".index(letter)]) for letter in kind[-2:])
 
 
+def test_the_type_of_a_joint_that_is_not_there_is_noted(tmp_path):
+    """As the reader of the collection that such files are from does it: the type says nothing."""
+    loops = "closed_loop: []\nname_mot: [motor_1]\n"
+    sidecar = loops + "joint_name: [left_ball, elbow_1]\njoint_type: [SPHERICAL, FIXED]\n"
+    read_ = read(five_bar(), tmp_path, sidecar)
+    assert "robot.yaml: the type of 'left_ball' is left out: robot.urdf has no such joint" in read_.notes
+    assert read_.mechanism.joints["elbow_1"].type == "fixed"
+
+
 REFUSED = {
     "closed_loop: [[end_1, end_9]]\nname_mot: []": "robot.yaml: line 1: closed_loop.0: there is no link or joint 'end_9'",
     "closed_loop:\n- [end_1]\nname_mot: []": "robot.yaml: line 2: closed_loop.0: is not a pair of frames",
