@@ -10,7 +10,7 @@ import linkwork as lw
 from linkwork.formats import load
 from linkwork.mechanism import MechanismError
 
-from tests.cli.calls import call, refused
+from tests.cli.calls import call
 
 FLAT = """<mujoco><worldbody>
 <body name="crank"><joint name="a" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>
@@ -70,4 +70,13 @@ def test_commands_take_a_reference(flat, tmp_path, command, compiled):
 
 
 def test_a_reference_of_unknown_joints_is_refused_by_the_command(flat):
-    assert "--reference: there is no 'd'; the names are a, b, c" in refused("info", flat, "--reference", "d=1")
+    result = call("info", flat, "--reference", "d=1")
+    assert result.exit_code == 2
+    assert "--reference: there is no 'd'; the names are a, b, c" in result.stderr.splitlines()[-1]
+
+
+def test_what_is_decided_about_a_singular_reference_is_told(flat):
+    result = call("info", flat, "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["mobility"] == 1
+    assert "branches of motion meet at the given reference" in " ".join(result.stderr.split())

@@ -56,7 +56,7 @@ class Scale:
         for body in fields["bodies"].values():
             body["mass"] *= M
             body["centre_of_mass"] = times(body["centre_of_mass"], L)
-            body["inertia"] = {key: x and x * M * L**2 for key, x in body["inertia"].items()}
+            body["inertia"] = {key: x * M * L**2 if isinstance(x, float) else x for key, x in body["inertia"].items()}
             body["shapes"] = ()
         for name, joint in fields["joints"].items():
             self._scale_joint(item, name, joint)

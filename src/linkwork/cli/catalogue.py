@@ -9,6 +9,7 @@ from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, table
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
+from linkwork.robot import Robot
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -20,6 +21,13 @@ def find(source: Source) -> Mechanism:
         LinkworkError: there is none of that name, or the file or the reference is refused.
     """
     return about(named(source.name), source)
+
+
+def built(source: Source) -> Robot:
+    """Return the robot that is meant; print what was decided about its reference."""
+    robot = Robot(find(source))
+    tell(robot.notes)
+    return robot
 
 
 def about(mechanism: Mechanism, source: Source) -> Mechanism:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from linkwork.cli.catalogue import find
+from linkwork.cli.catalogue import built
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
 from linkwork.mechanism import GROUND, GearJoint, Joint, Limits
@@ -18,9 +18,8 @@ KERNELS = ("motion", "inverse_dynamics", "terms", "closure_step")
 
 def show(source: Source, as_json: bool) -> None:
     """Print the facts of a robot, as tables or as JSON."""
-    mechanism = find(source)
     with patience("deriving and compiling the equations of motion"):
-        found = gather(Robot(mechanism))
+        found = gather(built(source))
     if as_json:
         print(json.dumps(found, indent=2, ensure_ascii=False))
     else:

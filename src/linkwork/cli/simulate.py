@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from linkwork.cli.catalogue import find, refuse_existing
+from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.entries import by_name, numbers, read_columns
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience
@@ -119,7 +119,7 @@ def simulate(source: Source, start: Start, load: Load, settings: Settings, targe
     target.check()
     settings.check()
     with patience("preparing the run"):
-        robot = Robot(find(source))
+        robot = built(source)
         state, forces = start.state(robot), load.forces(robot)
     with patience("simulating"):
         run = robot.simulate(
@@ -146,7 +146,7 @@ def print_ending(robot: Robot, run: Run) -> None:
         ("steps", f"{run.steps} accepted, {run.rejected} rejected"),
         ("evaluations", f"{run.nfev} of the equations of motion, {statistics.projections} projections"),
         ("independent", str(run.attrs["charts"])),
-        ("closure error", f"{run.closure_error:.2g} (m, rad)"),
+        ("closure error", f"{run.closure_error:.2g} (own lengths, rad)"),
         ("smallest pivot", f"{statistics.pivot:.3g} at {statistics.pivot_time:.4g} s"),
         ("limits passed", "; ".join(passed_limits(robot, run)) or "none"),
     ]

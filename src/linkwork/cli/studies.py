@@ -10,7 +10,7 @@ import numpy as np
 
 from linkwork import analysis
 from linkwork.analysis.square import led_coordinates, pose_names
-from linkwork.cli.catalogue import find, refuse_existing
+from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.entries import by_name, number, numbers
 from linkwork.cli.simulate import Start
 from linkwork.cli.source import Source
@@ -266,7 +266,7 @@ def parameters(source: Source, effects: str | None, run: Path | None) -> None:
 def made(source: Source) -> Robot:
     """Derive the equations of a robot."""
     with patience("deriving the equations of motion"):
-        return Robot(find(source))
+        return built(source)
 
 
 def configuration(robot: Robot, joints: str | None, tool: str | None) -> State:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import webbrowser
 from pathlib import Path
 
-from linkwork.cli.catalogue import find
+from linkwork.cli.catalogue import built
 from linkwork.cli.runs import SUFFIX, robot_of
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, patience
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot
 from linkwork.simulation import Run
 
 LOCAL = ("127.0.0.1", "::1", "localhost")
@@ -29,7 +28,7 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
     with patience("preparing the robot"):
         from linkwork.views.viewer import Viewer
 
-        robot = Robot(find(source)) if run is None else robot_of(run, name, of)
+        robot = built(source) if run is None else robot_of(run, name, of)
         viewer = Viewer(robot, run, host=host, port=port)
     with viewer:
         out = console()

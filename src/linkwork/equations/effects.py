@@ -105,20 +105,32 @@ def rotor_forces(freedoms: tuple[Freedom, ...], tree: Tree, rates: ca.SX, accele
 
 @dataclass(frozen=True)
 class Pull:
-    """Hold a spring between two points: nodes, vectors from their origins in their axes, direction and length.
+    """Hold a spring between two points: nodes, vectors from their origins in their axes, gap and length.
 
-    direction: from the first to the second point, in the ground's axes
+    gap: from the first to the second point, in the ground's axes
     """
 
     spring: PointSpring
     nodes: tuple[Node, Node]
     arms: tuple[ca.SX, ca.SX]
-    direction: ca.SX
+    gap: ca.SX
     length: ca.SX
 
     @property
     def potential(self) -> ca.SX:
         return self.spring.stiffness * (self.length - self.spring.rest_length) ** 2 / 2
+
+    def force(self, apart: ca.SX) -> ca.SX:
+        """Return the force on the first point, for the relative velocity of the second.
+
+        A spring without rest length and damping pulls by its gap, which needs no direction where the ends meet.
+        """
+        spring = self.spring
+        if not (present(spring.rest_length) or present(spring.damping)):
+            return spring.stiffness * self.gap
+        direction = self.gap / self.length
+        tension = spring.stiffness * (self.length - spring.rest_length) + spring.damping * dot(direction, apart)
+        return tension * direction
 
 
 def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
@@ -129,7 +141,7 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
         gap = tree.point(second, far) - tree.point(first, near)
         length = ca.sqrt(ca.sumsqr(gap))
         arms = near_offset(first, near), near_offset(second, far)
-        yield Pull(spring, (first, second), arms, gap / length, length)
+        yield Pull(spring, (first, second), arms, gap, length)
 
 
 def point_wrenches(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> dict[int, tuple[ca.SX, ca.SX]]:
@@ -142,11 +154,10 @@ def point_wrenches(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> dict[int, 
             ca.mtimes(node.axes.matrix, v[node.index] + cross(omega[node.index], arm))
             for node, arm in zip(pull.nodes, pull.arms, strict=True)
         )
-        rate = dot(pull.direction, second - first)
-        tension = pull.spring.stiffness * (pull.length - pull.spring.rest_length) + pull.spring.damping * rate
+        pulled = pull.force(second - first)
         for sign, node, arm in zip((1, -1), pull.nodes, pull.arms, strict=True):
             if node.index >= 0:
-                force = ca.mtimes(node.axes.matrix.T, sign * tension * pull.direction)
+                force = ca.mtimes(node.axes.matrix.T, sign * pulled)
                 moment, total = wrenches.get(node.index, (zero(), zero()))
                 wrenches[node.index] = (moment + cross(arm, force), total + force)
     return wrenches

@@ -67,7 +67,7 @@ def terms(equations: Equations) -> ca.Function:
 
 
 def closure_step(equations: Equations) -> ca.Function:
-    """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi| before it.
+    """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi| before it in own units.
 
     A quaternion is scaled by (3 - p . p) / 2, a Newton step towards length 1.
     """
@@ -76,7 +76,7 @@ def closure_step(equations: Equations) -> ca.Function:
     q = tree.q + tree.derivatives(equations.scatter(step, SX.zeros(equations.mobility, 1)))
     for places, _ in tree.quaternions:
         q[list(places)] *= (3 - ca.sumsqr(tree.q[list(places)])) / 2
-    conditions = ca.vertcat(phi, *tree.norms())
+    conditions = ca.vertcat(phi * ca.DM(1 / equations.rows.units), *tree.norms())
     largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
     return function("closure_step", equations, {"q": tree.q}, {"q_next": q, "residual": largest})
 

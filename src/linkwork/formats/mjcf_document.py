@@ -5,9 +5,10 @@ Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (elements,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from math import radians
+from pathlib import Path
 
 import numpy as np
 
@@ -24,30 +25,7 @@ EQUALITIES = ("connect", "weld", "joint", "tendon", "flex", "flexstrain", "flexv
 INCLUDES = 50
 MAIN = "main"
 
-
-@dataclass(frozen=True)
-class Class:
-    """Hold a class of defaults: the class that it begins with, and its own settings by kind of element, in their order."""
-
-    parent: Class | None = None
-    own: dict[str, list[Mapping[str, str]]] = field(default_factory=dict)
-
-    def settings(self, kind: str) -> dict[str, str]:
-        """Return the attributes of a kind of element, those of the parent first."""
-        known = {} if self.parent is None else self.parent.settings(kind)
-        for attributes in self.own.get(kind, ()):
-            known = overridden(known, attributes)
-        return known
-
-
-def overridden(known: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:
-    """Return attributes in place of known ones; an orientation replaces one in another form."""
-    if any(form in own for form in ORIENTATIONS):
-        known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
-    return {**known, **own}
-
-
-Defaults = dict[str, Class]
+Defaults = dict[str, dict[str, dict[str, str]]]  # class -> kind of element -> attributes
 
 
 @dataclass(frozen=True)
@@ -116,8 +94,8 @@ class Document:
     @classmethod
     def read(cls, root: Element) -> Document:
         """Complete a document whose root is <mujoco>."""
-        root = _Including(root).complete(root)
-        compiler, defaults = Compiler(), {MAIN: Class()}
+        root = _Including(root.file).complete(root)
+        compiler, defaults = Compiler(), {MAIN: {}}
         for section in root.each("compiler"):
             compiler = compiler.updated(section)
         for section in root.each("default"):
@@ -139,8 +117,12 @@ class Document:
         """
         name = element.attributes.get("class", childclass)
         if name not in self.defaults:
-            raise element.refusal(f"there is no default class {xml.shortened(name)}")
-        return element.with_attributes(overridden(self.defaults[name].settings(kind), element.attributes))
+            raise element.refusal(f"there is no default class {name!r}")
+        known = self.defaults[name].get(kind, {})
+        own = element.attributes
+        if any(form in own for form in ORIENTATIONS):
+            known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
+        return element.with_attributes({**known, **own})
 
     def pose(self, element: Element) -> np.ndarray:
         """Return the pose that pos and one form of orientation give."""
@@ -173,8 +155,8 @@ class Document:
                 return self._euler(numbers)
             case "zaxis":
                 return poses.from_z(numbers)
-        x, y = poses.unit(numbers[:3]), poses.unit(numbers[3:])
-        y = y - (y @ x) * x
+        x = poses.unit(numbers[:3])
+        y = numbers[3:] - (numbers[3:] @ x) * x
         if np.linalg.norm(y) < 1e-12:
             raise element.refusal("xyaxes gives two parallel axes; turn one of them")
         y = poses.unit(y)
@@ -194,40 +176,30 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
     for element in section.children:
         if element.tag != "default":
             kind = "actuator" if element.tag in ACTUATORS else element.tag
-            table.own.setdefault(kind, []).append(element.attributes)
+            known = table.get(kind, {})
+            if any(form in element.attributes for form in ORIENTATIONS):
+                known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
+            table[kind] = {**known, **element.attributes}
     for subclass in section.each("default"):
         child = subclass.text("class")
-        defaults[child] = Class(table)
+        defaults[child] = {tag: dict(attributes) for tag, attributes in table.items()}
         _read_defaults(subclass, child, defaults)
 
 
 class _Including:
-    """Put the contents of files in the place of <include file="...">; they lie in the model's own folder.
+    """Put the contents of files in the place of <include file="...">; they lie in the model's own folder."""
 
-    What is too deep, too large or too much for one file is so for all together.
-    """
+    def __init__(self, main: Path):
+        self.folder = main.parent.resolve()
+        self.seen = {main.resolve()}
 
-    def __init__(self, root: Element):
-        self.folder = root.file.parent.resolve()
-        self.seen = {root.file.resolve()}
-        self.bytes = self.count = 0
-
-    def complete(self, element: Element, depth: int = 1) -> Element:
-        """Return an element with all that it includes; depth: of elements around it, and itself."""
-        self.count += 1
-        if depth > xml.DEEPEST:
-            raise element.refusal(f"is nested deeper than {xml.DEEPEST}, with the files that include its own")
-        if self.count > xml.MOST:
-            raise element.refusal(f"comes after more than {xml.MOST} elements of all files; a mechanism has fewer")
+    def complete(self, element: Element) -> Element:
         children: list[Element] = []
         for child in element.children:
-            if child.tag == "include":
-                children += self._included(child, depth)
-            else:
-                children.append(self.complete(child, depth + 1))
+            children += self._included(child) if child.tag == "include" else [self.complete(child)]
         return replace(element, children=children)
 
-    def _included(self, element: Element, depth: int) -> list[Element]:
+    def _included(self, element: Element) -> list[Element]:
         name = element.text("file")
         try:
             path = (self.folder / name).resolve()
@@ -241,9 +213,6 @@ class _Including:
             raise element.refusal(f"more than {INCLUDES} files are included; that is refused")
         self.seen.add(path)
         try:
-            self.bytes += path.stat().st_size if path.is_file() else 0
-            if self.bytes > xml.LARGEST:
-                raise element.refusal(f"the files included are larger than {xml.LARGEST // 1_000_000} MB together")
-            return self.complete(xml.read(path), depth).children
+            return self.complete(xml.read(path)).children
         except MechanismError as error:
             raise MechanismError(f"{element.file}: line {element.line}: {error}") from None

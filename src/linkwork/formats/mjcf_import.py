@@ -61,8 +61,11 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     everything: dict[str, Joint] = {**joints.joints, **closing, **tendons, **gears}  # pyright: ignore
-    used = ties.sites | tendon_sites | _driven_sites(document)
-    tools = {name: (body, X) for name, (body, X) in tree.sites.items() if body in bodies and name not in used}
+    tools = {
+        name: (body, X)
+        for name, (body, X) in tree.sites.items()
+        if body in bodies and name not in ties.sites | tendon_sites | _driven_sites(document)
+    }
     tool_names = Names(notes)
     fields = {
         "name": root.attributes.get("model", root.file.stem),
@@ -147,7 +150,7 @@ def _driven_sites(document: Document) -> set[str]:
 
 def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, ...]:
     """Return the rates that actuators drive, each once."""
-    rates: dict[str, None] = {}
+    rates: list[str] = []
     for raw in document.each("actuator", *ACTUATORS):
         element = document.resolved(raw, "actuator")
         rate = _driven(element, joints, notes)
@@ -156,7 +159,7 @@ def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, .
         if rate in rates:
             notes.on(element, f"drives {rate!r} as another actuator does; it is one actuator here")
             continue
-        rates[rate] = None
+        rates.append(rate)
         if element.tag not in PLAIN or element.attributes.get("biastype", "none") != "none":
             notes.on(element, "is taken as a plain actuator: its control law is left out, the force is yours")
     return tuple(rates)

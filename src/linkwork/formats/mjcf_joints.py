@@ -41,7 +41,6 @@ from linkwork.mechanism import (
 )
 from linkwork.mechanism.joints import ManyFreedoms
 
-MOST = 4  # pieces of one joint
 NEAR = 1e-9  # directions [1] and, times the size of the numbers, places [m] that agree
 
 
@@ -208,12 +207,11 @@ def _groups(
     node: Node, couplings: Mapping[str, Coupling], drives: Mapping[str, Drive], screws: set[str]
 ) -> list[Group]:
     """Split a body's joints into groups, each one joint of the mechanism."""
-    groups, start = [], 0
-    while start < len(node.pieces):
-        left = list(node.pieces[start : start + MOST])
+    left, groups = list(node.pieces), []
+    while left:
         group = _screw(left[:2], couplings, screws) or _several(left) or _single(left[0], drives)
         groups.append(group)
-        start += len(group.pieces)
+        left = left[len(group.pieces) :]
     return groups
 
 

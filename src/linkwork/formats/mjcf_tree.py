@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import inf
 from typing import Any, Literal
 
 import numpy as np
@@ -300,7 +299,7 @@ class _Reader:
             return Limits()
         if limited == "auto" and not self.document.compiler.autolimits:
             return Limits()
-        lower, upper = (self.scaled(kind, value) for value in element.numbers("range", (2,), most=inf))
+        lower, upper = (self.scaled(kind, value) for value in element.numbers("range", (2,)))
         return element.make(
             Limits,
             lower=None if kind == "ball" or lower <= -UNLIMITED else lower,

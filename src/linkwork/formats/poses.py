@@ -32,8 +32,6 @@ def of_frame(frame: Frame) -> np.ndarray:
 
 def frame_of(X: np.ndarray) -> Frame:
     """Return the frame of a pose; what rounding left of zeros is zero."""
-    if (X[:3, :3] == np.eye(3)).all():
-        return Frame(position=triple(X[:3, 3]))
     return Frame(position=triple(X[:3, 3]), rotation=triple(Rotation.from_matrix(X[:3, :3]).as_rotvec()))
 
 
@@ -69,9 +67,8 @@ def point(X: np.ndarray, p) -> np.ndarray:
 
 
 def unit(vector) -> np.ndarray:
-    """Return a vector scaled to length 1, however long or short it is."""
+    """Return a vector scaled to length 1."""
     vector = np.asarray(vector, float)
-    vector = vector / np.max(np.abs(vector))
     return vector / np.linalg.norm(vector)
 
 
@@ -112,10 +109,7 @@ def completed(columns: dict[int, np.ndarray]) -> np.ndarray | None:
 
 
 def from_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
-    """Return the rotation matrix of a quaternion, which is normalised; one without length is no rotation, as in MuJoCo."""
-    if np.max(np.abs([w, x, y, z])) < TINY:
-        return np.eye(3)
-    w, x, y, z = unit([w, x, y, z])
+    """Return the rotation matrix of a quaternion, which is normalised."""
     return Rotation.from_quat([w, x, y, z], scalar_first=True).as_matrix()
 
 

@@ -8,6 +8,7 @@ YAML 1.2: 1e-3 is a number, 010 is ten, and 1:30 or a date is text. An alias (`*
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
@@ -23,6 +24,7 @@ NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII
 NOT_FINITE = re.compile(r"[-+]?\.(?:inf|nan)\Z", re.IGNORECASE)
 EMPTY = re.compile(r"(?:~|null|)\Z", re.IGNORECASE)
 TRUTH = re.compile(r"(?:true|false|yes|no|on|off)\Z", re.IGNORECASE)
+VANISHES = "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or check its unit"
 NO_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -136,6 +138,12 @@ class _Reader:
             _refuse(line, f"holds more than {MAX_ENTRIES} entries, with aliases written out")
 
 
+def vanishes(text: str) -> bool:
+    """Tell whether the text of a number other than zero means one that a double does not hold in full."""
+    mantissa = text.lower().partition("e")[0]
+    return abs(float(text)) < sys.float_info.min and re.search("[1-9]", mantissa) is not None
+
+
 def _scalar(event: Any, where: Where) -> float | str | None:
     """Return the number, text or nothing that a scalar means; what stands in quotes is text."""
     text = event.value
@@ -147,6 +155,8 @@ def _scalar(event: Any, where: Where) -> float | str | None:
     if EMPTY.match(text):
         return None
     if NUMBER.match(text):
+        if vanishes(text):
+            _refuse(event.start_mark.line + 1, f"{text} {VANISHES}", where)
         return int(text) if re.fullmatch(r"[-+]?\d{1,15}", text) else float(text)
     if NOT_FINITE.match(text):
         return float(text.replace(".", ""))

@@ -59,6 +59,7 @@ class Assembler:
 
     evaluate: maps (q, w) to the outputs of `functions.assembly` by name
     coordinates, rate_names: names of all joints' coordinates and rates; angular: which coordinates are angles
+    sizes: units of the coordinates, the mechanism's own length of lengths; units: those of the closure rows
     rows: names of the closure rows; planar: whether poses are (x, y, angle)
     """
 
@@ -67,7 +68,9 @@ class Assembler:
     coordinates: tuple[str, ...]
     rate_names: tuple[str, ...]
     angular: np.ndarray
+    sizes: np.ndarray
     rows: tuple[str, ...]
+    units: np.ndarray
     planar: bool
 
     def at_joints(self, targets: dict[str, float], guess: np.ndarray) -> np.ndarray:
@@ -85,7 +88,7 @@ class Assembler:
             return np.concatenate([out["phi"], error]), J, out["derivatives"]
 
         asked = ", ".join(f"{name} = {value:g}" for name, value in targets.items())
-        return self._solve(system, guess, names, f"with {asked}")
+        return self._solve(system, self.sizes[indices], guess, names, f"with {asked}")
 
     def at_pose(self, pose: np.ndarray, guess: np.ndarray) -> np.ndarray:
         """Return q with the tool at a pose: (x, y[, angle]) in the plane, (x, y, z[, rotation vector]) in space."""
@@ -96,7 +99,8 @@ class Assembler:
             error, J = self._pose_rows(out, pose)
             return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], J]), out["derivatives"]
 
-        return self._solve(system, guess, names, f"with the tool at {np.round(pose, 6).tolist()}")
+        sizes = np.where(np.array(self._pose_indices(pose.size)) < 3, 1.0, self.tree.length)
+        return self._solve(system, sizes, guess, names, f"with the tool at {np.round(pose, 6).tolist()}")
 
     def rates(
         self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
@@ -107,13 +111,19 @@ class Assembler:
             velocity = np.append(velocity[:3], omega)
             acceleration = np.append(acceleration[:3], alpha)
         out = self.still(q)
-        rows = self.pose_indices(velocity.size)
+        rows = self._pose_indices(velocity.size)
         A = np.vstack([out["Phi"], out["J_tool"][rows]])
-        self._refuse_leg_singular(A, velocity.size)
-        w = np.linalg.lstsq(A, np.concatenate([0 * out["phi"], velocity]), rcond=None)[0]
+        sizes = np.where(np.array(rows) < 3, 1.0, self.tree.length)
+        heights = np.concatenate([self.units, sizes])[:, None]
+        self._refuse_leg_singular(A * self.tree.rate_units / heights, velocity.size)
+        w = self._least(A, heights, np.concatenate([0 * out["phi"], velocity]))
         out = self.evaluate(q, w)
-        right = np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]])
-        return w, np.linalg.lstsq(A, right, rcond=None)[0]
+        return w, self._least(A, heights, np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]]))
+
+    def _least(self, A: np.ndarray, heights: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Return the w (nv) of least |A w - right|, both in the mechanism's own units; heights: of the rows (rows x 1)."""
+        widths = self.tree.rate_units
+        return widths * np.linalg.lstsq(A * widths / heights, right / heights[:, 0], rcond=None)[0]
 
     def _rate_index(self, coordinate: str) -> int:
         if coordinate not in self.rate_names:
@@ -140,7 +150,7 @@ class Assembler:
             )
         return tuple(f"tool: {name}" for name in names[:size])
 
-    def pose_indices(self, size: int) -> list[int]:
+    def _pose_indices(self, size: int) -> list[int]:
         self.pose_names(size)
         return [3, 4, 2][:size] if self.planar else [3, 4, 5, 0, 1, 2][:size]
 
@@ -156,16 +166,23 @@ class Assembler:
                 R = out["orientation"].reshape(3, 3)
                 turn = Rotation.from_matrix(R @ Rotation.from_rotvec(pose[3:]).as_matrix().T).as_rotvec()
             error = np.append(out["position"] - pose[:3], turn)
-        return error, out["J_tool"][self.pose_indices(pose.size)]
+        return error, out["J_tool"][self._pose_indices(pose.size)]
 
-    def _solve(self, system, guess: np.ndarray, names: tuple[str, ...], asked: str) -> np.ndarray:
+    def _solve(self, system, sizes: np.ndarray, guess: np.ndarray, names: tuple[str, ...], asked: str) -> np.ndarray:
+        """Return q that solves a system; sizes: the mechanism's own units of what is asked for beside closed loops."""
+        rows, rates = np.concatenate([self.units, sizes]), self.tree.rate_units
+
+        def natural(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            residual, J, N = system(q)
+            return residual / rows, J * rates / rows[:, None], N * rates
+
         try:
-            q = close(system, self.tree, guess)
+            q = close(natural, self.tree, guess)
         except OpenLoopsError as error:
             element, _, what = names[error.worst].partition(": ")
             raise UnreachableError(
                 f"the mechanism cannot be assembled {asked} from this guess: {element} ({what}) stays off by "
-                f"{error.gap:.3g}; choose a pose within reach or a nearer guess"
+                f"{error.gap * rows[error.worst]:.3g}; choose a pose within reach or a nearer guess"
             ) from None
         if self.still(q)["alignment"][0] < 0:
             raise UnreachableError(

@@ -53,7 +53,6 @@ class CompiledChart:
     equations: Equations
     p: np.ndarray
     _kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
-    _kept: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def with_parameters(self, p: np.ndarray) -> CompiledChart:
         """Return the chart with other values of the free parameters; both share their kernels."""
@@ -79,13 +78,6 @@ class CompiledChart:
                 self._kernels[key] = compile_function(make(self.equations))
             return self._kernels[key]
 
-    def kept(self, key: str, find: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return what was found of these equations under a key, found once for all charts that share kernels."""
-        with BUILDING:
-            if key not in self._kept:
-                self._kept[key] = find()
-            return self._kept[key]
-
     @property
     def independent(self) -> tuple[str, ...]:
         return self.equations.independent
@@ -100,6 +92,16 @@ class CompiledChart:
         """Return what charts have in common that differ in the scales of their pivots only."""
         chart = self.equations.chart
         return chart.independent, chart.rows, tuple(chart.blocks)
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Units of (q, v) but for the time: the mechanism's own length of slides, 1 of turns and quaternions."""
+        tree = self.equations.tree
+        return np.concatenate([tree.units, tree.rate_units[list(self.equations.chart.independent)]])
+
+    def tolerances(self, atol: float, size: int) -> np.ndarray:
+        """Return the absolute tolerance of each number of a state (q, v, z) of some size: atol in its own unit."""
+        return atol * np.concatenate([self.units, np.ones(size - self.units.size)])
 
     def facing(self, q: np.ndarray) -> CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,9 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import TURN
 from linkwork.robot.assembly import wrapped
 from linkwork.robot.state import State
+
+if TYPE_CHECKING:
+    from linkwork.robot.labels import Labels
 
 ON_SINGULAR = ("stop", "step_over")
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
@@ -159,7 +162,7 @@ def require_turns(given: np.ndarray, mechanism: Mechanism) -> None:
 
 
 def require_consistent(
-    closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, angular: np.ndarray, tolerance: float
+    closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, labels: Labels, tolerance: float
 ) -> None:
     """Refuse coordinates that contradict the closed configuration; angles may differ by whole turns.
 
@@ -171,7 +174,7 @@ def require_consistent(
         sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
         given[..., places] *= sign / length
     error = given - closed
-    error = np.where(angular, wrapped(error), error)
+    error = np.where(labels.angular, wrapped(error), error) / labels.sizes
     if not (np.abs(error) > 10 * tolerance).any():
         return
     index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])

@@ -53,8 +53,7 @@ class Crossing:
         fine, coarse = (self._step(t, h, y, nodes) for nodes in NODES)
         if fine is None or coarse is None:
             return None
-        rtol = max(self.rtol, FINEST)
-        error = np.abs(fine - coarse) / (self.atol + rtol * np.maximum(1, np.abs(fine)))
+        error = np.abs(fine - coarse) / self._tolerance(fine)
         q_new, closed = self._closed(fine[: q.size])
         behind = abs(self.chart.pivot(q_new)) > BEHIND * abs(self.chart.pivot(q)) or t + h == end
         if not (closed and behind and error.max() <= ACCURATE):
@@ -64,7 +63,8 @@ class Crossing:
     def _time_to_zero(self, t: float, q: np.ndarray, v: np.ndarray) -> float | None:
         """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2)."""
         slope = self._slope(self.system.inputs(t), np.concatenate([q, v]))[: q.size]
-        h = 1e-3 * max(1.0, np.abs(q).max()) / max(np.abs(slope).max(), 1e-3)
+        units = self.chart.equations.tree.units
+        h = 1e-3 * max(1.0, np.abs(q / units).max()) / max(np.abs(slope / units).max(), 1e-3)
         p_0, p_1, p_2 = (abs(self.chart.pivot(q - k * h * slope)) for k in range(3))
         rate, curvature = (3 * p_0 - 4 * p_1 + p_2) / (2 * h), (p_0 - 2 * p_1 + p_2) / h**2
         if not rate < 0:
@@ -77,7 +77,7 @@ class Crossing:
         a, b, c = gauss(nodes)
         first, *inputs = self.system.inputs(t + h * np.array([0.0, *c]))
         slopes, change = np.tile(self._slope(first, y), (nodes, 1)), np.inf
-        scale = self.atol + max(self.rtol, FINEST) * np.maximum(1, np.abs(y))
+        scale = self._tolerance(y)
         while True:
             stages = y + h * a @ slopes
             previous, slopes = slopes, np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)])
@@ -86,6 +86,11 @@ class Crossing:
                 return y + h * b @ slopes
             if not change < last / 2:
                 return None
+
+    def _tolerance(self, y: np.ndarray) -> np.ndarray:
+        """Return the error that each number of y may have; a number small in its own unit counts as 1 of it."""
+        units = self.chart.tolerances(1.0, y.size)
+        return self.atol * units + max(self.rtol, FINEST) * np.maximum(units, np.abs(y))
 
     def _slope(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return y' = (q', v') under the inputs u, with the loops of q closed."""

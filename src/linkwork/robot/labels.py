@@ -7,12 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from linkwork.equations import Equations, measures, readings
+from linkwork.equations import Equations, readings
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
 
-SMALLEST = 1e-4  # length below which rounding is not followed [m]
 POSES = {True: ("x", "y", "angle"), False: ("x", "y", "z", "rx", "ry", "rz")}  # of a tool, by planar
 POSE_ANGLES = ("angle", "rx", "ry", "rz")
 UNITS = {slide: "m" for slide in SLIDES} | {TURN: "1"}
@@ -43,6 +42,12 @@ class Labels:
     def angular(self) -> np.ndarray:
         """Which coordinates are angles (m)."""
         return np.array([self.units[label] == "rad" for label in self.equations.mechanism.coordinates], bool)
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """The mechanism's own units of the coordinates (m): its own length of lengths, 1 of others."""
+        lengths = [self.units[label] == "m" for label in self.equations.mechanism.coordinates]
+        return np.where(lengths, self.equations.tree.length, 1.0)
 
     @cached_property
     def quaternions(self) -> list[list[int]]:
@@ -86,19 +91,16 @@ class Labels:
             own[kept] = self.unwrapped(time[kept], own[kept], rate[kept])
 
     def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:
-        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length.
+        """Return what rounding in the closure rows grows with: lengths over the mechanism's own, and angles.
 
         Args:
             mechanism: the description with all numbers.
             q: the tree's coordinates (nq); positions: coordinates of all joints (m), at the reference.
         """
-        equations = self.equations
+        tree = self.equations.tree
         frames = [frame for joint in mechanism.pairs.values() for frame in joint.frames]
         lengths = [abs(x) for frame in frames for x in frame.position]
         lengths += [
             abs(x) for x, label in zip(positions, mechanism.coordinates, strict=True) if self.unit(label) == "m"
         ]
-        rows = [row for cut in equations.cuts for row in cut.rows]
-        unitless = bool(equations.tree.quaternions) or any(row.f is not None for row in rows)
-        least = 1.0 if unitless and not measures.is_planar(equations.tree) else SMALLEST
-        return max(*lengths, least) * max(1.0, *np.abs(q))
+        return max(1.0, max(lengths) / tree.length) * max(1.0, float(np.abs(q / tree.units).max()))

@@ -15,12 +15,8 @@ from linkwork.robot import checks
 from linkwork.robot.assembly import Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
-from linkwork.robot.leading import Leader
-from linkwork.robot.modes import Modes, modes_of
 from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.state import State
-from linkwork.robot.turning import own_turning
-from linkwork.simulation import Turning
 
 
 class Model:
@@ -78,13 +74,8 @@ class Model:
 
     @cached_property
     def size(self) -> float:
-        """Return what rounding in the closure rows grows with: the largest length [m], at least 1 where a row is no length."""
+        """Return what rounding in the closure rows grows with: lengths over the mechanism's own, and angles."""
         return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
-
-    @cached_property
-    def turning(self) -> Turning:
-        """Return how large coordinates may grow in a run, and which angles may be wrapped where only forces over time act."""
-        return own_turning(self.chart, self.size)
 
     @cached_property
     def run_chart(self) -> CompiledChart:
@@ -100,21 +91,10 @@ class Model:
 
     @cached_property
     def assembler(self) -> Assembler:
-        tree, rows = self.equations.tree, self.equations.rows.names
+        tree, rows, labels = self.equations.tree, self.equations.rows, self.labels
         evaluate = self._assembly.evaluate
-        return Assembler(evaluate, tree, self.coordinates, self.rates, self.labels.angular, rows, self.planar)
-
-    def leader(self, size: int, kept: bool) -> Leader:
-        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode of where it begins."""
-        if (size, kept) not in self._leaders:
-            twist = self.assembler.pose_indices(size)
-            modes = modes_of(self.equations, self.p, twist) if kept else Modes()
-            self._leaders[size, kept] = Leader(self, modes, twist)
-        return self._leaders[size, kept]
-
-    @cached_property
-    def _leaders(self) -> dict[tuple[int, bool], Leader]:
-        return {}
+        named = self.coordinates, self.rates, labels.angular, labels.sizes
+        return Assembler(evaluate, tree, *named, rows.names, rows.units, self.planar)
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""

@@ -115,8 +115,8 @@ class Robot(Model):
             positions: q of all joints (..., m) [m, rad] in the order of `coordinates`, or by name.
             rates: v (..., n) [m/s, rad/s] in the order of `independent`, or n rates of any joints by name; zero if left
                 out.
-            tolerance: largest gap [m, rad] of a loop; what is open by less is closed exactly by moving the dependent
-                joints.
+            tolerance: largest gap of a loop, over the mechanism's own length, or rad; what is open by less is closed
+                exactly by moving the dependent joints.
 
         Raises:
             LinkworkError: wrong shapes or names, numbers that are not finite, loops that are open.
@@ -130,7 +130,6 @@ class Robot(Model):
         tool: ArrayLike | None = None,
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
         guess: State | None = None,
-        branch: Literal["guess", "any"] = "guess",
     ) -> State:
         """Close the loops at given joint coordinates (direct kinematics) or at a tool pose (inverse kinematics).
 
@@ -140,14 +139,11 @@ class Robot(Model):
                 rotation vector]. Leading dimensions give a stack of states, each from the same guess.
             rates: v (n) in the order of `independent`, or n rates of any joints by name; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
-            branch: the tool is led on the "guess"'s working mode, straight where that is possible (Chablat & Wenger 1998: no
-                determinant of the inverse problem changes its sign); "any": on whichever leads there. Where members spin,
-                or freedoms are left open, no signs tell modes apart.
 
         Raises:
-            UnreachableError: what is asked is out of reach, not reachable from this guess, or only on another branch.
+            UnreachableError: what is asked is out of reach, or not reachable from this guess.
         """
-        return posing.assemble(self, joints, tool, rates, guess, branch)
+        return posing.assemble(self, joints, tool, rates, guess)
 
     def follow(self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None) -> Motion:
         """Lead the tool along a path: positions, rates and accelerations of all joints.
@@ -354,7 +350,7 @@ class Robot(Model):
         return self.labels.unit(label)
 
     def closure_error(self, state: State) -> np.ndarray:
-        """Return the largest loop residual max |phi| (...) [m, rad], redundant rows included."""
+        """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the own length, and rad."""
         return self.kernel("closure_step")(self.own(state).q)[1][..., 0]
 
     def limits_passed(self, state: State) -> tuple[str, ...]:
@@ -405,7 +401,8 @@ class Robot(Model):
                 range, or where the actuators cease to determine the motion. An event happens when its function reaches
                 zero: one that is zero at the start happens when it comes back to zero.
             parameters: values of free parameters by name, the robot's and those of controllers and drives.
-            rtol, atol: relative and absolute tolerance of the local error of coordinates and rates.
+            rtol, atol: relative and absolute tolerance of the local error of coordinates and rates; of lengths atol is
+                a part of the mechanism's own length (`linkwork.equations.lengths`).
             save_at: times to save [s]; every accepted step if left out.
             max_step: largest step [s].
             max_steps: most steps to take.

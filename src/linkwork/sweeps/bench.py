@@ -135,7 +135,7 @@ class Bench:
             "end_time": Field(("member",), "f8", {"units": "s"}),
             "nfev": Field(("member",), "i8", {}),
             "pivot": Field(("member",), "f8", {"units": "1", "description": "smallest relative pivot met"}),
-            "closure_error": Field(("member",), "f8", {"units": "m, rad"}),
+            "closure_error": Field(("member",), "f8", {"units": "own lengths, rad"}),
         }
         for name, output in self.outputs.items():
             attrs = {"role": "output", "units": output.unit, "description": self.study.outputs[name]}

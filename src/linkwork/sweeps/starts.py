@@ -2,8 +2,8 @@
 
     [Phi; J] s = -[phi; x - x_d],    q <- q + N s          Gauss-Newton steps of least length, for all members together
 
-from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge so, or on another
-working mode, are assembled one by one, with shorter steps.
+from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge so are assembled one
+by one, with shorter steps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from linkwork.mechanism.record import MechanismError
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import MATRICES, wrapped
 from linkwork.robot.labels import POSES
-from linkwork.robot.modes import same
 from linkwork.sweeps.study import Study, StudyError
 
 if TYPE_CHECKING:
@@ -95,10 +94,7 @@ def closed_together(bench: Bench, q: np.ndarray, p: np.ndarray, of: Values) -> t
     if given:
         q, closed = solved(robot, q, p, given, None)
     if pose is not None:
-        begin, (q, closed) = q, solved(robot, q, p, {}, pose)
-        modes = robot.leader(pose.shape[1], kept=True).modes
-        before, after = (modes.signs(rows(robot, part, p, {}, pose)[1]) for part in (begin, q))
-        closed &= same(before, after)
+        q, closed = solved(robot, q, p, {}, pose)
     return q, closed
 
 
@@ -111,7 +107,7 @@ def solved(
         part = {name: column[open_] for name, column in joints.items()}
         residual, J, N, aligned = rows(robot, q[open_], p[open_], part, None if pose is None else pose[open_])
         size = np.abs(residual).max(axis=1, initial=0.0)
-        met = size <= CLOSED * np.maximum(1.0, np.abs(q[open_]).max(axis=1, initial=0.0))
+        met = size <= CLOSED * np.maximum(1.0, np.abs(q[open_] / robot.equations.tree.units).max(axis=1, initial=0.0))
         closed[open_[met]] = aligned[met]
         going = ~met & np.isfinite(size)
         open_, residual, J, N = open_[going], residual[going], J[going], N[going]
@@ -132,27 +128,32 @@ def least_step(J: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.ndarray | None):
-    """Return the residuals (M, rows), their Jacobians in the tree's rates, the maps N from these to q', and whether joints'
-    frames face each other as they should (M).
+    """Return the residuals (M, rows), their Jacobians in the tree's rates, the maps N from these to q', all in the
+    mechanism's own units, and whether joints' frames face each other as they should (M).
     """
     kernel, nv = robot.kernel("assembly"), len(robot.equations.tree.rates)
     out = {name: value for (name, _), value in zip(kernel.outputs, kernel(q, np.zeros((len(q), nv)), p), strict=True)}
     for name in MATRICES:
         if name in out:
             out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
+    tree, units = robot.equations.tree, [robot.equations.rows.units]
     residuals, jacobians = [out["phi"]], [out["Phi"]]
     if joints:
         places = [robot.coordinates.index(name) for name in joints]
         error = out["coordinates"][:, places] - np.stack(list(joints.values()), axis=1)
         residuals.append(np.where(robot.labels.angular[places], wrapped(error), error))
         jacobians.append(out["J_coordinates"][:, [robot.rates.index(name) for name in joints]])
+        units.append(robot.labels.sizes[places])
     if pose is not None:
         residuals.append(pose_error(robot.planar, out, pose))
-        jacobians.append(out["J_tool"][:, TURNS_LAST[robot.planar][: pose.shape[1]]])
+        asked = list(TURNS_LAST[robot.planar][: pose.shape[1]])
+        jacobians.append(out["J_tool"][:, asked])
+        units.append(np.where(np.array(asked) < 3, 1.0, tree.length))
+    heights = np.concatenate(units)
     return (
-        np.concatenate(residuals, axis=1),
-        np.concatenate(jacobians, axis=1),
-        out["derivatives"],
+        np.concatenate(residuals, axis=1) / heights,
+        np.concatenate(jacobians, axis=1) * tree.rate_units / heights[:, None],
+        out["derivatives"] * tree.rate_units,
         out["alignment"][:, 0] >= 0,
     )
 

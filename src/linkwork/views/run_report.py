@@ -220,7 +220,7 @@ def closure_table(run: Run) -> Table:
     saved = run.variables["closure_error"].values if "closure_error" in run.variables else np.empty(0)
     pivot = run.statistics.pivot
     rows = [
-        ("largest gap of a loop over all steps [m, rad]", short(run.closure_error)),
+        ("largest gap of a loop over all steps [own lengths, rad]", short(run.closure_error)),
         ("largest gap at the saved times [m, rad]", short(float(saved.max())) if saved.size else "–"),
         ("smallest relative pivot", f"{short(pivot, 3)} at {short(run.statistics.pivot_time, 4)} s"),
     ]

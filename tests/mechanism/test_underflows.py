@@ -1,0 +1,37 @@
+"""Numbers too near to zero for a double are refused, not read as zero."""
+
+import pytest
+
+from linkwork.formats import load
+from linkwork.mechanism import Mechanism, MechanismError
+
+ARM = """linkwork: 1
+bodies:
+  arm:
+    mass: {mass}
+    inertia: {{zz: {zz}}}
+joints:
+  hinge: {{type: revolute, connects: [ground, arm]}}
+"""
+MJCF = """<mujoco><worldbody><body name="arm"><joint name="hinge"/>
+<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("number", ["1e-400", "-1E-330", "4e-310", "0.00001e-318"])
+def test_a_number_that_a_double_does_not_hold_is_refused_with_its_line(number):
+    with pytest.raises(
+        MechanismError, match=f"line 5: bodies.arm.inertia.zz: {number} is nearer to zero than any number"
+    ):
+        Mechanism.parse(ARM.format(mass=1, zz=number))
+
+
+@pytest.mark.parametrize("number", ["0", "0.0", "0e-400", "2.3e-308", "1e-300"])
+def test_zero_and_small_numbers_are_read(number):
+    assert Mechanism.parse(ARM.format(mass=1, zz=number)).bodies["arm"].inertia.zz == float(number)
+
+
+def test_so_it_is_in_model_files(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(MJCF.format(mass="1e-400"))
+    with pytest.raises(MechanismError, match=r"line 2.*mass: 1e-400 is nearer to zero"):
+        load(path)

@@ -1,0 +1,60 @@
+"""Robots in micrometres and nanograms, or a million times larger: poses, runs and ensembles follow the scaling laws."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+
+from tests.catalogue import built
+from tests.oracle.scaling import Scale
+
+SCALES = [(1e-6, 1e-9), (1e6, 1e6)]
+NAMES = ["prr3", "slider_crank", "bennett"]
+
+
+def scaled(name, L, M):
+    scale = Scale(getattr(lw.robots, name)(), L, M)
+    return scale, lw.Robot(scale.mechanism)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_run_takes_the_same_steps_to_the_same_motion(name, L, M):
+    plain, (scale, robot) = built(name), scaled(name, L, M)
+    time = np.linspace(0, 0.3, 4)
+    expected, found = (one.simulate(one.home, duration=0.3, save_at=time) for one in (plain, robot))
+    assert found.status is expected.status
+    assert (found.steps, found.rejected) == (expected.steps, expected.rejected)
+    motion = found.dataset.joint_position.values / scale.coordinates()
+    assert np.allclose(motion, expected.dataset.joint_position.values, rtol=0, atol=1e-12)
+    assert found.closure_error < 1e-14
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_an_ensemble_takes_the_same_steps(L, M):
+    plain, (scale, robot) = built("prr3"), scaled("prr3", L, M)
+    forces = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.5]])
+    expected = plain.ensemble(plain.home, forces, duration=0.2, save_at=[0.1, 0.2])
+    found = robot.ensemble(robot.home, forces * scale.forces(robot.actuators), duration=0.2, save_at=[0.1, 0.2])
+    assert found.steps.tolist() == expected.steps.tolist()
+    last, as_expected = (part.dataset.joint_position.values[:, -1] for part in (found, expected))
+    assert np.allclose(last / scale.coordinates(), as_expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_a_pose_of_the_tool_is_assembled_and_a_state_closed(L, M):
+    plain, (scale, robot) = built("prr3"), scaled("prr3", L, M)
+    pose = plain.tool_pose(plain.home) + np.array([0.02, -0.01, 0.05])
+    expected = plain.assemble(tool=pose)
+    found = robot.assemble(tool=pose * [L, L, 1.0])
+    assert np.allclose(found.positions / scale.coordinates(), expected.positions, rtol=0, atol=1e-10)
+    rounded = np.round(expected.positions, 7) * scale.coordinates()
+    assert robot.closure_error(robot.state(rounded)) < 1e-12
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_a_gap_is_one_of_the_robots_own_length(L, M):
+    scale, robot = scaled("prr3", L, M)
+    off = built("prr3").home.positions + 1e-3 * np.arange(9.0)
+    with pytest.raises(lw.LinkworkError, match="more than the tolerance 1e-06"):
+        robot.state(off * scale.coordinates())
