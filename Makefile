@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 BROWSER := $(VENV)/.browser
 UV_VERSION := 0.13.8
 
-.PHONY: demo test bench docs lock clean
+.PHONY: demo test hostile bench docs lock clean
 
 demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 	$(BIN)/linkwork reproduce --out demo
@@ -16,6 +16,9 @@ test: $(READY) $(BROWSER)  ## lint, types, all tests
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/python -m pytest -n 2
+
+hostile: $(READY)  ## every hostile case and every mutated file; `make test` runs a sample of them
+	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile -n 2 --dist loadgroup
 
 bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into benchmarks/results
 	$(BIN)/python -m benchmarks

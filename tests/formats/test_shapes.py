@@ -192,7 +192,6 @@ def test_capsules_and_other_visuals_of_links(tmp_path):
     ("solid", "words"),
     [
         ('<box size="1 2"/>', "<box>: size holds 2 numbers; give 3"),
-        ('<sphere radius="0"/>', "<sphere>: radius: 0.0 is not above 0"),
         ('<cylinder radius="1"/>', "<cylinder>: has no attribute 'length'; add it"),
     ],
 )

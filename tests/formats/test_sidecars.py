@@ -26,7 +26,7 @@ LOOP = (
     '<successor link="distal_2"><origin xyz="0.35 0 0"/></successor><axis xyz="0 0 1"/></loop>'
 )
 FRAMES = "".join(
-    f'<link name="end_{k}"><inertial><mass value="1e-9"/></inertial></link><joint name="end_{k}_frame" type="fixed">'
+    f'<link name="end_{k}"><inertial><mass value="1e-13"/></inertial></link><joint name="end_{k}_frame" type="fixed">'
     f'<parent link="distal_{k}"/><child link="end_{k}"/><origin xyz="0.35 0 0"/></joint>'
     for k in (1, 2)
 )
@@ -184,6 +184,15 @@ def test_types_of_joints(kind, type_, tmp_path):
     assert joint.type == type_
     if type_ == "universal":
         assert joint.axes == tuple(tuple(np.eye(3)["XYZ".index(letter)]) for letter in kind[-2:])
+
+
+def test_the_type_of_a_joint_that_is_not_there_is_noted(tmp_path):
+    """As the reader of the collection that such files are from does it: the type says nothing."""
+    loops = "closed_loop: []\nname_mot: [motor_1]\n"
+    sidecar = loops + "joint_name: [left_ball, elbow_1]\njoint_type: [SPHERICAL, FIXED]\n"
+    read_ = read(five_bar(), tmp_path, sidecar)
+    assert "robot.yaml: the type of 'left_ball' is left out: robot.urdf has no such joint" in read_.notes
+    assert read_.mechanism.joints["elbow_1"].type == "fixed"
 
 
 REFUSED = {

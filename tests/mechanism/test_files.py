@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -64,6 +65,13 @@ def test_names_that_yaml_might_misread(tmp_path, name):
     mechanism = Mechanism(name=name, bodies={name: Body(mass=1)}, joints={name: hinge}, actuators=(name,))
     mechanism.save(tmp_path / "x.yaml")
     assert Mechanism.load(tmp_path / "x.yaml") == mechanism
+
+
+def test_numbers_of_numpy_are_written_as_numbers(tmp_path):
+    """A copy with other values is not looked through, and may hold NumPy's."""
+    copied = prr3().model_copy(update={"gravity": tuple(np.array([0.1, -9.8, 1e-9]))})
+    copied.save(tmp_path / "copied.yaml")
+    assert Mechanism.load(tmp_path / "copied.yaml") == copied
 
 
 def test_defaults_are_left_out(tmp_path):

@@ -214,3 +214,34 @@ def test_implicit_steps_longer_than_explicit_ones_could_be():
     robot = built("flyball_governor")
     run = robot.simulate(robot.home, np.zeros(len(robot.actuators)), duration=0.1, method="rodas")
     assert relative(run.dataset) < 1e-6
+
+
+def test_the_balance_at_the_tightest_tolerance_is_the_run_s_own():
+    """Under constant forces the work is u . (q - q_0) exactly."""
+    robot, u = built("prr3"), np.array([0.3, 0.2, -0.1])
+    for method, rtol in (("dop853", 1e-12), ("sharp_smart", 1e-12), ("rodas", 1e-8)):
+        data = robot.simulate(robot.home, u, duration=0.5, method=method, rtol=rtol, atol=0.1 * rtol).dataset
+        energy = (data.kinetic_energy + data.potential_energy).values
+        slides = data.joint_position.sel(coordinate=list(robot.actuators)).values
+        close(data.energy_balance.values, energy - energy[0] - (slides - slides[0]) @ u, rtol * np.ptp(energy))
+
+
+@pytest.mark.parametrize("method", [None, "rodas"])
+def test_a_stiff_run_has_a_balance_however_seldom_it_is_saved(method):
+    """Dry friction has taken all of the energy m v^2 / 2 when a block has come to rest."""
+    slide = lw.PrismaticJoint(connects=("ground", "block"), friction=lw.Friction(coulomb=3.0, coulomb_rate=1e-6))
+    robot = lw.Robot(lw.Mechanism(bodies={"block": lw.Body(mass=2.0)}, joints={"slide": slide}, gravity=(0, 0, 0)))
+    run = robot.simulate(robot.home.with_rates([1.5]), duration=50.0, method=method, save_at=[0.0, 50.0])
+    assert run.dataset.work.values[-1] == pytest.approx(-2.25, abs=1e-7)
+    assert np.isfinite(run.dataset.energy_balance.values).all()
+    assert relative(run.dataset) < 1e-7
+
+
+def test_a_balance_that_is_not_known_is_told(monkeypatch):
+    robot = arm()
+    run = robot.simulate(robot.home, [1.0], duration=0.5)
+    from linkwork.robot.derived import Flow
+
+    monkeypatch.setattr(Flow, "power", lambda self, y, r: np.full(len(y), np.nan))
+    with pytest.warns(UserWarning, match=r"energy balance, is not known \(nan\) from t = "):
+        assert np.isnan(run.dataset.energy_balance.values[-1])

@@ -6,8 +6,9 @@ import numpy as np
 
 import linkwork as lw
 from linkwork.sweeps import Study
-from linkwork.sweeps.bench import REFUSED, UNREACHABLE
+from linkwork.sweeps.bench import REFUSED, UNREACHABLE, Bench
 from linkwork.sweeps.chunk import digest
+from linkwork.sweeps.starts import starts
 
 from tests.sweeps.carts import study, whole
 
@@ -170,3 +171,23 @@ def test_starts_out_of_reach_and_impossible_numbers_are_told():
     vary = {f"ball.inertia.{axis}": {"type": "values", "values": (0.4, 1.9)} for axis in ("xx", "yy")}
     found = whole(Study(robot=ball, duration=0.01, vary=vary, outputs={"energy": "final kinetic_energy"}))
     assert found["status"].tolist() == [REFUSED, REFUSED, REFUSED, 0]  # 0.4 + 0.4 < 1, and 0.4 + 1 < 1.9
+
+
+def test_members_start_on_the_branch_of_the_study_s_start():
+    """Poses behind the edge of the workspace, where Newton's method from the start alone ends with an elbow turned over."""
+    robot = lw.Robot(lw.robots.five_bar())
+    home = robot.tool_pose(robot.home)[:2]
+    given = Study(
+        robot=lw.robots.five_bar(),
+        duration=0.1,
+        start={"tool": tuple(home)},
+        vary={f"start.tool.{axis}": {"type": "uniform", "low": -0.3, "high": 0.3} for axis in "xy"},
+        design={"type": "sobol", "members": 4},
+        outputs={"end": "final tool_pose"},
+    )
+    poses = np.array([home, (0.2236, -0.1075), (-0.0804, -0.0660)])
+    made, status = starts(Bench.of(given), poses)
+    assert (status == 0).all()
+    elbows = [robot.coordinates.index(name) for name in ("elbow_1", "elbow_2")]
+    np.testing.assert_array_equal(np.sign(np.sin(made.positions[:, elbows])), [[-1, 1]] * 3)
+    np.testing.assert_allclose(robot.tool_pose(robot.state(made.positions))[:, :2], poses, atol=1e-9)

@@ -5,10 +5,9 @@ Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (elements,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from math import radians
-from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +24,30 @@ EQUALITIES = ("connect", "weld", "joint", "tendon", "flex", "flexstrain", "flexv
 INCLUDES = 50
 MAIN = "main"
 
-Defaults = dict[str, dict[str, dict[str, str]]]  # class -> kind of element -> attributes
+
+@dataclass(frozen=True)
+class Class:
+    """Hold a class of defaults: the class that it begins with, and its own settings by kind of element, in their order."""
+
+    parent: Class | None = None
+    own: dict[str, list[Mapping[str, str]]] = field(default_factory=dict)
+
+    def settings(self, kind: str) -> dict[str, str]:
+        """Return the attributes of a kind of element, those of the parent first."""
+        known = {} if self.parent is None else self.parent.settings(kind)
+        for attributes in self.own.get(kind, ()):
+            known = overridden(known, attributes)
+        return known
+
+
+def overridden(known: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:
+    """Return attributes in place of known ones; an orientation replaces one in another form."""
+    if any(form in own for form in ORIENTATIONS):
+        known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
+    return {**known, **own}
+
+
+Defaults = dict[str, Class]
 
 
 @dataclass(frozen=True)
@@ -94,8 +116,8 @@ class Document:
     @classmethod
     def read(cls, root: Element) -> Document:
         """Complete a document whose root is <mujoco>."""
-        root = _Including(root.file).complete(root)
-        compiler, defaults = Compiler(), {MAIN: {}}
+        root = _Including(root).complete(root)
+        compiler, defaults = Compiler(), {MAIN: Class()}
         for section in root.each("compiler"):
             compiler = compiler.updated(section)
         for section in root.each("default"):
@@ -117,12 +139,8 @@ class Document:
         """
         name = element.attributes.get("class", childclass)
         if name not in self.defaults:
-            raise element.refusal(f"there is no default class {name!r}")
-        known = self.defaults[name].get(kind, {})
-        own = element.attributes
-        if any(form in own for form in ORIENTATIONS):
-            known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
-        return element.with_attributes({**known, **own})
+            raise element.refusal(f"there is no default class {xml.shortened(name)}")
+        return element.with_attributes(overridden(self.defaults[name].settings(kind), element.attributes))
 
     def pose(self, element: Element) -> np.ndarray:
         """Return the pose that pos and one form of orientation give."""
@@ -155,8 +173,8 @@ class Document:
                 return self._euler(numbers)
             case "zaxis":
                 return poses.from_z(numbers)
-        x = poses.unit(numbers[:3])
-        y = numbers[3:] - (numbers[3:] @ x) * x
+        x, y = poses.unit(numbers[:3]), poses.unit(numbers[3:])
+        y = y - (y @ x) * x
         if np.linalg.norm(y) < 1e-12:
             raise element.refusal("xyaxes gives two parallel axes; turn one of them")
         y = poses.unit(y)
@@ -176,30 +194,40 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
     for element in section.children:
         if element.tag != "default":
             kind = "actuator" if element.tag in ACTUATORS else element.tag
-            known = table.get(kind, {})
-            if any(form in element.attributes for form in ORIENTATIONS):
-                known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
-            table[kind] = {**known, **element.attributes}
+            table.own.setdefault(kind, []).append(element.attributes)
     for subclass in section.each("default"):
         child = subclass.text("class")
-        defaults[child] = {tag: dict(attributes) for tag, attributes in table.items()}
+        defaults[child] = Class(table)
         _read_defaults(subclass, child, defaults)
 
 
 class _Including:
-    """Put the contents of files in the place of <include file="...">; they lie in the model's own folder."""
+    """Put the contents of files in the place of <include file="...">; they lie in the model's own folder.
 
-    def __init__(self, main: Path):
-        self.folder = main.parent.resolve()
-        self.seen = {main.resolve()}
+    What is too deep, too large or too much for one file is so for all together.
+    """
 
-    def complete(self, element: Element) -> Element:
+    def __init__(self, root: Element):
+        self.folder = root.file.parent.resolve()
+        self.seen = {root.file.resolve()}
+        self.bytes = self.count = 0
+
+    def complete(self, element: Element, depth: int = 1) -> Element:
+        """Return an element with all that it includes; depth: of elements around it, and itself."""
+        self.count += 1
+        if depth > xml.DEEPEST:
+            raise element.refusal(f"is nested deeper than {xml.DEEPEST}, with the files that include its own")
+        if self.count > xml.MOST:
+            raise element.refusal(f"comes after more than {xml.MOST} elements of all files; a mechanism has fewer")
         children: list[Element] = []
         for child in element.children:
-            children += self._included(child) if child.tag == "include" else [self.complete(child)]
+            if child.tag == "include":
+                children += self._included(child, depth)
+            else:
+                children.append(self.complete(child, depth + 1))
         return replace(element, children=children)
 
-    def _included(self, element: Element) -> list[Element]:
+    def _included(self, element: Element, depth: int) -> list[Element]:
         name = element.text("file")
         try:
             path = (self.folder / name).resolve()
@@ -213,6 +241,9 @@ class _Including:
             raise element.refusal(f"more than {INCLUDES} files are included; that is refused")
         self.seen.add(path)
         try:
-            return self.complete(xml.read(path)).children
+            self.bytes += path.stat().st_size if path.is_file() else 0
+            if self.bytes > xml.LARGEST:
+                raise element.refusal(f"the files included are larger than {xml.LARGEST // 1_000_000} MB together")
+            return self.complete(xml.read(path), depth).children
         except MechanismError as error:
             raise MechanismError(f"{element.file}: line {element.line}: {error}") from None

@@ -61,11 +61,8 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     everything: dict[str, Joint] = {**joints.joints, **closing, **tendons, **gears}  # pyright: ignore
-    tools = {
-        name: (body, X)
-        for name, (body, X) in tree.sites.items()
-        if body in bodies and name not in ties.sites | tendon_sites | _driven_sites(document)
-    }
+    used = ties.sites | tendon_sites | _driven_sites(document)
+    tools = {name: (body, X) for name, (body, X) in tree.sites.items() if body in bodies and name not in used}
     tool_names = Names(notes)
     fields = {
         "name": root.attributes.get("model", root.file.stem),
@@ -150,7 +147,7 @@ def _driven_sites(document: Document) -> set[str]:
 
 def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, ...]:
     """Return the rates that actuators drive, each once."""
-    rates: list[str] = []
+    rates: dict[str, None] = {}
     for raw in document.each("actuator", *ACTUATORS):
         element = document.resolved(raw, "actuator")
         rate = _driven(element, joints, notes)
@@ -159,7 +156,7 @@ def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, .
         if rate in rates:
             notes.on(element, f"drives {rate!r} as another actuator does; it is one actuator here")
             continue
-        rates.append(rate)
+        rates[rate] = None
         if element.tag not in PLAIN or element.attributes.get("biastype", "none") != "none":
             notes.on(element, "is taken as a plain actuator: its control law is left out, the force is yours")
     return tuple(rates)

@@ -41,6 +41,7 @@ from linkwork.mechanism import (
 )
 from linkwork.mechanism.joints import ManyFreedoms
 
+MOST = 4  # pieces of one joint
 NEAR = 1e-9  # directions [1] and, times the size of the numbers, places [m] that agree
 
 
@@ -207,11 +208,12 @@ def _groups(
     node: Node, couplings: Mapping[str, Coupling], drives: Mapping[str, Drive], screws: set[str]
 ) -> list[Group]:
     """Split a body's joints into groups, each one joint of the mechanism."""
-    left, groups = list(node.pieces), []
-    while left:
+    groups, start = [], 0
+    while start < len(node.pieces):
+        left = list(node.pieces[start : start + MOST])
         group = _screw(left[:2], couplings, screws) or _several(left) or _single(left[0], drives)
         groups.append(group)
-        left = left[len(group.pieces) :]
+        start += len(group.pieces)
     return groups
 
 

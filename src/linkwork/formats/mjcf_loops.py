@@ -39,6 +39,7 @@ from linkwork.mechanism import (
     SphericalJoint,
 )
 
+CONNECTS = 100  # of two bodies
 APART = 1e-6  # points closer than this are one; distances that differ by less are equal [m]
 POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -157,6 +158,8 @@ class LoopReader:
     def _connected(self, ties: list[Tie]) -> list[tuple[str, PairJoint]]:
         """Return the one joint that several connects of the same two bodies are, or one spherical joint for each."""
         connects, name = ties[0].bodies, tie_name(ties[0])
+        if len(ties) > CONNECTS:
+            raise ties[0].element.refusal(f"and {len(ties) - 1} more hold the same two bodies together; three fix them")
         points = np.array([tie.points for tie in ties])  # (ties, 2, 3)
         apart = {(i, j): points[j] - points[i] for i, j in combinations(range(len(ties)), 2)}
         lengths = {pair: np.linalg.norm(gap, axis=1) for pair, gap in apart.items()}

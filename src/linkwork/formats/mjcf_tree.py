@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Any, Literal
 
 import numpy as np
@@ -299,7 +300,7 @@ class _Reader:
             return Limits()
         if limited == "auto" and not self.document.compiler.autolimits:
             return Limits()
-        lower, upper = (self.scaled(kind, value) for value in element.numbers("range", (2,)))
+        lower, upper = (self.scaled(kind, value) for value in element.numbers("range", (2,), most=inf))
         return element.make(
             Limits,
             lower=None if kind == "ball" or lower <= -UNLIMITED else lower,

@@ -32,6 +32,8 @@ def of_frame(frame: Frame) -> np.ndarray:
 
 def frame_of(X: np.ndarray) -> Frame:
     """Return the frame of a pose; what rounding left of zeros is zero."""
+    if (X[:3, :3] == np.eye(3)).all():
+        return Frame(position=triple(X[:3, 3]))
     return Frame(position=triple(X[:3, 3]), rotation=triple(Rotation.from_matrix(X[:3, :3]).as_rotvec()))
 
 
@@ -67,8 +69,9 @@ def point(X: np.ndarray, p) -> np.ndarray:
 
 
 def unit(vector) -> np.ndarray:
-    """Return a vector scaled to length 1."""
+    """Return a vector scaled to length 1, however long or short it is."""
     vector = np.asarray(vector, float)
+    vector = vector / np.max(np.abs(vector))
     return vector / np.linalg.norm(vector)
 
 
@@ -109,7 +112,10 @@ def completed(columns: dict[int, np.ndarray]) -> np.ndarray | None:
 
 
 def from_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
-    """Return the rotation matrix of a quaternion, which is normalised."""
+    """Return the rotation matrix of a quaternion, which is normalised; one without length is no rotation, as in MuJoCo."""
+    if np.max(np.abs([w, x, y, z])) < TINY:
+        return np.eye(3)
+    w, x, y, z = unit([w, x, y, z])
     return Rotation.from_quat([w, x, y, z], scalar_first=True).as_matrix()
 
 

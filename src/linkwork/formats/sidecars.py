@@ -235,7 +235,13 @@ class _Laas:
         if len(names) != len(kinds):
             raise self._refusal(("joint_type",), f"holds {len(kinds)} types for the {len(names)} joints of joint_name")
         for index, (name, kind) in enumerate(zip(names, kinds, strict=True)):
-            joint, axes = self._joint(name, ("joint_name", str(index))), UNIVERSAL.fullmatch(kind)
+            if name not in self.model.joints:
+                file = self.model.root.file.name
+                self.notes.say(
+                    f"{self.path.name}: the type of {xml.shortened(name)} is left out: {file} has no such joint"
+                )
+                continue
+            joint, axes = self.model.joints[name], UNIVERSAL.fullmatch(kind)
             if axes and axes[1] != axes[2]:
                 changed = replace(joint, type="universal", axes=(axes[1].lower(), axes[2].lower()))
             elif kind in ("SPHERICAL", "FIXED"):

@@ -8,6 +8,8 @@ Source: the URDF specification, https://wiki.ros.org/urdf/XML.
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 
 from linkwork.formats import poses, sidecars, xml
@@ -122,10 +124,11 @@ def _says_nothing(element: Element) -> bool:
 def _solids(model: Model, notes: Notes) -> dict[str, Solid]:
     """Return the mass of each body: of the link that it is, with those that are frames of it."""
     parts: dict[str, list[Solid]] = {}
+    size = model.size
     for name, link in model.links.items():
         body, X = model.seat(name)
         if body != GROUND:
-            parts.setdefault(body, []).append(_solid(link, model.size, notes).seen(X))
+            parts.setdefault(body, []).append(_solid(link, size, notes).seen(X))
     heavy = {body: [solid for solid in solids if solid.mass or solid.inertia.any()] for body, solids in parts.items()}
     return {body: solids[0] if len(solids) == 1 else together(solids) for body, solids in heavy.items()}
 
@@ -194,7 +197,7 @@ def _limits(joint: UrdfJoint) -> Limits:
     limit = joint.element.first("limit")
     if limit is None or joint.type == "continuous":
         return Limits()
-    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    lower, upper = (limit.number(name, 0.0, most=inf) for name in ("lower", "upper"))
     return Limits(lower=lower, upper=upper) if lower < upper else Limits()
 
 

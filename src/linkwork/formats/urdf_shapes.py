@@ -16,8 +16,8 @@ import numpy as np
 from linkwork.formats import poses
 from linkwork.formats.notes import Notes
 from linkwork.formats.urdf_model import Model, origin
-from linkwork.formats.xml import Element
-from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, MechanismError, Shape, Sphere
+from linkwork.formats.xml import Element, shortened
+from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, Shape, Sphere
 
 FEW = 4  # kinds of geometry in one sentence
 SHAPES = ("box", "cylinder", "sphere", "capsule")
@@ -25,19 +25,13 @@ SHAPES = ("box", "cylinder", "sphere", "capsule")
 
 def shapes_of(model: Model, notes: Notes) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of all links by the body that they are on, in its frame."""
-    colours: dict[str, tuple[float, ...]] = {}
-    for element in model.root.each("material"):
-        try:
-            name, colour = _material(element)
-            colours |= {} if colour is None else {name: colour}
-        except MechanismError as error:
-            notes.on(element, f"is left out: {_reason(error, element)}")
+    colours = {name: colour for name, colour in map(_material, model.root.each("material")) if colour is not None}
     found: dict[str, tuple[Shape, ...]] = defaultdict(tuple)
     for name, link in model.links.items():
         body, X = model.seat(name)
         if body == GROUND:
             for visual in link.each("visual"):
-                notes.on(visual, f"of {name!r} is not shown: only bodies have shapes here, not ground")
+                notes.on(visual, f"of {shortened(name)} is not shown: only bodies have shapes here, not ground")
         else:
             found[body] += poses.carried(_shapes(link, colours, notes), X)
     return found
@@ -45,32 +39,34 @@ def shapes_of(model: Model, notes: Notes) -> dict[str, tuple[Shape, ...]]:
 
 def _shapes(link: Element, colours: dict[str, tuple[float, ...]], notes: Notes) -> Iterator[Shape]:
     for visual in link.each("visual"):
-        try:
-            geometry = visual.named("geometry")
-            solid = next(geometry.each(*SHAPES), None)
-            if solid is not None:
-                yield _shape(solid, poses.frame_of(origin(visual)), _colour(visual, colours))
-                continue
+        geometry = visual.named("geometry")
+        solid = next(geometry.each(*SHAPES), None)
+        if solid is None:
             kinds = ", ".join(child.tag for child in geometry.children[:FEW]) or "nothing"
             notes.on(visual, f"is not shown: it is {kinds}, not one of {', '.join(SHAPES)}")
-        except MechanismError as error:
-            notes.on(visual, f"is not shown: {_reason(error, visual)}")
+            continue
+        sizes = _sizes(solid)
+        if min(sizes) <= 0:
+            notes.on(visual, f"is not shown: its {solid.tag} has no size")
+            continue
+        yield _shape(solid, sizes, poses.frame_of(origin(visual)), _colour(visual, colours))
 
 
-def _reason(error: MechanismError, element: Element) -> str:
-    """Return a refusal without the file, which the note names."""
-    return str(error).removeprefix(f"{element.file}: ")
+def _sizes(solid: Element) -> tuple[float, ...]:
+    """Return the lengths of a box, the radius of a sphere, or radius and length [m]."""
+    if solid.tag == "box":
+        return solid.vector("size")
+    return tuple(solid.number(name) for name in (("radius",) if solid.tag == "sphere" else ("radius", "length")))
 
 
-def _shape(solid: Element, frame: Frame, colour: tuple[float, ...] | None) -> Shape:
+def _shape(solid: Element, sizes: tuple[float, ...], frame: Frame, colour: tuple[float, ...] | None) -> Shape:
     fields = {"frame": frame, "colour": colour}
     match solid.tag:
         case "box":
-            return solid.make(Box, size=solid.vector("size"), **fields)
+            return solid.make(Box, size=sizes, **fields)
         case "sphere":
-            return solid.make(Sphere, radius=solid.number("radius"), **fields)
-    record = Cylinder if solid.tag == "cylinder" else Capsule
-    return solid.make(record, radius=solid.number("radius"), length=solid.number("length"), **fields)
+            return solid.make(Sphere, radius=sizes[0], **fields)
+    return solid.make(Cylinder if solid.tag == "cylinder" else Capsule, radius=sizes[0], length=sizes[1], **fields)
 
 
 def _colour(visual: Element, colours: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:

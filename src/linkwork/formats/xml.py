@@ -19,7 +19,10 @@ from linkwork.mechanism.record import Record
 
 LARGEST = 20_000_000  # bytes
 DEEPEST = 250  # elements inside one another
-MOST = 200_000  # elements
+MOST = 400_000  # elements
+ATTRIBUTES = 200  # of one element
+HUGE = 1e50  # numbers beyond this have no finite moments of inertia
+LONGEST = 600  # letters of what is wrong with an element
 
 R = TypeVar("R", bound=Record)
 
@@ -46,6 +49,7 @@ class Element:
 
     def refusal(self, what: str) -> MechanismError:
         """Return a refusal of this element: file, line, element, and the sentence."""
+        what = what if len(what) <= LONGEST else f"{what[: LONGEST - 4]} ..."
         return MechanismError(f"{self.file}: line {self.line}: {self.label}: {what}")
 
     def each(self, *tags: str) -> Iterator[Element]:
@@ -80,20 +84,23 @@ class Element:
         return word
 
     def numbers(
-        self, name: str, counts: tuple[int, ...], default: tuple[float, ...] | None = None
+        self, name: str, counts: tuple[int, ...], default: tuple[float, ...] | None = None, most: float = HUGE
     ) -> tuple[float, ...]:
-        """Return the numbers of an attribute; another count than those allowed, or no finite number, is refused."""
+        """Return the numbers of an attribute; another count than those allowed, or a number that is not finite, is refused.
+
+        most: the largest number of either sign
+        """
         if name not in self.attributes and default is not None:
             return default
         words = self.text(name).split()
         if len(words) not in counts:
             wanted = " or ".join(map(str, counts))
             raise self.refusal(f"{name} holds {len(words)} numbers; give {wanted}")
-        return tuple(self._number(name, word) for word in words)
+        return tuple(self._number(name, word, most) for word in words)
 
-    def number(self, name: str, default: float | None = None) -> float:
+    def number(self, name: str, default: float | None = None, most: float = HUGE) -> float:
         """Return the number of an attribute."""
-        return self.numbers(name, (1,), None if default is None else (default,))[0]
+        return self.numbers(name, (1,), None if default is None else (default,), most)[0]
 
     def vector(self, name: str, default: tuple[float, float, float] | None = None) -> tuple[float, float, float]:
         """Return the three numbers of an attribute."""
@@ -107,21 +114,24 @@ class Element:
         except MechanismError as error:
             raise self.refusal(str(error)) from None
 
-    def _number(self, name: str, word: str) -> float:
+    def _number(self, name: str, word: str, most: float) -> float:
         try:
             value = float(word.replace("_", "?"))
         except ValueError:
             raise self.refusal(f"{name} holds {shortened(word)}, which is not a number") from None
         if not isfinite(value):
-            raise self.refusal(f"{name} holds {word}, which is not a finite number")
+            raise self.refusal(f"{name} holds {shortened(word, quoted=False)}, which is not a finite number")
+        if abs(value) > most:
+            raise self.refusal(f"{name} holds {shortened(word, quoted=False)}; give numbers up to {most:g}")
         if vanishes(word):
-            raise self.refusal(f"{name}: {word} {VANISHES}")
+            raise self.refusal(f"{name}: {shortened(word, quoted=False)} {VANISHES}")
         return value
 
 
-def shortened(text: str) -> str:
-    """Return a text in quotation marks, cut to a length that fits a sentence."""
-    return repr(text if len(text) <= 60 else text[:57] + "...")
+def shortened(text: str, quoted: bool = True) -> str:
+    """Return a text, in quotation marks, cut to a length that fits a sentence."""
+    text = text if len(text) <= 60 else text[:57] + "..."
+    return repr(text) if quoted else text
 
 
 def read(path: Path) -> Element:
@@ -129,7 +139,8 @@ def read(path: Path) -> Element:
 
     Raises:
         MechanismError: the file cannot be read, is larger than 20 MB, nested deeper than 250 elements, has more than
-            200 000 elements or a document type, or is not well-formed (the line is named).
+            400 000 elements, an element with more than 200 attributes, or a document type, or is not well-formed (the
+            line is named).
     """
     parser, building = expat.ParserCreate(), _Building(path)
     parser.buffer_text = True
@@ -180,6 +191,8 @@ class _Building:
                 f"{self.path}: line {line}: elements are nested deeper than {DEEPEST}; that is refused"
             )
         element = Element(tag, attributes, self.path, line)
+        if len(attributes) > ATTRIBUTES:
+            raise element.refusal(f"holds more than {ATTRIBUTES} attributes; no element of a model does")
         self.open[-1].children.append(element)
         self.open.append(element)
 

@@ -155,9 +155,13 @@ class Kernel:
         """Return the number of machine instructions of the function of that kind."""
         return instruction_count(self.assembly(kind))
 
+    def traced(self) -> Program:
+        """Return the function as a straight-line program."""
+        return trace(self._function)
+
     @cached_property
     def _program(self) -> Program:
-        return simplify(trace(self._function))
+        return simplify(self.traced())
 
     @cached_property
     def _one(self) -> Callable[..., None]:

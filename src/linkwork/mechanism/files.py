@@ -141,5 +141,6 @@ Dumper.add_representer(
 Dumper.add_representer(
     dict, lambda dumper, data: dumper.represent_mapping("tag:yaml.org,2002:map", data.items(), flow_style=_flat(data))
 )
+Dumper.add_multi_representer(float, lambda dumper, number: dumper.represent_float(float(number)))  # NumPy's, too
 for pattern, meaning in ((NUMBER, "float"), (TRUTH, "bool"), (EMPTY, "null")):
     Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{meaning}", pattern, None)

@@ -6,7 +6,8 @@ what one gets when joints close a cycle. Units are SI, angles are in radians.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,8 +19,10 @@ from linkwork.mechanism.effects import PointSpring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
+from linkwork.mechanism.refusal import shown
 
 GROUND = "ground"
+SHOWN = 100  # names in one sentence
 
 
 class Tool(Record):
@@ -83,28 +86,26 @@ class Mechanism(Record):
             raise MechanismError(
                 "'ground' is the fixed frame and cannot be described; rename the body", ("bodies", GROUND)
             )
+        bodies, coordinates = dict.fromkeys((GROUND, *self.bodies)), dict.fromkeys(self.coordinates)
         pairs = {("joints", name): joint for name, joint in self.pairs.items()}
         for where, pair in (pairs | {("springs", name): spring for name, spring in self.springs.items()}).items():
             for body in pair.connects:
-                require(body, (GROUND, *self.bodies), "body", (*where, "connects"))
+                require(body, bodies, "body", (*where, "connects"))
             if pair.connects[0] == pair.connects[1]:
                 raise MechanismError(f"connects {pair.connects[0]!r} to itself; name two bodies", where)
         for name, gear in self.gears.items():
             for label in gear.ratios:
-                require(label, self.coordinates, "coordinate", ("joints", name, "ratios"))
+                require(label, coordinates, "coordinate", ("joints", name, "ratios"))
                 if label.rpartition(".")[2] in QUATERNION and label not in self.joints:
                     raise MechanismError(
                         f"{label!r} is part of a quaternion and cannot be geared; name an angle or a slide",
                         ("joints", name, "ratios"),
                     )
-        for name in self.actuators:
-            self._require_rate(name)
-            if self.actuators.count(name) > 1:
-                raise MechanismError(f"{name!r} is named twice; name each actuated joint once", ("actuators",))
+        self._check_actuators()
         for name, tool in self.tools.items():
             require(tool.body, self.bodies, "body", ("tools", name, "body"))
         for name in self.reference:
-            require(name, self.coordinates, "joint", ("reference",))
+            require(name, coordinates, "joint", ("reference",))
         loose = set(self.bodies) - set(nx.node_connected_component(self.graph(), GROUND))
         if loose:
             first = next(name for name in self.bodies if name in loose)
@@ -119,13 +120,18 @@ class Mechanism(Record):
             graph.add_edge(*joint.connects, key=name)
         return graph
 
-    def _require_rate(self, name: str) -> None:
-        joint = self.joints.get(name)
-        if joint is not None and name not in self.rates:
-            rates = joint.rates(name)
-            cure = f"actuate one of its rates {', '.join(rates)}" if rates else "actuate another joint"
-            raise MechanismError(f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}", ("actuators",))
-        require(name, self.rates, "joint", ("actuators",))
+    def _check_actuators(self) -> None:
+        rates, seen = dict.fromkeys(self.rates), set()
+        for name in self.actuators:
+            joint = self.joints.get(name)
+            if joint is not None and name not in rates:
+                own = joint.rates(name)
+                cure = f"actuate one of its rates {', '.join(own)}" if own else "actuate another joint"
+                raise MechanismError(f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}", ("actuators",))
+            require(name, rates, "joint", ("actuators",))
+            if name in seen:
+                raise MechanismError(f"{name!r} is named twice; name each actuated joint once", ("actuators",))
+            seen.add(name)
 
     def with_payload(
         self,
@@ -179,8 +185,9 @@ class Mechanism(Record):
         return read_yaml(Path(path))
 
 
-def require(name: str, known: Iterable[str], kind: str, where: tuple[str, ...]) -> None:
+def require(name: str, known: Collection[str], kind: str, where: tuple[str, ...]) -> None:
     """Refuse a name that is not among the known ones, and show those."""
-    known = tuple(known)
     if name not in known:
-        raise MechanismError(f"there is no {kind} {name!r}; the {kind} names are {', '.join(known) or '(none)'}", where)
+        names = ", ".join(islice(known, SHOWN)) or "(none)"
+        more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
+        raise MechanismError(f"there is no {kind} {shown(name)}; the {kind} names are {names}{more}", where)

@@ -111,7 +111,7 @@ class Assembler:
             velocity = np.append(velocity[:3], omega)
             acceleration = np.append(acceleration[:3], alpha)
         out = self.still(q)
-        rows = self._pose_indices(velocity.size)
+        rows = self.pose_indices(velocity.size)
         A = np.vstack([out["Phi"], out["J_tool"][rows]])
         sizes = np.where(np.array(rows) < 3, 1.0, self.tree.length)
         heights = np.concatenate([self.units, sizes])[:, None]
@@ -150,7 +150,7 @@ class Assembler:
             )
         return tuple(f"tool: {name}" for name in names[:size])
 
-    def _pose_indices(self, size: int) -> list[int]:
+    def pose_indices(self, size: int) -> list[int]:
         self.pose_names(size)
         return [3, 4, 2][:size] if self.planar else [3, 4, 5, 0, 1, 2][:size]
 
@@ -166,7 +166,7 @@ class Assembler:
                 R = out["orientation"].reshape(3, 3)
                 turn = Rotation.from_matrix(R @ Rotation.from_rotvec(pose[3:]).as_matrix().T).as_rotvec()
             error = np.append(out["position"] - pose[:3], turn)
-        return error, out["J_tool"][self._pose_indices(pose.size)]
+        return error, out["J_tool"][self.pose_indices(pose.size)]
 
     def _solve(self, system, sizes: np.ndarray, guess: np.ndarray, names: tuple[str, ...], asked: str) -> np.ndarray:
         """Return q that solves a system; sizes: the mechanism's own units of what is asked for beside closed loops."""

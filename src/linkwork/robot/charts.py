@@ -53,6 +53,7 @@ class CompiledChart:
     equations: Equations
     p: np.ndarray
     _kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
+    _kept: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def with_parameters(self, p: np.ndarray) -> CompiledChart:
         """Return the chart with other values of the free parameters; both share their kernels."""
@@ -77,6 +78,13 @@ class CompiledChart:
             if key not in self._kernels:
                 self._kernels[key] = compile_function(make(self.equations))
             return self._kernels[key]
+
+    def kept(self, key: str, find: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what was found of these equations under a key, found once for all charts that share kernels."""
+        with BUILDING:
+            if key not in self._kept:
+                self._kept[key] = find()
+            return self._kept[key]
 
     @property
     def independent(self) -> tuple[str, ...]:

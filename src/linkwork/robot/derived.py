@@ -2,13 +2,15 @@
 
     balance(t) = E(t) - E(0) - W(t),        W' = sum of the powers of actuators, friction, dampers, external wrenches
 
-vanishes for the exact motion. From each saved state the motion is integrated again to the next saved time, and the power
-with it, in steps that are halved until W hardly changes: the balance is the energy that the run's own
-steps and projections have gained or lost. W is undefined (nan) from where steps would be by far more than saved times.
+vanishes for the exact motion. The run is gone through once more in its own steps, and the power is integrated along their
+dense output, whose error is of the order that the tolerance bounds: the balance is the energy that the run's own steps and
+projections have gained or lost. A sampled controller is not called again: from each of its calls to the next the motion is
+integrated under the inputs that it held.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -20,13 +22,13 @@ from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Segment
 from linkwork.robot.reactions import Reactions, Samples, transmitted
 from linkwork.robot.system import System
-from linkwork.simulation import DORMAND_PRINCE
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
-MOST = 2400  # steps between two saved times beyond which W is left undefined
-FINE = 1e-6  # change of the work between two saved times that is none, relative to what goes in and out
+NODES = 6  # of Gauss's quadrature in a step
+NARROW = 1e-13  # pieces of steps, relative to the time, in which no work is counted
+BLOCK = 20_000  # pieces of steps that are looked at together
 Quantity = tuple[tuple[str, ...], np.ndarray, str]  # axes beside time, values, unit
 POWERS = ("actuator_power", "friction_power", "damper_power", "external_power", "conditioning")
 BALANCE = ("work", "energy_balance")
@@ -45,11 +47,6 @@ class Flow:
         """Return q, v and z (K, ...)."""
         nq, n = self.chart.equations.nq, self.chart.equations.mobility
         return np.split(y, [nq, nq + n], axis=-1)
-
-    def inputs(self, t: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """Return the inputs at times t (K,), with what r holds."""
-        signals = self.system.inputs(t)
-        return np.concatenate([signals, r[:, signals.shape[1] :]], axis=1)
 
     def slope(self, y: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Return y' (K, ...)."""
@@ -142,76 +139,58 @@ def works(robot: Robot, system: System, kept: Kept) -> tuple[np.ndarray, float]:
     Over a singular pose that was stepped over the balance is taken to be kept.
     """
     total, columns, begun, end = 0.0, [np.zeros(0)], 0.0, None
-    held = np.zeros(system.acting.held if system.acting else 0)
     for segment, rows in kept:
-        flow = Flow(robot, system, segment.chart)
-        t, y, r = nodes(flow, segment, held)
-        energy = flow.energy(y[[0, -1]])
+        flow, part, (start, q, v) = Flow(robot, system, segment.chart), segment.trajectory, segment.start
+        energy = flow.energy(np.block([[q, v], [part.q_end, part.v_end]]))
         if end is None:
             begun = float(energy[0])
-        elif t[0] > end[0]:
+        elif start > end[0]:
             total += energy[0] - end[1]
-        W = total + np.cumsum(gained(flow, t, y, r, segment.trajectory.steps))
+        W = total + np.cumsum(gained(flow, segment, np.concatenate([[start], part.t, [part.end_time]])))
         columns.append(W[1:-1][rows])
-        total, end = W[-1], (t[-1], energy[-1])
-        if segment.trajectory.control:
-            held = segment.trajectory.control.held
-    return np.concatenate(columns), begun
+        total, end = W[-1], (part.end_time, energy[-1])
+    work = np.concatenate(columns)
+    lost = np.flatnonzero(~np.isfinite(work))
+    if lost.size:
+        t = np.concatenate([segment.trajectory.t[rows] for segment, rows in kept])[lost[0]]
+        warnings.warn(
+            f"the work, and with it the energy balance, is not known (nan) from t = {t:.9g} s on: the powers are not finite"
+            " there, or the run could not be gone through again",
+            stacklevel=2,
+        )
+    return work, begun
 
 
-def nodes(flow: Flow, segment: Segment, held: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return t, y and r at the start of a segment, where inputs are held, at its saved times and its end."""
-    (start, q, v), part = segment.start, segment.trajectory
-    t = np.concatenate([[start], part.t, [part.end_time]])
-    y = np.block([[q, v], [part.q, part.v], [part.q_end, part.v_end]])
-    u = part.u[:, part.u.shape[1] - held.size :]
-    return t, y, np.hstack([flow.system.inputs(t), np.vstack([held, u, u[-1:] if len(u) else held])])
+def gained(flow: Flow, segment: Segment, t: np.ndarray) -> np.ndarray:
+    """Return the work (K,) done up to each of the times since the one before it.
 
-
-def gained(flow: Flow, t: np.ndarray, y: np.ndarray, r: np.ndarray, steps: int) -> np.ndarray:
-    """Return the work (K,) done up to each node since the one before it; steps: the run's in this time.
-
-    Steps are halved while that changes the work; it is left undefined (nan) where they become too many.
+    Gauss's quadrature of the power over the segment's steps, cut at the times, on their dense output.
     """
-    times = pieces(t, flow.system.inputs.breaks)
-    parts, work = times.shape[1] - 1, np.zeros(len(t))
-    left = np.flatnonzero(np.diff(t) > 0) + 1
-    count, before = -(-max(steps, 1) // max(left.size * parts, 1)), np.full(len(t), np.nan)
-    while left.size and count * parts <= MOST:
-        with np.errstate(all="ignore"):
-            work[left], size = along(flow, times[left - 1], y[left - 1], r[left - 1], count)
-            changed = ~(np.abs(work - before)[left] <= FINE * size)
-        before, left, count = work.copy(), left[changed], 2 * count
-    work[left] = np.nan
+    work = np.zeros(len(t))
+    if segment.trajectory.control is None:
+        ends = np.unique(t)
+        work[1:] = np.diff(np.interp(t, ends, np.concatenate([[0.0], np.cumsum(quadrature(flow, segment, ends, 0))])))
+        return work
+    for i in np.flatnonzero(np.diff(t) > 0).tolist():
+        work[i + 1] = quadrature(flow, segment, t[i : i + 2], i - 1).sum()
     return work
 
 
-def pieces(t: np.ndarray, breaks: np.ndarray) -> np.ndarray:
-    """Return the times (K - 1, pieces + 1) from each node over the breaks in between to the next, which may be repeated."""
-    first, last = np.searchsorted(breaks, t[:-1], side="right"), np.searchsorted(breaks, t[1:], side="left")
-    places = first[:, None] + np.arange(max(int((last - first).max(initial=0)), 0))
-    between = np.append(breaks, np.nan)[np.minimum(places, len(breaks))]
-    return np.column_stack([t[:-1], np.where(places < last[:, None], between, t[1:, None]), t[1:]])
-
-
-def along(flow: Flow, times: np.ndarray, y: np.ndarray, r: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the work from each of some states on, and the energy that went in and out together (K,) [J].
-
-    Dormand and Prince's method takes `count` steps over each piece of the times (K, pieces + 1).
-    """
-    a, b, c = DORMAND_PRINCE.a[:-1, :-1], DORMAND_PRINCE.a[-1, :-1], DORMAND_PRINCE.c[:-1]
-    work, size = np.zeros((2, len(y)))
-    for start, end in zip(times.T[:-1], times.T[1:], strict=True):
-        h, before = (end - start) / count, np.nextafter(end, start)  # forces that jump at the end do so behind it
-        for step in range(count):
-            slopes, powers = np.zeros((len(c), *y.shape)), np.zeros((len(c), len(y)))
-            for i, c_i in enumerate(c):
-                stage = y + h[:, None] * np.tensordot(a[i, :i], slopes[:i], axes=1)
-                inputs = flow.inputs(np.minimum(start + (step + c_i) * h, before), r)
-                slopes[i], powers[i] = flow.slope(stage, inputs), flow.power(stage, inputs)
-            y = y + h[:, None] * np.tensordot(b, slopes, axes=1)
-            work, size = work + h * (b @ powers), size + h * abs(b @ powers)
-    return work, size
+def quadrature(flow: Flow, segment: Segment, t: np.ndarray, row: int) -> np.ndarray:
+    """Return the work (K - 1,) between increasing times."""
+    assert segment.again is not None
+    x, weights = np.polynomial.legendre.leggauss(NODES)
+    steps = segment.again(None, row).t
+    edges = np.union1d(steps[(steps > t[0]) & (steps < t[-1])], t)
+    widths, work = np.diff(edges), np.zeros(len(edges) - 1)
+    wide = np.flatnonzero(widths > NARROW * edges[-1])
+    for block in np.array_split(wide, -(-wide.size // BLOCK) or 1):
+        nodes = (edges[block, None] + widths[block, None] * (1 + x) / 2).ravel()
+        done = segment.again(nodes, row)
+        power = np.full(len(nodes), np.nan)
+        power[: len(done.t)] = flow.power(np.column_stack([done.q, done.v]), done.u)
+        work[block] = power.reshape(-1, NODES) @ weights / 2 * widths[block]
+    return np.add.reduceat(work, np.searchsorted(edges, t[:-1])) if work.size else work
 
 
 def run_reactions(robot: Robot, system: System, kept: Kept, frame: str, length: float | None) -> Reactions:

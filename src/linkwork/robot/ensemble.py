@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks
+from linkwork.robot.accuracy import compared, repeatable, tightened
 from linkwork.robot.alone import Course, Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
@@ -31,8 +32,10 @@ from linkwork.robot.rereading import reread
 from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
 from linkwork.robot.running import integrator, usual, watched
 from linkwork.robot.state import State
+from linkwork.robot.turning import turning
 from linkwork.simulation import Method, Rosenbrock, Status, Tableau, Trajectory, Variable
 from linkwork.simulation.many import Outcomes, integrate_many
+from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
     import xarray
@@ -60,7 +63,7 @@ class Ensemble:
     nfev, steps, rejected: evaluations of the equations of motion, accepted and rejected steps of each member (N,)
     pivot, closure_error: the smallest relative pivot and the largest loop residual of each member (N,)
     parameters: values that vary, by name (N,)
-    members: what they went out from; rows: gives their states at the saved times
+    members: what they went out from; rows: gives their states at the saved times; options: of the integration
     events: what happened in a member's run, and when
     dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over (member, time, ...)
     """
@@ -75,10 +78,12 @@ class Ensemble:
     parameters: Mapping[str, np.ndarray]
     members: Members = field(repr=False)
     rows: Callable[[], Sequence[Rows]] = field(repr=False)
+    options: Mapping[str, Any] = field(repr=False)
     _happened: Happened = field(repr=False)
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
     _sentences: Callable[[int], str] = field(repr=False)
     _measure: Callable[[], tuple[dict[str, Variable], dict[str, Variable]]] = field(repr=False)
+    _companion: Callable[[], Ensemble] | None = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.status)
@@ -101,6 +106,24 @@ class Ensemble:
     @cached_property
     def _reached(self) -> tuple[State, np.ndarray]:
         return self._last()
+
+    @cached_property
+    def error_estimate(self) -> np.ndarray:
+        """Return the largest error of each member's last state (N,), relative to atol + rtol |y|: estimated.
+
+        It is found by running all members again at a tenth of the tolerance (half of the step) when it is first asked for:
+        see `linkwork.robot.accuracy`. nan for members that did not reach their ends, or that a Python function controls.
+        """
+        if self._companion is None:
+            return np.full(len(self), np.nan)
+        other = self._companion()
+        y, y_c = (np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other))
+        start = np.pad(self.members.q, [(0, 0), (0, y.shape[1] - self.members.q.shape[1])])
+        labels = self.members.robot.equations.tree.coordinates
+        units = [*map(self.members.robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
+        largest = compared(y, y_c, np.maximum(np.abs(start), np.abs(y)), units, self.options).max(axis=1)
+        reached = (self.status == Status.FINISHED) & (other.status == Status.FINISHED)
+        return np.where(reached, largest, np.nan)
 
     @property
     def success(self) -> bool:
@@ -186,14 +209,19 @@ def ensemble(
     options |= {"method": chosen or usual(crew.system, crew.signals, rtol), "leave_stiff": chosen is None}
     course = Course(duration, times, step_over, options, threads)
     with shown(progress) as report:
-        if in_lanes(crew, options["method"]):
-            parts, cancelled = together(crew, course, report)
-            tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
-            tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
-        else:
-            parts = [waiting(crew, course, np.arange(len(crew)))]
-            tasks = [Task(member) for member in range(len(crew))]
-        lone = by_themselves(crew, course, tasks, report) if tasks else []
+        return completed(crew, course, report)
+
+
+def completed(crew: Members, course: Course, report: Progress) -> Ensemble:
+    """Run members to their ends."""
+    if in_lanes(crew, course.options["method"]):
+        parts, cancelled = together(crew, course, report)
+        tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
+        tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
+    else:
+        parts = [waiting(crew, course, np.arange(len(crew)))]
+        tasks = [Task(member) for member in range(len(crew))]
+    lone = by_themselves(crew, course, tasks, report) if tasks else []
     return collected(crew, parts, lone, course)
 
 
@@ -230,6 +258,7 @@ def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
         next_step=unknown,
         rejected_pivot=unknown,
         rejected_residual=unknown,
+        turns=np.zeros((count, crew.robot.equations.nq)),
     )
     return Part(crew.chart, members, outcomes)
 
@@ -248,7 +277,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
         parts.append(waiting(crew, course, np.flatnonzero(~crew.told)))
     if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
         ((first, _),) = faced(crew, able[:1])
-    groups = [(first, able)]
+    groups, limits = [(first, able)], turning(crew.robot, crew.system)
 
     def progress(ended: int, _: int) -> None:
         report(sum(len(part.members) for part in parts) + ended, len(crew))
@@ -268,6 +297,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             closure_tol=CLOSURE * crew.robot.size,
             threads=course.threads,
             progress=progress,
+            turning=limits,
             **course.options | {"atol": chart.tolerances(course.options["atol"], crew.start(indices).shape[1])},
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
@@ -335,7 +365,9 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
         rejected_residual=float(done.rejected_residual[row]),
     )
     bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": course.options["max_steps"]}
-    trajectory = Trajectory(rows, rows[:0], done.y_end[row], nq, outcome, None, bounds, Status(outcome.status))
+    trajectory = Trajectory(
+        rows, rows[:0], done.y_end[row], done.turns[row], nq, outcome, None, bounds, Status(outcome.status)
+    )
     return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), course.options["method"].name)
 
 
@@ -373,8 +405,18 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         _last=lambda: last_states(crew, parts, lone),
         _sentences=sentence,
         _measure=lambda: measured(crew, rows(), course.times),
+        _companion=companion(crew, course),
+        options=course.options,
         **numbers,
     )
+
+
+def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:
+    """Return what runs all members again at a tighter tolerance; None where that is not possible."""
+    if not repeatable(crew.system, course.options):
+        return None
+    other = replace(course, times=np.empty(0), options=tightened(course.options))
+    return lambda: completed(crew, other, lambda done, total: None)
 
 
 def in_order(parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
@@ -394,6 +436,11 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
     """
     robot, count = crew.robot, len(crew)
     q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.extras)))
+    turns = np.zeros(q.shape)
+    for part in parts:
+        turns[part.members] = part.outcomes.turns
+    for one in lone:
+        turns[one.member] = one.segments[-1].trajectory.turns
     rows = [Rows(part.chart, part.members, part.outcomes.end_time, part.outcomes.y_end, NO_INPUTS) for part in parts]
     ends = [(one.member, one.segments[-1]) for one in lone]
     rows += gathered(
@@ -408,6 +455,7 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
         common, v = next(((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v))
     if common is not home:
         robot.charts.setdefault(common.independent, common)
+    q = whole(q, turns)
     (positions,) = robot.kernel("positions")(q, crew.p_robot())
     return State(positions, v, q, robot.coordinates, common.independent), z
 

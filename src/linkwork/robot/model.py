@@ -15,8 +15,12 @@ from linkwork.robot import checks
 from linkwork.robot.assembly import Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
+from linkwork.robot.leading import Leader
+from linkwork.robot.modes import Modes, modes_of
 from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.state import State
+from linkwork.robot.turning import own_turning
+from linkwork.simulation import Turning
 
 
 class Model:
@@ -78,6 +82,11 @@ class Model:
         return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
 
     @cached_property
+    def turning(self) -> Turning:
+        """Return how large coordinates may grow in a run, and which angles may be wrapped where only forces over time act."""
+        return own_turning(self.chart, self.size)
+
+    @cached_property
     def run_chart(self) -> CompiledChart:
         """Return the chart that runs start in: of the home chart and that of free bodies' own rates the shorter one."""
         if self.origin is not None:
@@ -95,6 +104,18 @@ class Model:
         evaluate = self._assembly.evaluate
         named = self.coordinates, self.rates, labels.angular, labels.sizes
         return Assembler(evaluate, tree, *named, rows.names, rows.units, self.planar)
+
+    def leader(self, size: int, kept: bool) -> Leader:
+        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode of where it begins."""
+        if (size, kept) not in self._leaders:
+            twist = self.assembler.pose_indices(size)
+            modes = modes_of(self.equations, self.p, twist) if kept else Modes()
+            self._leaders[size, kept] = Leader(self, modes, twist)
+        return self._leaders[size, kept]
+
+    @cached_property
+    def _leaders(self) -> dict[tuple[int, bool], Leader]:
+        return {}
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""

@@ -8,9 +8,9 @@ steps over it (`crossing`). Which chart is next is a matter of q (and p) alone, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,7 +21,20 @@ from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.crossing import Crossing
 from linkwork.robot.rereading import moved
 from linkwork.robot.system import System, with_jacobian
-from linkwork.simulation import RODAS, Control, Method, Rosenbrock, Status, Trajectory, integrate
+from linkwork.robot.turning import turning
+from linkwork.simulation import (
+    RODAS,
+    Control,
+    Method,
+    Rosenbrock,
+    Signal,
+    Status,
+    Trajectory,
+    Turning,
+    as_signal,
+    integrate,
+    stack,
+)
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -38,20 +51,23 @@ LOWER = 0.25  # the soft bound falls by this factor while no better chart is fou
 @dataclass(frozen=True, eq=False)
 class Segment:
     """Hold a part of a run that was integrated in one chart; start: time, q and (v, z) that it went out from;
-    method: its name.
+    method: its name; again: integrates it once more, saved at other times or (None) at every step, where a sampled
+    controller acts from a row, by number (-1: the start), to the next, without calling it.
     """
 
     chart: CompiledChart
     trajectory: Trajectory
     start: tuple[float, np.ndarray, np.ndarray]
     method: str
+    again: Callable[[np.ndarray | None, int], Trajectory] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Stand:
     """Hold where a run stands between two segments.
 
-    chart, t, q, v: what the next segment goes out from, v with the extra states; control: what a sampled controller holds
+    chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole turns of angles that are
+        not in q; control: what a sampled controller holds
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while the bound is lowered
     method: of integration
     """
@@ -60,6 +76,7 @@ class Stand:
     t: float
     q: np.ndarray
     v: np.ndarray
+    turns: np.ndarray | None
     control: Control | None
     steps: int
     bound: float
@@ -80,6 +97,7 @@ class Passage:
 
     system: what is integrated; start, end: times of the run [s]
     save_at: times to save or None for every step; step_over: whether singular poses are stepped over
+    watching: whether events are watched for
     options: rtol, atol, max_step and max_steps of every segment, and the method, for whose explicit steps the stiff method is
         taken from where they are stiff if `leave_stiff`
     """
@@ -91,9 +109,16 @@ class Passage:
     save_at: np.ndarray | None
     step_over: bool
     options: Mapping[str, Any]
+    watching: bool = True
 
     def segments(
-        self, chart: CompiledChart, q: np.ndarray, v: np.ndarray, z: np.ndarray, control: Control | None = None
+        self,
+        chart: CompiledChart,
+        q: np.ndarray,
+        v: np.ndarray,
+        z: np.ndarray,
+        control: Control | None = None,
+        turns: np.ndarray | None = None,
     ) -> Iterator[Segment]:
         """Yield the segments of the run, one after the other.
 
@@ -101,17 +126,33 @@ class Passage:
             chart: to start in.
             q, v, z: coordinates, independent rates of the chart, and extra states at the start.
             control: what a sampled controller holds at the start; zeros if left out.
+            turns: whole turns of angles that are not in q; none if left out.
         """
+        if turns is not None:
+            q, turns = self.turning.begun(q, turns)
         chart = self._faced(chart, q)
         return self.onward(
-            self.stand(chart, self.start, q, np.concatenate([v, z]), self.system.control(chart, control))
+            self.stand(chart, self.start, q, np.concatenate([v, z]), turns, self.system.control(chart, control))
         )
 
     def stand(
-        self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray, control: Control | None = None
+        self,
+        chart: CompiledChart,
+        t: float,
+        q: np.ndarray,
+        v: np.ndarray,
+        turns: np.ndarray | None = None,
+        control: Control | None = None,
     ) -> Stand:
         """Return a stand from which nothing was done yet; v with the extra states."""
-        return Stand(chart, t, q, v, control, self.options["max_steps"], SOFT, self.shortest, self.options["method"])
+        return Stand(
+            chart, t, q, v, turns, control, self.options["max_steps"], SOFT, self.shortest, self.options["method"]
+        )
+
+    @property
+    def turning(self) -> Turning:
+        """How large coordinates may grow, and which angles are wrapped."""
+        return turning(self.robot, self.system)
 
     @property
     def shortest(self) -> float:
@@ -125,7 +166,8 @@ class Passage:
         """
         while stand is not None:
             trajectory = self._integrate(stand)
-            yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name)
+            again = partial(self._again, stand, trajectory)
+            yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again)
             stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory, choice: Choice | None = None) -> Stand | None:
@@ -134,7 +176,7 @@ class Passage:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
-        here = replace(stand, t=t, q=q, v=v, control=done.control, steps=steps)
+        here = replace(stand, t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps)
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
             return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
@@ -170,21 +212,35 @@ class Passage:
         """Return the time at which the segment from a stand on ends."""
         return self.end if stand.bound == SOFT else min(stand.t + stand.short, self.end)
 
+    def _again(self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int) -> Trajectory:
+        if stand.control is None:
+            return self._along(stand, self._until(stand), save_at, self.system.inputs)
+        held = stand.control.held
+        if row >= 0:
+            held = done.u[row, done.u.shape[1] - held.size :]
+            stand = replace(stand, t=float(done.t[row]), q=done.q[row], v=done.v[row], turns=None)
+        end = float(done.t[row + 1]) if row + 1 < len(done.t) else done.end_time
+        inputs = stack(self.system.inputs, as_signal(held))
+        return self._along(replace(stand, control=None), end, save_at, inputs)
+
     def _integrate(self, stand: Stand) -> Trajectory:
-        chart, t, end, system = stand.chart, stand.t, self._until(stand), self.system
-        save_at, first = self.save_at, t == self.start
+        end, save_at = self._until(stand), self.save_at
+        if save_at is not None and not (stand.t == self.start and end == self.end):
+            save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
+        return self._along(stand, end, save_at, self.system.inputs)
+
+    def _along(self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal) -> Trajectory:
+        chart, t, system = stand.chart, stand.t, self.system
         options = {**self.options, "max_steps": stand.steps, "method": stand.method}
         stiff = isinstance(stand.method, Rosenbrock)
-        if save_at is not None and not (first and end == self.end):
-            save_at = save_at[(save_at >= t) & ((save_at <= end) | (end == self.end))]
-        if not first or stand.method is not self.options["method"]:
+        if t != self.start or stand.method is not self.options["method"]:
             options.pop("first_step", None)
         done = integrate(
             system.kernel(chart, "motion").address,
             chart.kernel("closure_step").address if chart.equations.constrained else None,
             stand.q,
             stand.v,
-            system.inputs,
+            inputs,
             system.p(chart),
             duration=end - t,
             start=t,
@@ -192,8 +248,10 @@ class Passage:
             closure_tol=CLOSURE * self.robot.size,
             pivot_bound=stand.bound,
             jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stiff else None,
-            events=system.conditions(chart),
+            events=system.conditions(chart) if self.watching else None,
             control=stand.control,
+            turning=self.turning,
+            turns=stand.turns,
             **options | {"atol": stand.chart.tolerances(options["atol"], stand.q.size + stand.v.size)},
         )
         return replace(done, bounds={**done.bounds, "max_steps": self.options["max_steps"]})

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 OPEN_LOOPS = 1e-6
 CLOSED = 1e-12
 ROUNDS = 12
+BRANCHES = ("guess", "any")
 
 Rates = ArrayLike | Mapping[str, ArrayLike] | None
 
@@ -46,10 +47,17 @@ def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: R
 
 
 def assemble(
-    robot: Robot, joints: Mapping[str, float] | None, tool: ArrayLike | None, rates: Rates, guess: State | None
+    robot: Robot,
+    joints: Mapping[str, float] | None,
+    tool: ArrayLike | None,
+    rates: Rates,
+    guess: State | None,
+    branch: str = "guess",
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
     start = start_of(robot, guess)
+    if branch not in BRANCHES:
+        raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if isinstance(joints, Mapping) and tool is None:
         targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
         checks.known(targets, robot.coordinates, "joint")
@@ -57,9 +65,8 @@ def assemble(
     elif tool is not None and joints is None:
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
-        robot.assembler.pose_names(poses.shape[-1])
-        flat = [robot.assembler.at_pose(pose, start) for pose in poses.reshape(-1, poses.shape[-1])]
-        q = np.array(flat).reshape(*poses.shape[:-1], start.size)
+        leader = robot.leader(poses.shape[-1], kept=branch == "guess")
+        q = leader.lead(start, poses.reshape(-1, poses.shape[-1])).reshape(*poses.shape[:-1], start.size)
     else:
         raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
     return stacked(robot, q, rates)
@@ -76,7 +83,10 @@ def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State
     robot.require_tool()
     poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
     require_full_pose(robot, poses.shape[1])
-    q, w = start_of(robot, guess), np.zeros(robot.equations.nv)
+    q, w = (
+        robot.leader(poses.shape[1], kept=True).lead(start_of(robot, guess), poses[:1])[0],
+        np.zeros(robot.equations.nv),
+    )
     along, v, v_dot = (
         np.empty((samples, q.size)),
         np.empty((samples, robot.mobility)),

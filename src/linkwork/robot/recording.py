@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
 from linkwork.robot import checks, derived, limits, rereading
+from linkwork.robot.accuracy import WORTH_TELLING, Compared, Start, without_turns
 from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
 from linkwork.robot.passage import Passage, Segment, regular
@@ -37,7 +38,9 @@ AXES = (
     *("event", "event_time"),
 )
 ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
-TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held")))
+TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")))
+
+ERROR = ("error_estimate",)
 
 
 def simulate(
@@ -51,10 +54,12 @@ def simulate(
     start: float = 0.0,
     z: np.ndarray | None = None,
     control: Control | None = None,
+    turns: np.ndarray | None = None,
 ) -> Run:
     """Run a system from a state and record positions, rates, accelerations, forces, tool, energies and closure over time.
 
     start: time at the start [s]; z: extra states there, the system's own if left out; control: what is held there
+    turns: whole turns of angles that are not in the state's q
     """
     if state.batch:
         raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
@@ -69,11 +74,12 @@ def simulate(
         times = np.union1d(times, besides)
     passage = Passage(robot, system, start, end, times, step_over, options)
     chart, v = rereading.start(robot, state)
-    segments = list(passage.segments(chart, state.q, v, system.start if z is None else z, control))
+    begun = Start(chart, state.q, v, system.start if z is None else z, control, turns)
+    segments = list(passage.segments(*begun))
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
             raise fault
-    return record(robot, system, segments, besides, options)
+    return record(Compared(robot, passage, begun, segments), besides)
 
 
 def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
@@ -109,7 +115,11 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         "final_rates": ", ".join(segments[-1].chart.independent),
         "final_pace": np.array([last.pace.step, last.pace.growth]),
     }
-    return found | ({"final_held": held_last(system, last.control)} if last.control else {})
+    if last.control:
+        found["final_held"] = held_last(system, last.control)
+    if last.turns.any():
+        found["final_turns"] = last.turns.copy()
+    return found
 
 
 def held_last(system: System, control: Control) -> np.ndarray:
@@ -141,22 +151,47 @@ def charts_taken(segments: Sequence[Segment]) -> str:
     return "; ".join(taken)
 
 
-def record(
-    robot: Robot, system: System, segments: Sequence[Segment], besides: np.ndarray, options: Mapping[str, Any]
-) -> Run:
+def record(made: Compared, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
+    robot, system, segments, options = made.robot, made.passage.system, made.segments, made.passage.options
     of, (status, message) = Record(robot, system, segments, besides), ending(system, segments[-1])
+
+    def sentences() -> str:
+        adaptive, found = options["method"].step is None, made.estimate
+        return f"{message} {found}" if adaptive and found and found.ratio > WORTH_TELLING else message
+
+    def error() -> dict[str, object]:
+        found = made.estimate
+        return {"error_estimate": found.ratio if found else np.nan}
+
     return Run(
         variables=of.variables,
         coords=Deferred({AXES: of.axes}),
-        attrs=Deferred({ASKED: partial(asked, robot, system, options), TOLD: partial(told, system, segments)}),
+        attrs=Deferred(
+            {ASKED: partial(asked, robot, system, options), TOLD: partial(told, system, segments), ERROR: error}
+        ),
         status=status,
-        message=message,
+        message=sentences,  # pyright: ignore[reportArgumentType]
         statistics=statistics(segments),
         error=system.faults[0] if system.faults else None,
         transmitted=of.reactions,
+        errors=partial(errors, made, of) if made.known else None,
         described=partial(written, robot.mechanism),
     )
+
+
+def errors(made: Compared, of: Record) -> dict[str, Variable]:
+    """Return by how much a run differs from its companion at its saved times: positions and rates, and drive states."""
+    other = Record(made.robot, of.system, made.companion, np.empty(0))
+    places = np.searchsorted(other.time, of.time[of.time <= other.time[-1]])
+    found = {}
+    for name in ("joint_position", "joint_rate", "drive_state"):
+        if name in of.known:
+            variable, exact = of.known[name], other.known[name].values[places]
+            d = variable.values - np.pad(exact, [(0, len(of.time) - len(exact)), (0, 0)], constant_values=np.nan)
+            units = [made.robot.unit(label) for label in made.robot.coordinates]
+            found[name] = replace(variable, values=without_turns(d, units) if name == "joint_position" else d)
+    return found
 
 
 def ending(system: System, segment: Segment) -> tuple[Status, str]:
@@ -254,7 +289,7 @@ class Record:
 
     @property
     def variables(self) -> Deferred[Variable]:
-        return Deferred({STATES: self.states, derived.POWERS: self.powers, derived.BALANCE: self.balance})
+        return Deferred({STATES: lambda: self.known, derived.POWERS: self.powers, derived.BALANCE: self.balance})
 
     def reactions(self, frame: str, length: float | None) -> Reactions:
         """Return the joint reactions at the saved times."""
@@ -265,6 +300,10 @@ class Record:
         """What was measured (K, ...), by name."""
         parts = [measured(segment, rows, self.system) for segment, rows in self.kept]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    @cached_property
+    def known(self) -> dict[str, Variable]:
+        return self.states()
 
     def states(self) -> dict[str, Variable]:
         """Return positions, rates and accelerations of all joints, forces, energies, tool and closure."""

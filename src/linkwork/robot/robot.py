@@ -130,6 +130,7 @@ class Robot(Model):
         tool: ArrayLike | None = None,
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
         guess: State | None = None,
+        branch: Literal["guess", "any"] = "guess",
     ) -> State:
         """Close the loops at given joint coordinates (direct kinematics) or at a tool pose (inverse kinematics).
 
@@ -139,11 +140,14 @@ class Robot(Model):
                 rotation vector]. Leading dimensions give a stack of states, each from the same guess.
             rates: v (n) in the order of `independent`, or n rates of any joints by name; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
+            branch: the tool is led on the "guess"'s working mode, straight where that is possible (Chablat & Wenger 1998: no
+                determinant of the inverse problem changes its sign); "any": on whichever leads there. Where members spin,
+                or freedoms are left open, no signs tell modes apart.
 
         Raises:
-            UnreachableError: what is asked is out of reach, or not reachable from this guess.
+            UnreachableError: what is asked is out of reach, not reachable from this guess, or only on another branch.
         """
-        return posing.assemble(self, joints, tool, rates, guess)
+        return posing.assemble(self, joints, tool, rates, guess, branch)
 
     def follow(self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None) -> Motion:
         """Lead the tool along a path: positions, rates and accelerations of all joints.

@@ -71,10 +71,12 @@ def simulate(
     extras: np.ndarray | None = None,
     pace: Pace | None = None,
     held: np.ndarray | None = None,
+    turns: np.ndarray | None = None,
 ) -> Run:
     """Run from a state: see `Robot.simulate`.
 
     start: time at the start [s]; extras: extra states there; pace: step size; held: inputs that a sampled controller holds
+    turns: whole turns of angles that are not in the state's q
     """
     options = checks.run_options(duration, rtol, atol, max_step, max_steps)
     given = dict(by_name(parameters, "parameters", EXAMPLE))
@@ -101,7 +103,8 @@ def simulate(
                 "delay that it ran with"
             )
         control = Control(0, runs.sampler.period, held)
-    return recording.simulate(robot, robot.own(state), runs, duration, save_at, on_singular, options, start, z, control)
+    state = robot.own(state)
+    return recording.simulate(robot, state, runs, duration, save_at, on_singular, options, start, z, control, turns)
 
 
 def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run:
@@ -123,10 +126,13 @@ def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run
                 f"the run cannot be resumed: its rates {', '.join(independent)} do not determine the motion where it ended"
             )
         robot.charts[independent] = chart
-    held = np.atleast_1d(np.asarray(run.attrs["final_held"], float)) if "final_held" in run.attrs else None
+    held, turns = (
+        np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
+        for name in ("final_held", "final_turns")
+    )
     own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
     options["parameters"] = {**own, **by_name(options.get("parameters"), "parameters", EXAMPLE)}
-    return simulate(robot, state, forces, start=start, extras=v[n:], pace=pace, held=held, **options)
+    return simulate(robot, state, forces, start=start, extras=v[n:], pace=pace, held=held, turns=turns, **options)
 
 
 def recorded(run: Run) -> dict[str, float]:

@@ -11,6 +11,7 @@ from linkwork.simulation.sharp_smart import SHARP_SMART
 from linkwork.simulation.signals import Sampled, Signal, as_signal, clock, stack
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import BOGACKI_SHAMPINE, DORMAND_PRINCE, RK4, SymplecticEuler, Tableau, dop853
+from linkwork.simulation.turns import Turning
 
 __all__ = [
     "BOGACKI_SHAMPINE",
@@ -33,6 +34,7 @@ __all__ = [
     "SymplecticEuler",
     "Tableau",
     "Trajectory",
+    "Turning",
     "Variable",
     "as_signal",
     "clock",

@@ -15,6 +15,7 @@ from linkwork.simulation.rosenbrock import Rosenbrock
 from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, RK4, SymplecticEuler, Tableau
+from linkwork.simulation.turns import Turning
 
 if TYPE_CHECKING:
     from linkwork.simulation.native_loop import Outcome
@@ -30,8 +31,8 @@ class Trajectory:
 
     At the K saved times: `t` (K,) in s, `q` (K, nq), `v` (K, nv), `u` (K, nu), and `residual` (K,), the largest |phi(q)|.
     `events`: the zeros of the event functions, as `Occurrences`.
-    The last state reached: `end_time`, `q_end` (nq,), `v_end` (nv,). To go on from there: `pace`, the step size, and
-    `control`, what a sampled controller holds.
+    The last state reached: `end_time`, `q_end` (nq,), `v_end` (nv,), and `turns` (nq,), the whole turns of angles that are
+    not in `q_end`. To go on from there: `pace`, the step size, and `control`, what a sampled controller holds.
     How it went: `status`, `message`; `nfev` evaluations of the motion kernel, `steps` accepted, `rejected`, and
     `projections`, evaluations of the closure kernel; `pivot`, the smallest pivot met, at `pivot_time`;
     `closure_error`, the largest residual at the start, at the end and of all rows saved.
@@ -43,6 +44,7 @@ class Trajectory:
     rows: np.ndarray
     found: np.ndarray
     y_end: np.ndarray
+    turns: np.ndarray
     nq: int
     outcome: "Outcome"
     control: Control | None
@@ -170,6 +172,8 @@ def integrate(
     events: Events | None = None,
     control: Control | None = None,
     leave_stiff: bool = False,
+    turning: Turning | None = None,
+    turns: ArrayLike | None = None,
 ) -> Trajectory:
     """Integrate (q', v') = f(q, v, u(t), p) over time with q kept on phi(q) = 0.
 
@@ -199,6 +203,7 @@ def integrate(
         jacobian: address of the kernel (y, u, p) -> (df/dy (n n), df/du (n nu)), both column by column; RODAS needs it.
         events: functions of (y, u, p) whose zeros are located, and may end the run. control: a sampled controller.
         leave_stiff: end the run as STIFF where stability bounds the steps of an embedded pair and very many are to come.
+        turning: how large coordinates may grow; turns (nq,): the whole turns of angles that are not in q.
 
     Returns the `Trajectory`, whatever way the run ended: see its `status` and `message`.
 
@@ -212,6 +217,10 @@ def integrate(
     signal = as_signal(forces)
     require_cover("the forces", signal, start, stop)
     q, v = _vector("q", q), _vector("v", v)
+    turning = turning or Turning.none(q.size)
+    counted = turning.table.copy()
+    if turns is not None:
+        counted[2] = turns
     y = np.concatenate((q, v))
     if not y.size:
         raise LinkworkError("there is nothing to integrate: q and v are both empty")
@@ -232,7 +241,7 @@ def integrate(
         *method.plan.arguments,
         tolerances(rtol, atol, y.size), pivot_bound, closure_tol, stability(method, leave_stiff),
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
-        held, period, next_sample, conditions, facts,
+        held, period, next_sample, conditions, counted, facts,
     )  # fmt: skip
     outcome, found, event = loop.Outcome._make(facts.tolist()), rows[:0], -1
     if len(conditions):
@@ -241,10 +250,13 @@ def integrate(
         event = next((int(i) for i in found[:, -1] if conditions[int(i), 1]), -1)
     if control is not None:
         control = replace(control, held=held, next_sample=int(outcome.next_sample))
+    status = Status(outcome.status)
+    if status is Status.CLOSURE_LOST:
+        closure_tol *= turning.looser(y[: q.size])
     bounds = {"pivot_bound": pivot_bound, "closure_tol": closure_tol, "max_steps": max_steps, "event": event}
     if stiff:
         bounds["remedy"] = "or look for what acts too suddenly"
-    return Trajectory(rows, found, y, q.size, outcome, control, bounds, Status(outcome.status))
+    return Trajectory(rows, found, y, counted[2], q.size, outcome, control, bounds, status)
 
 
 @cache

@@ -8,7 +8,8 @@ class Tables(NamedTuple):
 
     `y`: states at the starts of the steps; `x`: (y, u, p); `k`: (y', pivot), stage after stage; `z`: (q, p); `z_next`: what the
     closure gives; `sample`: a state within, or the defect; `weights`, one for each stage; `scale`: rtol, then atol; `zeros`, as
-    many as a state has; `now`, `tally`: numbers and counts of the members. A state has n numbers, of which nq are q.
+    many as a state has; `spans`, `wraps`, `turned`, of the angles' whole turns; `now`, `tally`: numbers and counts of the
+    members. A state has n numbers, of which nq are q.
     """
 
     y: Any
@@ -20,6 +21,9 @@ class Tables(NamedTuple):
     weights: Any
     scale: Any
     zeros: Any
+    spans: Any
+    wraps: Any
+    turned: Any
     now: Any
     tally: Any
     n: int
@@ -27,10 +31,10 @@ class Tables(NamedTuple):
 
 
 # Rows of `now`; the first NUMBERS are kept of every member.
-TIME, STEP_SIZE, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL = range(6)
-NUMBERS = 6
-GROWTH, STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA = range(6, 17)
-NOW = 17
+TIME, STEP_SIZE, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL, LOOSE = range(7)
+NUMBERS = 7
+GROWTH, STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA = range(7, 18)
+NOW = 18
 
 # Rows of `tally`; the first COUNTS are kept of every member, too.
 STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED = range(5)

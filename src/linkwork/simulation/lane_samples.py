@@ -15,6 +15,7 @@ from linkwork.simulation.lane_rows import (
     ARRIVAL,
     CLOSURE_ERROR,
     EVALUATIONS,
+    LOOSE,
     LOWEST,
     MEMBER,
     REACHED,
@@ -27,7 +28,7 @@ from linkwork.simulation.lane_rows import (
     WANTED,
 )
 from linkwork.simulation.lane_steps import combine, project
-from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded
+from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded, whole
 from linkwork.simulation.vectors import LANES, call_wide, load, splat, store
 
 
@@ -83,6 +84,16 @@ def extend(motion, method, signals, pivot_bound, save_at, tables):
 
 
 @njit(forceinline=True, **OPTIONS)
+def keep_sample(i, row, lane, state, samples, tables):
+    """Write a lane's state, angles with their whole turns, as a sample of member i."""
+    for m in range(tables.nq):
+        turns = tables.turned[m, lane]
+        samples[i, row, m] = whole(state[m, lane], turns) if turns != 0.0 else state[m, lane]
+    for m in range(tables.nq, tables.n):
+        samples[i, row, m] = state[m, lane]
+
+
+@njit(forceinline=True, **OPTIONS)
 def take_samples(closure, method, closure_tol, save_at, samples, tables):
     """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
     n, stages, weights = tables.n, method.stages, tables.weights
@@ -110,9 +121,8 @@ def take_samples(closure, method, closure_tol, save_at, samples, tables):
             project(closure, tables.nq, sample, tables.z, tables.z_next, now, closure_tol, math.inf)
         for lane in range(LANES):
             if now[WANTED, lane] > 0:
-                if now[RESIDUAL, lane] <= closure_tol:
-                    for m in range(n):
-                        samples[tally[MEMBER, lane], tally[REACHED, lane], m] = sample[m, lane]
+                if now[RESIDUAL, lane] <= closure_tol * now[LOOSE, lane]:
+                    keep_sample(tally[MEMBER, lane], tally[REACHED, lane], lane, sample, samples, tables)
                     tally[REACHED, lane] += 1
                     now[CLOSURE_ERROR, lane] = max(now[CLOSURE_ERROR, lane], now[RESIDUAL, lane])
                 else:

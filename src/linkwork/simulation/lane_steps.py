@@ -16,6 +16,7 @@ from linkwork.simulation.lane_rows import (
     ERROR,
     GROWTH,
     LIVE,
+    LOOSE,
     LOWEST,
     PIVOT,
     RESIDUAL,
@@ -60,11 +61,12 @@ def move(source, row, target, count, kept):
 def project(closure, nq, state, z, z_next, now, tolerance, reserve):
     """Project q, the head of the state, onto phi(q) = 0 by Newton's method in z, in the lanes where now[WANTED] > 0.
 
-    As in `native_parts`: a lane's q is written only when its residual, left in now[RESIDUAL], is within the tolerance;
+    As in `native_parts`: a lane's q is written only when its residual, left in now[RESIDUAL], is within the tolerance,
+    times now[LOOSE];
     z is left with what was added to q. A step d with reserve d^2 <= tolerance is the last, its residual taken for 0 (if
     the residual before it is as small).
     """
-    limit, residual = splat(tolerance), splat(math.inf)
+    limit, residual = splat(tolerance) * load(now, LOOSE), splat(math.inf)
     done = load(now, WANTED) <= splat(0.0)
     for m in range(nq):
         store(z, m, load(state, m))
@@ -166,7 +168,7 @@ def error_norm(weights, solution, n, closed, tolerance, now, y, x, z, k, zeros, 
 def judge(method, n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, zeros, defect, now):
     """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and the smallest pivots."""
     bound, lowest, last = splat(pivot_bound), splat(math.inf), method.solution
-    healthy = load(now, RESIDUAL) <= splat(closure_tol)
+    healthy = load(now, RESIDUAL) <= splat(closure_tol) * load(now, LOOSE)
     for i in range(1, last + 1):
         pivot = load(k, i * (n + 1) + n)
         healthy = healthy & (pivot >= bound)

@@ -37,6 +37,7 @@ from linkwork.simulation.lane_rows import (
     EVALUATIONS,
     GROWTH,
     LIVE,
+    LOOSE,
     LOWEST,
     MEMBER,
     NOW,
@@ -59,7 +60,7 @@ from linkwork.simulation.lane_rows import (
     WANTED,
     Tables,
 )
-from linkwork.simulation.lane_samples import extend, take_samples, want_samples
+from linkwork.simulation.lane_samples import extend, keep_sample, take_samples, want_samples
 from linkwork.simulation.lane_steps import accept, choose_steps, combine, judge, move, project, scaled
 from linkwork.simulation.native_loop import (
     BOLDNESS,
@@ -77,13 +78,23 @@ from linkwork.simulation.native_loop import (
     VOTES,
     sixteenths,
 )
-from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, RESERVE, SINGULAR, method_of
+from linkwork.simulation.native_parts import (
+    CLOSURE_LOST,
+    NON_FINITE,
+    OK,
+    RESERVE,
+    SINGULAR,
+    method_of,
+    turns_in,
+    without,
+)
 from linkwork.simulation.status import Status
-from linkwork.simulation.vectors import LANES, as_table, call_wide, load, splat, store
+from linkwork.simulation.vectors import LANES, absolute, as_table, call_wide, load, some, splat, store
 
 CANCELLED = int(Status.CANCELLED)
 
 ALIGNMENT = 64
+LOOSER = math.nextafter(1.0, 2.0)
 
 
 @njit(**OPTIONS)
@@ -113,8 +124,34 @@ def block_row(member, n):
 
 
 @njit(forceinline=True, **OPTIONS)
+def large(now, tables):
+    """Tell in which lanes a coordinate is large, or was."""
+    found = load(now, LOOSE) >= splat(LOOSER)
+    for m in range(tables.nq):
+        found = found | (absolute(load(tables.y, m)) >= load(tables.spans, m))
+    return found
+
+
+@njit(**OPTIONS)
+def settle(now, tables):
+    """Count the whole turns of large angles apart, and loosen the closure where other coordinates are large."""
+    y, spans = tables.y, tables.spans
+    for lane in range(LANES):
+        now[LOOSE, lane] = 1.0
+        for m in range(tables.nq):
+            if abs(y[m, lane]) > spans[m, lane]:
+                if tables.wraps[m, lane] > 0:
+                    count = turns_in(y[m, lane])
+                    y[m, lane] = without(y[m, lane], count)
+                    tables.turned[m, lane] += count
+                else:
+                    now[LOOSE, lane] = max(now[LOOSE, lane], abs(y[m, lane]) / spans[m, lane])
+
+
+@njit(forceinline=True, **OPTIONS)
 def start_block(
-    motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts, tables
+    motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts,
+    turns, tables,
 ):  # fmt: skip
     """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
     y, x, k, z, now, tally, scale = (
@@ -126,6 +163,8 @@ def start_block(
         signal, row = signal_of(signals, i), shared(i, parameters.shape[0])
         for m in range(n):
             y[m, lane] = ys[i, m]
+        for m in range(tables.nq):
+            tables.turned[m, lane] = 0.0
         for m in range(parameters.shape[1]):
             x[n + inputs + m, lane] = z[tables.nq + m, lane] = parameters[row, m]
         now[WANTED, lane] = 1.0
@@ -134,11 +173,12 @@ def start_block(
         force(signals, signal, start, False, x, n, lane, tally)
         now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
         now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
+    settle(now, tables)
     if closure != 0:
         project(closure, tables.nq, y, z, tables.z_next, now, closure_tol, math.inf)
         for lane in range(LANES):
             now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
-            if not now[RESIDUAL, lane] <= closure_tol:
+            if not now[RESIDUAL, lane] <= closure_tol * now[LOOSE, lane]:
                 tally[STATUS, lane] = CLOSURE_LOST
     for m in range(n):
         store(x, m, load(y, m))
@@ -190,10 +230,19 @@ def start_block(
         i = first + lane
         counts[i, ACCEPTED] = counts[i, REJECTED] = counts[i, SAVED] = 0
         counts[i, STATUS], counts[i, EVALUATIONS] = tally[STATUS, lane], tally[EVALUATIONS, lane]
+        keep_turns(i, lane, turns, tables)
 
 
 @njit(forceinline=True, **OPTIONS)
-def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, tables):
+def keep_turns(i, lane, turns, tables):
+    """Keep the whole turns of a lane's angles for member i; they are zero from the outset."""
+    for m in range(tables.nq):
+        if tables.turned[m, lane] != 0.0:
+            turns[i, m] = tables.turned[m, lane]
+
+
+@njit(forceinline=True, **OPTIONS)
+def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, turns, tables):
     """Put a started member into a lane."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     inputs, place, begin = signals.coefficients.shape[2], i % LANES, block_row(i, n)
@@ -202,6 +251,8 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
         now[m, lane] = begun[begin + m, place]
     for m in range(n):
         y[m, lane] = begun[begin + NUMBERS + m, place]
+    for m in range(tables.nq):
+        tables.turned[m, lane] = turns[i, m]
     for m in range(n + 1):
         k[m, lane] = begun[begin + NUMBERS + n + m, place]
     for m in range(parameters.shape[1]):
@@ -214,14 +265,14 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
     force(signals, signal, start, False, x, n, lane, tally)
     now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
     if save_at.size > 0 and save_at[0] == start:
-        for m in range(n):
-            samples[i, 0, m] = y[m, lane]
+        keep_sample(i, 0, lane, y, samples, tables)
         tally[SAVED, lane] = 1
 
 
 @njit(forceinline=True, **OPTIONS)
-def store_member(lane, ys, numbers, counts, y, now, tally):
+def store_member(lane, ys, numbers, counts, turns, tables):
     """Keep what the member in a lane has come to."""
+    y, now, tally = tables.y, tables.now, tables.tally
     i = tally[MEMBER, lane]
     for m in range(ys.shape[1]):
         ys[i, m] = y[m, lane]
@@ -229,6 +280,7 @@ def store_member(lane, ys, numbers, counts, y, now, tally):
         numbers[i, m] = now[m, lane]
     for m in range(COUNTS):
         counts[i, m] = tally[m, lane]
+    keep_turns(i, lane, turns, tables)
 
 
 @njit(**OPTIONS)
@@ -264,7 +316,7 @@ def diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally):
     lowest = math.inf
     tally[AILMENT, lane], tally[EVALUATIONS, lane] = NON_FINITE, tally[EVALUATIONS, lane] + solution
     for i in range(1, solution + 1):
-        if i == solution and not now[RESIDUAL, lane] <= closure_tol:
+        if i == solution and not now[RESIDUAL, lane] <= closure_tol * now[LOOSE, lane]:
             tally[AILMENT, lane] = NON_FINITE if undefined(lane, k, i * (n + 1)) else CLOSURE_LOST
             now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
             tally[EVALUATIONS, lane] -= 1
@@ -343,7 +395,8 @@ _SIGNATURE = (
     *(_array, _whole, _whole, _whole, _whole, _whole, _number),
     *(_table, _number, _number, _number),
     *(_whole, types.Array(types.float64, 2, "C"), _array, _number, _number, _number, _whole),
-    *(types.Array(types.float64, 3, "C"), types.Array(types.float64, 2, "C"), types.Array(types.intp, 2, "C")),
+    *(_array, _array, types.Array(types.float64, 3, "C"), types.Array(types.float64, 2, "C")),
+    *(types.Array(types.intp, 2, "C"), types.Array(types.float64, 2, "C")),
     *(types.Array(types.intp, 1, "C"), types.Array(types.intp, 1, "C")),
 )
 
@@ -354,34 +407,45 @@ def integrate(
     plan, stages, degree, estimates, solution, computed, exponent,
     tolerance, pivot_bound, closure_tol, stability,
     nq, ys, save_at, start, stop, max_step, max_steps,
-    samples, numbers, counts, cancel, progress,
+    spans, wraps, samples, numbers, counts, turns, cancel, progress,
 ):  # fmt: skip
     """Integrate the members ys (N, n) from start to stop, and leave their last states there.
 
     plan, ..., exponent: the arguments of the `Plan` of an explicit pair.
     samples (N, K, n): the states at save_at; numbers (N, NUMBERS), counts (N, COUNTS): what came of each member.
+    spans, wraps (nq,): as in `turns.Turning`; turns (N, nq): zero, the whole turns that are not in ys are left there.
     cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,): the members ended.
     """
     members, n = ys.shape[0], ys.shape[1]
     inputs, free = coefficients.shape[2], parameters.shape[1]
     closed = nq if closure != 0 else 0
     method = method_of(plan, stages, degree, estimates, solution, computed, exponent)
-    end = np.cumsum(np.array([n, n + inputs + free, stages * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n]))
-    space = room(end[9])
+    end = np.cumsum(
+        np.array([n, n + inputs + free, stages * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n, 3 * nq])
+    )
+    space = room(end[10])
     y, x, k = as_table(space), as_table(space[end[0] :]), as_table(space[end[1] :])
     z, z_next, sample = as_table(space[end[2] :]), as_table(space[end[3] :]), as_table(space[end[4] :])
     weights, now = as_table(space[end[5] :]), as_table(space[end[6] :])
     scale, zeros = as_table(space[end[7] :]), as_table(space[end[8] :])
+    spread, at_most, turned = (
+        as_table(space[end[9] :]),
+        as_table(space[end[9] + nq :]),
+        as_table(space[end[9] + 2 * nq :]),
+    )
     for m in range(n):
         space[end[7] + m], space[end[7] + n + m] = tolerance[0, m], tolerance[1, m]
+    for m in range(nq):
+        space[end[9] + m], space[end[9] + nq + m] = spans[m], wraps[m]
     tally, blocks = np.zeros((TALLY, LANES), np.intp), room(block_row(members + LANES - 1, n))
     begun = as_table(blocks)
     signals = Signals(starts, coefficients, pieces, breaks, breaking, timed, start, stop)
-    tables = Tables(y, x, k, z, z_next, sample, weights, scale, zeros, now, tally, n, nq)
+    tables = Tables(y, x, k, z, z_next, sample, weights, scale, zeros, spread, at_most, turned, now, tally, n, nq)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
-            motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts, tables
+            motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts,
+            turns, tables,
         )  # fmt: skip
 
     waiting = np.intp(0)
@@ -398,12 +462,12 @@ def integrate(
                             tally[STATUS, lane] = tally[CAUSE, lane]
                         else:
                             break
-                    store_member(lane, ys, numbers, counts, y, now, tally)
+                    store_member(lane, ys, numbers, counts, turns, tables)
                     progress[0] += 1
                     tally[MEMBER, lane] = -1
                 if waiting == members:
                     break
-                load_member(waiting, lane, parameters, signals, begun, counts, save_at, samples, tables)
+                load_member(waiting, lane, parameters, signals, begun, counts, save_at, samples, turns, tables)
                 waiting += 1
             alive = tally[MEMBER, lane] >= 0
             now[LIVE, lane] = now[WANTED, lane] = 1.0 if alive else 0.0
@@ -446,11 +510,13 @@ def integrate(
         kept = load(now, ACCEPTS) <= splat(0.0)
         move(x, 0, y, n, kept)
         move(k, solution * (n + 1), k, n + 1, kept)
+        if some(large(now, tables)):
+            settle(now, tables)
 
     for lane in range(LANES):
         if tally[MEMBER, lane] >= 0:
             tally[STATUS, lane] = CANCELLED
-            store_member(lane, ys, numbers, counts, y, now, tally)
+            store_member(lane, ys, numbers, counts, turns, tables)
     for i in range(waiting, members):
         counts[i, STATUS] = CANCELLED
         place, begin = i % LANES, block_row(i, n)

@@ -20,6 +20,7 @@ from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
 from linkwork.simulation.threads import dealt, usable_processors
+from linkwork.simulation.turns import Turning
 
 LARGEST_CHUNK = 2048
 CHUNKS_PER_THREAD = 4
@@ -33,7 +34,8 @@ class Outcomes:
     (N, K, n), the states at the saved times, of which a member has the first `saved` (N,), the others are nan;
     `nfev`, `steps`, `rejected` (N,): evaluations of the motion kernel, accepted and rejected steps; `pivot` (N,), the
     smallest pivot met; `closure_error` (N,), the largest residual of the samples and of the first and last state;
-    `next_step` (N,), in s; `rejected_pivot`, `rejected_residual` (N,): why a step was last refused.
+    `next_step` (N,), in s; `rejected_pivot`, `rejected_residual` (N,): why a step was last refused; `turns` (N, nq), the
+    whole turns of angles that are not in `y_end`.
     """
 
     status: np.ndarray
@@ -49,6 +51,7 @@ class Outcomes:
     next_step: np.ndarray
     rejected_pivot: np.ndarray
     rejected_residual: np.ndarray
+    turns: np.ndarray
 
     def part(self, members: np.ndarray) -> "Outcomes":
         """Return the outcomes of some members."""
@@ -147,6 +150,7 @@ def integrate_many(
     leave_stiff: bool = False,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    turning: Turning | None = None,
 ) -> Outcomes:
     """Integrate N members as `integrate` does each of them, many at a time.
 
@@ -174,7 +178,7 @@ def integrate_many(
     forces, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
     _require_covers(inputs, start, stop)
     times = times_within(np.atleast_1d(save_at), start, stop)
-    tolerance = tolerances(rtol, atol, n)
+    tolerance, turning = tolerances(rtol, atol, n), turning or Turning.none(nq)
     threads = threads or usable_processors()
 
     from linkwork.simulation import lanes
@@ -182,6 +186,7 @@ def integrate_many(
     states = np.empty((members, n))
     samples = np.empty((members, times.size, n))
     numbers, counts = np.empty((members, rows.NUMBERS)), np.empty((members, rows.COUNTS), dtype=np.intp)
+    turns = np.zeros((members, nq))
     cancel = np.zeros(1, dtype=np.intp)
     size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
@@ -200,8 +205,8 @@ def integrate_many(
                 part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
                 *method.plan.arguments,
                 tolerance, pivot_bound, closure_tol, stability(method, leave_stiff),
-                nq, states[chunk], times, start, stop, max_step, max_steps,
-                samples[chunk], numbers[chunk], counts[chunk], cancel, ended[i],
+                nq, states[chunk], times, start, stop, max_step, max_steps, turning.spans, turning.wraps,
+                samples[chunk], numbers[chunk], counts[chunk], turns[chunk], cancel, ended[i],
             )  # fmt: skip
         samples[chunk][np.arange(times.size) >= counts[chunk, rows.SAVED, None]] = np.nan
 
@@ -224,6 +229,7 @@ def integrate_many(
         next_step=numbers[:, rows.STEP_SIZE],
         rejected_pivot=numbers[:, rows.REJECTED_PIVOT],
         rejected_residual=numbers[:, rows.REJECTED_RESIDUAL],
+        turns=turns,
     )
 
 

@@ -10,8 +10,11 @@ the state away, to another assembly mode say, is an error like any other and is 
 Step sizes: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
 Roots of events: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
 
+Whole turns of large angles are counted apart after each step (`turns`); events, controllers and rows take them with their
+turns.
+
 Names: those of `native_parts`; `held`, the last inputs, which a controller sets at the times k period; `conditions`, a row
-(direction, terminal) for each event.
+(direction, terminal) for each event; `loose`, the closure's tolerance at the present size of q.
 """
 
 import math
@@ -32,6 +35,8 @@ from linkwork.simulation.native_parts import (
     Kernels,
     Limits,
     Room,
+    Turns,
+    add_turns,
     copy,
     evaluate,
     first_fault,
@@ -41,6 +46,7 @@ from linkwork.simulation.native_parts import (
     padded,
     project,
     scaled,
+    settle,
 )
 from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
@@ -184,7 +190,7 @@ def state_within(kernels, method, limits, room, theta, step):
 
 
 @njit(**OPTIONS)
-def locate(kernels, inputs, method, limits, room, t, step, piece, i, before, after, g):
+def locate(kernels, inputs, method, limits, room, turns, t, step, piece, i, before, after, g):
     """Return the theta at which g_i has just changed its sign from that of `before` (theta = 0) to that of `after`
     (theta = 1), and the calls of the closure kernel.
     """
@@ -195,6 +201,7 @@ def locate(kernels, inputs, method, limits, room, t, step, piece, i, before, aft
         theta = theta_1 + guess * (theta_2 - theta_1)
         calls += state_within(kernels, method, limits, room, theta, step)[1]
         copy(room.sample, room.x, room.n)
+        add_turns(room.x, turns, room.nq)
         force(inputs, t + theta * step, True, piece, room.x + room.n)
         call(kernels.events, room.x, g)
         if (side * g[i] >= 0) == (side * g_1 >= 0):
@@ -226,11 +233,12 @@ def earliest(crossings, count):
 
 
 @njit(**OPTIONS)
-def record(row, time, state, residual, event, inputs, piece, room):
+def record(row, time, state, residual, event, inputs, piece, room, turns):
     """Write a row (t, y, u, residual, event)."""
     n, last = room.n, 1 + room.n + room.inputs
     row[0] = time
     copy(state, row + 1, n)
+    add_turns(row + 1, turns, room.nq)
     force(inputs, time, False, piece, row + 1 + n)
     for i in range(inputs.columns, room.inputs):
         row[1 + n + i] = room.x[n + i]
@@ -250,9 +258,10 @@ def run(
     plan, stages, degree, estimates, solution, computed, exponent,
     tolerance, pivot_bound, closure_tol, stability,
     nq, y_end, save_at, every_step, start, stop, max_step, h, growth, max_steps,
-    held, period, next_sample, conditions, facts,
+    held, period, next_sample, conditions, counted, facts,
 ):  # fmt: skip
-    """Integrate from y_end at start to stop, leave the last state in y_end and the `Outcome` in facts; return the rows.
+    """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the last row of counted
+    (spans, wraps, turns) and the `Outcome` in facts; return the rows, of angles with their turns.
 
     A row is (t, y, u, residual, event), with event = -1 where the row was asked for. h <= 0 asks for a guess of the first
     step. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length h. tolerance (2, n): rtol, atol.
@@ -275,13 +284,15 @@ def run(
     kernels = Kernels(motion, closure, jacobian, events, control)
     inputs = Inputs(pointer(knots), pointer(coefficients), coefficients.shape[0], signals)
     method = method_of(plan, stages, degree, estimates, solution, computed, exponent)
-    limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, closure_tol)
+    turns = Turns(pointer(counted), pointer(counted) + nq, pointer(counted) + 2 * nq)
     room = Room(
         y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, zeros + most,
         n, nq, width, inputs_all,
     )  # fmt: skip
     new, sample, g_new, g_within, crossings = room.new, room.sample, g + watched, g + 2 * watched, g + 3 * watched
     copy(pointer(y_end), y, n)
+    loose = closure_tol * settle(y, turns, nq)
+    limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, loose)
     copy(pointer(held), x + n + signals, held.size)
     copy(pointer(p), x + n + inputs_all, p.size)
     copy(pointer(p), z + nq, p.size)
@@ -297,9 +308,9 @@ def run(
 
     # The state at the start.
     if closure != 0:
-        closure_error, projections = project(closure, closure_tol, True, y, room)
+        closure_error, projections = project(closure, loose, True, y, room)
         rejected_residual = closure_error
-        if not closure_error <= closure_tol:
+        if not closure_error <= loose:
             status = CLOSURE_LOST
     residual, arrived, piece = closure_error, True, 0
     pivot, pivot_time, first_pivot, rejected_pivot = math.inf, t, 0.0, 0.0
@@ -315,7 +326,9 @@ def run(
             piece = force(inputs, t, False, piece, x + n)
             goes_on = status == OK and t < stop and not halted and accepted + rejected < max_steps
             if control != 0 and goes_on and next_sample * period <= t + ROUNDING * period:
+                add_turns(x, turns, nq)
                 call(control, x, pointer(held))
+                copy(y, x, nq)
                 copy(pointer(held), x + n + signals, held.size)
                 next_sample, stale = next_sample + 1, True
                 for i in range(held.size):
@@ -332,9 +345,10 @@ def run(
                 if status == NON_FINITE:
                     fault = first_fault(room, 1)
             if accepted == 0 and events != 0:
+                add_turns(x, turns, nq)
                 call(events, x, g)
             if every_step or (accepted == 0 and save_at.size > 0 and save_at[0] == t):
-                record(table + saved * columns, t, y, residual, -1.0, inputs, piece, room)
+                record(table + saved * columns, t, y, residual, -1.0, inputs, piece, room, turns)
                 saved += 1
                 if not every_step:
                     taken += 1
@@ -385,6 +399,7 @@ def run(
         # The events within the step, in the order of their times, up to the first that ends the run.
         if accepts and events != 0:
             copy(new, x, n)
+            add_turns(x, turns, nq)
             force(inputs, arrival, True, piece, x + n)
             call(events, x, g_new)
             due = 0
@@ -399,7 +414,7 @@ def run(
                         evaluations += stages - computed
                         extended, accepts = True, ailment == OK
                     crossings[i], calls = locate(
-                        kernels, inputs, method, limits, room, t, step, piece, i, g[i], g_new[i], g_within
+                        kernels, inputs, method, limits, room, turns, t, step, piece, i, g[i], g_new[i], g_within
                     )
                     projections += calls
                     due += 1
@@ -418,9 +433,9 @@ def run(
                     time = t + theta * step
                     remainder, calls = state_within(kernels, method, limits, room, theta, step)
                 projections += calls
-                if not remainder <= closure_tol:
+                if not remainder <= loose:
                     accepts, ailment, residual = False, CLOSURE_LOST, remainder
-                record(table + row * columns, time, sample, remainder, float(first), inputs, piece, room)
+                record(table + row * columns, time, sample, remainder, float(first), inputs, piece, room, turns)
                 row += 1
                 if conditions[first, 1] != 0 and not halted:
                     halted, last, arrival, residual = True, theta, time, remainder
@@ -433,7 +448,7 @@ def run(
             if time == arrival:
                 copy(new, sample, n)
                 if closure != 0:
-                    remainder, calls = project(closure, closure_tol, True, sample, room)
+                    remainder, calls = project(closure, loose, True, sample, room)
             else:
                 if not extended:
                     ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
@@ -442,9 +457,9 @@ def run(
                 theta = (time - t) / step
                 remainder, calls = state_within(kernels, method, limits, room, theta, step)
             projections += calls
-            if not remainder <= closure_tol:
+            if not remainder <= loose:
                 accepts, ailment, residual = False, CLOSURE_LOST, remainder
-            record(table + row * columns, time, sample, remainder, -1.0, inputs, piece, room)
+            record(table + row * columns, time, sample, remainder, -1.0, inputs, piece, room, turns)
             sampled = max(sampled, remainder)
             row, reached = row + 1, reached + 1
 
@@ -459,6 +474,8 @@ def run(
             t, saved, taken, arrived = arrival, row, reached, True
             copy(new, y, n)
             copy(g_new, g, watched)
+            loose = closure_tol * settle(y, turns, nq)
+            limits = Limits(limits.rtol, limits.atol, pivot_bound, loose)
             closure_error = max(closure_error, sampled)
             if trial.pivot < pivot:
                 pivot, pivot_time = trial.pivot, trial.pivot_time
@@ -484,7 +501,7 @@ def run(
 
     if closure != 0 and accepted > 0:
         copy(y, sample, n)
-        residual, calls = project(closure, closure_tol, True, sample, room)
+        residual, calls = project(closure, loose, True, sample, room)
         closure_error, projections = max(closure_error, residual), projections + calls
     counts = (status, evaluations, accepted, rejected, projections, fault, next_sample)
     numbers = (
@@ -507,7 +524,7 @@ _SIGNATURE = (
     *(_array, _whole, _whole, _whole, _whole, _whole, _number),
     *(_table, _number, _number, _number),
     *(_whole, _state, _array, types.boolean, _number, _number, _number, _number, _number, _whole),
-    *(_state, _number, _whole, _table, _state),
+    *(_state, _number, _whole, _table, types.Array(types.float64, 2, "C"), _state),
 )
 
 

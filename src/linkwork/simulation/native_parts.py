@@ -22,6 +22,7 @@ from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import LANES
+from linkwork.simulation.turns import HIGH, LOW, MIDDLE, TURN
 
 OK = FINISHED = int(Status.FINISHED)
 SINGULAR = int(Status.SINGULAR)
@@ -84,6 +85,14 @@ class Limits(NamedTuple):
     closure_tol: float
 
 
+class Turns(NamedTuple):
+    """Whole turns of q as in `turns.Turning`: `spans`, `wraps` and what is counted so far (nq,)."""
+
+    spans: Any
+    wraps: Any
+    counted: Any
+
+
 class Room(NamedTuple):
     """Where the loop computes.
 
@@ -121,6 +130,47 @@ def copy(source, target, count):
     """Copy the first `count` numbers."""
     for m in range(count):
         target[m] = source[m]
+
+
+@njit(forceinline=True, **OPTIONS)
+def turns_in(angle):
+    """Return how many whole turns an angle has, to the nearest."""
+    return math.floor(angle / TURN + 0.5)
+
+
+@njit(forceinline=True, **OPTIONS)
+def without(angle, turns):
+    """Return an angle less its whole turns."""
+    return angle - turns * HIGH - turns * MIDDLE - turns * LOW
+
+
+@njit(forceinline=True, **OPTIONS)
+def whole(angle, turns):
+    """Return an angle with its whole turns."""
+    return turns * HIGH + (angle + turns * MIDDLE + turns * LOW)
+
+
+@njit(**OPTIONS)
+def settle(state, turns, nq):
+    """Count the whole turns of large angles apart; return the factor on the closure's tolerance that other coordinates ask."""
+    looser = 1.0
+    for m in range(nq):
+        if abs(state[m]) > turns.spans[m]:
+            if turns.wraps[m] > 0:
+                count = turns_in(state[m])
+                state[m] = without(state[m], count)
+                turns.counted[m] += count
+            else:
+                looser = max(looser, abs(state[m]) / turns.spans[m])
+    return looser
+
+
+@njit(**OPTIONS)
+def add_turns(state, turns, nq):
+    """Give the angles at the head of a state their whole turns back."""
+    for m in range(nq):
+        if turns.counted[m] != 0.0:
+            state[m] = whole(state[m], turns.counted[m])
 
 
 @njit(forceinline=True, **OPTIONS)

@@ -87,6 +87,24 @@ class Deferred(Mapping[str, Value]):
         return repr(dict(self))
 
 
+class Told:
+    """Let a text be given, or what finds it when it is first asked for."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, run: object, owner: type | None = None) -> str:
+        if run is None:
+            raise AttributeError(self.name)  # a field without a default
+        text: Any = vars(run)[self.name]
+        if callable(text):
+            text = vars(run)[self.name] = text()
+        return text
+
+    def __set__(self, run: object, text: str | Callable[[], str]) -> None:
+        vars(run)[self.name] = text
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """Hold the result of a simulation: arrays over named axes, how it ended, and what it took.
@@ -95,6 +113,7 @@ class Run:
     name, among them "time" in s; `attrs`: facts about the run as a whole; `status`, `message`: how it ended;
     `statistics`: what it took, also reached as `nfev`, `steps`, `rejected`, `closure_error`; `error`: what a sampled
     controller raised, if that ended the run, and `transmitted`: what gives the joint reactions (not written to files);
+    `errors`: what gives the differences to the run at a tenth of the tolerance, by name (not written to files);
     `described`: what gives the text of the mechanism's file, if the attrs do not hold it as "description".
     """
 
@@ -102,11 +121,12 @@ class Run:
     coords: Mapping[str, Variable] = field(repr=False)
     attrs: Mapping[str, Any]
     status: Status
-    message: str
-    statistics: Statistics
+    message: str = Told()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    statistics: Statistics  # pyright: ignore[reportGeneralTypeIssues]
     error: BaseException | None = None
     transmitted: Callable[[str, float | None], Any] | None = field(default=None, repr=False)
     described: Callable[[], str] | None = field(default=None, repr=False)
+    errors: Callable[[], Mapping[str, Variable]] | None = field(default=None, repr=False)
 
     @property
     def success(self) -> bool:
@@ -132,6 +152,36 @@ class Run:
     def closure_error(self) -> float:
         """Return the largest |phi(q)| of all accepted states and saved samples."""
         return self.statistics.closure_error
+
+    @property
+    def error_estimate(self) -> float:
+        """Return the largest error of coordinates, rates and extra states, relative to atol + rtol |y|: estimated.
+
+        It is found by a second run at a tenth of the tolerance (half of the step) when it, or the message, is first asked
+        for; a resumed run's counts from where it was resumed. nan where a Python function controls the robot, which cannot
+        be called again, and for runs that do not tell.
+        """
+        return float(self.attrs.get("error_estimate", np.nan))
+
+    @cached_property
+    def global_errors(self) -> "xarray.Dataset":
+        """Return the errors of joint positions and rates, and drive states, at the saved times, as an `xarray.Dataset`.
+
+        They are the differences to the same run at a tenth of the tolerance (half of the step), which is run when they are
+        first asked for; nan from where that ended early.
+
+        Raises:
+            LinkworkError: a run from a file, or that a Python function controls: neither can be run again.
+        """
+        import xarray
+
+        if self.errors is None:
+            raise LinkworkError(
+                "this run cannot be run again to find its errors: it was read from a file, or a Python function controls it"
+            )
+        arrays = {name: (v.dims, v.values, dict(v.attrs)) for name, v in self.errors().items()}
+        axes = {axis for dims, _, _ in arrays.values() for axis in dims}
+        return xarray.Dataset(arrays, {name: (v.dims, v.values) for name, v in self.coords.items() if name in axes})
 
     @property
     def description(self) -> str:

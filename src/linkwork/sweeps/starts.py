@@ -2,8 +2,8 @@
 
     [Phi; J] s = -[phi; x - x_d],    q <- q + N s          Gauss-Newton steps of least length, for all members together
 
-from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge so are assembled one
-by one, with shorter steps.
+from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge so, or on another
+working mode, are assembled one by one, with shorter steps.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from linkwork.mechanism.record import MechanismError
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import MATRICES, wrapped
 from linkwork.robot.labels import POSES
+from linkwork.robot.modes import same
 from linkwork.sweeps.study import Study, StudyError
 
 if TYPE_CHECKING:
@@ -94,7 +95,10 @@ def closed_together(bench: Bench, q: np.ndarray, p: np.ndarray, of: Values) -> t
     if given:
         q, closed = solved(robot, q, p, given, None)
     if pose is not None:
-        q, closed = solved(robot, q, p, {}, pose)
+        begin, (q, closed) = q, solved(robot, q, p, {}, pose)
+        modes = robot.leader(pose.shape[1], kept=True).modes
+        before, after = (modes.signs(rows(robot, part, p, {}, pose)[1]) for part in (begin, q))
+        closed &= same(before, after)
     return q, closed
 
 

@@ -1,0 +1,229 @@
+"""Leading: bring the tool from a closed configuration to poses, many at a time, without leaving the branch.
+
+Each pose has a straight way from where the tool is. It is walked in steps as long as Newton's method
+
+    [Phi; J] s = -[phi; x - x_d],    q <- q + N s
+
+contracts from the last configuration at once and the signs of the working mode stay (`modes`). Poses whose straight
+way is barred, by the edge of the workspace, are solved from the guess and from random configurations (fixed seed); of
+the solutions on the same mode the nearest is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from linkwork.equations.reference import CLOSED, unit
+from linkwork.robot.assembly import MATRICES, UnreachableError, wrapped
+from linkwork.robot.modes import Modes, same
+
+if TYPE_CHECKING:
+    from linkwork.robot.model import Model
+
+ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
+NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
+LONGEST = 0.5  # Newton's step: of a turn [rad], of a slide relative to the mechanism
+STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
+MET = 1e-6  # distance from a pose, relative to the mechanism, from which Newton's method is sure to reach it
+DAMPING = 1e-12  # of the normal equations, relative to their trace
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Hold the straight ways (N) of a tool from one pose to others.
+
+    position, turn: where they begin: (3), angle (1) in the plane or R (3, 3), empty where no turn is asked for
+    shift, turning: what leads to their ends (N, axes), (N, 1) in the plane, rotation vectors (N, 3) in space
+    """
+
+    planar: bool
+    position: np.ndarray
+    turn: np.ndarray
+    shift: np.ndarray
+    turning: np.ndarray
+
+    @classmethod
+    def of(cls, planar: bool, out: dict[str, np.ndarray], poses: np.ndarray) -> Way:
+        """Return the ways from one configuration's outputs (1, ...) to poses (N, size)."""
+        axes = 2 if planar else 3
+        position, goal = out["position"][0, :axes], poses[:, axes:]
+        shift = poses[:, :axes] - position
+        if not goal.shape[1]:
+            return cls(planar, position, np.empty(0), shift, goal)
+        if planar:
+            return cls(planar, position, out["angle"][0], shift, wrapped(goal - out["angle"][0]))
+        from scipy.spatial.transform import Rotation
+
+        R = out["orientation"][0].reshape(3, 3)
+        turning = (Rotation.from_rotvec(goal) * Rotation.from_matrix(R).inv()).as_rotvec()
+        return cls(planar, position, R, shift, turning)
+
+    def error(self, out: dict[str, np.ndarray], which: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """Return how far the tools are (K, size) from where the ways `which` (K) are at a part (K) from 0 to 1."""
+        aside = out["position"][:, : self.shift.shape[1]] - self.position - part[:, None] * self.shift[which]
+        if not self.turning.shape[1]:
+            return aside
+        turned = part[:, None] * self.turning[which]
+        if self.planar:
+            return np.concatenate([aside, wrapped(out["angle"] - self.turn - turned)], axis=1)
+        from scipy.spatial.transform import Rotation
+
+        goal = Rotation.from_rotvec(turned) * Rotation.from_matrix(self.turn)
+        turn = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)) * goal.inv()
+        return np.concatenate([aside, turn.as_rotvec()], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Leader:
+    """Lead the tool of one robot; modes: what has to keep its signs; twist: rows of the tool's twist that poses name."""
+
+    robot: Model
+    modes: Modes
+    twist: list[int]
+
+    def lead(self, start: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Return q (N, nq) with the tool at poses (N, size), from a closed configuration (nq)."""
+        out = self.outputs(start[None])
+        way, mode = Way.of(self.robot.planar, out, poses), self.modes.signs(self.matrix(out))[0]
+        q, part = self.walked(start, way, mode, len(poses))
+        for k in np.flatnonzero(part < 1):
+            q[k] = self.otherwise(start, q[k], poses[k], mode)
+        return q
+
+    def walked(self, start: np.ndarray, way: Way, mode: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far the straight ways lead: q (N, nq), and the part of each way (N)."""
+        q, part, step, going = np.tile(start, (count, 1)), np.zeros(count), np.ones(count), np.arange(count)
+        for _ in range(ROUNDS):
+            if not going.size:
+                break
+            aim = np.minimum(1.0, part[going] + step[going])
+            reached, good = self.nearby(q[going], way, going, aim, mode)
+            q[going[good]], part[going[good]] = reached[good], aim[good]
+            step[going] *= np.where(good, 2.0, 0.25)
+            going = going[(part[going] < 1) & (step[going] > FINEST)]
+        return q, part
+
+    def nearby(
+        self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray, mode: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without a change of sign (K)."""
+        closed, alive, last = np.zeros(len(q), bool), np.ones(len(q), bool), np.full(len(q), LONGEST / CONTRACTS)
+        for _ in range(NEWTON + 1):
+            residual, A, out = self.rows(q, way, which, part)
+            closed = np.abs(residual).max(axis=1) <= CLOSED * np.maximum(1.0, np.abs(q).max(axis=1))
+            s = least_step(A, np.where((alive & ~closed)[:, None], residual, 0.0))
+            length = np.abs(s * self.scale).max(axis=1)
+            alive &= closed | (length <= CONTRACTS * last)
+            if not (alive & ~closed).any():
+                break
+            s = np.where(alive[:, None], s, 0.0)
+            q = unit(self.robot.equations.tree, q + np.einsum("kij,kj->ki", out["derivatives"], s))
+            last = length
+        fits = same(self.modes.signs(A), mode) & (out["alignment"][:, 0] >= 0)
+        return q, alive & closed & fits
+
+    def otherwise(self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray) -> np.ndarray:
+        """Return q (nq) at a pose to which no straight way leads on the mode; near: how far it led."""
+        refusal, elsewhere = None, False
+        for begin in self.begins(start, near, pose):
+            try:
+                q = self.robot.assembler.at_pose(pose, begin)
+            except UnreachableError as error:
+                refusal = refusal or error
+                continue
+            if self.fits(q, mode):
+                return q
+            elsewhere = True
+        if refusal and not elsewhere:
+            raise refusal
+        raise UnreachableError(
+            f"the tool is at {np.round(pose, 6).tolist()} only on another branch than the guess: joints would have to pass "
+            'a stretched or folded pose; give a guess on that branch, or take any by branch="any"'
+        )
+
+    def begins(self, start: np.ndarray, near: np.ndarray, pose: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield configurations (nq) from which a pose may be reached."""
+        yield near
+        yield start
+        yield from self.scattered(start, pose)
+
+    def scattered(self, start: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Return configurations (K, nq) with the tool at a pose, from random ones, nearest to a start first."""
+        tree, random = self.robot.equations.tree, np.random.default_rng(1990)
+        q = np.tile(start, (STARTS, 1))
+        for place, rate in tree.single:
+            q[:, place] += random.uniform(-1, 1, STARTS) * (1 if self.slides[rate] else np.pi) / self.scale[rate]
+        for places, _ in tree.quaternions:
+            q[:, list(places)] = random.standard_normal((STARTS, 4))
+        q, every, end = unit(tree, q), np.arange(STARTS), np.ones(STARTS)
+        way = Way.of(self.robot.planar, self.outputs(start[None]), np.tile(pose, (STARTS, 1)))
+        for _ in range(ITERATIONS):
+            residual, A, out = self.rows(q, way, every, end)
+            s = np.nan_to_num(least_step(A, residual))
+            s *= np.minimum(1.0, LONGEST / np.maximum(np.abs(s * self.scale).max(axis=1, keepdims=True), 1e-300))
+            q = unit(tree, q + np.einsum("kij,kj->ki", out["derivatives"], s))
+        residual, A, out = self.rows(q, way, every, end)
+        q = q[(np.abs(residual).max(axis=1) <= MET * self.length) & (out["alignment"][:, 0] >= 0)]
+        for place, rate in tree.single if not self.robot.mechanism.gears else ():
+            q[:, place] -= 0 if self.slides[rate] else 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
+        return q[np.argsort(np.linalg.norm(q - start, axis=1))]
+
+    def fits(self, q: np.ndarray, mode: np.ndarray) -> bool:
+        """Tell whether a configuration (nq) is on a mode."""
+        return bool(same(self.modes.signs(self.matrix(self.outputs(q[None]))), mode)[0])
+
+    def outputs(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name; matrices as such."""
+        kernel, nv = self.robot.kernel("assembly"), self.robot.equations.nv
+        values = kernel(q, np.zeros((len(q), nv)))
+        out = {name: value for (name, _), value in zip(kernel.outputs, values, strict=True)}
+        for name in MATRICES:
+            out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
+        return out
+
+    def rows(
+        self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Return [phi; x - x_d] (K, rows), its Jacobian (K, rows, nv) and the outputs at configurations (K, nq)."""
+        out = self.outputs(q)
+        return np.concatenate([out["phi"], way.error(out, which, part)], axis=1), self.matrix(out), out
+
+    def matrix(self, out: dict[str, np.ndarray]) -> np.ndarray:
+        """Return [Phi; J] (K, rows, nv)."""
+        return np.concatenate([out["Phi"], out["J_tool"][:, self.twist]], axis=1)
+
+    @cached_property
+    def length(self) -> float:
+        """Largest length [m] of the joints' frames and slides at home, 1 m where there is none."""
+        robot = self.robot
+        frames = [frame.position for joint in robot.mechanism.pairs.values() for frame in joint.frames]
+        lengths = [float(np.linalg.norm(position)) for position in frames]
+        return max([*lengths, *np.abs(robot.home.positions[~robot.labels.angular]).tolist()], default=0.0) or 1.0
+
+    @cached_property
+    def slides(self) -> np.ndarray:
+        """Which of the tree's rates are slides (nv)."""
+        tree = self.robot.equations.tree
+        found = np.zeros(len(tree.rates), bool)
+        for node in tree.nodes:
+            for column in node.columns:
+                found[column.rate] = not node.turns
+        return found
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """What makes the tree's rates free of units: 1 of a turn, 1 / length of a slide (nv)."""
+        return np.where(self.slides, 1 / self.length, 1.0)
+
+
+def least_step(A: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Return the shortest steps s (K, nv) of least |A s + residual|."""
+    square = np.swapaxes(A, 1, 2) @ A
+    damping = np.maximum(DAMPING * np.trace(square, axis1=1, axis2=2), 1e-300)[:, None, None]
+    right = np.swapaxes(A, 1, 2) @ residual[..., None]
+    return -np.linalg.solve(square + damping * np.eye(square.shape[1]), right)[..., 0]

@@ -1,0 +1,178 @@
+"""The tool is led on the branch of the guess: against inverse kinematics in closed form, on every working mode."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.analysis import working_modes
+from linkwork.robots.plane import corners, vertices
+
+from tests.analysis.mechanisms import arm, rrs
+from tests.catalogue import built
+
+LEGS = {  # proximal and distal length, elbows by name, and from a pose each leg's foot and what its distal link has to reach
+    "five_bar": (0.25, 0.35, ("elbow_1", "tip"), lambda pose: [((0.0, 0.0), pose[:2]), ((0.3, 0.0), pose[:2])]),
+    "rrr3": (0.22, 0.2, ("elbow_1", "elbow_2", "elbow_3"), lambda pose: platform(pose)),
+}
+
+
+def platform(pose):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    tops = pose[:2] + np.array(vertices(0.08)) @ np.array([[c, s], [-s, c]])
+    return list(zip(corners(0.6), tops, strict=True))
+
+
+def angles(name, pose, sides):
+    """Return the motors' angles at a pose with each elbow on a side, by the law of cosines; None out of reach."""
+    first, second, _, legs = LEGS[name]
+    found = []
+    for (foot, top), side in zip(legs(pose), sides, strict=True):
+        reach = np.subtract(top, foot)
+        length = np.hypot(*reach)
+        if not abs(first - second) + 1e-3 < length < first + second - 1e-3:
+            return None
+        found.append(
+            np.arctan2(*reach[::-1]) - side * np.arccos((first**2 + length**2 - second**2) / (2 * first * length))
+        )
+    return np.array(found)
+
+
+def reached(name, sides, count, seed):
+    """Return random poses that both links of every leg reach, and the motors' angles there."""
+    random, home = (
+        np.random.default_rng(seed),
+        built(name).tool_pose(built(name).home)[: 2 if name == "five_bar" else 3],
+    )
+    spread = np.array([0.5, 0.5, 1.0])[: home.size]
+    poses = home + spread * random.uniform(-1, 1, (400, home.size))
+    found = [(pose, q) for pose in poses if (q := angles(name, pose, sides)) is not None][:count]
+    assert len(found) == count
+    return (np.array(part) for part in zip(*found, strict=True))
+
+
+def sides_of(name, state):
+    """Return on which side of the line from foot to tip the elbow of each leg is."""
+    robot = built(name)
+    poses, legs = robot.body_poses(state), LEGS[name][3](robot.tool_pose(state))
+    elbows = [poses[f"distal_{i}"][0][:2] for i in range(1, len(legs) + 1)]
+    return [
+        np.sign(np.linalg.det([np.subtract(elbow, foot), np.subtract(top, elbow)]))
+        for elbow, (foot, top) in zip(elbows, legs, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_the_tool_is_led_on_each_working_mode(name):
+    robot = built(name)
+    start = robot.tool_pose(robot.home)[: 2 if name == "five_bar" else 3]
+    modes = working_modes(robot, start)
+    assert len(modes) == 2**robot.mobility
+    motors = [robot.coordinates.index(motor) for motor in robot.actuators]
+    for k in range(len(modes)):
+        guess = modes.states.at(k)
+        poses, expected = reached(name, sides_of(name, guess), 12, k)
+        found = robot.assemble(tool=poses, guess=guess).positions[:, motors]
+        np.testing.assert_allclose(np.exp(1j * found), np.exp(1j * expected), atol=1e-8)
+
+
+@pytest.mark.parametrize("tip", [(0.2236, -0.1075), (-0.0804, -0.0660)])
+def test_a_pose_behind_the_edge_of_the_workspace_is_reached_on_the_mode_of_the_guess(tip):
+    robot = built("five_bar")
+    state = robot.assemble(tool=tip)
+    expected = angles("five_bar", np.array(tip), sides_of("five_bar", robot.home))
+    np.testing.assert_allclose(np.exp(1j * state.positions[:2]), np.exp(1j * expected), atol=1e-9)
+    assert robot.closure_error(state) < 1e-12
+
+
+def test_a_stack_of_poses_is_led_as_each_alone():
+    robot, random = built("prr3"), np.random.default_rng(5)
+    poses = robot.tool_pose(robot.home) + [0.05, 0.05, 0.3] * random.uniform(-1, 1, (2, 5, 3))
+    stack = robot.assemble(tool=poses)
+    assert stack.batch == (2, 5)
+    alone = [robot.assemble(tool=pose).positions for pose in poses.reshape(-1, 3)]
+    np.testing.assert_allclose(stack.positions.reshape(10, -1), alone, atol=1e-9)
+
+
+def test_an_arm_in_space_comes_back_to_where_it_was_on_each_of_its_eight_modes():
+    robot, random = built("puma560"), np.random.default_rng(7)
+    modes = working_modes(robot)
+    home = robot.tool_pose(robot.home)
+    for k in range(len(modes)):
+        guess = modes.states.at(k)
+        away = robot.assemble(tool=home + 0.05 * random.uniform(-1, 1, 6), guess=guess)
+        back = robot.assemble(tool=home, guess=away)
+        np.testing.assert_allclose(back.positions, guess.positions, atol=1e-7)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-3, 1e3])
+def test_the_edge_of_the_workspace_belongs_to_both_modes(length):
+    robot = arm(length, 0.6 * length)
+    for elbow in (0.8, -0.8):
+        guess = robot.state({"hinge_1": 0.2, "hinge_2": elbow})
+        edge = robot.assemble(tool=[1.6 * length * np.cos(0.5), 1.6 * length * np.sin(0.5)], guess=guess)
+        assert edge["hinge_1"] == pytest.approx(0.5, abs=1e-4) and edge["hinge_2"] == pytest.approx(0, abs=1e-4)
+
+
+def test_a_guess_between_two_modes_leads_to_either():
+    robot = arm()
+    state = robot.assemble(tool=[0.9, 0.5], guess=robot.state({"hinge_1": 0.4, "hinge_2": 0.0}))
+    np.testing.assert_allclose(robot.tool_pose(state)[:2], [0.9, 0.5], atol=1e-12)
+
+
+# Other branches
+
+
+def rocking_arm():
+    """Return an arm of two links whose upper one is the rocker of a four-bar: it swings from 72 to 133 degrees only."""
+    link = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+    joints = {
+        "crank": lw.RevoluteJoint(connects=("ground", "crank"), frames=(lw.Frame.planar(-0.4), lw.Frame())),
+        "pin": lw.RevoluteJoint(connects=("crank", "coupler"), frames=(lw.Frame.planar(0.1), lw.Frame())),
+        "shoulder": lw.RevoluteJoint(connects=("ground", "upper")),
+        "joint": lw.RevoluteJoint(connects=("coupler", "upper"), frames=(lw.Frame.planar(0.4), lw.Frame.planar(0.2))),
+        "elbow": lw.RevoluteJoint(connects=("upper", "lower"), frames=(lw.Frame.planar(0.5), lw.Frame())),
+    }
+    return lw.Robot(
+        lw.Mechanism(
+            bodies=dict.fromkeys(("crank", "coupler", "upper", "lower"), link),
+            joints=joints,
+            actuators=("crank", "elbow"),
+            tools={"hand": lw.Tool(body="lower", frame=lw.Frame.planar(0.4))},
+            reference={"crank": 1.5, "pin": -1.3, "shoulder": 1.75, "joint": 1.5, "elbow": 1.0},
+        )
+    )
+
+
+def test_a_pose_of_another_branch_is_refused_and_says_so():
+    """The elbow bent to the other side, the shoulder would have to be at 36 degrees."""
+    robot = rocking_arm()
+    shoulder, elbow = np.radians([80.0, -50.0])
+    hand = 0.5 * np.array([np.cos(shoulder), np.sin(shoulder)]) + 0.4 * np.array(
+        [np.cos(shoulder + elbow), np.sin(shoulder + elbow)]
+    )
+    with pytest.raises(lw.UnreachableError, match="only on another branch than the guess") as refusal:
+        robot.assemble(tool=hand)
+    assert "\n" not in str(refusal.value)
+    state = robot.assemble(tool=hand, branch="any")
+    assert state["shoulder"] == pytest.approx(shoulder) and state["elbow"] == pytest.approx(elbow)
+
+
+def test_a_branch_that_is_none():
+    with pytest.raises(lw.LinkworkError, match="branch is 'best'; give 'guess' or 'any'"):
+        built("five_bar").assemble(tool=[0.1, 0.3], branch="best")
+
+
+def test_a_path_is_followed_on_the_branch_of_the_guess():
+    robot = built("five_bar")
+    motion = robot.follow(lw.paths.line((0.2236, -0.1075), (0.23, -0.09)), 1.0, samples=5)
+    assert sides_of("five_bar", motion.state.at(4)) == sides_of("five_bar", robot.home)
+    first = angles("five_bar", np.array([0.2236, -0.1075]), sides_of("five_bar", robot.home))
+    np.testing.assert_allclose(np.exp(1j * motion.state.positions[0, :2]), np.exp(1j * first), atol=1e-9)
+
+
+def test_a_tool_that_shifts_as_it_tilts_is_led_by_all_that_is_asked():
+    """Of a 3-RRS the shifts x, y follow from the tilt: a whole pose on its motion is reached, for no signs are asked of it."""
+    robot = rrs()
+    aim = robot.assemble({"hip_1": float(robot.home["hip_1"]) + 0.1, "hip_2": float(robot.home["hip_2"])})
+    state = robot.assemble(tool=robot.tool_pose(aim))
+    np.testing.assert_allclose(robot.tool_pose(state), robot.tool_pose(aim), atol=1e-9)
