@@ -21,6 +21,7 @@ from linkwork.errors import LinkworkError
 from linkwork.simulation import (
     DORMAND_PRINCE,
     RK4,
+    SHARP_SMART,
     Condition,
     Events,
     Status,
@@ -143,3 +144,38 @@ def test_an_event_function_that_is_undefined_ends_the_run():
 def test_directions_that_are_none_are_refused():
     with pytest.raises(LinkworkError, match="direction of an event is 2; give -1, 0 or 1"):
         Condition(direction=2)
+
+
+@pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART, dop853(), RK4(0.05)], ids=lambda method: method.name)
+@pytest.mark.parametrize("stay", [0.133, 0.022, 1e-3])
+def test_an_event_that_is_left_again_within_a_step_is_found_twice(method, stay):
+    """A stone thrown up passes a height just below its peak: h = v^2 / 2 g - g (stay / 2)^2 / 2."""
+    v = 5.0
+    peak, height = v / GRAVITY, v**2 / (2 * GRAVITY) - GRAVITY * (stay / 2) ** 2 / 2
+    events = Events(height_and_speed.address, (Condition(), Condition()))
+    run = integrate(falling.address, None, [-height], [v], [], duration=1.3, rtol=1e-8, events=events, method=method)
+    np.testing.assert_allclose(run.events.times, [peak - stay / 2, peak, peak + stay / 2], atol=1e-9)
+    np.testing.assert_array_equal(run.events.index, [0, 1, 0])
+    assert run.steps < 30
+    first = integrate(
+        falling.address, None, [-height], [v], [], duration=1.3, method=method,
+        events=Events(height_and_speed.address, (Condition(terminal=True), Condition())),
+    )  # fmt: skip
+    assert first.status is Status.EVENT and first.end_time == pytest.approx(peak - stay / 2, abs=1e-9)
+
+
+def test_a_function_that_stays_away_from_zero_by_little_does_not_happen():
+    events = Events(height_and_speed.address, (Condition(), Condition()))
+    v = 5.0
+    run = integrate(
+        falling.address,
+        None,
+        [-(v**2) / (2 * GRAVITY) - 1e-9],
+        [v],
+        [],
+        duration=1.3,
+        rtol=1e-12,
+        atol=1e-13,
+        events=events,
+    )
+    np.testing.assert_array_equal(run.events.index, [1])

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.errors import LinkworkError
+from linkwork.simulation.signals import Signal
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,8 @@ class Events:
 
     address: of the kernel (y, u, p) -> g (k,), a C function void(const double *, double *); conditions: one for each g_i.
 
-    A zero is found where g_i has another sign at the end of a step than at its start; two zeros of one function within
-    a step are missed. A function that is 0 at the start of a run has to leave 0 first.
+    Zeros are looked for along the dense output, between its ends and where g_i comes nearest to zero (`native_events`): two
+    within a step are found, too. A function that is 0 at the start of a run has to leave 0 first.
     """
 
     address: int
@@ -40,6 +41,18 @@ class Events:
     def table(self) -> np.ndarray:
         """The conditions as the compiled loops take them: a row (direction, terminal) for each."""
         return np.array([(c.direction, c.terminal) for c in self.conditions], float).reshape(-1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """Watch signals over time that are not all inputs: what depends on time alone in equations and event functions.
+
+    signal: of all of them; strict: how many of its columns, the last ones, event functions read: no step passes more than two
+    bends of them (`bends`), for a zero that is passed leaves no trace in the motion.
+    """
+
+    signal: Signal
+    strict: int = 0
 
 
 @dataclass(frozen=True, eq=False)

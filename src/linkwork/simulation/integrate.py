@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation.events import Control, Events, Occurrences, Pace
+from linkwork.simulation.events import Control, Events, Occurrences, Pace, Watch
 from linkwork.simulation.rosenbrock import Rosenbrock
 from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
@@ -174,6 +174,7 @@ def integrate(
     leave_stiff: bool = False,
     turning: Turning | None = None,
     turns: ArrayLike | None = None,
+    watch: Watch | None = None,
 ) -> Trajectory:
     """Integrate (q', v') = f(q, v, u(t), p) over time with q kept on phi(q) = 0.
 
@@ -204,6 +205,7 @@ def integrate(
         events: functions of (y, u, p) whose zeros are located, and may end the run. control: a sampled controller.
         leave_stiff: end the run as STIFF where stability bounds the steps of an embedded pair and very many are to come.
         turning: how large coordinates may grow; turns (nq,): the whole turns of angles that are not in q.
+        watch: signals of which no step passes over what its stages have not seen; None: the forces. Fixed steps do.
 
     Returns the `Trajectory`, whatever way the run ended: see its `status` and `message`.
 
@@ -234,10 +236,12 @@ def integrate(
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
     held, period, next_sample, acts = _sampling(control, start)
     conditions = events.table if events else NO_CONDITIONS
+    seen = watch.signal if watch else signal
     facts = np.empty(len(loop.Outcome._fields))
     rows = native.integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
+        seen.knots, seen.coefficients, seen.bends, watch.strict if watch else 0,
         *method.plan.arguments,
         tolerances(rtol, atol, y.size), pivot_bound, closure_tol, stability(method, leave_stiff),
         q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,

@@ -8,8 +8,8 @@ class Tables(NamedTuple):
 
     `y`: states at the starts of the steps; `x`: (y, u, p); `k`: (y', pivot), stage after stage; `z`: (q, p); `z_next`: what the
     closure gives; `sample`: a state within, or the defect; `weights`, one for each stage; `scale`: rtol, then atol; `zeros`, as
-    many as a state has; `spans`, `wraps`, `turned`, of the angles' whole turns; `now`, `tally`: numbers and counts of the
-    members. A state has n numbers, of which nq are q.
+    many as a state has; `spans`, `wraps`, `turned`, of the angles' whole turns; `kept`: states set aside; `now`, `tally`:
+    numbers and counts of the members. A state has n numbers, of which nq are q.
     """
 
     y: Any
@@ -24,6 +24,7 @@ class Tables(NamedTuple):
     spans: Any
     wraps: Any
     turned: Any
+    kept: Any
     now: Any
     tally: Any
     n: int
@@ -33,11 +34,11 @@ class Tables(NamedTuple):
 # Rows of `now`; the first NUMBERS are kept of every member.
 TIME, STEP_SIZE, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL, LOOSE = range(7)
 NUMBERS = 7
-GROWTH, STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA = range(7, 18)
-NOW = 18
+GROWTH, STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA, LEAST = range(7, 19)
+NOW = 19
 
 # Rows of `tally`; the first COUNTS are kept of every member, too.
 STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED = range(5)
 COUNTS = 5
-CAUSE, PIECE, BREAK, MEMBER, REACHED, AILMENT, STIFFLY = range(5, 12)
-TALLY = 12
+CAUSE, PIECE, BREAK, BEND, MEMBER, REACHED, AILMENT, STIFFLY = range(5, 13)
+TALLY = 13

@@ -15,6 +15,7 @@ from linkwork.simulation.lane_rows import (
     ARRIVAL,
     CLOSURE_ERROR,
     EVALUATIONS,
+    LEAST,
     LOOSE,
     LOWEST,
     MEMBER,
@@ -39,6 +40,12 @@ def within(lane, save_at, now, tally):
 
 
 @njit(forceinline=True, **OPTIONS)
+def extends(lane, save_at, now, tally):
+    """Tell whether a lane needs the dense output: for a sample inside its step, or to look at what it may not have seen."""
+    return (now[LEAST, lane] > 0 and now[ACCEPTS, lane] > 0) or within(lane, save_at, now, tally)
+
+
+@njit(forceinline=True, **OPTIONS)
 def want_samples(save_at, now, tally):
     """Mark the lanes with a sample to take in their accepted steps, and where; return how many, and how many within."""
     wanted, inside = 0, 0
@@ -54,7 +61,7 @@ def want_samples(save_at, now, tally):
 
 @njit(**OPTIONS)
 def extend(motion, method, signals, pivot_bound, save_at, tables):
-    """Evaluate the stages that only the dense output needs; refuse the steps of lanes with a sample in which they fail.
+    """Evaluate the stages that only the dense output needs; refuse the steps of lanes that need it in which they fail.
 
     x is left as it was: the new state, under the inputs at its end.
     """
@@ -64,7 +71,7 @@ def extend(motion, method, signals, pivot_bound, save_at, tables):
     for m in range(n):
         store(sample, m, load(x, m))
     for lane in range(LANES):
-        if within(lane, save_at, now, tally):
+        if extends(lane, save_at, now, tally):
             tally[EVALUATIONS, lane] += method.stages - method.computed
     for i in range(method.computed, method.stages):
         combine(method.a + i * method.stages, i, n, now, y, k, x)
@@ -73,7 +80,7 @@ def extend(motion, method, signals, pivot_bound, save_at, tables):
         call_wide(motion, x, k, i * (n + 1))
         for lane in range(LANES):
             pivot = k[i * (n + 1) + n, lane]
-            if within(lane, save_at, now, tally) and not pivot >= pivot_bound:
+            if extends(lane, save_at, now, tally) and not pivot >= pivot_bound:
                 now[ACCEPTS, lane], now[WANTED, lane] = 0.0, 0.0
                 tally[AILMENT, lane] = NON_FINITE if math.isnan(pivot) else SINGULAR
                 now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
@@ -94,24 +101,28 @@ def keep_sample(i, row, lane, state, samples, tables):
 
 
 @njit(forceinline=True, **OPTIONS)
+def interpolate(method, tables, state):
+    """Leave the states of all lanes at the times t + theta h, with each lane's theta, in a table."""
+    weights, theta, h, stages = tables.weights, load(tables.now, THETA), load(tables.now, STEP), method.stages
+    for i in range(stages):
+        weight, power = splat(0.0), theta
+        for m in range(method.degree):
+            weight = weight + power * splat(method.dense[m * padded(stages) + i])
+            power = power * theta
+        store(weights, i, weight)
+    for m in range(tables.n):
+        total = splat(0.0)
+        for i in range(stages):
+            total = total + load(weights, i) * load(tables.k, i * (tables.n + 1) + m)
+        store(state, m, load(tables.y, m) + h * total)
+
+
+@njit(forceinline=True, **OPTIONS)
 def take_samples(closure, method, closure_tol, save_at, samples, tables):
     """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
-    n, stages, weights = tables.n, method.stages, tables.weights
-    y, x, k, sample, now, tally = tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
+    n, x, sample, now, tally = tables.n, tables.x, tables.sample, tables.now, tables.tally
     while want_samples(save_at, now, tally)[0] > 0:
-        theta = load(now, THETA)
-        for i in range(stages):
-            weight, power = splat(0.0), theta
-            for m in range(method.degree):
-                weight = weight + power * splat(method.dense[m * padded(stages) + i])
-                power = power * theta
-            store(weights, i, weight)
-        h = load(now, STEP)
-        for m in range(n):
-            total = splat(0.0)
-            for i in range(stages):
-                total = total + load(weights, i) * load(k, i * (n + 1) + m)
-            store(sample, m, load(y, m) + h * total)
+        interpolate(method, tables, sample)
         for lane in range(LANES):
             now[RESIDUAL, lane] = 0.0
             if now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] == now[ARRIVAL, lane]:

@@ -29,6 +29,7 @@ from linkwork.simulation.lane_rows import (
     ACCEPTS,
     AILMENT,
     ARRIVAL,
+    BEND,
     BREAK,
     CAUSE,
     CLOSURE_ERROR,
@@ -36,6 +37,7 @@ from linkwork.simulation.lane_rows import (
     ERROR,
     EVALUATIONS,
     GROWTH,
+    LEAST,
     LIVE,
     LOOSE,
     LOWEST,
@@ -62,6 +64,7 @@ from linkwork.simulation.lane_rows import (
 )
 from linkwork.simulation.lane_samples import extend, keep_sample, take_samples, want_samples
 from linkwork.simulation.lane_steps import accept, choose_steps, combine, judge, move, project, scaled
+from linkwork.simulation.lane_watch import Watched, inspect, mark
 from linkwork.simulation.native_loop import (
     BOLDNESS,
     FARTHEST,
@@ -261,7 +264,8 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
         tally[m, lane] = counts[i, m]
     now[GROWTH, lane] = LARGEST_FACTOR
     tally[MEMBER, lane], tally[CAUSE, lane] = i, STEP_UNDERFLOW
-    tally[PIECE, lane], tally[BREAK, lane], tally[STIFFLY, lane] = 0, signals.breaking[signal], 0
+    tally[PIECE, lane], tally[BREAK, lane], tally[BEND, lane] = 0, signals.breaking[signal], 0
+    tally[STIFFLY, lane] = 0
     force(signals, signal, start, False, x, n, lane, tally)
     now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
     if save_at.size > 0 and save_at[0] == start:
@@ -338,7 +342,8 @@ def reject(lane, exponent, pivot_bound, first_pivot, now, tally):
     ailment, step = tally[AILMENT, lane], now[STEP, lane]
     if ailment == OK:
         tally[CAUSE, lane] = STEP_UNDERFLOW
-        now[STEP_SIZE, lane] = step * max(SMALLEST_FACTOR, SAFETY / now[ERROR, lane] ** exponent)
+        shrunk = step * max(SMALLEST_FACTOR, SAFETY / now[ERROR, lane] ** exponent)
+        now[STEP_SIZE, lane] = max(now[LEAST, lane], shrunk)
     else:
         tally[CAUSE, lane] = ailment
         now[STEP_SIZE, lane] = step * RETREAT
@@ -392,7 +397,8 @@ _whole, _number = types.intp, types.float64
 _wholes = types.Array(types.intp, 1, "C", readonly=True)
 _SIGNATURE = (
     *(_whole, _whole, _table, _array, _tables, _wholes, _array, _wholes, types.boolean),
-    *(_array, _whole, _whole, _whole, _whole, _whole, _number),
+    *(_array, _tables, _wholes, _table, _wholes),
+    *(_array, _whole, _whole, _whole, _whole, _whole, _number, _number),
     *(_table, _number, _number, _number),
     *(_whole, types.Array(types.float64, 2, "C"), _array, _number, _number, _number, _whole),
     *(_array, _array, types.Array(types.float64, 3, "C"), types.Array(types.float64, 2, "C")),
@@ -404,14 +410,15 @@ _SIGNATURE = (
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
     motion, closure, parameters, starts, coefficients, pieces, breaks, breaking, timed,
-    plan, stages, degree, estimates, solution, computed, exponent,
+    watched_starts, watched_coefficients, watched_pieces, bends, bending,
+    plan, stages, degree, estimates, solution, computed, exponent, blur,
     tolerance, pivot_bound, closure_tol, stability,
     nq, ys, save_at, start, stop, max_step, max_steps,
     spans, wraps, samples, numbers, counts, turns, cancel, progress,
 ):  # fmt: skip
     """Integrate the members ys (N, n) from start to stop, and leave their last states there.
 
-    plan, ..., exponent: the arguments of the `Plan` of an explicit pair.
+    plan, ..., blur: the arguments of the `Plan` of an explicit pair.
     samples (N, K, n): the states at save_at; numbers (N, NUMBERS), counts (N, COUNTS): what came of each member.
     spans, wraps (nq,): as in `turns.Turning`; turns (N, nq): zero, the whole turns that are not in ys are left there.
     cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,): the members ended.
@@ -419,15 +426,15 @@ def integrate(
     members, n = ys.shape[0], ys.shape[1]
     inputs, free = coefficients.shape[2], parameters.shape[1]
     closed = nq if closure != 0 else 0
-    method = method_of(plan, stages, degree, estimates, solution, computed, exponent)
+    method = method_of(plan, stages, degree, estimates, solution, computed, exponent, blur)
     end = np.cumsum(
-        np.array([n, n + inputs + free, stages * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n, 3 * nq])
+        np.array([n, n + inputs + free, (stages + 1) * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n, 3 * nq, n])
     )
-    space = room(end[10])
+    space = room(end[11])
     y, x, k = as_table(space), as_table(space[end[0] :]), as_table(space[end[1] :])
     z, z_next, sample = as_table(space[end[2] :]), as_table(space[end[3] :]), as_table(space[end[4] :])
     weights, now = as_table(space[end[5] :]), as_table(space[end[6] :])
-    scale, zeros = as_table(space[end[7] :]), as_table(space[end[8] :])
+    scale, zeros, kept = as_table(space[end[7] :]), as_table(space[end[8] :]), as_table(space[end[10] :])
     spread, at_most, turned = (
         as_table(space[end[9] :]),
         as_table(space[end[9] + nq :]),
@@ -440,7 +447,8 @@ def integrate(
     tally, blocks = np.zeros((TALLY, LANES), np.intp), room(block_row(members + LANES - 1, n))
     begun = as_table(blocks)
     signals = Signals(starts, coefficients, pieces, breaks, breaking, timed, start, stop)
-    tables = Tables(y, x, k, z, z_next, sample, weights, scale, zeros, spread, at_most, turned, now, tally, n, nq)
+    tables = Tables(y, x, k, z, z_next, sample, weights, scale, zeros, spread, at_most, turned, kept, now, tally, n, nq)
+    watched = Watched(watched_starts, watched_coefficients, watched_pieces, bends, bending)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     for first in range(0, members, LANES):
         start_block(
@@ -492,9 +500,13 @@ def integrate(
                 tally[EVALUATIONS, lane] += solution
             else:
                 diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally)
+        marked = mark(watched, now, tally) if bending[-1] > bending.size - 1 else 0
+        inside = want_samples(save_at, now, tally)[1] if save_at.size > 0 and computed < stages else 0
+        if computed < stages and marked + inside > 0:
+            extend(motion, method, signals, pivot_bound, save_at, tables)
+        if marked > 0:
+            inspect(motion, method, signals, watched, pivot_bound, tables)
         if save_at.size > 0:
-            if computed < stages and want_samples(save_at, now, tally)[1] > 0:
-                extend(motion, method, signals, pivot_bound, save_at, tables)
             take_samples(closure, method, closure_tol, save_at, samples, tables)
         for lane in range(LANES):
             if now[ACCEPTS, lane] > 0:

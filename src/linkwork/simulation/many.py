@@ -63,7 +63,8 @@ class Inputs:
     """Hold the inputs of members: their signals one after the other, or one signal that all share.
 
     `starts` (P,) in s and `coefficients` (P, powers, nu) of all pieces; `pieces` (S + 1,): signal i has those from pieces[i] to
-    pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`: whether any signal is not constant over the run.
+    pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`: whether any signal is not constant over the run;
+    `bends` (T, 3) of all signals (`bends`), and `bending` (S + 1,).
     """
 
     starts: np.ndarray
@@ -72,16 +73,19 @@ class Inputs:
     breaks: np.ndarray
     breaking: np.ndarray
     varies: bool
+    bends: np.ndarray
+    bending: np.ndarray
 
     def part(self, first: int, last: int) -> "Inputs":
         """Return the inputs of the members from `first` to before `last`."""
         if len(self.pieces) == 2:
             return self
-        pieces, breaking = self.pieces[first : last + 1], self.breaking[first : last + 1]
-        inside, broken = slice(pieces[0], pieces[-1]), slice(breaking[0], breaking[-1])
+        pieces, breaking, bending = (ends[first : last + 1] for ends in (self.pieces, self.breaking, self.bending))
+        inside, broken, bent = (slice(ends[0], ends[-1]) for ends in (pieces, breaking, bending))
         return Inputs(
             self.starts[inside], self.coefficients[inside], pieces - pieces[0],
             self.breaks[broken], breaking - breaking[0], self.varies,
+            self.bends[bent], bending - bending[0],
         )  # fmt: skip
 
 
@@ -96,7 +100,9 @@ class Constants:
         own = self.table if len(self.table) == 1 else self.table[first:last]
         count = len(own)
         none = np.zeros(count + 1, dtype=np.intp)
-        return Inputs(np.zeros(count), own[:, None], np.arange(count + 1), np.empty(0), none, False)
+        return Inputs(
+            np.zeros(count), own[:, None], np.arange(count + 1), np.empty(0), none, False, np.empty((0, 3)), none
+        )
 
 
 def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int) -> Inputs | Constants:
@@ -126,6 +132,8 @@ def _joined(signals: Sequence[Signal]) -> Inputs:
         np.concatenate([signal.breaks for signal in signals]),
         np.cumsum([0, *(len(signal.breaks) for signal in signals)], dtype=np.intp),
         any(len(signal.coefficients) > 1 or bool(signal.coefficients[:, 1:].any()) for signal in signals),
+        np.concatenate([signal.bends for signal in signals]),
+        np.cumsum([0, *(len(signal.bends) for signal in signals)], dtype=np.intp),
     )
 
 
@@ -151,6 +159,7 @@ def integrate_many(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     turning: Turning | None = None,
+    watch: Signal | Sequence[Signal] | None = None,
 ) -> Outcomes:
     """Integrate N members as `integrate` does each of them, many at a time.
 
@@ -162,6 +171,7 @@ def integrate_many(
         save_at: increasing times (K,), s, common to all members, at which to save; none: only the last states are kept.
         method: an explicit embedded pair.
         threads: of the processor to use; None: all.
+        watch: signals of which no step passes over what its stages have not seen, one or N; None: the inputs.
         progress: called with the numbers of members that have ended and of all members, now and then.
 
     Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every member that was not
@@ -176,6 +186,7 @@ def integrate_many(
         raise LinkworkError(f"the states have the shape {given.shape}: give a row for each member")
     members, n = given.shape
     forces, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
+    watched = forces if watch is None else as_inputs(watch, members)
     _require_covers(inputs, start, stop)
     times = times_within(np.atleast_1d(save_at), start, stop)
     tolerance, turning = tolerances(rtol, atol, n), turning or Turning.none(nq)
@@ -199,10 +210,11 @@ def integrate_many(
             counts[chunk], numbers[chunk] = 0, np.nan
             counts[chunk, rows.STATUS], numbers[chunk, rows.TIME] = Status.CANCELLED, start
         else:
-            part = forces.part(chunk.start, chunk.stop)
+            part, seen = (given.part(chunk.start, chunk.stop) for given in (forces, watched))
             lanes.integrate(
                 motion, closure or 0, p if len(p) == 1 else p[chunk],
                 part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
+                seen.starts, seen.coefficients, seen.pieces, seen.bends, seen.bending,
                 *method.plan.arguments,
                 tolerance, pivot_bound, closure_tol, stability(method, leave_stiff),
                 nq, states[chunk], times, start, stop, max_step, max_steps, turning.spans, turning.wraps,

@@ -8,7 +8,6 @@ The error of a component is |h sum_i e_i k_i| plus the distance by which the pro
 the state away, to another assembly mode say, is an error like any other and is refused.
 
 Step sizes: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
-Roots of events: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
 
 Whole turns of large angles are counted apart after each step (`turns`); events, controllers and rows take them with their
 turns.
@@ -26,6 +25,17 @@ from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.native_events import (
+    LOOKS,
+    MOST,
+    NEVER,
+    ROOT,
+    earliest,
+    locate,
+    look,
+    quiet,
+    state_within,
+)  # fmt: skip
 from linkwork.simulation.native_parts import (
     CLOSURE_LOST,
     NON_FINITE,
@@ -41,13 +51,15 @@ from linkwork.simulation.native_parts import (
     evaluate,
     first_fault,
     force,
-    interpolate,
     method_of,
     padded,
     project,
+    record,
     scaled,
     settle,
+    stiffness,
 )
+from linkwork.simulation.native_watch import Watch, free_until, next_bend, unseen
 from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
 
@@ -66,12 +78,9 @@ BOLDNESS = 7.0  # of the first step, which the source makes short: a step that f
 FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
 ROUNDING = 1e-9
 SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
-ROOT = 2.0**-50  # width of the last bracket around an event, relative to the time and to the step
-ROOT_CALLS = 100
 FIRST_ROWS = 64
 LOOK = 1024  # accepted steps from one look for stiffness to the next, and more than a stiff run ends with
 VOTES = 15  # by which stiff steps are more than others, where the run is called stiff
-NEVER = 2.0  # theta of an event that does not happen within the step
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -154,21 +163,6 @@ def first_step(kernels, inputs, method, limits, room, t, longest):
 
 
 @njit(**OPTIONS)
-def stiffness(method, limits, room, step):
-    """Return h |k_s - k_(s-1)| / |y_s - y_(s-1)|, about h times the largest |eigenvalue|, of the last two stages of a step,
-    both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
-    """
-    n, width, last = room.n, room.width, method.solution
-    combine(method.a + (last - 1) * method.stages, last - 1, step, room.y, room.k, width, n, room.sample)
-    above = below = 0.0
-    for m in range(n):
-        scale = limits.atol[m] + limits.rtol[m] * abs(room.new[m])
-        above += ((room.k[last * width + m] - room.k[(last - 1) * width + m]) / scale) ** 2
-        below += ((room.new[m] - room.sample[m]) / scale) ** 2
-    return step * math.sqrt(above / below) if below > 0 else 0.0
-
-
-@njit(**OPTIONS)
 def extend(kernels, inputs, method, limits, room, t, step, piece):
     """Evaluate the stages that only the dense output needs; return OK or why the equations fail there."""
     for i in range(method.computed, method.stages):
@@ -181,71 +175,6 @@ def extend(kernels, inputs, method, limits, room, t, step, piece):
 
 
 @njit(**OPTIONS)
-def state_within(kernels, method, limits, room, theta, step):
-    """Leave the state at t + theta step in the sample, projected; return the residual and the calls made."""
-    interpolate(method, theta, step, room)
-    if kernels.closure == 0:
-        return 0.0, 0
-    return project(kernels.closure, limits.closure_tol, True, room.sample, room)
-
-
-@njit(**OPTIONS)
-def locate(kernels, inputs, method, limits, room, turns, t, step, piece, i, before, after, g):
-    """Return the theta at which g_i has just changed its sign from that of `before` (theta = 0) to that of `after`
-    (theta = 1), and the calls of the closure kernel.
-    """
-    side = 1.0 if before < 0 else -1.0
-    tolerance, calls = ROOT * max(1.0, abs(t / step)), 0
-    theta_1, g_1, theta_2, g_2, guess = 1.0, after, 0.0, before, 0.5
-    for _ in range(ROOT_CALLS):
-        theta = theta_1 + guess * (theta_2 - theta_1)
-        calls += state_within(kernels, method, limits, room, theta, step)[1]
-        copy(room.sample, room.x, room.n)
-        add_turns(room.x, turns, room.nq)
-        force(inputs, t + theta * step, True, piece, room.x + room.n)
-        call(kernels.events, room.x, g)
-        if (side * g[i] >= 0) == (side * g_1 >= 0):
-            theta_3, g_3 = theta_1, g_1
-        else:
-            theta_3, g_3, theta_2, g_2 = theta_2, g_2, theta_1, g_1
-        theta_1, g_1 = theta, g[i]
-        smallest = tolerance / abs(theta_2 - theta_1)
-        if smallest > 0.5:
-            break
-        fraction, ratio = (theta_1 - theta_2) / (theta_3 - theta_2), (g_1 - g_2) / (g_3 - g_2)
-        guess = 0.5
-        if ratio**2 < fraction and (1 - ratio) ** 2 < 1 - fraction:  # inverse quadratic interpolation
-            guess = g_1 / (g_2 - g_1) * g_3 / (g_2 - g_3) + (theta_3 - theta_1) / (theta_2 - theta_1) * g_1 / (
-                g_3 - g_1
-            ) * g_2 / (g_3 - g_2)
-        guess = min(max(guess, smallest), 1 - smallest)
-    return (theta_1 if side * g_1 >= 0 else theta_2), calls
-
-
-@njit(**OPTIONS)
-def earliest(crossings, count):
-    """Return which of the events comes first."""
-    first = 0
-    for i in range(1, count):
-        if crossings[i] < crossings[first]:
-            first = i
-    return first
-
-
-@njit(**OPTIONS)
-def record(row, time, state, residual, event, inputs, piece, room, turns):
-    """Write a row (t, y, u, residual, event)."""
-    n, last = room.n, 1 + room.n + room.inputs
-    row[0] = time
-    copy(state, row + 1, n)
-    add_turns(row + 1, turns, room.nq)
-    force(inputs, time, False, piece, row + 1 + n)
-    for i in range(inputs.columns, room.inputs):
-        row[1 + n + i] = room.x[n + i]
-    row[last], row[last + 1] = residual, event
-
-
-@njit(**OPTIONS)
 def resized(rows, size):
     """Return the rows in a table of another length."""
     table = np.empty((size, rows.shape[1]))
@@ -255,7 +184,8 @@ def resized(rows, size):
 
 def run(
     motion, closure, jacobian, events, control, p, knots, coefficients, breaks,
-    plan, stages, degree, estimates, solution, computed, exponent,
+    watched_knots, watched_coefficients, bends, strict,
+    plan, stages, degree, estimates, solution, computed, exponent, blur,
     tolerance, pivot_bound, closure_tol, stability,
     nq, y_end, save_at, every_step, start, stop, max_step, h, growth, max_steps,
     held, period, next_sample, conditions, counted, facts,
@@ -270,12 +200,14 @@ def run(
     n, signals, width = y_end.size, coefficients.shape[2], padded(y_end.size + 1)
     inputs_all, watched, most = signals + held.size, conditions.shape[0], max(width, padded(stages))
     stiff = n * (2 * n + inputs_all + 2) if jacobian != 0 else 0
-    sizes = (3 + stages) * width + 4 * watched + n + inputs_all + 2 * p.size + 2 * nq + 1 + degree + stages
+    sizes = (
+        (4 + stages) * width + (MOST + 4) * (watched + 1) + n + inputs_all + 2 * p.size + 2 * nq + 1 + degree + stages
+    )
     memory = np.zeros(sizes + most + stiff)
     y = pointer(memory)
     k = y + 3 * width
-    g = k + stages * width
-    x = g + 4 * watched
+    g = k + (stages + 1) * width
+    x = g + (MOST + 4) * (watched + 1)
     z = x + n + inputs_all + p.size
     z_next = z + nq + p.size
     powers = z_next + nq + 1
@@ -283,13 +215,18 @@ def run(
     zeros = weights + stages
     kernels = Kernels(motion, closure, jacobian, events, control)
     inputs = Inputs(pointer(knots), pointer(coefficients), coefficients.shape[0], signals)
-    method = method_of(plan, stages, degree, estimates, solution, computed, exponent)
+    method = method_of(plan, stages, degree, estimates, solution, computed, exponent, blur)
     turns = Turns(pointer(counted), pointer(counted) + nq, pointer(counted) + 2 * nq)
     room = Room(
         y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, zeros + most,
         n, nq, width, inputs_all,
     )  # fmt: skip
-    new, sample, g_new, g_within, crossings = room.new, room.sample, g + watched, g + 2 * watched, g + 3 * watched
+    watch = Watch(
+        pointer(watched_knots), pointer(watched_coefficients), watched_coefficients.shape[0], watched_coefficients.shape[2],
+        pointer(bends), bends.shape[0] - 1, strict,
+    )  # fmt: skip
+    new, sample, g_within, crossings = room.new, room.sample, g + (MOST + 2) * watched, g + (MOST + 3) * watched
+    thetas = g + (MOST + 4) * watched
     copy(pointer(y_end), y, n)
     loose = closure_tol * settle(y, turns, nq)
     limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, loose)
@@ -297,9 +234,9 @@ def run(
     copy(pointer(p), x + n + inputs_all, p.size)
     copy(pointer(p), z + nq, p.size)
     columns = n + inputs_all + 3
-    rows = np.empty((FIRST_ROWS if every_step else save_at.size + watched, columns))
+    rows = np.empty((FIRST_ROWS if every_step else save_at.size + MOST * watched, columns))
     table = pointer(rows)
-    saved = taken = next_break = evaluations = accepted = rejected = projections = 0
+    saved = taken = bend = next_break = evaluations = accepted = rejected = projections = 0
     closure_error = rejected_residual = 0.0
     fixed, length, fault = exponent == 0, h, -1
     grid = int(start / length) if fixed else 0
@@ -319,8 +256,8 @@ def run(
     while arrived or status == OK:
         if arrived:  # at the time t with the state y: what happens between two steps
             arrived = False
-            if saved + 1 + watched + save_at.size - taken > rows.shape[0]:
-                rows = resized(rows, 2 * saved + FIRST_ROWS + watched + save_at.size)
+            if saved + 1 + MOST * watched + save_at.size - taken > rows.shape[0]:
+                rows = resized(rows, 2 * saved + FIRST_ROWS + MOST * watched + save_at.size)
                 table = pointer(rows)
             copy(y, x, n)
             piece = force(inputs, t, False, piece, x + n)
@@ -389,58 +326,84 @@ def run(
         )
         evaluations += trial.evaluations
         projections += trial.projections
-        ailment, residual = trial.ailment, trial.residual
-        accepts = ailment == OK and (fixed or trial.error <= 1)
+        ailment, error, residual, least = trial.ailment, trial.error, trial.residual, 0.0
+        accepts = ailment == OK and (fixed or error <= 1)
         if ailment == NON_FINITE:
             fault = first_fault(room, stages)
         extended = computed == stages
         row, reached, sampled = saved, taken, residual
 
+        # What varies within the step, and its stages may not have seen.
+        bend = next_bend(watch, t, bend)
+        if accepts and not fixed and free_until(watch, bend) < arrival:
+            if not extended:
+                ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
+                evaluations += stages - computed
+                extended = True
+            if ailment == OK:
+                hidden, ailment, calls = unseen(kernels, inputs, watch, method, limits, room, t, step, piece, bend)
+                evaluations += calls
+                error, least = max(error, hidden), free_until(watch, bend) - t
+            accepts = ailment == OK and error <= 1
+
         # The events within the step, in the order of their times, up to the first that ends the run.
+        ends = LOOKS
         if accepts and events != 0:
             copy(new, x, n)
             add_turns(x, turns, nq)
             force(inputs, arrival, True, piece, x + n)
-            call(events, x, g_new)
-            due = 0
-            for i in range(watched):
-                rises, falls = g[i] < 0 <= g_new[i], g[i] > 0 >= g_new[i]
-                crossings[i] = NEVER
-                if math.isnan(g_new[i]):
-                    accepts, ailment, fault = False, NON_FINITE, n + 1 + held.size + i
-                elif (rises and conditions[i, 0] >= 0) or (falls and conditions[i, 0] <= 0):
-                    if not extended:
-                        ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
-                        evaluations += stages - computed
-                        extended, accepts = True, ailment == OK
-                    crossings[i], calls = locate(
-                        kernels, inputs, method, limits, room, turns, t, step, piece, i, g[i], g_new[i], g_within
-                    )
+            call(events, x, g + ends * watched)
+            if not quiet(
+                kernels, inputs, method, room, turns, t, step, piece, watched, g, g + ends * watched, g_within
+            ):
+                if not extended:
+                    ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
+                    evaluations += stages - computed
+                    extended, accepts = True, ailment == OK
+                if accepts:
+                    ends, calls = look(kernels, inputs, method, limits, room, turns, t, step, piece, watched, thetas, g)
                     projections += calls
-                    due += 1
-            last = NEVER
-            while accepts and due > 0:
-                first = earliest(crossings, watched)
-                theta = crossings[first]
-                if halted and theta - last > 4 * ROOT * max(1.0, abs(t / step)):
-                    break
-                crossings[first] = NEVER
-                due -= 1
-                time, remainder, calls = arrival, residual, 0
-                if halted or theta == 1:  # at the end of the step, or at the instant of the event that ends the run
-                    copy(new, sample, n)
-                else:
-                    time = t + theta * step
-                    remainder, calls = state_within(kernels, method, limits, room, theta, step)
-                projections += calls
-                if not remainder <= loose:
-                    accepts, ailment, residual = False, CLOSURE_LOST, remainder
-                record(table + row * columns, time, sample, remainder, float(first), inputs, piece, room, turns)
-                row += 1
-                if conditions[first, 1] != 0 and not halted:
-                    halted, last, arrival, residual = True, theta, time, remainder
-                    copy(sample, new, n)
-            halted = halted and accepts
+                for i in range(ends * watched if accepts else 0):
+                    if math.isnan(g[watched + i]):
+                        accepts, ailment, fault = False, NON_FINITE, n + 1 + held.size + i % watched
+                j = 0
+                while accepts and not halted and j < ends:
+                    before, after, due = g + j * watched, g + (j + 1) * watched, 0
+                    for i in range(watched):
+                        rises, falls = before[i] < 0 <= after[i], before[i] > 0 >= after[i]
+                        crossings[i] = NEVER
+                        if (rises and conditions[i, 0] >= 0) or (falls and conditions[i, 0] <= 0):
+                            crossings[i], calls = locate(
+                                kernels, inputs, method, limits, room, turns, t, step, piece, i,
+                                thetas[j], before[i], thetas[j + 1], after[i], g_within,
+                            )  # fmt: skip
+                            projections += calls
+                            due += 1
+                    last, j = NEVER, j + 1
+                    while accepts and due > 0:
+                        first = earliest(crossings, watched)
+                        theta = crossings[first]
+                        if halted and theta - last > 4 * ROOT * max(1.0, abs(t / step)):
+                            break
+                        crossings[first] = NEVER
+                        due -= 1
+                        time, remainder, calls = arrival, residual, 0
+                        if (
+                            halted or theta == 1
+                        ):  # at the end of the step, or at the instant of the event that ends the run
+                            copy(new, sample, n)
+                        else:
+                            time = t + theta * step
+                            remainder, calls = state_within(kernels, method, limits, room, theta, step)
+                        projections += calls
+                        if not remainder <= loose:
+                            accepts, ailment, residual = False, CLOSURE_LOST, remainder
+                        record(table + row * columns, time, sample, remainder, float(first), inputs, piece, room, turns)
+                        row += 1
+                        if conditions[first, 1] != 0 and not halted:
+                            halted, last, arrival, residual = True, theta, time, remainder
+                            copy(sample, new, n)
+                halted = halted and accepts
 
         # The samples that lie within the step; they count once the step is accepted.
         while accepts and reached < save_at.size and save_at[reached] <= arrival:
@@ -473,7 +436,7 @@ def run(
             stale = fixed or arrival == target
             t, saved, taken, arrived = arrival, row, reached, True
             copy(new, y, n)
-            copy(g_new, g, watched)
+            copy(g + ends * watched, g, watched)
             loose = closure_tol * settle(y, turns, nq)
             limits = Limits(limits.rtol, limits.atol, pivot_bound, loose)
             closure_error = max(closure_error, sampled)
@@ -482,7 +445,7 @@ def run(
             if not fixed:
                 first_pivot = trial.last_pivot
                 copy(k + solution * width, k, n)
-                factor = SAFETY / power(max(trial.error, SMALLEST_ERROR), sixteenths(exponent))
+                factor = SAFETY / power(max(error, SMALLEST_ERROR), sixteenths(exponent))
                 proposal = min(max_step, step * max(SMALLEST_FACTOR, min(growth, factor)))
                 h = max(h, proposal) if step < h else proposal
                 growth = LARGEST_FACTOR
@@ -491,7 +454,7 @@ def run(
             growth = 1.0
             if ailment == OK:
                 cause = STEP_UNDERFLOW
-                h = step * max(SMALLEST_FACTOR, SAFETY / trial.error**exponent)
+                h = max(least, step * max(SMALLEST_FACTOR, SAFETY / error**exponent))
             else:
                 cause = ailment
                 rejected_pivot, rejected_residual = trial.pivot, residual
@@ -521,7 +484,8 @@ _state = types.Array(types.float64, 1, "C")
 _number, _whole = types.float64, types.intp
 _SIGNATURE = (
     *(_whole, _whole, _whole, _whole, _whole, _array, _array, _tables, _array),
-    *(_array, _whole, _whole, _whole, _whole, _whole, _number),
+    *(_array, _tables, _table, _whole),
+    *(_array, _whole, _whole, _whole, _whole, _whole, _number, _number),
     *(_table, _number, _number, _number),
     *(_whole, _state, _array, types.boolean, _number, _number, _number, _number, _number, _whole),
     *(_state, _number, _whole, _table, types.Array(types.float64, 2, "C"), _state),

@@ -65,15 +65,16 @@ class Method(NamedTuple):
     solution: int
     computed: int
     exponent: float
+    blur: float
 
 
 @njit(forceinline=True, **OPTIONS)
-def method_of(numbers, stages, degree, estimates, solution, computed, exponent):
+def method_of(numbers, stages, degree, estimates, solution, computed, exponent, blur):
     """Return the `Method` of the arguments of a `tableaus.Plan`; the numbers have to be kept alive by name."""
     a = pointer(numbers)
     c = a + stages * stages
     e = c + stages
-    return Method(a, c, e, e + estimates * stages, stages, degree, estimates, solution, computed, exponent)
+    return Method(a, c, e, e + estimates * stages, stages, degree, estimates, solution, computed, exponent, blur)
 
 
 class Limits(NamedTuple):
@@ -260,6 +261,34 @@ def scaled(values, limits, room):
     for m in range(room.n):
         total += (values[m] / (limits.atol[m] + limits.rtol[m] * abs(y[m]))) ** 2
     return math.sqrt(total / room.n)
+
+
+@njit(**OPTIONS)
+def record(row, time, state, residual, event, inputs, piece, room, turns):
+    """Write a row (t, y, u, residual, event)."""
+    n, last = room.n, 1 + room.n + room.inputs
+    row[0] = time
+    copy(state, row + 1, n)
+    add_turns(row + 1, turns, room.nq)
+    force(inputs, time, False, piece, row + 1 + n)
+    for i in range(inputs.columns, room.inputs):
+        row[1 + n + i] = room.x[n + i]
+    row[last], row[last + 1] = residual, event
+
+
+@njit(**OPTIONS)
+def stiffness(method, limits, room, step):
+    """Return h |k_s - k_(s-1)| / |y_s - y_(s-1)|, about h times the largest |eigenvalue|, of the last two stages of a step,
+    both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
+    """
+    n, width, last = room.n, room.width, method.solution
+    combine(method.a + (last - 1) * method.stages, last - 1, step, room.y, room.k, width, n, room.sample)
+    above = below = 0.0
+    for m in range(n):
+        scale = limits.atol[m] + limits.rtol[m] * abs(room.new[m])
+        above += ((room.k[last * width + m] - room.k[(last - 1) * width + m]) / scale) ** 2
+        below += ((room.new[m] - room.sample[m]) / scale) ** 2
+    return step * math.sqrt(above / below) if below > 0 else 0.0
 
 
 @njit(**OPTIONS)

@@ -20,6 +20,8 @@ import numpy as np
 
 from linkwork.simulation.tableaus import Plan, by_powers, filled, frozen
 
+BLUR = 25.0  # as of a `Plan`
+
 
 @dataclass(frozen=True, eq=False)
 class Rosenbrock:
@@ -64,7 +66,7 @@ class Rosenbrock:
         e[1:-1, 1:-1], e[1:-1, -1], e[0, -1] = self.C, self.d, self.gamma
         dense[1:-1] = self.dense
         c = np.concatenate([[0], self.c, [1]])
-        return Plan(frozen(a), frozen(c), frozen(e), by_powers(dense), s + 1, s + 2, 1 / (self.error_order + 1))
+        return Plan(frozen(a), frozen(c), frozen(e), by_powers(dense), s + 1, s + 2, 1 / (self.error_order + 1), BLUR)
 
 
 def _rows(*rows: list[float]) -> np.ndarray:

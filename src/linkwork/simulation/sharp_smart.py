@@ -91,7 +91,16 @@ def _pair() -> Tableau:
     a, more, dense = _table(_STAGES, 12), _table(_MORE, 14), _table(_DENSE, 7)
     e = a[-1] - _table(_LOWER, 12)[0]
     return Tableau(
-        "Sharp-Smart 7(6)", 7, 6, frozen(a), _times(a), frozen(e), frozen(dense), more=frozen(more), more_c=_times(more)
+        "Sharp-Smart 7(6)",
+        7,
+        6,
+        frozen(a),
+        _times(a),
+        frozen(e),
+        frozen(dense),
+        75.0,
+        more=frozen(more),
+        more_c=_times(more),
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 
 Kind = Literal["spline", "linear", "hold"]
+NO_BENDS = np.array([[np.inf, 0.0, np.inf]])
 SMOOTH = 1e-9  # jump of a value or slope, relative to the largest one, that is rounding
 ROUNDING = 1e-9  # how far a time may lie beyond the end of a run, relative to the duration, and still count as the end
 
@@ -102,6 +103,15 @@ class Signal:
         c_0, c_1, c_2, c_3 = (self.coefficients[piece, power] for power in range(4))
         s = s[..., None]
         return c_0 + s * (c_1 + s * (c_2 + s * c_3))
+
+    @cached_property
+    def bends(self) -> np.ndarray:
+        """Where its third derivatives turn round, a row each as of `bends.bends`."""
+        if len(self.coefficients) < 4:
+            return NO_BENDS
+        from linkwork.simulation.bends import bends
+
+        return bends(self.knots, self.coefficients)
 
     @cached_property
     def _derivative(self) -> "Signal":

@@ -39,7 +39,8 @@ class Plan:
     `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c` (rows,): stage times;
     `e` (estimates, rows): error weights, none for a fixed step; `dense` (degree, rows): the transpose of P, its rows padded to
     whole vectors; `computed`: how many of the rows a step evaluates, the others are for the dense output only; `exponent`:
-    1 / (order of the error estimate + 1), 0 for a fixed step.
+    1 / (order of the error estimate + 1), 0 for a fixed step; `blur`: how many times the tolerance the defect of its dense
+    output, h |f(t + theta h, Y(theta)) - dY/dt|, may be where the motion is smooth, at most.
     """
 
     a: np.ndarray
@@ -49,13 +50,14 @@ class Plan:
     solution: int
     computed: int
     exponent: float
+    blur: float = 1.0
 
     @cached_property
-    def arguments(self) -> tuple[np.ndarray, int, int, int, int, int, float]:
+    def arguments(self) -> tuple[np.ndarray, int, int, int, int, int, float, float]:
         """The plan as the compiled loops take it: a, c, e and dense in one list, the numbers of their rows, and the rest."""
         numbers = np.concatenate([self.a.ravel(), self.c, self.e.ravel(), self.dense.ravel()])
         counts = len(self.a), len(self.dense), len(self.e)
-        return frozen(numbers), *counts, self.solution, self.computed, self.exponent
+        return frozen(numbers), *counts, self.solution, self.computed, self.exponent, self.blur
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +67,8 @@ class Tableau:
     `name`: for people; `order`: of the solution that is carried on; `error_order`: of the one it is compared with;
     `a` (s, s): strictly lower triangular, its last row the weights b; `c` (s,): stage times; `e` (s,): error weights;
     `dense` (s + more, degree): P, the dense output's polynomials in theta, theta^2, ...;
-    `second` (s,): weights of another error estimate, as of DOP853; `more` (more, s + more) and `more_c`: stages that the
-    dense output needs beside the others.
+    `blur`: as of a `Plan`; `second` (s,): weights of another error estimate, as of DOP853; `more` (more, s + more) and
+    `more_c`: stages that the dense output needs beside the others.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Tableau:
     c: np.ndarray
     e: np.ndarray
     dense: np.ndarray
+    blur: float = 25.0
     second: np.ndarray | None = None
     more: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     more_c: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -162,7 +165,9 @@ def _pair_plan(tableau: Tableau) -> Plan:
     estimates = [tableau.e] if tableau.second is None else [tableau.e, tableau.second]
     e = np.pad(estimates, [(0, 0), (0, rows - s)])
     c = np.concatenate([tableau.c, tableau.more_c])
-    return Plan(frozen(a), frozen(c), frozen(e), by_powers(tableau.dense), s - 1, s, 1 / (tableau.error_order + 1))
+    return Plan(
+        frozen(a), frozen(c), frozen(e), by_powers(tableau.dense), s - 1, s, 1 / (tableau.error_order + 1), tableau.blur
+    )
 
 
 def _tableau(name: str, order: int, error_order: int, rows: list[str], lower: str, quartic: str) -> Tableau:
@@ -242,7 +247,7 @@ def dop853() -> Tableau:
     a = np.vstack([printed.A[: s - 1, :s], np.append(printed.B, 0)])
     a, c, e, dense = map(frozen, (a, printed.C[:s], printed.E5, _dop853_dense(printed)))
     more = frozen(printed.A[s:]), frozen(printed.C[s:])
-    return Tableau("DOP853", 8, 7, a, c, e, dense, frozen(printed.E3), *more)
+    return Tableau("DOP853", 8, 7, a, c, e, dense, 100.0, frozen(printed.E3), *more)
 
 
 def _dop853_dense(printed) -> np.ndarray:

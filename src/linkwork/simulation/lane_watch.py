@@ -1,0 +1,152 @@
+"""What happens within the steps of the members in the lanes, unseen by their stages: as in `native_watch`, lane by lane.
+
+Names as in `lanes`.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from numba import njit
+
+from linkwork.simulation.bends import FREE
+from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.lane_inputs import force, set_forces, shared, signal_of
+from linkwork.simulation.lane_rows import (
+    ACCEPTS,
+    AILMENT,
+    ARRIVAL,
+    BEND,
+    ERROR,
+    EVALUATIONS,
+    LEAST,
+    LIVE,
+    LOWEST,
+    MEMBER,
+    REJECTED_PIVOT,
+    STEP,
+    THETA,
+    TIME,
+    WANTED,
+)
+from linkwork.simulation.lane_samples import interpolate
+from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR, padded
+from linkwork.simulation.native_watch import Watch, farthest_bends, free_until, next_bend
+from linkwork.simulation.pointers import pointer
+from linkwork.simulation.vectors import LANES, absolute, call_wide, larger, load, root, splat, store
+
+
+class Watched(NamedTuple):
+    """The signals to watch, one after the other as in `Signals`, or one for all; signal i has the `bends` from `bending[i]`
+    to `bending[i + 1]`.
+    """
+
+    starts: Any
+    coefficients: Any
+    pieces: Any
+    bends: Any
+    bending: Any
+
+
+@njit(forceinline=True, **OPTIONS)
+def watch_of(watched, member):
+    """Return what is to be watched of a member."""
+    i, columns = shared(member, watched.pieces.size - 1), watched.coefficients.shape[2]
+    first, count = watched.pieces[i], watched.pieces[i + 1] - watched.pieces[i]
+    bends, bend = watched.bending[i + 1] - watched.bending[i] - 1, watched.bending[i]
+    return Watch(
+        pointer(watched.starts) + first, pointer(watched.coefficients) + 4 * columns * first, count, columns,
+        pointer(watched.bends) + 3 * bend, bends, 0,
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def mark(watched, now, tally):
+    """Mark the lanes whose steps, though they would be accepted, pass more bends than are free; return how many."""
+    count = 0
+    for lane in range(LANES):
+        now[LEAST, lane] = 0.0
+        if now[ACCEPTS, lane] > 0:
+            watch = watch_of(watched, tally[MEMBER, lane])
+            tally[BEND, lane] = next_bend(watch, now[TIME, lane], tally[BEND, lane])
+            free = free_until(watch, tally[BEND, lane])
+            if free < now[ARRIVAL, lane]:
+                now[LEAST, lane] = free - now[TIME, lane]
+                count += 1
+    return count
+
+
+@njit(**OPTIONS)
+def inspect(motion, method, signals, watched, pivot_bound, tables):
+    """Refuse the steps of the marked lanes in which the dense output is too far from a solution where an input bends.
+
+    x is left as it was: the new state, under the inputs at its end.
+    """
+    n, x, kept, now, tally = tables.n, tables.x, tables.kept, tables.now, tables.tally
+    for m in range(n):
+        store(kept, m, load(x, m))
+    for place in range(2 * watched.coefficients.shape[2]):
+        j, wanted = place // 2, 0
+        for lane in range(LANES):
+            now[WANTED, lane], now[THETA, lane] = 0.0, 1.0
+            if now[LEAST, lane] > 0 and now[ACCEPTS, lane] > 0:
+                watch = watch_of(watched, tally[MEMBER, lane])
+                count, by_line, by_cubic = farthest_bends(watch, j, tally[BEND, lane], now[TIME, lane], now[STEP, lane])
+                if count > FREE and (place % 2 == 0 or by_line != by_cubic):
+                    now[WANTED, lane], now[THETA, lane] = 1.0, by_line if place % 2 == 0 else by_cubic
+                    wanted += 1
+        if wanted > 0:
+            measure(motion, method, signals, tables)
+            for lane in range(LANES):
+                if now[WANTED, lane] > 0:
+                    judge_defect(lane, method.stages * (n + 1) + n, pivot_bound, tables)
+    for lane in range(LANES):
+        if now[LEAST, lane] > 0 and now[ERROR, lane] > 1:
+            now[ACCEPTS, lane] = 0.0
+    for m in range(n):
+        store(x, m, load(kept, m))
+    set_forces(signals, method.c[method.solution], x, n, now, tally)
+
+
+@njit(**OPTIONS)
+def measure(motion, method, signals, tables):
+    """Leave in the first row of the sample how far the dense output is from a solution at each lane's theta."""
+    n, y, x, k, sample, now, tally = (
+        tables.n, tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
+    )  # fmt: skip
+    stages, weights, theta, h, total = method.stages, tables.weights, load(now, THETA), load(now, STEP), splat(0.0)
+    interpolate(method, tables, x)
+    for lane in range(LANES):
+        if now[LIVE, lane] > 0:
+            time = now[TIME, lane] + now[THETA, lane] * now[STEP, lane]
+            force(signals, signal_of(signals, tally[MEMBER, lane]), time, True, x, n, lane, tally)
+    call_wide(motion, x, k, stages * (n + 1))
+    for i in range(stages):
+        weight, power = splat(0.0), splat(1.0)
+        for m in range(method.degree):
+            weight = weight + power * splat((m + 1) * method.dense[m * padded(stages) + i])
+            power = power * theta
+        store(weights, i, weight)
+    for m in range(n):
+        slope = splat(0.0)
+        for i in range(stages):
+            slope = slope + load(weights, i) * load(k, i * (n + 1) + m)
+        size = larger(absolute(load(y, m)), absolute(load(tables.kept, m)))
+        scale = load(tables.scale, n + m) + load(tables.scale, m) * size
+        ratio = absolute(h * (load(k, stages * (n + 1) + m) - slope)) / scale
+        total = total + ratio * ratio
+    store(sample, 0, root(total / splat(float(n))) / splat(method.blur))
+
+
+@njit(forceinline=True, **OPTIONS)
+def judge_defect(lane, pivot_row, pivot_bound, tables):
+    """Take the defect of a lane into its error, or say what ails it."""
+    now, tally, pivot, defect = tables.now, tables.tally, tables.k[pivot_row, lane], tables.sample[0, lane]
+    tally[EVALUATIONS, lane] += 1
+    ailment = OK if math.isfinite(defect) else NON_FINITE
+    if not pivot >= pivot_bound:
+        ailment = NON_FINITE if math.isnan(pivot) else SINGULAR
+    if ailment == OK:
+        now[ERROR, lane] = max(now[ERROR, lane], defect)
+    else:
+        now[ACCEPTS, lane], tally[AILMENT, lane] = 0.0, ailment
+        now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
