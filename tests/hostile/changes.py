@@ -120,9 +120,9 @@ def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mech
 
 def heavier(body: Body, length: float, mass: float) -> Body:
     """Return a body of other size and mass."""
-    parts = {name: value * mass * length**2 for name, value in body.inertia.model_dump(exclude_none=True).items()}
-    centre = stretched(body.centre_of_mass, length)
-    return Body(mass=body.mass * mass, centre_of_mass=centre, inertia=Inertia(**parts))
+    moments = body.inertia.model_dump(exclude_none=True, include={"xx", "yy", "zz", "xy", "xz", "yz"})
+    inertia = Inertia(**{name: value * mass * length**2 for name, value in moments.items()})
+    return Body(mass=body.mass * mass, centre_of_mass=stretched(body.centre_of_mass, length), inertia=inertia)
 
 
 def placed(frame: Frame, length: float) -> Frame:

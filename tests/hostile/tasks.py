@@ -1,6 +1,6 @@
 """What hostile cases do with a robot, and what must come out of it.
 
-Every task asserts; what the robot refuses it raises as a LinkworkError, whose reason is checked by `refusals`.
+Every task asserts; what the robot refuses it raises as a LinkworkError, whose reason is checked by `refusal_holds`.
 """
 
 from __future__ import annotations
