@@ -102,6 +102,7 @@ def test_a_light_cart_that_darts_says_that_it_is_off():
     assert run.message.startswith("The run reached its end at t = 10 s. Its error is about ")
     assert "cart" in run.message
     assert run.dataset.attrs["error_estimate"] == run.error_estimate
+    assert run.dataset.attrs["error_estimate_until"] == 10.0
     sound = built("prr3").simulate(built("prr3").home, [1.0, 0, 0], duration=0.3)
     assert sound.message == "The run reached its end at t = 0.3 s."
     assert 0 < sound.error_estimate < 100
@@ -166,3 +167,14 @@ def test_members_of_an_ensemble_have_their_estimates(method):
     ends = np.hstack([found.final.q, found.final.rates])
     true = (np.abs(ends - exact) / (ATOL + RTOL * np.abs([n, 0 * n]).T.clip(min=np.abs(ends)))).max(axis=1)
     np.testing.assert_allclose(found.error_estimate, true, rtol=0.3)
+
+
+def test_a_companion_that_takes_too_many_steps_tells_how_far_it_came(monkeypatch):
+    robot = oscillator()
+    run = robot.simulate(robot.state([1.0], [0.0]), duration=50.0)
+    monkeypatch.setattr("linkwork.robot.accuracy.MOST", 40)
+    assert 0 < run.attrs["error_estimate_until"] < 40.0
+    errors = run.global_errors.joint_position.values[:, 0]
+    reached = run.coords["time"].values <= run.attrs["error_estimate_until"]
+    assert np.isfinite(errors[reached]).all()
+    assert np.isnan(errors[~reached]).all()

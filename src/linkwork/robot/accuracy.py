@@ -44,13 +44,16 @@ class Start(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Tell the largest error of a run: relative to atol + rtol |y|, its value, of what, its unit, and when [s]."""
+    """Tell the largest error of a run: relative to atol + rtol |y|, its value, of what, its unit, and when [s];
+    until: the time that the companion came to [s].
+    """
 
     ratio: float
     value: float
     name: str
     unit: str
     time: float
+    until: float
 
     def __str__(self) -> str:
         return (
@@ -100,7 +103,7 @@ class Compared:
         error = compared(y[own], y_c[other], size, units, options)
         k, m = np.unravel_index(np.argmax(error), error.shape)
         value = error[k, m] * (options["atol"] + options["rtol"] * size[m])
-        return Estimate(float(error[k, m]), float(value), names[m], units[m], float(common[k]))
+        return Estimate(float(error[k, m]), float(value), names[m], units[m], float(common[k]), float(common[-1]))
 
     @property
     def named(self) -> tuple[list[str], list[str]]:

@@ -40,7 +40,7 @@ AXES = (
 ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
 TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")))
 
-ERROR = ("error_estimate",)
+ERROR = ("error_estimate", "error_estimate_until")
 
 
 def simulate(
@@ -162,7 +162,8 @@ def record(made: Compared, besides: np.ndarray) -> Run:
 
     def error() -> dict[str, object]:
         found = made.estimate
-        return {"error_estimate": found.ratio if found else np.nan}
+        ratio, until = (found.ratio, found.until) if found else (np.nan, np.nan)
+        return {"error_estimate": ratio, "error_estimate_until": until}
 
     return Run(
         variables=of.variables,

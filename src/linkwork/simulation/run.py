@@ -159,7 +159,7 @@ class Run:
 
         It is found by a second run at a tenth of the tolerance (half of the step) when it, or the message, is first asked
         for; a resumed run's counts from where it was resumed. nan where a Python function controls the robot, which cannot
-        be called again, and for runs that do not tell.
+        be called again, and for runs that do not tell. `attrs["error_estimate_until"]`: the time that the second run came to.
         """
         return float(self.attrs.get("error_estimate", np.nan))
 
