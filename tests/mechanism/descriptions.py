@@ -58,11 +58,13 @@ TRAPS = (
 )
 QUATERNION = ("qw", "qx", "qy", "qz")
 
-numbers = st.floats(allow_nan=False, allow_infinity=False)
-positive = st.floats(0, 1e6, exclude_min=True)
-non_negative = st.floats(0, 1e6)
-vectors = st.tuples(numbers, numbers, numbers)
-directions = st.tuples(*[st.floats(-2, 2)] * 3).map(lambda v: v if np.linalg.norm(v) > 0.1 else (0.0, 0.6, -0.8))
+numbers = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
+positive = st.floats(0, 1e6, exclude_min=True, allow_subnormal=False)
+non_negative = st.floats(0, 1e6, allow_subnormal=False)
+vectors = st.tuples(*[st.floats(-1e50, 1e50, allow_subnormal=False)] * 3)
+directions = st.tuples(*[st.floats(-2, 2, allow_subnormal=False)] * 3).map(
+    lambda v: v if np.linalg.norm(v) > 0.1 else (0.0, 0.6, -0.8)
+)
 frames = st.builds(Frame, position=vectors, rotation=vectors)
 two_frames = st.just((Frame(), Frame())) | st.tuples(frames, frames)
 frictions = st.builds(Friction, viscous=non_negative, coulomb=non_negative, coulomb_rate=positive)
@@ -81,13 +83,13 @@ names = st.sampled_from(TRAPS) | st.text(min_size=1, max_size=6).filter(valid_na
 def inertias(draw):
     if draw(st.booleans()):
         return Inertia(zz=draw(non_negative))
-    points = np.array(draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=3, max_size=4)))
+    points = np.array(draw(st.lists(st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 3), min_size=3, max_size=4)))
     tensor = np.sum([p @ p * np.eye(3) - np.outer(p, p) for p in points], axis=0)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()
     return Inertia(xx=xx, yy=yy, zz=zz, xy=xy, xz=xz, yz=yz)
 
 
-parts = st.floats(0, 1)
+parts = st.floats(0, 1, allow_subnormal=False)
 looks = {"frame": frames, "colour": st.none() | st.tuples(parts, parts, parts)}
 corners = st.lists(st.integers(0, 99), min_size=6, max_size=9, unique=True).map(
     lambda hundredths: tuple((float(np.cos(t)), float(np.sin(t))) for t in np.sort(hundredths) * 2 * np.pi / 100)

@@ -124,3 +124,17 @@ def test_rpy_and_quaternion_give_the_same_frame():
 def test_quaternion_of_zero_length_is_refused():
     with pytest.raises(MechanismError, match="has no length"):
         Frame.from_quaternion((0, 0, 0), (0, 0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Frame(position=(0, 1e200, 0)), r"position\.1: 1e\+200 is above 1e\+50; expected p_BF"),
+        (lambda: Frame(rotation=(-1e200, 0, 0)), r"rotation\.0: -1e\+200 is below -1e\+50; expected rotation vector"),
+        (lambda: Body(mass=1e308), r"mass: 1e\+308 is above 1e\+50; expected mass \[kg\]"),
+        (lambda: Inertia(zz=1e155), r"zz: 1e\+155 is above 1e\+50; expected moment of inertia"),
+    ],
+)
+def test_numbers_whose_moments_of_inertia_are_not_finite_are_refused(make, words):
+    with pytest.raises(MechanismError, match=words):
+        make()

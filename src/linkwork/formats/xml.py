@@ -15,13 +15,12 @@ from xml.parsers import expat
 
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.document import VANISHES, vanishes
-from linkwork.mechanism.record import Record
+from linkwork.mechanism.record import HUGE, Record
 
 LARGEST = 20_000_000  # bytes
 DEEPEST = 250  # elements inside one another
 MOST = 400_000  # elements
 ATTRIBUTES = 200  # of one element
-HUGE = 1e50  # numbers beyond this have no finite moments of inertia
 LONGEST = 600  # letters of what is wrong with an element
 
 R = TypeVar("R", bound=Record)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, model_validator
+from pydantic import Field, model_validator
 
-from linkwork.mechanism.record import MechanismError, Real, Record, Vector3
+from linkwork.mechanism.record import Amount, MechanismError, Real, Record, Vector3
 from linkwork.mechanism.shapes import Shape
 
 
@@ -21,9 +21,9 @@ class Inertia(Record):
     as model files of others may: the equations of motion need no more than moments that are not negative.
     """
 
-    zz: NonNegativeFloat = Field(description="moment of inertia about z [kg m^2]")
-    xx: NonNegativeFloat | None = Field(default=None, description="moment of inertia about x [kg m^2]")
-    yy: NonNegativeFloat | None = Field(default=None, description="moment of inertia about y [kg m^2]")
+    zz: Amount = Field(description="moment of inertia about z [kg m^2]")
+    xx: Amount | None = Field(default=None, description="moment of inertia about x [kg m^2]")
+    yy: Amount | None = Field(default=None, description="moment of inertia about y [kg m^2]")
     xy: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
     xz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
     yz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
@@ -71,7 +71,7 @@ class Body(Record):
     `shapes` is what it looks like; they have no mass. A body without shapes is drawn between its joints.
     """
 
-    mass: NonNegativeFloat = Field(description="mass [kg], zero or more")
+    mass: Amount = Field(description="mass [kg], zero or more")
     centre_of_mass: Vector3 = Field(default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]")
     inertia: Inertia = Field(
         default_factory=lambda: Inertia(xx=0.0, yy=0.0, zz=0.0), description="about the mass centre"

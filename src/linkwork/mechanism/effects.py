@@ -6,17 +6,17 @@ joint q is the rotation vector of R_12 and w the relative angular velocity.
 
 from __future__ import annotations
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
-from linkwork.mechanism.record import MechanismError, Name, Real, Record, Vector3
+from linkwork.mechanism.record import Amount, MechanismError, Name, Positive, Real, Record, Vector3
 
 
 class Friction(Record):
     """Resist a rate: F = -(viscous + coulomb / sqrt(|w|^2 + coulomb_rate^2)) w."""
 
-    viscous: NonNegativeFloat = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
-    coulomb: NonNegativeFloat = Field(default=0.0, description="force at rates well above coulomb_rate [N, N m]")
-    coulomb_rate: PositiveFloat = Field(
+    viscous: Amount = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
+    coulomb: Amount = Field(default=0.0, description="force at rates well above coulomb_rate [N, N m]")
+    coulomb_rate: Positive = Field(
         default=0.01, description="rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]"
     )
 
@@ -24,9 +24,9 @@ class Friction(Record):
 class Spring(Record):
     """Pull a coordinate towards its rest and damp its rate: F = -stiffness (q - rest) - damping w."""
 
-    stiffness: NonNegativeFloat = Field(default=0.0, description="force per displacement [N/m, N m/rad]")
+    stiffness: Amount = Field(default=0.0, description="force per displacement [N/m, N m/rad]")
     rest: Real = Field(default=0.0, description="coordinate without force [m, rad]")
-    damping: NonNegativeFloat = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
+    damping: Amount = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
 
 
 class Limits(Record):
@@ -47,6 +47,6 @@ class PointSpring(Record):
 
     connects: tuple[Name, Name] = Field(description="names of the two bodies")
     points: tuple[Vector3, Vector3] = Field(description="a point in the first and one in the second body's frame [m]")
-    stiffness: NonNegativeFloat = Field(default=0.0, description="tension per length [N/m]")
-    rest_length: NonNegativeFloat = Field(default=0.0, description="length without tension [m]")
-    damping: NonNegativeFloat = Field(default=0.0, description="tension per rate of the length [N s/m]")
+    stiffness: Amount = Field(default=0.0, description="tension per length [N/m]")
+    rest_length: Amount = Field(default=0.0, description="length without tension [m]")
+    damping: Amount = Field(default=0.0, description="tension per rate of the length [N s/m]")

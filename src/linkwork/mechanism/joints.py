@@ -16,11 +16,11 @@ from collections.abc import Mapping
 from math import hypot
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from linkwork.mechanism.effects import Friction, Limits, Spring
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
+from linkwork.mechanism.record import Amount, MechanismError, Name, PathName, Positive, Real, Record, Vector3
 
 TURN = "turn"
 SLIDES = ("slide", "x", "y", "z")
@@ -86,7 +86,7 @@ class OneFreedom(PairJoint):
     friction: Friction = Field(default=Friction(), description="resists the joint's rate")
     spring: Spring = Field(default=Spring(), description="pulls the joint's coordinate towards its rest")
     limits: Limits = Field(default=Limits(), description="range of the joint's coordinate; passing it is reported")
-    rotor_inertia: NonNegativeFloat = Field(
+    rotor_inertia: Amount = Field(
         default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"
     )
 
@@ -101,7 +101,7 @@ class ManyFreedoms(PairJoint):
     friction: Mapping[Name, Friction] = Field(default_factory=dict, description="by freedom; resists its rate")
     spring: Mapping[Name, Spring] = Field(default_factory=dict, description="by freedom; pulls towards its rest")
     limits: Mapping[Name, Limits] = Field(default_factory=dict, description="by freedom; passing them is reported")
-    rotor_inertia: Mapping[Name, NonNegativeFloat] = Field(
+    rotor_inertia: Mapping[Name, Amount] = Field(
         default_factory=dict, description="by freedom; inertia that moves with its rate [kg m^2; kg for a slide]"
     )
 
@@ -229,7 +229,7 @@ class RodJoint(PairJoint):
     """Keep the origins of F1 and F2 at the distance `length` [m], as a massless rod between two ball joints does."""
 
     type: Literal["rod"] = "rod"
-    length: PositiveFloat = Field(description="distance between the two frames' origins [m]")
+    length: Positive = Field(description="distance between the two frames' origins [m]")
 
 
 class GearJoint(JointBase):

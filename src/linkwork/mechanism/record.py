@@ -8,10 +8,15 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from linkwork.mechanism.refusal import MechanismError, first_refusal, shown
 
-__all__ = ["MechanismError", "Name", "PathName", "Real", "Record", "Vector3"]
+__all__ = ["HUGE", "Amount", "MechanismError", "Name", "PathName", "Positive", "Real", "Record", "Vector3"]
+
+HUGE = 1e50  # of lengths, angles, masses and the like: moments of inertia of greater ones are not finite
 
 Real = Annotated[float, Field(allow_inf_nan=False)]
-Vector3 = tuple[Real, Real, Real]
+Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False)]
+Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False)]
+Vector3 = tuple[Component, Component, Component]
 
 
 class Record(BaseModel):
