@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -147,11 +147,24 @@ def without_turns(d: np.ndarray, units: Sequence[str]) -> np.ndarray:
     return np.where(turns, np.remainder(d + np.pi, 2 * np.pi) - np.pi, d)
 
 
+def tree_rates(chart: CompiledChart, y: np.ndarray, _: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the rates w of the tree (K, nv) at states y, by name."""
+    nq, n = chart.equations.nq, chart.equations.mobility
+    return {"w": chart.kernel("tree_rates")(y[:, :nq], y[:, nq : nq + n])[0]}
+
+
 def reached(segments: Sequence[Segment]) -> tuple[np.ndarray, np.ndarray]:
     """Return the saved times of a run and its end, and (q, w, z) there: the tree's coordinates and rates, extra states."""
     t, y = [], []
-    for chart, part in ((segment.chart, segment.trajectory) for segment in segments):
-        q, v, n = np.vstack([part.q, part.q_end]), np.vstack([part.v, part.v_end]), chart.equations.mobility
+    for segment in segments:
+        chart, part = segment.chart, segment.trajectory
+        q, v, n = part.q, part.v, chart.equations.mobility
+        if segment.crossed:
+            rates = partial(tree_rates, chart)
+            t.append(part.t)
+            y.append(np.column_stack([q, segment.measured(rates, np.arange(len(q)))["w"], v[:, n:]]))
+            continue
+        q, v = np.vstack([q, part.q_end]), np.vstack([v, part.v_end])
         w = chart.kernel("tree_rates")(q, v[:, :n])[0]
         t.append(np.append(part.t, part.end_time))
         y.append(np.column_stack([q, w, v[:, n:]]))

@@ -102,4 +102,4 @@ def led(crew: Members, course: Course, task: Task) -> Lone:
     for fault in system.faults:
         if not isinstance(fault, Exception):
             raise fault
-    return Lone(task.member, segments, *ending(system, segments[-1]))
+    return Lone(task.member, segments, *ending(system, segments))

@@ -7,27 +7,74 @@ even number s of nodes c_i over an interval h with t_0 in its middle never evalu
 
 by fixed-point iteration, the loops of every Y_i closed by Newton's method from the polynomial's own q, so that all lie on
 one branch: the smooth one. Two numbers of nodes estimate the error; where the branch is not smooth they disagree, and
-there is no crossing.
+there is no crossing. What is asked for on the way over is the polynomial through its values at the nodes and both ends,
+where all is regular: of the state it is the collocation's own.
 Source: Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from linkwork.kernels import Kernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.system import System
 
-NODES = (6, 4)
+NODES = (8, 6)
 CONVERGED = 1.0  # change of the step by an iteration, in tolerances
 ACCURATE = 10.0  # error of the step, in tolerances
 FINEST = 1e-9  # relative tolerance that rounding near the pose allows
 BEHIND = 0.25  # least pivot behind the pose, relative to the one before it
+VANISHED = 1e-3  # of a pivot at a singular pose, over its largest value on the way
 NEWTON = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Crossed:
+    """Hold what is known of a crossing at its K nodes, the start and the end among them: all of them are regular.
+
+    t: their times (K,) [s]; y: states (q, v, z) there (K, n); u: inputs (K, nu); pivots: of the chart's blocks (K, blocks)
+    evaluations: of the equations of motion that it took
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    pivots: np.ndarray
+    evaluations: int
+
+    def weights(self, t: np.ndarray) -> np.ndarray:
+        """Return what of each node counts at times t (S, K)."""
+        return lagrange(*((times - self.t[0]) / (self.t[-1] - self.t[0]) for times in (self.t, t)))
+
+    def through(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Return at times t (S, ...) what has the given values (K, ...) at the nodes."""
+        return np.tensordot(self.weights(t), values, axes=1)
+
+    def zeros(self, values: np.ndarray) -> list[tuple[float, bool]]:
+        """Return when a quantity passes zero [s], and whether it rises; its values (K,) at the nodes tell between which."""
+        found, polynomial = [], Polynomial.fit(self.t, values, self.t.size - 1)
+        for k in np.flatnonzero((values[:-1] * values[1:] < 0) | ((values[1:] == 0) & (values[:-1] != 0))):
+            low, high = self.t[k], self.t[k + 1]
+            while low < (middle := (low + high) / 2) < high:
+                low, high = (middle, high) if polynomial(middle) * values[k] > 0 else (low, middle)
+            found.append((float(high), bool(values[k] < 0)))
+        return found
+
+    @cached_property
+    def singular(self) -> float | None:
+        """When the weakest pivot vanishes [s], changing its sign or not; None where that is not on the way."""
+        values = self.pivots[:, int(np.argmin(np.abs(self.pivots).min(axis=0)))]
+        polynomial = Polynomial.fit(self.t, values, self.t.size - 1)
+        roots = np.concatenate([polynomial.roots(), polynomial.deriv().roots()]).real
+        roots = roots[(self.t[0] <= roots) & (roots <= self.t[-1])]
+        if not roots.size or np.abs(polynomial(roots)).min() > VANISHED * np.abs(values).max():
+            return None
+        return float(roots[np.argmin(np.abs(polynomial(roots)))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +90,44 @@ class Crossing:
     atol: float
     rtol: float
 
-    def over(self, t: float, end: float, q: np.ndarray, v: np.ndarray) -> tuple[float, np.ndarray, np.ndarray] | None:
-        """Return time, q and v behind the pose ahead of (t, q, v), not after `end`; None where there is no smooth way."""
+    def over(self, t: float, q: np.ndarray, v: np.ndarray) -> Crossed | None:
+        """Return the way to behind the pose ahead of (t, q, v), as far as before it; None where there is no smooth one."""
         gap = self._time_to_zero(t, q, v)
         if gap is None:
             return None
-        h = min(2 * gap, end - t)
-        y = np.concatenate([q, v])
+        h, y = 2 * gap, np.concatenate([q, v])
         fine, coarse = (self._step(t, h, y, nodes) for nodes in NODES)
         if fine is None or coarse is None:
             return None
-        error = np.abs(fine - coarse) / self._tolerance(fine)
-        q_new, closed = self._closed(fine[: q.size])
-        behind = abs(self.chart.pivot(q_new)) > BEHIND * abs(self.chart.pivot(q)) or t + h == end
-        if not (closed and behind and error.max() <= ACCURATE):
+        q_new, closed = self._closed(fine.states[-1, : q.size])
+        behind = abs(self.chart.pivot(q_new)) > BEHIND * abs(self.chart.pivot(q))
+        if not (closed and behind and self._error(fine, coarse) <= ACCURATE):
             return None
-        return t + h, q_new, fine[q.size :]
+        states = fine.states.copy()
+        for state in states[1:]:
+            state[: q.size], _ = self._closed(state[: q.size])
+        times = t + h * fine.c
+        (pivots,) = self.chart.kernel("pivots")(np.ascontiguousarray(states[:, : q.size]))
+        return Crossed(times, states, self.system.inputs(times), pivots, fine.evaluations + coarse.evaluations)
+
+    def _error(self, fine: Collocation, coarse: Collocation) -> float:
+        """Return the difference of two collocations at the end and at all nodes of the finer one, in tolerances."""
+        states = fine.states, coarse.at(fine.c)
+        return max(
+            float((np.abs(one - other) / self._tolerance(one)).max()) for one, other in zip(*states, strict=True)
+        )
+
+    def nearby(self, crossed: Crossed, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states y at times on the way (S, n), and their largest |phi| (S,).
+
+        Loops are closed anew where that moves q by less than the tolerance: not near the pose, where they tell q no more.
+        """
+        states, nq = crossed.through(crossed.y, t), self.chart.equations.nq
+        for state in states:
+            q, _ = self._closed(state[:nq])
+            if (np.abs(q - state[:nq]) <= self._tolerance(state)[:nq]).all():
+                state[:nq] = q
+        return states, np.array([self._residual(state[:nq]) for state in states])
 
     def _time_to_zero(self, t: float, q: np.ndarray, v: np.ndarray) -> float | None:
         """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2)."""
@@ -72,18 +141,20 @@ class Crossing:
         multiplicity = 1 / max(1 - p_0 * curvature / rate**2, 0.1)
         return max(1, round(multiplicity)) * p_0 / -rate
 
-    def _step(self, t: float, h: float, y: np.ndarray, nodes: int) -> np.ndarray | None:
-        """Return y_new by collocation at a number of nodes; None where the iteration does not converge."""
+    def _step(self, t: float, h: float, y: np.ndarray, nodes: int) -> Collocation | None:
+        """Return y along a step by collocation at a number of nodes; None where the iteration does not converge."""
         a, b, c = gauss(nodes)
         first, *inputs = self.system.inputs(t + h * np.array([0.0, *c]))
-        slopes, change = np.tile(self._slope(first, y), (nodes, 1)), np.inf
+        slopes, change, evaluations = np.tile(self._slope(first, y), (nodes, 1)), np.inf, 1
         scale = self._tolerance(y)
         while True:
+            evaluations += nodes
             stages = y + h * a @ slopes
             previous, slopes = slopes, np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)])
             last, change = change, float((np.abs(slopes - previous).max(axis=0) * h / scale).max())
             if change <= CONVERGED:
-                return y + h * b @ slopes
+                states = np.array([y, *(y + h * a @ slopes), y + h * b @ slopes])
+                return Collocation(np.array([0.0, *c, 1.0]), states, evaluations)
             if not change < last / 2:
                 return None
 
@@ -111,10 +182,36 @@ class Crossing:
             best, residual, q = q, out[-1], out[:-1]
         return best, residual <= self.closure
 
+    def _residual(self, q: np.ndarray) -> float:
+        """Return the largest |phi(q)|."""
+        if not self.chart.equations.constrained:
+            return 0.0
+        return float(evaluated(self.chart.kernel("closure_step"), np.concatenate([q, self.chart.p]))[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Collocation:
+    """Hold a step by collocation: states (s + 2, n) at c = 0, its s nodes and 1; evaluations: that it took."""
+
+    c: np.ndarray
+    states: np.ndarray
+    evaluations: int
+
+    def at(self, c: np.ndarray) -> np.ndarray:
+        """Return the states (S, n) of its polynomial."""
+        return lagrange(self.c, c) @ self.states
+
 
 def evaluated(kernel: Kernel, x: np.ndarray) -> np.ndarray:
     """Return a kernel's outputs for one state."""
     return kernel.flat(x)
+
+
+def lagrange(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return Lagrange's polynomials of the nodes (K,) at other places (S, K): what of each node counts at each place."""
+    own = np.eye(nodes.size, dtype=bool)
+    above = np.where(own, 1.0, (at[:, None] - nodes)[:, None, :]).prod(axis=2)
+    return above / np.where(own, 1.0, nodes[:, None] - nodes).prod(axis=1)
 
 
 @cache

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,11 +63,14 @@ class Flow:
         _, _, force, wrenches = self.system.kernel(self.chart, "recorded")(*self.split(y), r, p)
         return force, wrenches
 
+    def powers(self, y: np.ndarray, r: np.ndarray) -> dict[str, np.ndarray]:
+        """Return powers (K, ...) [W] by name (`power_parts`)."""
+        q, v, _ = self.split(y)
+        return power_parts(self.robot, self.system, self.chart, q, v, *self.acting(y, r))
+
     def power(self, y: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Return the whole power (K,) [W]."""
-        q, v, _ = self.split(y)
-        parts = power_parts(self.robot, self.system, self.chart, q, v, *self.acting(y, r))
-        return sum((part.sum(axis=1) for part in parts.values()), np.zeros(len(y)))
+        return sum((part.sum(axis=1) for part in self.powers(y, r).values()), np.zeros(len(y)))
 
     def energy(self, y: np.ndarray) -> np.ndarray:
         """Return kinetic and potential energy together (K,) [J]."""
@@ -109,12 +112,7 @@ def power_quantities(robot: Robot, system: System, kept: Kept, of: Mapping[str, 
 
     of: what was measured at the saved times, by name (`recording.measured`)
     """
-    parts, end = [], 0
-    for segment, rows in kept:
-        begin, end = end, end + len(segment.trajectory.t[rows])
-        here = {name: of[name][begin:end] for name in ("q", "v", "force", "wrenches") if name in of}
-        force, wrenches = here["force"], here.get("wrenches")
-        parts.append(power_parts(robot, system, segment.chart, here["q"], here["v"], force, wrenches))
+    parts = [segment.measured(Flow(robot, system, segment.chart).powers, rows) for segment, rows in kept]
     power = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     (pivot,) = np.abs(robot.kernel("tree_rates")(of["q"], np.zeros((len(of["q"]), robot.mobility)))[1]).T
     found: dict[str, Quantity] = {"actuator_power": (("actuator",), power["actuator_power"], "W")}
@@ -141,6 +139,10 @@ def works(robot: Robot, system: System, kept: Kept) -> tuple[np.ndarray, float]:
     total, columns, begun, end = 0.0, [np.zeros(0)], 0.0, None
     for segment, rows in kept:
         flow, part, (start, q, v) = Flow(robot, system, segment.chart), segment.trajectory, segment.start
+        if segment.crossed is not None and end is not None:
+            energies = segment.measured(lambda y, _, flow=flow: {"energy": flow.energy(y)}, rows)["energy"]
+            columns.append(total + energies - end[1])
+            continue
         energy = flow.energy(np.block([[q, v], [part.q_end, part.v_end]]))
         if end is None:
             begun = float(energy[0])
@@ -197,8 +199,8 @@ def run_reactions(robot: Robot, system: System, kept: Kept, frame: str, length: 
     """Return the reactions at a run's saved times."""
     samples = []
     for segment, rows in kept:
-        flow, part = Flow(robot, system, segment.chart), segment.trajectory
-        y, r = np.column_stack([part.q, part.v])[rows], part.u[rows]
+        flow, part, crossed = Flow(robot, system, segment.chart), segment.trajectory, segment.crossed
+        y, r = (crossed.y, crossed.u) if crossed else (np.column_stack([part.q, part.v])[rows], part.u[rows])
         q, v, _ = flow.split(y)
         force, wrenches = flow.acting(y, r)
         nq, n = segment.chart.equations.nq, segment.chart.equations.mobility
@@ -208,4 +210,12 @@ def run_reactions(robot: Robot, system: System, kept: Kept, frame: str, length: 
             for body, wrench in about_centres(robot, system, segment.chart, q, v, wrenches):
                 applied[:, body] += wrench
         samples.append(Samples(segment.chart, q, v, flow.slope(y, r)[:, nq : nq + n], force, applied))
-    return transmitted(robot, samples, (sum(len(part.q) for part in samples),), frame, length)
+    ends = np.cumsum([len(part.q) for part in samples])
+    found = transmitted(robot, samples, (ends[-1],), frame, length)
+
+    def saved(values: np.ndarray) -> np.ndarray:
+        parts = zip(kept, np.split(values, ends[:-1]), strict=True)
+        return np.concatenate([one.interpolated(part, rows) for (one, rows), part in parts])
+
+    gears = {name: saved(values) for name, values in found.gears.items()}
+    return replace(found, wrenches=saved(found.wrenches), constraint=saved(found.constraint), gears=gears)

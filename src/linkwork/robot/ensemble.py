@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,9 +27,9 @@ from linkwork.robot.charts import CompiledChart
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
 from linkwork.robot.passage import CLOSURE, SOFT, Choice, Segment, choices
-from linkwork.robot.recording import ending, labels
+from linkwork.robot.recording import ending, labels, singular_times
 from linkwork.robot.rereading import reread
-from linkwork.robot.rows import NO_INPUTS, Piece, Rows, gathered, pieces
+from linkwork.robot.rows import Rows, gathered, last, pieces
 from linkwork.robot.running import integrator, usual, watched
 from linkwork.robot.state import State
 from linkwork.robot.turning import turning
@@ -81,6 +81,7 @@ class Ensemble:
     options: Mapping[str, Any] = field(repr=False)
     _happened: Happened = field(repr=False)
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
+    _passed: Happened = field(repr=False)
     _sentences: Callable[[int], str] = field(repr=False)
     _measure: Callable[[], tuple[dict[str, Variable], dict[str, Variable]]] = field(repr=False)
     _companion: Callable[[], Ensemble] | None = field(repr=False)
@@ -144,6 +145,10 @@ class Ensemble:
         of = self._happened.members == self._numbered(member)
         return tuple(zip(self._happened.names[of].tolist(), self._happened.times[of].tolist(), strict=True))
 
+    def singular_times(self, member: int) -> np.ndarray:
+        """Return when a member stepped over singular poses (on_singular="step_over") [s]."""
+        return self._passed.times[self._passed.members == self._numbered(member)]
+
     def _numbered(self, member: int) -> int:
         """Return the number of a member from 0 on; refuse one that is not there."""
         try:
@@ -155,7 +160,8 @@ class Ensemble:
     def dataset(self) -> xarray.Dataset:
         """Return the ensemble as an `xarray.Dataset`; what a member did not reach is nan.
 
-        Events, if any were asked for, lie one after the other along their own axis: event, event_time and event_member.
+        Events, if any were asked for, lie one after the other along their own axis: event, event_time and event_member; and
+        so do singular poses that were stepped over: singular_time and singular_member.
         """
         import xarray
 
@@ -170,6 +176,9 @@ class Ensemble:
             coords["event"] = labels("event", self._happened.names.tolist())
             coords["event_time"] = Variable(("event",), self._happened.times, {"units": "s"})
             coords["event_member"] = Variable(("event",), self._happened.members)
+        if self._passed.times.size:
+            coords["singular_time"] = Variable(("singular_pose",), self._passed.times, {"units": "s"})
+            coords["singular_member"] = Variable(("singular_pose",), self._passed.members)
         entries = [
             {name: (v.dims, v.values, dict(v.attrs)) for name, v in part.items()} for part in (variables, coords)
         ]
@@ -392,16 +401,17 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         chart, start = part.chart.with_parameters(robot.p), crew.start(np.array([member]))[0]
         own = segment(crew, course, replace(part, chart=chart), row, start)
         status = Status(numbers["status"][member])
-        return ending(system, replace(own, trajectory=replace(own.trajectory, status=status)))[1]
+        return ending(system, [replace(own, trajectory=replace(own.trajectory, status=status))])[1]
 
     def rows() -> list[Rows]:
-        return list(saved(crew, parts, lone))
+        return list(saved(crew, parts, lone, course.times))
 
     return Ensemble(
         parameters=crew.varied,
         members=crew,
         rows=rows,
         _happened=happened(crew, lone),
+        _passed=passed(lone),
         _last=lambda: last_states(crew, parts, lone),
         _sentences=sentence,
         _measure=lambda: measured(crew, rows(), course.times),
@@ -441,11 +451,8 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
         turns[part.members] = part.outcomes.turns
     for one in lone:
         turns[one.member] = one.segments[-1].trajectory.turns
-    rows = [Rows(part.chart, part.members, part.outcomes.end_time, part.outcomes.y_end, NO_INPUTS) for part in parts]
-    ends = [(one.member, one.segments[-1]) for one in lone]
-    rows += gathered(
-        Piece(end.chart, i, np.array([end.trajectory.end_time]), end.trajectory.y_end[None]) for i, end in ends
-    )
+    rows = [last_of(part) for part in parts]
+    rows += gathered(last(one) for one in lone)
     for row in rows:
         q[row.members], _, z[row.members] = row.split()
     own = {row.chart.independent: row.chart for row in rows}.values()
@@ -472,15 +479,22 @@ def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.nda
     return v
 
 
-def saved(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> Iterator[Rows]:
-    """Yield the states at the saved times, chart by chart; of lone members those of their own runs."""
+def last_of(part: Part) -> Rows:
+    """Return the last states of members that were integrated together."""
+    none, done = np.zeros(len(part.members), int), part.outcomes
+    return Rows(part.chart, part.members, none, done.end_time, done.y_end, np.empty((none.size, 0)))
+
+
+def saved(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], at: np.ndarray) -> Iterator[Rows]:
+    """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their own runs."""
     alone = np.array([one.member for one in lone], dtype=int)
     for part in parts:
         kept = np.arange(part.outcomes.samples.shape[1]) < part.outcomes.saved[:, None]
         kept &= ~np.isin(part.members, alone)[:, None]
         rows, times = np.nonzero(kept)
-        yield Rows(part.chart, part.members[rows], times, part.outcomes.samples[rows, times], np.empty((rows.size, 0)))
-    yield from gathered(piece for one in lone for piece in pieces(crew, one))
+        y, none = part.outcomes.samples[rows, times], np.empty((rows.size, 0))
+        yield Rows(part.chart, part.members[rows], times, at[times], y, none)
+    yield from gathered(piece for one in lone for piece in pieces(crew, one, at))
 
 
 def happened(crew: Members, lone: Sequence[Lone]) -> Happened:
@@ -492,6 +506,15 @@ def happened(crew: Members, lone: Sequence[Lone]) -> Happened:
     times = np.concatenate([np.empty(0), *(events.times for _, events in found)])
     whose = np.repeat([member for member, _ in found], [len(events) for _, events in found]).astype(int)
     return Happened(whose, names[index], times)
+
+
+def passed(lone: Sequence[Lone]) -> Happened:
+    """Return the singular poses that all runs stepped over."""
+    found = [(one.member, singular_times(one.segments)) for one in sorted(lone, key=lambda one: one.member)]
+    whose = np.array([member for member, times in found for _ in times], int)
+    return Happened(
+        whose, np.full(whose.size, "singular pose", object), np.array([t for _, of in found for t in of], float)
+    )
 
 
 def measured(
@@ -516,9 +539,12 @@ def measured(
         units["drive_state"] = ", ".join(extra.unit for extra in extras)
     values = {name: np.full((*shape, coords[axis].values.size), np.nan) for name, axis in axes.items()}
     for part in parts:
-        (q, v, z), p, places = part.split(), crew.p_robot(part.members), (part.members, part.times)
-        found = part.chart.kernel("joints_motion")(q, v, np.zeros(v.shape[1]), p)
-        values["joint_position"][places], values["joint_rate"][places] = found[:2]
+        (q, _, z), p, places = part.split(), crew.p_robot(part.members), (part.members, part.times)
+        found = part.measured(partial(joints, crew))
+        if part.nodes:  # angles are not interpolated: they may jump by a turn
+            found["joint_position"] = robot.kernel("positions")(q, p)[0]
+        for name in found:
+            values[name][places] = found[name]
         if extras:
             values["drive_state"][places] = z
         if robot.mechanism.tools:
@@ -528,6 +554,13 @@ def measured(
         name: Variable(("member", "time", axes[name]), array, {"units": units[name]}) for name, array in values.items()
     }
     return variables, coords
+
+
+def joints(crew: Members, rows: Rows) -> dict[str, np.ndarray]:
+    """Return the positions and rates of all joints at states (rows, m), by name."""
+    q, v, _ = rows.split()
+    found = rows.chart.kernel("joints_motion")(q, v, np.zeros(v.shape[1]), crew.p_robot(rows.members))
+    return dict(zip(("joint_position", "joint_rate"), found, strict=False))
 
 
 @contextmanager

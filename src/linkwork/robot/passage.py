@@ -18,7 +18,7 @@ import numpy as np
 from linkwork.equations.choosing import alike
 from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
-from linkwork.robot.crossing import Crossing
+from linkwork.robot.crossing import Crossed, Crossing
 from linkwork.robot.rereading import moved
 from linkwork.robot.system import System, with_jacobian
 from linkwork.robot.turning import turning
@@ -35,6 +35,7 @@ from linkwork.simulation import (
     integrate,
     stack,
 )
+from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -50,9 +51,11 @@ LOWER = 0.25  # the soft bound falls by this factor while no better chart is fou
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Hold a part of a run that was integrated in one chart; start: time, q and (v, z) that it went out from;
-    method: its name; again: integrates it once more, saved at other times or (None) at every step, where a sampled
-    controller acts from a row, by number (-1: the start), to the next, without calling it.
+    """Hold a part of a run that was integrated in one chart, or a singular pose that was stepped over in it.
+
+    start: time, q and (v, z) that it went out from; method: its name; crossed: the way over the pose
+    again: integrates it once more, saved at other times or (None) at every step, where a sampled controller acts from a row,
+        by number (-1: the start), to the next, without calling it
     """
 
     chart: CompiledChart
@@ -60,6 +63,23 @@ class Segment:
     start: tuple[float, np.ndarray, np.ndarray]
     method: str
     again: Callable[[np.ndarray | None, int], Trajectory] | None = None
+    crossed: Crossed | None = None
+
+    def measured(
+        self, measure: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], rows: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Return quantities (rows, ...) by name, of states y and inputs u, at some of the saved times.
+
+        Near a singular pose rates and accelerations do not follow from the state: on the way over one every quantity is the
+        polynomial through its values at the nodes of the crossing.
+        """
+        part, over = self.trajectory, self.crossed
+        y, u = (over.y, over.u) if over else (part.rows[rows, 1 : 1 + part.y_end.size], part.u[rows])
+        return {name: self.interpolated(values, rows) for name, values in measure(y, u).items()}
+
+    def interpolated(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return a quantity at some of the saved times from its values there or, on the way over a pose, at the nodes."""
+        return self.crossed.through(values, self.trajectory.t[rows]) if self.crossed else values
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +89,7 @@ class Stand:
     chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole turns of angles that are
         not in q; control: what a sampled controller holds
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while the bound is lowered
-    method: of integration
+    method: of integration; over: the singular pose that was stepped over to come here
     """
 
     chart: CompiledChart
@@ -82,6 +102,7 @@ class Stand:
     bound: float
     short: float
     method: Method
+    over: Segment | None = None
 
 
 class Choice(NamedTuple):
@@ -165,6 +186,10 @@ class Passage:
         While the bound is lowered segments are short, so that it is raised again when the pivots have recovered.
         """
         while stand is not None:
+            if stand.over is not None:
+                yield stand.over
+                if stand.t == self.end or not stand.over.trajectory.success:
+                    return
             trajectory = self._integrate(stand)
             again = partial(self._again, stand, trajectory)
             yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again)
@@ -176,7 +201,7 @@ class Passage:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
-        here = replace(stand, t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps)
+        here = replace(stand, t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None)
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
             return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
@@ -185,8 +210,8 @@ class Passage:
         if done.status is not Status.SINGULAR or steps < 1:
             return None
         tried = self.step_over and not (choice.regular if choice else regular(self.robot.chart, q))
-        landing = self._over(chart, t, q, v) if tried else None
-        if landing is None:
+        over = self._over(here, done) if tried else None
+        if over is None:
             better = (choice or choices(self.robot, chart, q[None])[0]).better
             n, kept, rates = chart.equations.mobility, False, v
             if better is not None:
@@ -195,13 +220,15 @@ class Passage:
                 control = self.system.control(better, done.control)
                 return replace(here, chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT)
             if self.step_over and not tried:
-                landing = self._over(chart, t, q, v)
-        if landing is not None:
-            short, (t, q, v) = landing[0] - t, landing
+                over = self._over(here, done)
+        if over is not None:
+            behind = over.trajectory
+            short, q = behind.end_time - t, behind.q_end
             chart = self._faced(chart, q)
-            control, bound = self.system.control(chart, done.control), min(SOFT, 0.5 * chart.pivot(q))
-            here = replace(here, chart=chart, t=t, q=q, v=v, control=control, bound=bound, short=short)
-        elif stand.bound > checks.PIVOT_BOUND:
+            bound = min(SOFT, 0.5 * chart.pivot(q))
+            here = replace(here, chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
+            return replace(here, bound=bound, short=short, over=over)
+        if stand.bound > checks.PIVOT_BOUND:
             bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
             here = replace(here, bound=bound)
         else:
@@ -266,14 +293,62 @@ class Passage:
         faced = chart.facing(q)
         return chart if faced is chart else self.robot.run_charts.setdefault(faced.key, faced)
 
-    def _over(
-        self, chart: CompiledChart, t: float, q: np.ndarray, v: np.ndarray
-    ) -> tuple[float, np.ndarray, np.ndarray] | None:
-        """Return time, q and (v, z) behind the singular pose ahead, or None."""
+    def _over(self, stand: Stand, done: Trajectory) -> Segment | None:
+        """Return the way over the singular pose ahead of where a trajectory ended, None where there is no smooth one."""
         if self.system.sampler:
             return None
-        tolerance = self.options["atol"], self.options["rtol"]
-        return Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance).over(t, self.end, q, v)
+        chart, tolerance = stand.chart, (self.options["atol"], self.options["rtol"])
+        crossing = Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance)
+        crossed = crossing.over(stand.t, stand.q, stand.v)
+        if crossed is None:
+            return None
+        trajectory = self._recorded(crossing, crossed, done)
+        return Segment(chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, crossed=crossed)
+
+    def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
+        """Return a crossing, as far as the run goes, with what is saved and what happens on the way."""
+        happened = [(time, number) for time, number in sorted(self._events(crossing, crossed)) if time <= self.end]
+        last = next((number for number, (_, event) in enumerate(happened) if self.system.events[event].terminal), None)
+        end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
+        events = happened if last is None else happened[: last + 1]
+        asked = np.array([end]) if self.save_at is None else self.save_at
+        asked = asked[(asked > crossed.t[0]) & (asked <= end)]
+        times = np.array([*asked, *(time for time, _ in events), end])
+        states, residuals = crossing.nearby(crossed, times)
+        kinds = np.array([*np.full(asked.size, -1), *(event for _, event in events), -1], float)
+        if end == crossed.t[-1]:
+            states[-1], residuals[-1] = crossed.y[-1], 0.0
+        rows = np.column_stack([times, states, self.system.inputs(times), residuals, kinds])
+        weakest = np.abs(crossed.pivots).min(axis=1)
+        status = Status.FINISHED if last is None else Status.EVENT
+        outcome = done.outcome._replace(
+            status=float(status),
+            evaluations=float(crossed.evaluations),
+            accepted=1.0,
+            rejected=0.0,
+            projections=0.0,
+            time=float(end),
+            step=0.0,
+            pivot=float(weakest.min()),
+            pivot_time=float(crossed.t[weakest.argmin()]),
+            closure_error=float(residuals.max()),
+        )
+        y_end, q = states[-1].copy(), slice(1, 1 + done.nq)
+        rows[:, q] = whole(rows[:, q], done.turns)
+        saved, found = rows[: asked.size], rows[asked.size : -1]
+        return replace(done, rows=saved, found=found, y_end=y_end, outcome=outcome, control=None, status=status)
+
+    def _events(self, crossing: Crossing, crossed: Crossed) -> Iterator[tuple[float, int]]:
+        """Yield when events happen on the way over a pose, and their numbers."""
+        system, chart = self.system, crossing.chart
+        if not system.events:
+            return
+        kernel, p = system.kernel(chart, "events"), system.p(chart)
+        values = [kernel.flat(np.concatenate([y, u, p])) for y, u in zip(crossed.y, crossed.u, strict=True)]
+        for number, (event, of) in enumerate(zip(system.events, np.transpose(values), strict=True)):
+            for time, rises in crossed.zeros(of):
+                if event.direction >= 0 if rises else event.direction <= 0:
+                    yield time, number
 
 
 def regular(chart: CompiledChart, q: np.ndarray) -> bool:

@@ -16,6 +16,7 @@ from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
 from linkwork.robot import checks, derived, limits, rereading
 from linkwork.robot.accuracy import WORTH_TELLING, Compared, Start, without_turns
+from linkwork.robot.charts import CompiledChart
 from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
 from linkwork.robot.passage import Passage, Segment, regular
@@ -23,7 +24,7 @@ from linkwork.robot.reactions import COMPONENTS, Reactions
 from linkwork.robot.state import State
 from linkwork.robot.system import System
 from linkwork.simulation import Control, Run, Statistics, Status, Variable
-from linkwork.simulation.run import Deferred
+from linkwork.simulation.run import SINGULAR_TIMES, Deferred
 from linkwork.simulation.signals import require_increasing
 
 if TYPE_CHECKING:
@@ -37,8 +38,12 @@ AXES = (
     *("time", "coordinate", "rate", "actuator", "spring", "pose", "extra", "wrench", "wrench_component"),
     *("event", "event_time"),
 )
+MOST_TOLD = 8  # singular poses whose times the message tells
 ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
-TOLD = ("method", "charts", *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")))
+TOLD = (
+    *("method", "charts", SINGULAR_TIMES),
+    *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")),
+)
 
 ERROR = ("error_estimate", "error_estimate_until")
 
@@ -115,11 +120,20 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         "final_rates": ", ".join(segments[-1].chart.independent),
         "final_pace": np.array([last.pace.step, last.pace.growth]),
     }
+    passed = singular_times(segments)
+    if passed:
+        found[SINGULAR_TIMES] = np.array(passed)
     if last.control:
         found["final_held"] = held_last(system, last.control)
     if last.turns.any():
         found["final_turns"] = last.turns.copy()
     return found
+
+
+def singular_times(segments: Sequence[Segment]) -> list[float]:
+    """Return when singular poses were stepped over [s]."""
+    times = [(segment.crossed.singular, segment.trajectory.end_time) for segment in segments if segment.crossed]
+    return [time for time, end in times if time is not None and time <= end]
 
 
 def held_last(system: System, control: Control) -> np.ndarray:
@@ -154,7 +168,7 @@ def charts_taken(segments: Sequence[Segment]) -> str:
 def record(made: Compared, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
     robot, system, segments, options = made.robot, made.passage.system, made.segments, made.passage.options
-    of, (status, message) = Record(robot, system, segments, besides), ending(system, segments[-1])
+    of, (status, message) = Record(robot, system, segments, besides), ending(system, segments)
 
     def sentences() -> str:
         adaptive, found = options["method"].step is None, made.estimate
@@ -195,8 +209,21 @@ def errors(made: Compared, of: Record) -> dict[str, Variable]:
     return found
 
 
-def ending(system: System, segment: Segment) -> tuple[Status, str]:
-    """Return the status and the sentence with which a run ended."""
+def ending(system: System, segments: Sequence[Segment]) -> tuple[Status, str]:
+    """Return the status and the sentences with which a run ended."""
+    status, message = ended(system, segments[-1])
+    passed = [f"{time:.9g}" for time in singular_times(segments)]
+    if not passed:
+        return status, message
+    which = "a singular pose" if len(passed) == 1 else f"{len(passed)} singular poses"
+    return (
+        status,
+        f"{message} It stepped over {which}, at t = {', '.join(passed[:MOST_TOLD])}{' ...' * (len(passed) > MOST_TOLD)} s.",
+    )
+
+
+def ended(system: System, segment: Segment) -> tuple[Status, str]:
+    """Return the status and the sentence with which a run's last segment ended."""
     last = segment.trajectory
     if system.faults:
         fault = system.faults[0]
@@ -347,15 +374,23 @@ def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
 
 def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
     """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
-    kernel, part, n = segment.chart.kernel, segment.trajectory, segment.chart.equations.mobility
-    q, v, z, u = part.q[rows], part.v[rows, :n], part.v[rows, n:], part.u[rows]
-    found = {"q": q, "v": v, "z": z, "force": u, "residual": part.residual[rows]}
+    part, n = segment.trajectory, segment.chart.equations.mobility
+    found = {"q": part.q[rows], "z": part.v[rows, n:], "residual": part.residual[rows], "force": part.u[rows]}
+    found |= segment.measured(partial(moving, segment.chart, system), rows)
+    if segment.crossed is not None:  # angles are not interpolated: they may jump by a turn
+        found["positions"] = segment.chart.kernel("positions")(found["q"])[0]
+    return found
+
+
+def moving(chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what follows from states y = (q, v, z) and inputs u in a chart (K, ...), by name."""
+    kernel, ends = chart.kernel, np.cumsum([chart.equations.nq, chart.equations.mobility])
+    found, (q, v, z) = {}, np.split(y, ends, axis=1)
     if system.acting is None:
         v_dot = kernel("motion")(q, v, u)[1]
     else:
-        p = system.p(segment.chart)
-        v_dot, *values = system.kernel(segment.chart, "recorded")(q, v, z, u, p)
-        found |= dict(zip(("command", "force", "wrenches"), values, strict=True))
+        v_dot, *values = system.kernel(chart, "recorded")(q, v, z, u, system.p(chart))
+        found = dict(zip(("command", "force", "wrenches"), values, strict=True))
     positions, joint_rates, joint_accelerations, _ = kernel("joints_motion")(q, v, v_dot)
     kinetic, potential, _ = kernel("energy")(q, v)
     found |= {"positions": positions, "rates": joint_rates, "accelerations": joint_accelerations}

@@ -40,8 +40,8 @@ def reread(
     kept = np.abs(energies[1] - energies[0]) <= KEPT * np.maximum(*energies)
     for pivot in (weak[0], weaker[0]):
         kept &= np.abs(pivot[..., 0]) > checks.PIVOT_BOUND
-    moving = np.abs(v).max(axis=-1, keepdims=True, initial=0.0) > 0
-    return np.where(moving, found, 0.0), kept | ~moving[..., 0]
+    at_rest = np.abs(v).max(axis=-1, keepdims=True, initial=0.0) == 0
+    return np.where(at_rest, 0.0, found), kept | at_rest[..., 0]
 
 
 def moved(

@@ -410,7 +410,8 @@ class Robot(Model):
             save_at: times to save [s]; every accepted step if left out.
             max_step: largest step [s].
             max_steps: most steps to take.
-            on_singular: what to do at a bifurcation.
+            on_singular: "stop" at a bifurcation, or "step_over": go on along the smooth branch, where there is one; the run's
+                `singular_times` tell when.
 
         Returns:
             A `Run`: its `status` and `message` say how it ended; `dataset` holds what was computed until then.

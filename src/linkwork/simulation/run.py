@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-TIME, DESCRIPTION = "time", "description"
+TIME, DESCRIPTION, SINGULAR_TIMES = "time", "description", "singular_times"
 Value = TypeVar("Value")
 
 
@@ -152,6 +152,11 @@ class Run:
     def closure_error(self) -> float:
         """Return the largest |phi(q)| of all accepted states and saved samples."""
         return self.statistics.closure_error
+
+    @property
+    def singular_times(self) -> np.ndarray:
+        """Return when singular poses were stepped over (on_singular="step_over") [s]."""
+        return np.atleast_1d(np.asarray(self.attrs.get(SINGULAR_TIMES, ()), float))
 
     @property
     def error_estimate(self) -> float:

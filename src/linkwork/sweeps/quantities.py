@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -12,7 +13,7 @@ import numpy as np
 
 from linkwork.equations import Equations, functions, measures
 from linkwork.equations.powers import powers
-from linkwork.robot.ensemble import Ensemble, Rows
+from linkwork.robot.ensemble import Ensemble, Rows, joints
 from linkwork.robot.reactions import MEMORY, Samples, transmitted
 from linkwork.simulation.threads import usable_processors
 
@@ -51,6 +52,7 @@ REACTIONS = ("reaction_moment", "reaction_force")
 ACTING = ("joint_acceleration", "actuator_force", "actuator_power", "command", *REACTIONS)
 BLOCK = 16384  # saved states that are looked at at a time
 ENERGIES = ("kinetic_energy", "potential_energy", "energy")
+OF_POSITION = ("joint_position", "tool_pose", "tool_error", "tracking_error", "drive_state", "conditioning")
 
 
 def measured(
@@ -69,7 +71,7 @@ def measured(
     first, *others = [block for rows in ensemble.rows() for block in blocks(rows)] or [None]
 
     def put(rows: Rows | None) -> None:
-        found = {} if rows is None else of_rows(bench, law, crew, rows, wanted)
+        found = {} if rows is None else everywhere(bench, law, crew, rows, wanted)
         for name in found:
             values[name][rows.members, rows.times] = found[name]  # pyright: ignore[reportOptionalMemberAccess]
 
@@ -84,23 +86,29 @@ def measured(
 def blocks(rows: Rows) -> Iterator[Rows]:
     """Yield saved states some at a time: a block fits the processor's cache, and threads have something to share."""
     for first in range(0, len(rows.members), BLOCK):
-        part = slice(first, first + BLOCK)
-        yield Rows(rows.chart, rows.members[part], rows.times[part], rows.y[part], rows.held[part])
+        yield rows[first : first + BLOCK]
 
 
 def unwrap(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> None:
     """Count the turns of angles along each member's run."""
     rates = np.full((*positions.shape[:2], len(bench.robot.rates)), np.nan)
     for rows in ensemble.rows():
-        q, v, _ = rows.split()
-        p = ensemble.members.p_robot(rows.members)
-        rates[rows.members, rows.times] = rows.chart.kernel("joints_motion")(q, v, 0 * v, p)[1]
+        found = rows.measured(partial(joints, ensemble.members))
+        rates[rows.members, rows.times] = found["joint_rate"]
     bench.robot.labels.unwrap_runs(bench.times, positions, rates)
 
 
+def everywhere(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return the wanted quantities of saved states (rows[, components]), also of those where singular poses are passed."""
+    still = [name for name in wanted if name in OF_POSITION] if rows.nodes else []
+    moving = [name for name in wanted if name not in still]
+    found = of_rows(bench, law, crew, rows, still) if still else {}
+    return found | rows.measured(lambda rows: of_rows(bench, law, crew, rows, moving))
+
+
 def of_rows(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return the wanted quantities of saved states (rows[, components])."""
-    robot, chart, t = bench.robot, rows.chart, bench.times[rows.times]
+    """Return the wanted quantities of states (rows[, components])."""
+    robot, chart, t = bench.robot, rows.chart, rows.t
     (q, v, z), p_robot = rows.split(), crew.p_robot(rows.members)
     found: dict[str, np.ndarray] = {"drive_state": z[:, : len(bench.extras)]}
     acceleration = 0 * v
