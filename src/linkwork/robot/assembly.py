@@ -99,7 +99,7 @@ class Assembler:
             error, J = self._pose_rows(out, pose)
             return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], J]), out["derivatives"]
 
-        sizes = np.where(np.array(self._pose_indices(pose.size)) < 3, 1.0, self.tree.length)
+        sizes = np.where(np.array(self.pose_indices(pose.size)) < 3, 1.0, self.tree.length)
         return self._solve(system, sizes, guess, names, f"with the tool at {np.round(pose, 6).tolist()}")
 
     def rates(
