@@ -84,7 +84,7 @@ class Model:
     @cached_property
     def turning(self) -> Turning:
         """Return how large coordinates may grow in a run, and which angles may be wrapped where only forces over time act."""
-        return own_turning(self.chart, self.size)
+        return own_turning(self.chart, self.size * self.equations.tree.length)
 
     @cached_property
     def run_chart(self) -> CompiledChart:
