@@ -47,7 +47,9 @@ def test_a_step_to_where_the_loops_are_no_numbers_is_shortened():
         return np.sqrt(q) - 0.1, np.array([0.5 / np.sqrt(q)]), np.eye(1)
 
     with np.errstate(invalid="ignore"):
-        np.testing.assert_allclose(close(system, SimpleNamespace(quaternions=()), np.array([0.3])), 0.01, rtol=1e-9)
+        np.testing.assert_allclose(
+            close(system, SimpleNamespace(quaternions=(), units=np.ones(1)), np.array([0.3])), 0.01, rtol=1e-9
+        )
 
 
 def test_behind_a_singular_pose_a_state_that_is_no_number_is_not_closed():

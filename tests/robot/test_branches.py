@@ -170,6 +170,23 @@ def test_a_path_is_followed_on_the_branch_of_the_guess():
     np.testing.assert_allclose(np.exp(1j * motion.state.positions[0, :2]), np.exp(1j * first), atol=1e-9)
 
 
+def test_a_path_whose_samples_are_too_far_apart_to_stay_on_the_branch_is_refused():
+    """With a fifth of the samples an elbow of the five-bar would turn over unseen; with more the edge is met and told."""
+    robot = built("five_bar")
+    home = robot.tool_pose(robot.home)[:2]
+    path = lw.paths.line(home, (0.34170256, 0.10691788))
+    with pytest.raises(lw.LinkworkError, match="the joints are on another branch than at the start"):
+        robot.follow(path, 1.0, samples=5)
+    fine = lw.paths.line(home, (0.3, 0.3))
+    motion = robot.follow(fine, 1.0, samples=5)
+    assert all(sides_of("five_bar", motion.state.at(k)) == sides_of("five_bar", robot.home) for k in range(5))
+
+
+def test_a_first_pose_out_of_reach_is_told_with_its_time():
+    with pytest.raises(lw.UnreachableError, match=r"^at t = 0 s: the mechanism cannot be assembled"):
+        built("five_bar").follow(lw.paths.line((3.0, 0.0), (3.1, 0.0)), 1.0)
+
+
 def test_a_tool_that_shifts_as_it_tilts_is_led_by_all_that_is_asked():
     """Of a 3-RRS the shifts x, y follow from the tilt: a whole pose on its motion is reached, for no signs are asked of it."""
     robot = rrs()

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.equations.reference import CLOSED, unit
+from linkwork.equations.tree import Tree
 from linkwork.robot.assembly import MATRICES, UnreachableError, wrapped
 from linkwork.robot.modes import Modes, same
 
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
 
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
 NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
-LONGEST = 0.5  # Newton's step: of a turn [rad], of a slide relative to the mechanism
+LONGEST = 0.5  # Newton's step, in the mechanism's own units
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
-MET = 1e-6  # distance from a pose, relative to the mechanism, from which Newton's method is sure to reach it
+MET = 1e-6  # distance from a pose, in the mechanism's own units, from which Newton's method is sure to reach it
 DAMPING = 1e-12  # of the normal equations, relative to their trace
 
 
@@ -115,16 +116,16 @@ class Leader:
         closed, alive, last = np.zeros(len(q), bool), np.ones(len(q), bool), np.full(len(q), LONGEST / CONTRACTS)
         for _ in range(NEWTON + 1):
             residual, A, out = self.rows(q, way, which, part)
-            closed = np.abs(residual).max(axis=1) <= CLOSED * np.maximum(1.0, np.abs(q).max(axis=1))
+            closed = np.abs(residual).max(axis=1) <= CLOSED
             s = least_step(A, np.where((alive & ~closed)[:, None], residual, 0.0))
-            length = np.abs(s * self.scale).max(axis=1)
+            length = np.abs(s).max(axis=1)
             alive &= closed | (length <= CONTRACTS * last)
             if not (alive & ~closed).any():
                 break
             s = np.where(alive[:, None], s, 0.0)
-            q = unit(self.robot.equations.tree, q + np.einsum("kij,kj->ki", out["derivatives"], s))
+            q = unit(self.tree, q + np.einsum("kij,kj->ki", out["derivatives"], self.tree.rate_units * s))
             last = length
-        fits = same(self.modes.signs(A), mode) & (out["alignment"][:, 0] >= 0)
+        fits = same(self.modes.signs(self.matrix(out)), mode) & (out["alignment"][:, 0] >= 0)
         return q, alive & closed & fits
 
     def otherwise(self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray) -> np.ndarray:
@@ -154,10 +155,10 @@ class Leader:
 
     def scattered(self, start: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """Return configurations (K, nq) with the tool at a pose, from random ones, nearest to a start first."""
-        tree, random = self.robot.equations.tree, np.random.default_rng(1990)
+        tree, random = self.tree, np.random.default_rng(1990)
         q = np.tile(start, (STARTS, 1))
         for place, rate in tree.single:
-            q[:, place] += random.uniform(-1, 1, STARTS) * (1 if self.slides[rate] else np.pi) / self.scale[rate]
+            q[:, place] += random.uniform(-1, 1, STARTS) * (self.length if self.slides[rate] else np.pi)
         for places, _ in tree.quaternions:
             q[:, list(places)] = random.standard_normal((STARTS, 4))
         q, every, end = unit(tree, q), np.arange(STARTS), np.ones(STARTS)
@@ -165,22 +166,34 @@ class Leader:
         for _ in range(ITERATIONS):
             residual, A, out = self.rows(q, way, every, end)
             s = np.nan_to_num(least_step(A, residual))
-            s *= np.minimum(1.0, LONGEST / np.maximum(np.abs(s * self.scale).max(axis=1, keepdims=True), 1e-300))
-            q = unit(tree, q + np.einsum("kij,kj->ki", out["derivatives"], s))
+            s *= np.minimum(1.0, LONGEST / np.maximum(np.abs(s).max(axis=1, keepdims=True), 1e-300))
+            q = unit(tree, q + np.einsum("kij,kj->ki", out["derivatives"], tree.rate_units * s))
         residual, A, out = self.rows(q, way, every, end)
-        q = q[(np.abs(residual).max(axis=1) <= MET * self.length) & (out["alignment"][:, 0] >= 0)]
+        q = q[(np.abs(residual).max(axis=1) <= MET) & (out["alignment"][:, 0] >= 0)]
         for place, rate in tree.single if not self.robot.mechanism.gears else ():
             q[:, place] -= 0 if self.slides[rate] else 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
-        return q[np.argsort(np.linalg.norm(q - start, axis=1))]
+        return q[np.argsort(np.linalg.norm((q - start) / tree.units, axis=1))]
+
+    def keeps(self, q: np.ndarray) -> np.ndarray:
+        """Tell which configurations (N, nq) of a motion are on the mode of the first one (N)."""
+        signs = self.signs(q)
+        return same(signs, signs[0])
 
     def fits(self, q: np.ndarray, mode: np.ndarray) -> bool:
         """Tell whether a configuration (nq) is on a mode."""
-        return bool(same(self.modes.signs(self.matrix(self.outputs(q[None]))), mode)[0])
+        return bool(same(self.signs(q[None]), mode)[0])
 
-    def outputs(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name; matrices as such."""
+    def signs(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return the signs that tell modes apart (K, stages) at configurations (K, nq); p: as in `outputs`."""
+        return self.modes.signs(self.matrix(self.outputs(q, p)))
+
+    def outputs(self, q: np.ndarray, p: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name; matrices as such.
+
+        p: free parameters (K, np); the robot's own if left out
+        """
         kernel, nv = self.robot.kernel("assembly"), self.robot.equations.nv
-        values = kernel(q, np.zeros((len(q), nv)))
+        values = kernel(q, np.zeros((len(q), nv)), *(() if p is None else (p,)))
         out = {name: value for (name, _), value in zip(kernel.outputs, values, strict=True)}
         for name in MATRICES:
             out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
@@ -189,36 +202,45 @@ class Leader:
     def rows(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Return [phi; x - x_d] (K, rows), its Jacobian (K, rows, nv) and the outputs at configurations (K, nq)."""
+        """Return [phi; x - x_d] (K, rows), its Jacobian (K, rows, nv) and the outputs at configurations (K, nq).
+
+        Residual and Jacobian are in the mechanism's own units.
+        """
         out = self.outputs(q)
-        return np.concatenate([out["phi"], way.error(out, which, part)], axis=1), self.matrix(out), out
+        residual = np.concatenate([out["phi"], way.error(out, which, part)], axis=1)
+        return residual / self.heights, self.matrix(out) * self.tree.rate_units / self.heights[:, None], out
 
     def matrix(self, out: dict[str, np.ndarray]) -> np.ndarray:
         """Return [Phi; J] (K, rows, nv)."""
         return np.concatenate([out["Phi"], out["J_tool"][:, self.twist]], axis=1)
 
+    @property
+    def tree(self) -> Tree:
+        return self.robot.equations.tree
+
+    @cached_property
+    def heights(self) -> np.ndarray:
+        """The mechanism's own units of the closure rows and of the tool's coordinates (rows)."""
+        return np.concatenate(
+            [self.robot.equations.rows.units, np.where(np.array(self.twist) < 3, 1.0, self.tree.length)]
+        )
+
     @cached_property
     def length(self) -> float:
-        """Largest length [m] of the joints' frames and slides at home, 1 m where there is none."""
+        """How far slides may be from the guess [m]: the largest distance that joints' frames and slides have at home."""
         robot = self.robot
         frames = [frame.position for joint in robot.mechanism.pairs.values() for frame in joint.frames]
         lengths = [float(np.linalg.norm(position)) for position in frames]
-        return max([*lengths, *np.abs(robot.home.positions[~robot.labels.angular]).tolist()], default=0.0) or 1.0
+        return max([self.tree.length, *lengths, *np.abs(robot.home.positions[~robot.labels.angular]).tolist()])
 
     @cached_property
     def slides(self) -> np.ndarray:
         """Which of the tree's rates are slides (nv)."""
-        tree = self.robot.equations.tree
-        found = np.zeros(len(tree.rates), bool)
-        for node in tree.nodes:
+        found = np.zeros(len(self.tree.rates), bool)
+        for node in self.tree.nodes:
             for column in node.columns:
                 found[column.rate] = not node.turns
         return found
-
-    @cached_property
-    def scale(self) -> np.ndarray:
-        """What makes the tree's rates free of units: 1 of a turn, 1 / length of a slide (nv)."""
-        return np.where(self.slides, 1 / self.length, 1.0)
 
 
 def least_step(A: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -83,10 +83,9 @@ def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State
     robot.require_tool()
     poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
     require_full_pose(robot, poses.shape[1])
-    q, w = (
-        robot.leader(poses.shape[1], kept=True).lead(start_of(robot, guess), poses[:1])[0],
-        np.zeros(robot.equations.nv),
-    )
+    leader, w = robot.leader(poses.shape[1], kept=True), np.zeros(robot.equations.nv)
+    with checks.at("at t = 0 s: "):
+        q = leader.lead(start_of(robot, guess), poses[:1])[0]
     along, v, v_dot = (
         np.empty((samples, q.size)),
         np.empty((samples, robot.mobility)),
@@ -97,6 +96,11 @@ def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State
             q = robot.assembler.at_pose(poses[k], robot.assembler.moved(q, w * (duration / (samples - 1))))
             w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
+    if not (kept := leader.keeps(along)).all():
+        raise LinkworkError(
+            f"at t = {time[np.argmin(kept)]:.6g} s: the joints are on another branch than at the start, for the path passes a "
+            "stretched or folded pose, or its samples are too far apart; take more samples, or lead the path around"
+        )
     made = robot.make_state(along, v)
     positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(made.q, made.rates, v_dot)
     made = replace(made, positions=robot.labels.unwrapped(time, positions, joint_rates))

@@ -160,6 +160,7 @@ class Robot(Model):
 
         Raises:
             UnreachableError: with the time and pose at which the path leaves the workspace.
+            LinkworkError: a leg-singular pose on the path, or samples between which the joints change their branch.
         """
         return posing.follow(self, path, duration, samples, guess)
 

@@ -96,9 +96,8 @@ def closed_together(bench: Bench, q: np.ndarray, p: np.ndarray, of: Values) -> t
         q, closed = solved(robot, q, p, given, None)
     if pose is not None:
         begin, (q, closed) = q, solved(robot, q, p, {}, pose)
-        modes = robot.leader(pose.shape[1], kept=True).modes
-        before, after = (modes.signs(rows(robot, part, p, {}, pose)[1]) for part in (begin, q))
-        closed &= same(before, after)
+        leader = robot.leader(pose.shape[1], kept=True)
+        closed &= same(leader.signs(begin, p), leader.signs(q, p))
     return q, closed
 
 
