@@ -22,10 +22,12 @@ from linkwork.control.drives import Drive, Extra, Ideal
 from linkwork.control.events import Event
 from linkwork.control.observation import Names, Quantity
 from linkwork.control.sampler import Sampler
+from linkwork.control.timely import Timely, timely
 from linkwork.control.tracing import CONTROLLER, Law, Reference, Tracer, column, shown
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Sampled, Signal, as_signal, clock, stack
+from linkwork.simulation.events import Watch
 
 NONE = ca.SX(0, 1)
 OUTPUTS = ("command", "force", "extra_rates", "wrenches", "events", "next_held")
@@ -72,6 +74,39 @@ class Acting:
         """What tells kernels of different systems apart."""
         places = [(wrench.body, tuple(wrench.point), wrench.frame) for wrench in self.wrenches]
         return hashlib.sha256(f"{self.function.serialize()}{self.quantities}{places}".encode()).hexdigest()
+
+    @cached_property
+    def timely(self) -> Timely | None:
+        """What depends on time alone in forces, wrenches and event functions, if anything does."""
+        if not self.timed:
+            return None
+        symbols, outputs = self._outputs
+        acting = ca.vertcat(*(outputs[name] for name in ("command", "force", "extra_rates", "wrenches")))
+        return timely(symbols["t"], symbols["parameters"], acting, outputs["events"])
+
+    @cached_property
+    def read_by_events(self) -> list[int]:
+        """The columns of the integrator's inputs that event functions read, but for the time."""
+        symbols, outputs = self._outputs
+        found = {symbol.element_hash() for symbol in ca.symvar(outputs["events"])}
+        references = ca.vertsplit(symbols["references"]) if symbols["references"].numel() else []
+        return [int(self.timed) + i for i, symbol in enumerate(references) if symbol.element_hash() in found]
+
+    @cached_property
+    def _outputs(self) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
+        """Symbols of the function's inputs, and its outputs in them, by name."""
+        names = self.function.name_in()
+        symbols = {name: ca.SX.sym(name, self.function.sparsity_in(name)) for name in names}
+        return symbols, dict(zip(OUTPUTS, self.function.call([*symbols.values()]), strict=True))
+
+    def watch(self, inputs: Signal, parameters: np.ndarray, span: tuple[float, float]) -> Watch | None:
+        """Return what no step may pass over within a span [s] beside the integrator's inputs, if there is anything."""
+        scanned, strict = self.timely.scanned(parameters, span) if self.timely else (None, 0)
+        columns = self.read_by_events if len(inputs.coefficients) > 1 else []
+        if scanned is None and not columns:
+            return None
+        read = Signal(inputs.knots, np.ascontiguousarray(inputs.coefficients[:, :, columns]), inputs.breaks)
+        return Watch(stack(inputs, *([scanned] if scanned else []), read), strict + len(columns))
 
     def inputs(self, commands: Signal | None) -> Signal:
         """Return the integrator's inputs over time: t where it is read, commands that no controller gives, references."""

@@ -305,6 +305,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             pivot_bound=SOFT,
             closure_tol=CLOSURE * crew.robot.size,
             threads=course.threads,
+            watch=crew.watch(indices, (0.0, course.duration)),
             progress=progress,
             turning=limits,
             **course.options | {"atol": chart.tolerances(course.options["atol"], crew.start(indices).shape[1])},

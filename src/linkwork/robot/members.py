@@ -99,6 +99,23 @@ class Members:
         own = given if isinstance(given, Signal) else constant(given)
         return acting.inputs(own) if acting else own
 
+    def watch(self, members: np.ndarray, span: tuple[float, float]) -> Signal | list[Signal] | None:
+        """Return what no step of some members may pass over within a span [s], None if their inputs are all of it."""
+        if self.system.acting is None or self.system.acting.timely is None:
+            return None
+        if self.forces is None and len(self.p) == 1:
+            seen = self.system.watch(span)
+            return seen.signal if seen else None
+        count, rows = (
+            self.robot.p.size,
+            self.p if len(self.p) > 1 else np.broadcast_to(self.p, (len(self), self.p.size)),
+        )
+        systems = [replace(self.system, inputs=self.signal(i), parameters=rows[i, count:]) for i in members]
+        seen = [system.watch(span) for system in systems]
+        if not any(seen):
+            return None
+        return [own.signal if own else system.inputs for own, system in zip(seen, systems, strict=True)]
+
     def alone(self, member: int) -> tuple[Robot, System]:
         """Return the robot and the system of one member."""
         values = {name: float(given[member]) for name, given in self.varied.items() if name in self.robot.parameters}

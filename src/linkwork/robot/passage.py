@@ -35,6 +35,7 @@ from linkwork.simulation import (
     integrate,
     stack,
 )
+from linkwork.simulation.events import Watch
 from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
@@ -175,6 +176,11 @@ class Passage:
         """How large coordinates may grow, and which angles are wrapped."""
         return turning(self.robot, self.system)
 
+    @cached_property
+    def watch(self) -> Watch | None:
+        """What no step may pass over beside the inputs."""
+        return self.system.watch((self.start, self.end))
+
     @property
     def shortest(self) -> float:
         """Duration of the shortest segments."""
@@ -277,6 +283,7 @@ class Passage:
             jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stiff else None,
             events=system.conditions(chart) if self.watching else None,
             control=stand.control,
+            watch=self.watch,
             turning=self.turning,
             turns=stand.turns,
             **options | {"atol": stand.chart.tolerances(options["atol"], stand.q.size + stand.v.size)},

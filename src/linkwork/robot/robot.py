@@ -401,7 +401,8 @@ class Robot(Model):
                 "rodas" (for stiff systems); with a fixed step "rk4", "symplectic_euler". If left out: "sharp_smart" for
                 rtol <= 1e-6 without sampled forces or controllers, whose kinks "dormand_prince" bears better; and "rodas" from
                 where the run is stiff, as where dry friction brings bodies to rest.
-            step: of the methods with a fixed step [s].
+            step: of the methods with a fixed step [s]; they see their inputs at their own times only, other methods step over
+                nothing that varies in them.
             events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends where a joint leaves its
                 range, or where the actuators cease to determine the motion. An event happens when its function reaches
                 zero: one that is zero at the start happens when it comes back to zero.

@@ -30,6 +30,7 @@ from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
 from linkwork.robot.observing import observation
 from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
+from linkwork.simulation.events import Watch
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -101,6 +102,10 @@ class System:
             return None
         conditions = tuple(Condition(event.terminal, event.direction) for event in self.events)
         return Events(self.kernel(chart, "events").address, conditions)
+
+    def watch(self, span: tuple[float, float]) -> Watch | None:
+        """Return what no step may pass over within a span [s] beside the inputs, if there is anything."""
+        return self.acting.watch(self.inputs, self.parameters, span) if self.acting else None
 
     @cached_property
     def joined(self) -> Callable[[CompiledChart], Joined]:
