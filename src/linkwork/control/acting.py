@@ -26,6 +26,7 @@ from linkwork.control.timely import Timely, timely
 from linkwork.control.tracing import CONTROLLER, Law, Reference, Tracer, column, shown
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
 from linkwork.simulation import Sampled, Signal, as_signal, clock, stack
 from linkwork.simulation.events import Watch
 
@@ -99,9 +100,14 @@ class Acting:
         symbols = {name: ca.SX.sym(name, self.function.sparsity_in(name)) for name in names}
         return symbols, dict(zip(OUTPUTS, self.function.call([*symbols.values()]), strict=True))
 
-    def watch(self, inputs: Signal, parameters: np.ndarray, span: tuple[float, float]) -> Watch | None:
-        """Return what no step may pass over within a span [s] beside the integrator's inputs, if there is anything."""
-        scanned, strict = self.timely.scanned(parameters, span) if self.timely else (None, 0)
+    def watch(
+        self, inputs: Signal, kernel: Kernel | None, parameters: np.ndarray, span: tuple[float, float]
+    ) -> Watch | None:
+        """Return what no step may pass over within a span [s] beside the integrator's inputs, if there is anything.
+
+        kernel: of what is `timely`.
+        """
+        scanned, strict = self.timely.scanned(kernel, parameters, span) if self.timely and kernel else (None, 0)
         columns = self.read_by_events if len(inputs.coefficients) > 1 else []
         if scanned is None and not columns:
             return None

@@ -3,21 +3,21 @@
 A traced function of time, a pulse say, has no knots that the integrator could step onto. In the graph of what acts the largest
 expressions in time and parameters alone are found once; before a run they are evaluated at LOOKS + 1 times, equally far apart.
 Those whose third differences bend more than twice over the run are watched like sampled signals (`simulation.bends`): no step
-passes over them unseen. So a pulse is found if three or four of these times fall on it: one of 10 ms in a run of 20 s.
+passes over them unseen. So a pulse is found if three or four of these times fall on it: one of 10 ms in a run of 10 s.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
+from linkwork.kernels import Kernel
 from linkwork.simulation import Signal
 from linkwork.simulation.bends import FREE
 
-LOOKS = 8192
+LOOKS = 4096
 STILL, TIMELY, OTHER = range(3)  # depends on parameters at most, on time as well, on something else
 
 
@@ -28,9 +28,19 @@ class Timely:
     function: ca.Function
     events: int
 
-    def scanned(self, parameters: np.ndarray, span: tuple[float, float]) -> tuple[Signal | None, int]:
-        """Return what varies within a span [s] as a signal, None if nothing does so often, and how many columns events read."""
-        return _scanned(self, tuple(parameters.tolist()), span)
+    def scanned(self, kernel: Kernel, parameters: np.ndarray, span: tuple[float, float]) -> tuple[Signal | None, int]:
+        """Return what varies within a span [s] as a signal, None if nothing does so often, and how many columns events read.
+
+        kernel: of the function.
+        """
+        times = np.linspace(*span, LOOKS + 1)
+        (values,) = kernel(times[:, None], parameters)
+        values[~np.isfinite(values)] = 0.0
+        signal = through(times, values)
+        often = np.bincount(signal.bends[:-1, 1].astype(int), minlength=values.shape[1]) > FREE
+        if not often.any():
+            return None, 0
+        return through(times, values[:, often]), int(often[len(often) - self.events :].sum())
 
 
 def timely(t: ca.SX, parameters: ca.SX, acting: ca.SX, events: ca.SX) -> Timely | None:
@@ -77,19 +87,6 @@ def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
         if operation != ca.OP_OUTPUT:
             kinds[target], values[target] = kind, value
     return list(found.values())
-
-
-@lru_cache(maxsize=64)
-def _scanned(of: Timely, parameters: tuple[float, ...], span: tuple[float, float]) -> tuple[Signal | None, int]:
-    times = np.linspace(*span, LOOKS + 1)
-    values = np.array(of.function(times[None], np.array(parameters)[:, None])).T
-    values[~np.isfinite(values)] = 0.0
-    signal = through(times, values)
-    often = np.bincount(signal.bends[:-1, 1].astype(int), minlength=values.shape[1]) > FREE
-    if not often.any():
-        return None, 0
-    strict = int(often[len(often) - of.events :].sum())
-    return through(times, values[:, often]), strict
 
 
 def through(times: np.ndarray, values: np.ndarray) -> Signal:

@@ -104,14 +104,14 @@ class Members:
         if self.system.acting is None or self.system.acting.timely is None:
             return None
         if self.forces is None and len(self.p) == 1:
-            seen = self.system.watch(span)
+            seen = self.system.watch(self.robot.chart, span)
             return seen.signal if seen else None
         count, rows = (
             self.robot.p.size,
             self.p if len(self.p) > 1 else np.broadcast_to(self.p, (len(self), self.p.size)),
         )
         systems = [replace(self.system, inputs=self.signal(i), parameters=rows[i, count:]) for i in members]
-        seen = [system.watch(span) for system in systems]
+        seen = [system.watch(self.robot.chart, span) for system in systems]
         if not any(seen):
             return None
         return [own.signal if own else system.inputs for own, system in zip(seen, systems, strict=True)]

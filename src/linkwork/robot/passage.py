@@ -179,7 +179,7 @@ class Passage:
     @cached_property
     def watch(self) -> Watch | None:
         """What no step may pass over beside the inputs."""
-        return self.system.watch((self.start, self.end))
+        return self.system.watch(self.robot.chart, (self.start, self.end))
 
     @property
     def shortest(self) -> float:

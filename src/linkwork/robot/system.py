@@ -103,9 +103,14 @@ class System:
         conditions = tuple(Condition(event.terminal, event.direction) for event in self.events)
         return Events(self.kernel(chart, "events").address, conditions)
 
-    def watch(self, span: tuple[float, float]) -> Watch | None:
-        """Return what no step may pass over within a span [s] beside the inputs, if there is anything."""
-        return self.acting.watch(self.inputs, self.parameters, span) if self.acting else None
+    def watch(self, chart: CompiledChart, span: tuple[float, float]) -> Watch | None:
+        """Return what no step may pass over within a span [s] beside the inputs, if there is anything; any chart will do."""
+        if self.acting is None:
+            return None
+        timely, kernel = self.acting.timely, None
+        if timely is not None:
+            kernel = chart.compiled(f"{self.acting.key} timely", lambda _: timely.function)
+        return self.acting.watch(self.inputs, kernel, self.parameters, span)
 
     @cached_property
     def joined(self) -> Callable[[CompiledChart], Joined]:
