@@ -9,6 +9,7 @@ passes over them unseen. So a pulse is found if three or four of these times fal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -33,14 +34,7 @@ class Timely:
 
         kernel: of the function.
         """
-        times = np.linspace(*span, LOOKS + 1)
-        (values,) = kernel(times[:, None], parameters)
-        values[~np.isfinite(values)] = 0.0
-        signal = through(times, values)
-        often = np.bincount(signal.bends[:-1, 1].astype(int), minlength=values.shape[1]) > FREE
-        if not often.any():
-            return None, 0
-        return through(times, values[:, often]), int(often[len(often) - self.events :].sum())
+        return _scanned(kernel, self.events, tuple(parameters.tolist()), span)
 
 
 def timely(t: ca.SX, parameters: ca.SX, acting: ca.SX, events: ca.SX) -> Timely | None:
@@ -87,6 +81,20 @@ def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
         if operation != ca.OP_OUTPUT:
             kinds[target], values[target] = kind, value
     return list(found.values())
+
+
+@lru_cache(maxsize=64)
+def _scanned(
+    kernel: Kernel, events: int, parameters: tuple[float, ...], span: tuple[float, float]
+) -> tuple[Signal | None, int]:
+    times = np.linspace(*span, LOOKS + 1)
+    (values,) = kernel(times[:, None], np.array(parameters))
+    values[~np.isfinite(values)] = 0.0
+    signal = through(times, values)
+    often = np.bincount(signal.bends[:-1, 1].astype(int), minlength=values.shape[1]) > FREE
+    if not often.any():
+        return None, 0
+    return through(times, values[:, often]), int(often[len(often) - events :].sum())
 
 
 def through(times: np.ndarray, values: np.ndarray) -> Signal:
