@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from math import isfinite
+from os import PathLike
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +15,13 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 
 Kind = TypeVar("Kind")
+LONGEST = 100  # characters of a value in a sentence
+
+
+def shown(value: object) -> str:
+    """Return a value as a sentence shows it: in one line, and not longer than a line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
 
 
 def finite(values: ArrayLike, what: str) -> np.ndarray:
@@ -25,7 +34,7 @@ def finite(values: ArrayLike, what: str) -> np.ndarray:
     except (TypeError, ValueError, RuntimeError, NotImplementedError):
         array = None
     if array is None:
-        raise LinkworkError(f"{what} is {values!r}; give numbers")
+        raise LinkworkError(f"{what} is {shown(values)}; give numbers")
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         place = f"{what}[{', '.join(map(str, index))}]" if index else what
@@ -39,14 +48,14 @@ def number(value: object, what: str) -> float:
         return float(value)
     array = finite(value, what)  # pyright: ignore[reportArgumentType]
     if array.ndim:
-        raise LinkworkError(f"{what} is {value!r}; give one number")
+        raise LinkworkError(f"{what} is {shown(value)}; give one number")
     return float(array)
 
 
 def positive(value: object, what: str, unit: str = "") -> float:
     """Return one positive number; refuse what is none."""
     if not (result := number(value, what)) > 0:
-        raise LinkworkError(f"{what} is {value}; give a positive number{unit and f' [{unit}]'}")
+        raise LinkworkError(f"{what} is {shown(value)}; give a positive number{unit and f' [{unit}]'}")
     return result
 
 
@@ -54,25 +63,32 @@ def count(value: object, what: str) -> int:
     """Return a whole number, at least 1; refuse what is none."""
     result = number(value, what)
     if result < 1 or result % 1:
-        raise LinkworkError(f"{what} is {value}; give a whole number, at least 1")
+        raise LinkworkError(f"{what} is {shown(value)}; give a whole number, at least 1")
     return int(result)
+
+
+def file_path(value: object, what: str) -> Path:
+    """Return the path of a file; refuse what is none."""
+    if not isinstance(value, str | PathLike) or "\0" in str(value):
+        raise LinkworkError(f"{what} is {shown(value)}; give the path of a file")
+    return Path(value)
 
 
 def by_name(values: Any, what: str, example: str) -> Mapping[str, Any]:
     """Return things by name, none for None; refuse what is no mapping."""
     if values is not None and not isinstance(values, Mapping):
-        raise LinkworkError(f"{what} are {values!r}; give them by name, such as {example}")
+        raise LinkworkError(f"{what} are {shown(values)}; give them by name, such as {example}")
     return values or {}
 
 
 def several(values: Any, kind: type[Kind], what: str) -> tuple[Kind, ...]:
     """Return a list of things of one kind; refuse one that is not in a list, and what is of another kind."""
     if not isinstance(values, Iterable) or isinstance(values, str | Mapping):
-        raise LinkworkError(f"{what} are {values!r}; give a list")
+        raise LinkworkError(f"{what} are {shown(values)}; give a list")
     found = tuple(values)
     for value in found:
         if not isinstance(value, kind):
-            raise LinkworkError(f"one of {what} is {value!r}; give linkwork.control.{kind.__name__}(...)")
+            raise LinkworkError(f"one of {what} is {shown(value)}; give linkwork.control.{kind.__name__}(...)")
     return found
 
 

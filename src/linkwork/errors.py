@@ -4,6 +4,9 @@
 class LinkworkError(ValueError):
     """Refuse an input in one sentence: what is wrong, where, and what would be accepted."""
 
+    def __init__(self, sentence: object = ""):
+        super().__init__(" ".join(part.strip() for part in str(sentence).splitlines()))
+
 
 class ModelWarning(UserWarning):
     """Tell how a mechanism moves otherwise than the model file that it was read from says."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linkwork import checks
 from linkwork.errors import LinkworkError
 
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -40,6 +41,13 @@ class Path:
 
     curve: Callable[[np.ndarray], Triple]
     law: Law = rest_to_rest
+
+    def __post_init__(self) -> None:
+        for name, function in (("curve", self.curve), ("law", self.law)):
+            if not callable(function):
+                raise LinkworkError(
+                    f"the {name} of a path is {checks.shown(function)}; give a function, such as paths.uniform"
+                )
 
     def sample(self, time: np.ndarray, duration: float) -> Triple:
         """Return poses, velocities and accelerations (K, d) at the times [s] of a run of a given duration [s].
@@ -73,9 +81,10 @@ def circle(
         law: motion law.
     """
     middle = finite("the centre", centre, (2, 3))
-    (radius,) = finite("the radius", [radius], (1,))
-    fixed = np.concatenate([middle[2:], np.atleast_1d([] if orientation is None else orientation)]).astype(float)
-    sweep = 2 * np.pi * turns
+    radius, start = checks.positive(radius, "the radius"), checks.number(start, "the angle of the first point")
+    turn = np.atleast_1d(checks.finite(() if orientation is None else orientation, "the orientation"))
+    fixed = np.concatenate([middle[2:], finite("the orientation", turn, (0, 2 * middle.size - 3))])
+    sweep = 2 * np.pi * checks.number(turns, "the number of turns")
 
     def curve(s: np.ndarray) -> Triple:
         phase = start + sweep * s
@@ -91,7 +100,8 @@ def circle(
 
 def line(start: Sequence[float], end: Sequence[float], *, law: Law = rest_to_rest) -> Path:
     """Lead the tool straight from one pose to another; all coordinates change in proportion."""
-    first, last = finite("the start", start, (2, 3, 6)), finite("the end", end, (len(start),))
+    first = finite("the start", start, (2, 3, 6))
+    last = finite("the end", end, (first.size,))
 
     def curve(s: np.ndarray) -> Triple:
         along = np.ones((s.size, 1)) * (last - first)
@@ -104,15 +114,23 @@ def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Pat
     """Lead the tool through poses (K, d), K >= 4, by a cubic spline with continuous accelerations."""
     from scipy.interpolate import CubicSpline
 
-    points = np.array([finite(f"pose {k}", pose, (2, 3, 6)) for k, pose in enumerate(poses)])
-    if len(points) < 4:
-        raise LinkworkError(f"a path through poses needs at least 4 of them, not {len(points)}")
+    if not isinstance(poses, Sequence | np.ndarray) or isinstance(poses, str | bytes):
+        raise LinkworkError(f"the poses are {checks.shown(poses)}; give a list of at least 4 poses")
+    if len(poses) < 4:
+        raise LinkworkError(f"a path through poses needs at least 4 of them, not {len(poses)}")
+    first = finite("pose 0", poses[0], (2, 3, 6))
+    points = np.array([finite(f"pose {k}", pose, (first.size,)) for k, pose in enumerate(poses)])
     spline = CubicSpline(np.linspace(0, 1, len(points)), points)
     return Path(lambda s: (spline(s), spline(s, 1), spline(s, 2)), law)
 
 
 def together(*paths: Path) -> Path:
     """Prescribe several parts of the pose side by side, such as a circle (x, y) and a line of angles; the first law holds."""
+    for path in paths:
+        if not isinstance(path, Path):
+            raise LinkworkError(f"one of the paths is {checks.shown(path)}; give paths made by linkwork.paths")
+    if not paths:
+        raise LinkworkError("there is no path to prescribe; give one or more")
 
     def curve(s: np.ndarray) -> Triple:
         parts = [path.curve(s) for path in paths]
@@ -123,7 +141,8 @@ def together(*paths: Path) -> Path:
 
 def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = rest_to_rest) -> Path:
     """Vary one coordinate as start + amplitude sin(2 pi swings s)."""
-    rate = 2 * np.pi * swings
+    start, amplitude = checks.number(start, "the start"), checks.number(amplitude, "the amplitude")
+    rate = 2 * np.pi * checks.number(swings, "the number of swings")
 
     def curve(s: np.ndarray) -> Triple:
         sine, cosine = np.sin(rate * s)[:, None], np.cos(rate * s)[:, None]
@@ -133,8 +152,12 @@ def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = res
 
 
 def finite(what: str, values: Sequence[float], sizes: tuple[int, ...]) -> np.ndarray:
-    array = np.asarray(values, float)
+    try:
+        array = np.asarray(values, float)
+    except (TypeError, ValueError):
+        array = np.empty((0, 0))
     if array.ndim != 1 or array.size not in sizes or not np.isfinite(array).all():
         counts = " or ".join(map(str, sizes))
-        raise LinkworkError(f"{what} is {np.ravel(array).tolist()}; give {counts} finite numbers")
+        given = np.ravel(array).tolist() if array.size else values
+        raise LinkworkError(f"{what} is {checks.shown(given)}; give {counts} finite numbers")
     return array

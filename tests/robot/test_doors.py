@@ -15,7 +15,6 @@ CASES = {
     "rates: text": ("abc", lambda r, h, s: h.with_rates("abc")),
     "rates: texts": ("'b'", lambda r, h, s: h.with_rates(["a", "b"])),
     "rates: ragged": ("[[1, 2], [3]]", lambda r, h, s: h.with_rates([[1, 2], [3]])),
-    "rates: one name": ("motor_2", lambda r, h, s: h.with_rates({"motor_1": 1})),
     "rates: another name": ("elbow_9", lambda r, h, s: h.with_rates({"motor_1": 1, "elbow_9": 2})),
     "rates: text by name": ("'x'", lambda r, h, s: h.with_rates({"motor_1": "x", "motor_2": 1})),
     "rates: a stack on one state": ("rates", lambda r, h, s: h.with_rates(np.zeros((3, 2)))),

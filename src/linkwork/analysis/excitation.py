@@ -32,7 +32,8 @@ IMPOSSIBLE = 1e12
 class Excitation:
     """Hold a periodic motion of the actuators.
 
-    actuators: names; period [s]; coefficients: (1 + 2 harmonics, n) of 1, cos, sin [m, rad]
+    actuators: names; period [s]; coefficients: (1 + 2 harmonics, n) [m, rad], of 1, then of cos(k w t), then of
+    sin(k w t), k = 1 .. harmonics, w = 2 pi / period
     condition: of the stacked regressor, its columns measured by those of random motions within the bounds
     """
 

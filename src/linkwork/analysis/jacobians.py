@@ -116,7 +116,13 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
     Raises:
         LinkworkError: no tool, more or fewer actuators than freedoms, a reference around which all is singular.
     """
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the Jacobians are those of a robot, not of {type(robot).__name__}; give a linkwork.Robot")
     robot.require_tool()
+    if not (what is None or (isinstance(what, tuple | list) and all(isinstance(name, str) for name in what))):
+        raise LinkworkError(
+            f"the coordinates of the tool are {what!r}; give their names, or call what jacobians(robot) returns with state.q"
+        )
     led = tool_coordinates(robot, near=False) if what is None else what
     return Jacobians(of_tool(robot, led), of_actuators(robot))
 

@@ -2,8 +2,8 @@
 
     u(t) = f(t_k, what is measured at t_k)    for  t_k + delay <= t < t_(k+1) + delay,    t_k = k / rate
 
-What is measured may be quantised: a coordinate is read in whole steps, and its rate, the difference of two readings over
-a period, in whole steps per period.
+What is measured may be quantised: a coordinate is read in whole steps, and its rate in whole steps per period, as a counter
+gives it over one; it is the present rate that is rounded, no difference of readings is kept.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class Sampler:
     function: (t, state) -> forces or commands, by name or in the order of the actuators; any Python code, it may branch
     and keep memory
     rate: calls per second [Hz]; delay: from a measurement until its result acts [s], a whole number of periods
-    quantise: step in which joint coordinates are read [m, rad], one for all or by name
+    quantise: step in which joint coordinates are read [m, rad], one for all or by name; their present rates are rounded to
+        whole steps per period
     compiled: trace the function and run it as machine code; it may then neither branch nor keep memory
     """
 

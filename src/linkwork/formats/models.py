@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from linkwork.checks import file_path
 from linkwork.errors import ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.notes import Notes
@@ -60,7 +61,7 @@ def warn(mechanism: Mechanism, stacklevel: int) -> None:
 
 def read(path: str | Path) -> Imported:
     """Read a mechanism from a model file as `load` does, without warnings."""
-    path = Path(path)
+    path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
     if suffix in NATIVE:
         mechanism = Mechanism.load(path)
@@ -95,7 +96,7 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
     Raises:
         MechanismError: the suffix is another, the format cannot hold the mechanism, or the file cannot be written.
     """
-    path = Path(path)
+    path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
     if suffix in NATIVE:
         mechanism.save(path)

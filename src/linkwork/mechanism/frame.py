@@ -10,6 +10,7 @@ from math import atan2, cos, hypot, sin, sqrt
 
 from pydantic import Field
 
+from linkwork.checks import finite
 from linkwork.mechanism.record import MechanismError, Record, Vector3
 
 
@@ -27,7 +28,7 @@ class Frame(Record):
     @classmethod
     def from_quaternion(cls, position: Vector3, quaternion: tuple[float, float, float, float]) -> Frame:
         """Place a frame by position [m] and quaternion (w, x, y, z), which is normalised; zero length is refused."""
-        w, x, y, z = quaternion
+        w, x, y, z = numbers(quaternion, 4, "the quaternion", "w, x, y, z")
         norm = sqrt(w * w + x * x + y * y + z * z)
         if norm < 1e-12:
             raise MechanismError(f"quaternion {quaternion} has no length; give (w, x, y, z) of length 1")
@@ -40,6 +41,7 @@ class Frame(Record):
     @classmethod
     def from_rpy(cls, position: Vector3, roll: float, pitch: float, yaw: float) -> Frame:
         """Place a frame by position [m] and fixed-axis angles [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
+        roll, pitch, yaw = numbers((roll, pitch, yaw), 3, "the angles", "roll, pitch, yaw")
         cr, sr, cp, sp = cos(roll / 2), sin(roll / 2), cos(pitch / 2), sin(pitch / 2)
         cy, sy = cos(yaw / 2), sin(yaw / 2)
         w = cr * cp * cy + sr * sp * sy
@@ -47,3 +49,11 @@ class Frame(Record):
         y = cr * sp * cy + sr * cp * sy
         z = cr * cp * sy - sr * sp * cy
         return cls.from_quaternion(position, (w, x, y, z))
+
+
+def numbers(values: object, count: int, what: str, names: str) -> list[float]:
+    """Return some finite numbers; refuse another number of them, and what is none."""
+    array = finite(values, what)  # pyright: ignore[reportArgumentType]
+    if array.shape != (count,):
+        raise MechanismError(f"{what} is {values!r}; give {count} numbers: {names}")
+    return array.tolist()

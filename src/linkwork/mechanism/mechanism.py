@@ -14,6 +14,8 @@ from typing import Any, Self
 import networkx as nx
 from pydantic import Field, model_validator
 
+from linkwork import checks
+from linkwork.errors import LinkworkError
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.effects import PointSpring
 from linkwork.mechanism.frame import Frame
@@ -161,7 +163,7 @@ class Mechanism(Record):
         """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back."""
         from linkwork.mechanism.files import write_yaml
 
-        write_yaml(self, Path(path))
+        write_yaml(self, checks.file_path(path, "the path to save to"))
 
     @property
     def text(self) -> str:
@@ -175,6 +177,8 @@ class Mechanism(Record):
         """Read a mechanism from the text of a mechanism file; refusals name the line and the element."""
         from linkwork.mechanism.files import parsed
 
+        if not isinstance(text, str):
+            raise LinkworkError(f"the text of a mechanism file is {text!r}; give a string")
         return parsed(text)
 
     @classmethod
@@ -182,7 +186,7 @@ class Mechanism(Record):
         """Read a mechanism from a YAML file; refusals name the file and the element."""
         from linkwork.mechanism.files import read_yaml
 
-        return read_yaml(Path(path))
+        return read_yaml(checks.file_path(path, "the path of a mechanism file"))
 
 
 def require(name: str, known: Collection[str], kind: str, where: tuple[str, ...]) -> None:

@@ -73,8 +73,8 @@ class Assembler:
     units: np.ndarray
     planar: bool
 
-    def at_joints(self, targets: dict[str, float], guess: np.ndarray) -> np.ndarray:
-        """Return q with the given joint coordinates [m, rad], from a guess of q."""
+    def at_joints(self, targets: dict[str, float], guess: np.ndarray, wraps: np.ndarray) -> np.ndarray:
+        """Return q with the given joint coordinates [m, rad], from a guess of q; wraps: which of them but for whole turns."""
         indices = [self.coordinates.index(name) for name in targets]
         rates = [self._rate_index(name) for name in targets]
         values = np.array(list(targets.values()))
@@ -83,7 +83,7 @@ class Assembler:
         def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             out = self.still(q)
             error = out["coordinates"][indices] - values
-            error = np.where(self.angular[indices], wrapped(error), error)
+            error = np.where(wraps, wrapped(error), error)
             J = np.vstack([out["Phi"], out["J_coordinates"][rates]])
             return np.concatenate([out["phi"], error]), J, out["derivatives"]
 

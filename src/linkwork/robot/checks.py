@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import at as at
-from linkwork.checks import count, finite, positive
+from linkwork.checks import count, finite, positive, shown
 from linkwork.checks import number as number
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from linkwork.robot.labels import Labels
 
 ON_SINGULAR = ("stop", "step_over")
+FINEST = 2.3e-14  # relative tolerance: a hundred times the rounding of doubles
+MOST_STEPS = 2**62  # what the loops count up to
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
 
 
@@ -32,9 +34,12 @@ def run_options(duration: float, rtol: float, atol: float, max_step: float, max_
     """Return the options of integration by name; refuse those of a run that are not positive."""
     for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol)):
         positive(value, name)
-    if max_step != np.inf:
+    if rtol < FINEST:
+        raise LinkworkError(f"rtol is {rtol:g}, less than what doubles can hold; give at least {FINEST:g}")
+    if not (isinstance(max_step, float | int) and max_step == np.inf):
         positive(max_step, "max_step")
-    return {"rtol": rtol, "atol": atol, "max_step": max_step, "max_steps": count(max_steps, "max_steps")}
+    most = min(count(max_steps, "max_steps"), MOST_STEPS)
+    return {"rtol": float(rtol), "atol": float(atol), "max_step": float(max_step), "max_steps": most}
 
 
 def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
@@ -53,20 +58,23 @@ def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
 def names(values: object, what: str) -> tuple[str, ...]:
     """Return a sequence of names; refuse what is none."""
     if isinstance(values, str) or not isinstance(values, Iterable):
-        raise LinkworkError(f"{what} is {values!r}; give a list of names")
-    return tuple(str(value) for value in values)
+        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
+    found = tuple(values)
+    if not all(isinstance(value, str) for value in found):
+        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
+    return found
 
 
-def known(names: Iterable[str], allowed: Sequence[str], kind: str) -> None:
+def known(names: Iterable[object], allowed: Sequence[str], kind: str) -> None:
     for name in names:
-        if name not in allowed:
-            raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(allowed) or 'none'}")
+        if not isinstance(name, str) or name not in allowed:
+            raise LinkworkError(f"there is no {kind} {shown(name)}; there are {', '.join(allowed) or 'none'}")
 
 
 def steps_over(on_singular: str) -> bool:
     """Tell whether a run steps over singular poses; refuse what says neither that nor to stop."""
-    if on_singular not in ON_SINGULAR:
-        raise LinkworkError(f"on_singular is {on_singular!r}; give {' or '.join(map(repr, ON_SINGULAR))}")
+    if not isinstance(on_singular, str) or on_singular not in ON_SINGULAR:
+        raise LinkworkError(f"on_singular is {shown(on_singular)}; give {' or '.join(map(repr, ON_SINGULAR))}")
     return on_singular == "step_over"
 
 
@@ -81,7 +89,8 @@ def values_by_name(
         known(values, names, kind)
         missing = [name for name in names if name not in values]
         if missing:
-            raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}")
+            other = "; robot.assemble closes the loops from some of them" if what == "positions" else ""
+            raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}{other}")
         parts = [finite(values[name], f"{what}[{name!r}]") for name in names]
         batch = together(*{part.shape for part in parts})
         return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1) if batch else np.array(parts)
@@ -108,7 +117,7 @@ def vector(values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequen
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
-        raise LinkworkError(f"{what} is {values!r}; give {len(names)} numbers: {', '.join(names)}") from None
+        raise LinkworkError(f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}") from None
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
     return array
@@ -133,10 +142,10 @@ def refuse_foreign(state: object, coordinates: Sequence[str], charts: Iterable[t
 
 
 def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, ...]], str]) -> None:
-    """Refuse configurations whose loops are open; name the first of them and its worst row."""
-    if not (gap > tolerance).any():
+    """Refuse configurations whose loops are open; name the first of them, and its worst row."""
+    if (gap <= tolerance).all():
         return
-    index = tuple(int(i) for i in np.argwhere(gap > tolerance)[0])
+    index = tuple(int(i) for i in np.argwhere(~(gap <= tolerance))[0])
     which = f" of state {', '.join(map(str, index))}" if index else ""
     raise LinkworkError(
         f"the loops{which} are open by {gap[index]:.3g} ({row(index)}), more than the tolerance {tolerance:g}; "

@@ -124,7 +124,7 @@ def joints_motion(robot: Robot, state: State, v_dot: np.ndarray) -> Sequence[np.
     """Return positions, rates and accelerations of all joints."""
     checks.together(state.batch, v_dot.shape[:-1])
     *motion, pivot = robot.chart_of(state).kernel("joints_motion")(state.q, state.rates, v_dot)
-    require_regular(state, pivot, motion[1], v_dot, "accelerations")
+    require_regular(state, pivot, motion[2], v_dot, "accelerations")
     return motion
 
 

@@ -66,13 +66,14 @@ class Labels:
         """Return coordinates of all joints over time (K, m) without the jumps that those of loop-closing joints may have.
 
         Such angles in space jump by 2 pi, quaternions between p and -p. The rates (K, all joints' rates) [rad/s] tell how
-        far an angle has turned from one sample to the next.
+        far an angle has turned from one sample to the next; where they change so much that they do not, nothing is counted.
         """
         mechanism, positions = self.equations.mechanism, positions.copy()
         for label in self.jumping:
             q, w = positions[:, mechanism.coordinates.index(label)], rates[:, mechanism.rates.index(label)]
-            foretold = np.diff(time) * (w[1:] + w[:-1]) / 2
-            q[1:] += 2 * np.pi * np.cumsum(np.round((foretold - np.diff(q)) / (2 * np.pi)))
+            h = np.diff(time)
+            turns = np.round((h * (w[1:] + w[:-1]) / 2 - np.diff(q)) / (2 * np.pi))
+            q[1:] += 2 * np.pi * np.cumsum(np.where(h * np.abs(np.diff(w)) / 2 < np.pi, turns, 0))
         for places in self.quaternions:
             p = positions[:, places]
             flips = np.sign(np.einsum("ki,ki->k", p[1:], p[:-1]))

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import shown
 from linkwork.equations.reference import tree_coordinates, unit
 from linkwork.errors import LinkworkError
 from linkwork.paths import Path
 from linkwork.robot import checks
+from linkwork.robot.assembly import UnreachableError
 from linkwork.robot.state import Motion, State
+from linkwork.robot.turning import turnable, turned
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 OPEN_LOOPS = 1e-6
 CLOSED = 1e-12
 ROUNDS = 12
+MOST_SAMPLES = 10_000_000
 BRANCHES = ("guess", "any")
 
 Rates = ArrayLike | Mapping[str, ArrayLike] | None
@@ -38,12 +42,25 @@ def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: R
     for _ in range(ROUNDS):
         if not gap.max(initial=0.0) > CLOSED or not np.isfinite(next_q).all():
             break
-        q, (next_q, gap) = next_q, closure_step(next_q)
-    checks.require_closed(gap[..., 0], OPEN_LOOPS, lambda index: open_row(robot, q[index]))
+        after = closure_step(next_q)
+        if not np.isfinite(after[1]).all():
+            break
+        q, (next_q, gap) = next_q, after
+    require_closing(robot, q, gap[..., 0])
     made = stacked(robot, q, rates)
     given = np.broadcast_to(given, (*made.batch, given.shape[-1]))
     checks.require_consistent(made.positions, given, robot.mechanism, robot.labels, tolerance)
     return made
+
+
+def require_closing(robot: Robot, q: np.ndarray, gap: np.ndarray) -> None:
+    """Refuse configurations that Newton's method does not close."""
+    if not (gap <= OPEN_LOOPS).all():
+        index = tuple(int(i) for i in np.argwhere(~(gap <= OPEN_LOOPS))[0])
+        raise LinkworkError(
+            f"the loops do not close from these positions: {open_row(robot, q[index])} stays open by {gap[index]:.3g}; give "
+            "positions nearer to a closed configuration, or close them by robot.assemble"
+        )
 
 
 def assemble(
@@ -61,7 +78,18 @@ def assemble(
     if isinstance(joints, Mapping) and tool is None:
         targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
         checks.known(targets, robot.coordinates, "joint")
-        q = robot.assembler.at_joints(targets, start)
+        places = [robot.coordinates.index(name) for name in targets]
+        wraps = robot.labels.angular[places] & turnable(robot.chart, places)
+        try:
+            q = robot.assembler.at_joints(targets, start, wraps)
+        except UnreachableError as error:
+            if len(targets) <= robot.mobility:
+                raise
+            raise UnreachableError(
+                f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave some out, or give values "
+                f"that fit together: {error}"
+            ) from None
+        q = turned(robot.chart, q, places, np.array(list(targets.values())))
     elif tool is not None and joints is None:
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
@@ -76,9 +104,11 @@ def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State
     """Lead the tool along a path: `Robot.follow`."""
     checks.positive(duration, "the duration")
     if not isinstance(samples, int) or samples < 2:
-        raise LinkworkError(f"a motion needs a whole number of samples, at least 2, not {samples!r}")
+        raise LinkworkError(f"a motion needs a whole number of samples, at least 2, not {shown(samples)}")
+    if samples > MOST_SAMPLES:
+        raise LinkworkError(f"a motion of {samples} samples does not fit into memory; give at most {MOST_SAMPLES}")
     if not isinstance(path, Path):
-        raise LinkworkError(f"the path is {path!r}; give one made by linkwork.paths")
+        raise LinkworkError(f"the path is {shown(path)}; give one made by linkwork.paths")
     time = np.linspace(0, duration, samples)
     robot.require_tool()
     poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
@@ -126,6 +156,8 @@ def independent_rates(robot: Robot, rates: Rates, q: np.ndarray) -> np.ndarray:
     """Return v (..., n) from an array, from the independent rates by name, or from n rates of any joints by name."""
     if rates is None:
         return np.zeros(robot.mobility)
+    if isinstance(rates, Mapping) and set(rates) <= set(robot.independent):
+        rates = {name: rates.get(name, 0.0) for name in robot.independent}
     if not isinstance(rates, Mapping) or set(rates) <= set(robot.independent):
         return checks.values_by_name(rates, robot.independent, "rates", "independent rate")
     checks.known(rates, robot.rates, "rate")

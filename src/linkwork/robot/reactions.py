@@ -101,7 +101,7 @@ def transmitted(
     robot: Robot, samples: list[Samples], batch: tuple[int, ...], frame: str = "ground", length: float | None = None
 ) -> Reactions:
     """Return the reactions over samples of a motion, chart after chart; `batch` are the leading dimensions of the result."""
-    if frame not in FRAMES:
+    if not isinstance(frame, str) or frame not in FRAMES:
         raise LinkworkError(f"frame is {frame!r}; give {' or '.join(map(repr, FRAMES))}")
     length = spread(robot) if length is None else checks.number(length, "length")
     checks.positive(length, "length")

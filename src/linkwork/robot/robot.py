@@ -113,8 +113,8 @@ class Robot(Model):
 
         Args:
             positions: q of all joints (..., m) [m, rad] in the order of `coordinates`, or by name.
-            rates: v (..., n) [m/s, rad/s] in the order of `independent`, or n rates of any joints by name; zero if left
-                out.
+            rates: v (..., n) [m/s, rad/s] in the order of `independent`, or by name: some of the independent ones, the
+                others zero, or n of any joints; zero if left out.
             tolerance: largest gap of a loop, over the mechanism's own length, or rad; what is open by less is closed
                 exactly by moving the dependent joints.
 
@@ -138,7 +138,8 @@ class Robot(Model):
             joints: some joint coordinates by name [m, rad].
             tool: pose of the tool [m, rad] (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6) in space: x, y, z[,
                 rotation vector]. Leading dimensions give a stack of states, each from the same guess.
-            rates: v (n) in the order of `independent`, or n rates of any joints by name; zero if left out.
+            rates: v (n) in the order of `independent`, or by name: some of the independent ones, the others zero, or n of any
+                joints; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
             branch: the tool is led on the "guess"'s working mode, straight where that is possible (Chablat & Wenger 1998: no
                 determinant of the inverse problem changes its sign); "any": on whichever leads there. Where members spin,

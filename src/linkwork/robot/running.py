@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from linkwork.checks import by_name, several
+from linkwork.checks import by_name, several, shown
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks, recording
@@ -109,6 +109,8 @@ def simulate(
 
 def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run:
     """Go on from the end of a run: see `Robot.resume`."""
+    if not isinstance(run, Run):
+        raise LinkworkError(f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load returns")
     try:
         q, v = (np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v"))
         independent = tuple(str(run.attrs["final_rates"]).split(", "))
@@ -154,10 +156,12 @@ def integrator(method: str | None, step: float | None) -> IntegrationMethod | No
     """Return an integration method by its name, None where there is none; refuse names and steps that do not fit."""
     if method is None and step is None:
         return None
+    if step is not None:
+        checks.positive(step, "step")
     if method is None:
         raise LinkworkError(f"a step of {step:g} s needs a method that keeps to it: {' or '.join(map(repr, FIXED))}")
-    if method not in METHODS:
-        raise LinkworkError(f"there is no method {method!r}; there are {', '.join(METHODS)}")
+    if not isinstance(method, str) or method not in METHODS:
+        raise LinkworkError(f"there is no method {shown(method)}; there are {', '.join(METHODS)}")
     fixed = method in FIXED
     if fixed != (step is not None):
         need = (
@@ -168,8 +172,7 @@ def integrator(method: str | None, step: float | None) -> IntegrationMethod | No
         raise LinkworkError(need)
     if step is None:
         return FACTORIES[method]()
-    checks.positive(step, "step")
-    return FACTORIES[method](step)
+    return FACTORIES[method](float(step))
 
 
 def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:
@@ -187,6 +190,6 @@ def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | s
             found.extend(READY_EVENTS[event](robot))
         else:
             raise LinkworkError(
-                f"there are no events {event!r}; give {', '.join(READY_EVENTS)}, or a linkwork.control.Event"
+                f"there are no events {shown(event)}; give {', '.join(READY_EVENTS)}, or a linkwork.control.Event"
             )
     return tuple(found)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import shown
 from linkwork.errors import LinkworkError
 
 
@@ -29,9 +30,24 @@ class State:
 
     def __getitem__(self, coordinate: str) -> np.ndarray:
         """Return one joint coordinate (...) [m, rad]."""
-        if coordinate not in self.coordinates:
-            raise LinkworkError(f"there is no joint {coordinate!r}; the joints are {', '.join(self.coordinates)}")
+        if not isinstance(coordinate, str) or coordinate not in self.coordinates:
+            raise LinkworkError(f"there is no joint {shown(coordinate)}; the joints are {', '.join(self.coordinates)}")
         return self.positions[..., self.coordinates.index(coordinate)]
+
+    def __iter__(self) -> Iterator[State]:
+        """Yield the states of a stack, one after the other."""
+        return (self.at(index) for index in range(len(self)))
+
+    def __len__(self) -> int:
+        """Return how many states are stacked along the first dimension."""
+        if not self.batch:
+            raise LinkworkError(
+                "this is one state, not a stack; state.positions are its values, named by state.coordinates"
+            )
+        return self.batch[0]
+
+    def __bool__(self) -> bool:
+        return True
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -39,19 +55,19 @@ class State:
         return self.q.shape[:-1]
 
     def with_rates(self, rates: ArrayLike | Mapping[str, float]) -> State:
-        """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or rates by name."""
+        """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or by name, others zero."""
         n, names = len(self.independent), ", ".join(self.independent)
         if isinstance(rates, Mapping):
-            if set(rates) != set(self.independent):
-                raise LinkworkError(f"rates of {', '.join(map(str, rates))} do not fit; give all of {names}")
-            rates = [rates[name] for name in self.independent]
+            if not set(rates) <= set(self.independent):
+                raise LinkworkError(f"rates of {', '.join(map(str, rates))} do not fit; give some of {names}")
+            rates = [rates.get(name, 0.0) for name in self.independent]
         try:
             values = np.asarray(rates, float)
         except (TypeError, ValueError):
-            raise LinkworkError(f"rates {rates!r} are no numbers; give {n}: {names}") from None
+            raise LinkworkError(f"rates {shown(rates)} are no numbers; give {n}: {names}") from None
         shape = (*self.batch, n)
         if values.shape not in (shape, shape[-1:]) or not np.isfinite(values).all():
-            raise LinkworkError(f"rates {values.tolist()} do not fit; give {n} finite numbers: {names}")
+            raise LinkworkError(f"rates {shown(values.tolist())} do not fit; give {n} finite numbers: {names}")
         return replace(self, rates=np.broadcast_to(values, shape).copy())
 
     def at(self, index: int | slice | np.ndarray) -> State:
@@ -60,8 +76,10 @@ class State:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:
             return replace(self, positions=self.positions[index], rates=self.rates[index], q=self.q[index])
-        except IndexError:
-            raise LinkworkError(f"index {index!r} does not fit a stack of states of the shape {self.batch}") from None
+        except (IndexError, TypeError, ValueError):
+            raise LinkworkError(
+                f"index {shown(index)} does not fit a stack of states of the shape {self.batch}"
+            ) from None
 
     def __repr__(self) -> str:
         if self.batch:

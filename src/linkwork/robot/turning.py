@@ -56,16 +56,61 @@ def sizes(equations: Equations, length: float) -> np.ndarray:
 
 def wrapping(chart: CompiledChart) -> np.ndarray:
     """Return which coordinates (nq) enter the motion and the closure of a chart by sines and cosines alone, 1 or 0."""
-    nq = chart.equations.nq
-    given: list[Shares] = [{i: 1.0} for i in range(nq)]
-    free = np.ones(nq)
-    for name, kept in ("motion", 0), ("closure_step", nq):
-        found, forgotten = shares(chart.kernel(name).traced(), given)
-        free[list(forgotten)] = 0
-        for k, share in enumerate(found):
-            own = {k: 1.0} if k < kept else {}
-            free[[i for i in share.keys() | own.keys() if share.get(i) != own.get(i)]] = 0
+    return closing(chart) * periodic(chart, "motion", 0)
+
+
+def closing(chart: CompiledChart) -> np.ndarray:
+    """Return which coordinates (nq) enter the closure of a chart by sines and cosines alone, 1 or 0."""
+    return chart.kept("closing", lambda: periodic(chart, "closure_step", chart.equations.nq))
+
+
+def periodic(chart: CompiledChart, name: str, kept: int) -> np.ndarray:
+    """Return which coordinates (nq) a kernel sees by sines and cosines alone, but for its first results that are q itself."""
+    free = np.ones(chart.equations.nq)
+    found, forgotten = shares(chart.kernel(name).traced(), [{i: 1.0} for i in range(free.size)])
+    free[list(forgotten)] = 0
+    for k, share in enumerate(found):
+        own = {k: 1.0} if k < kept else {}
+        free[[i for i in share.keys() | own.keys() if share.get(i) != own.get(i)]] = 0
     return free
+
+
+def readings(chart: CompiledChart) -> np.ndarray:
+    """Return what each joint coordinate grows by with whole turns of each of q (m, nq)."""
+
+    def found() -> np.ndarray:
+        given: list[Shares] = [{i: 1.0} for i in range(chart.equations.nq)]
+        parts, _ = shares(chart.kernel("positions").traced(), given)
+        return np.array([[part.get(i, 0.0) for i in range(len(given))] for part in parts]).reshape(-1, len(given))
+
+    return chart.kept("readings", found)
+
+
+def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
+    """Return which joint coordinates can be given whole turns without opening a loop, or have lost count of theirs."""
+    return np.array([bool(carriers(chart, place, ())) or not readings(chart)[place].any() for place in places], bool)
+
+
+def turned(chart: CompiledChart, q: np.ndarray, places: Sequence[int], values: np.ndarray) -> np.ndarray:
+    """Return q (nq) with the whole turns with which joint coordinates come nearest to given values; loops stay closed.
+
+    An angle of the tree turns itself; that of a joint that closes a loop takes an angle of the tree with it that is not
+    asked for.
+    """
+    q, grown = q.copy(), readings(chart)
+    asked = [int(np.argmax(np.abs(grown[place]))) for place in places if np.abs(grown[place]).sum() == 1]
+    for place, value in zip(places, values, strict=True):
+        (positions,) = chart.kernel("positions")(q)
+        for i in carriers(chart, place, asked)[-1:]:
+            q[i] += grown[place, i] * 2 * np.pi * np.round((value - positions[place]) / (2 * np.pi))
+    return q
+
+
+def carriers(chart: CompiledChart, place: int, asked: Sequence[int]) -> list[int]:
+    """Return the angles of the tree whose whole turns are those of a joint coordinate, up to their sign."""
+    row = np.abs(readings(chart)[place])
+    found = np.flatnonzero((closing(chart) > 0) & (row == 1)).tolist()
+    return found if row.sum() == 1 else [i for i in found if i not in asked]
 
 
 def unread(acting: Acting, equations: Equations) -> np.ndarray:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
+from linkwork.checks import file_path
 from linkwork.errors import LinkworkError
 from linkwork.simulation.status import Status
 
@@ -246,7 +247,7 @@ class Run:
 
         Raises `LinkworkError` for another suffix, or where the file cannot be written.
         """
-        path = Path(path)
+        path = file_path(path, "the path to save to")
         write = _WRITERS.get(path.suffix.lower())
         if write is None:
             raise LinkworkError(
@@ -261,6 +262,7 @@ class Run:
         """Read a run that `save` wrote as .nc; raise `LinkworkError` if the file is missing or holds no run."""
         import xarray
 
+        path = file_path(path, "the path of a run")
         try:
             dataset = xarray.load_dataset(path, engine="scipy")
         except OSError as error:

@@ -61,6 +61,12 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
         LinkworkError: a quantity that the run does not hold over time.
     """
     dataset = run.dataset if isinstance(run, Run) else run
+    if not hasattr(dataset, "data_vars"):
+        raise LinkworkError(
+            f"a run is drawn, not {type(run).__name__}; give what robot.simulate returns, or its dataset"
+        )
+    if not (quantities is None or isinstance(quantities, str | Sequence)):
+        raise LinkworkError(f"the quantities are {quantities!r}; give their names in a list")
     moving = [str(name) for name, variable in dataset.data_vars.items() if TIME in variable.dims]
     usual = [name for name in USUAL if name in moving] or moving
     wanted = usual if quantities is None else [quantities] if isinstance(quantities, str) else list(quantities)
