@@ -15,9 +15,11 @@ import numpy as np
 from linkwork.equations.chart import (
     Block,
     Chart,
+    block_determinants,
     chart_of,
     choose_independents,
     choose_orders,
+    eliminate_values,
     independent_rows,
     unit_of,
 )
@@ -25,6 +27,7 @@ from linkwork.equations.equations import Equations, smallest_singular
 
 WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
 DETERMINED = 1e-4  # least singular value of what rates are to solve for, over the smallest one at the reference
+NOISE = 1e-11  # determinants that are rounding errors, over the product of the sizes of their rows and columns
 LEAST, FALL = 0.125, 16.0  # relative pivot at least; factor by which scales fall until it is reached
 
 
@@ -36,7 +39,8 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
         preferred: rates that should be independent, as far as the configuration allows it well.
 
     Returns:
-        The charts, each with the numbers of the configurations at which it is chosen.
+        The charts, each with the numbers of the configurations at which it is chosen; none where every choice would divide
+        by a rounding error.
     """
     units, count = equations.scaled(Phi), len(equations.chart.rows)
     kept = np.array([independent_rows([one], count) for one in units], int).reshape(len(units), count)
@@ -46,10 +50,27 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
         for independent, places in alike(choose_independents(own, preferred, WELL)):
             at = members[places]
             for groups, stages, determinants, usual in orders(equations, Phi[at], rows, independent):
-                for scales, same in alike(scales_of(determinants, usual)):
+                sound = np.flatnonzero((np.abs(determinants) > NOISE * usual).all(axis=1))
+                for scales, same in alike(scales_of(determinants[sound], usual)):
                     chart = chart_of(stages, scales, rows, independent, Phi.shape[2])
-                    found.append((at[groups[same]], chart))
+                    found.append((at[groups[sound[same]]], chart))
     return found
+
+
+def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray:
+    """Return the weakest pivot of a chart's elimination, over its usual size, at configurations (G).
+
+    Phi: the constraint Jacobian there (G x all rows x nv).
+    """
+    units, weakest = equations.scaled(Phi), np.full(len(Phi), np.inf)
+    for stage in chart.stages:
+        own = set(stage.columns)
+        values = {r: {c: units[:, r, c, None] for c in equations.rows.pattern[r] if c in own} for r in stage.rows}
+        for block in stage.blocks:
+            with np.errstate(all="ignore"):
+                weakest = np.minimum(weakest, np.abs(block_determinants(values, block, len(Phi))))
+                eliminate_values(values, set(), block)
+    return np.nan_to_num(weakest, nan=0.0)
 
 
 def chart_in(
@@ -68,6 +89,8 @@ def chart_in(
     if solved.shape != (count, count) or smallest_singular(solved, count) <= least * equations.smallest:
         return None
     ((_, stages, determinants, usual),) = orders(equations, Phi[None], rows, independent)
+    if (np.abs(determinants[0]) <= NOISE * usual).any():
+        return None
     return chart_of(stages, scales_of(determinants, usual)[0].tolist(), rows, independent, Phi.shape[1])
 
 

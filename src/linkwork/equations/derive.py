@@ -85,7 +85,7 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     chosen = choose_independent(samples[0][list(kept)], preferred)
     chart = choose_chart(rows.Phi, samples, kept, chosen, (rows.units, tree.rate_units))
     turning, idle = spins.spins(joints, configurations, samples)
-    columns, heights = sizes(samples[0])
+    columns, heights = sizes(samples)
     smallest = float(smallest_singular(scaled(samples[0], (columns, heights)), len(kept)))
     return Equations(
         freed,

@@ -8,7 +8,7 @@ friction (`effects`). S gives the actuated rates, S v; it is the unit matrix whe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,9 +25,12 @@ from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
 
-REGULAR = (
-    0.2  # smallest singular value over that at the reference, from which a configuration is not near a singular one
-)
+# Smallest singular value, over that at the reference, from which a configuration is not near a singular one; and of one.
+REGULAR, LOST = 0.2, 0.01
+
+
+VANISHING = 1e-6  # length at the reference that counts as zero, over that nearby
+ROUNDING = 1e-11  # length that is a rounding error, over the largest one
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Equations:
     """Hold the derivation of a mechanism: its tree, closure rows and chart, and the expressions that follow from them.
 
     reference: closed reference configuration of the tree's coordinates (nq)
-    sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), 1 where they are zero
+    sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), or near it where they vanish there
     smallest: smallest singular value of Phi there over its sizes
     redundant: names of the rows that depend on the others; they are left out of the elimination and watched
     spins: freedoms that turn a member about the line through its two joints and move nothing else: its bodies, by name
@@ -129,6 +132,10 @@ class Equations:
     def regular(self, Phi: np.ndarray) -> np.ndarray:
         """Tell whether configurations (...) are far from losing rank, compared with the reference."""
         return smallest_singular(self.scaled(Phi), len(self.chart.rows)) > REGULAR * self.smallest
+
+    def lost(self, Phi: np.ndarray) -> np.ndarray:
+        """Tell where rank is lost (...), or all but lost: there branches of motion meet, or it ends."""
+        return smallest_singular(self.scaled(Phi), len(self.chart.rows)) <= LOST * self.smallest
 
     def in_chart(self, chart: Chart) -> Equations:
         """Return the same equations in another chart."""
@@ -211,12 +218,22 @@ class Equations:
         return SX(vector(self.mechanism.gravity))
 
 
-def sizes(Phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lengths of Phi's columns, and those of its rows over these; 1 where they are zero."""
-    columns = np.linalg.norm(Phi, axis=0)
-    columns = np.where(columns > 0, columns, 1.0)
-    rows = np.linalg.norm(Phi / columns, axis=1)
-    return columns, np.where(rows > 0, rows, 1.0)
+def sizes(samples: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lengths of Phi's columns, and those of its rows over these.
+
+    samples: Phi at the reference, where lengths are taken, and near it: where they vanish at the reference their largest
+    ones there, and 1 where they are zero everywhere, up to the rounding of CAD (a ball on a hinge's axis)
+    """
+    columns = lengths(samples, 0)
+    return columns, lengths([Phi / columns for Phi in samples], 1)
+
+
+def lengths(samples: Sequence[np.ndarray], axis: int) -> np.ndarray:
+    """Return the lengths of rows or columns for `sizes`."""
+    found = np.linalg.norm(samples, axis=axis + 1)
+    largest = found.max(axis=0)
+    there = largest > ROUNDING * largest.max(initial=0.0)
+    return np.where(there, np.where(found[0] > VANISHING * largest, found[0], largest), 1.0)
 
 
 def scaled(Phi: np.ndarray, sizes: tuple[np.ndarray, np.ndarray]) -> np.ndarray:

@@ -21,7 +21,7 @@ import numpy as np
 
 from linkwork.equations import Equations, chart_in, charts_at, functions
 from linkwork.equations.chart import Chart, faced
-from linkwork.equations.choosing import DETERMINED
+from linkwork.equations.choosing import DETERMINED, strengths
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 
@@ -166,8 +166,15 @@ class CompiledChart:
 
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
         """Return a chart chosen at q (nq): independent rates, rows and elimination are those that are good there."""
-        ((_, chart),) = self.chosen(self.constraint_jacobian(q[None]), preferred)
-        return chart
+        for _, chart in self.chosen(self.constraint_jacobian(q[None]), preferred):
+            return chart
+        raise LinkworkError(
+            "no choice of independent rates determines the motion here: branches of motion meet, or it ends"
+        )
+
+    def strengths(self, Phi: np.ndarray) -> np.ndarray:
+        """Return the weakest pivot over its usual size, at configurations (G); Phi: (G x rows x nv)."""
+        return strengths(self.equations, self.equations.chart, Phi)
 
     def anew(self, q: np.ndarray, independent: tuple[int, ...], least: float = DETERMINED) -> CompiledChart | None:
         """Return a chart in given independent rates that is good at q (nq); None where they do not determine the motion."""

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 
 CLOSURE = 1e-13
 SOFT = 0.05  # relative pivot at which a better chart is looked for
-NOT_WORSE, BETTER = 0.5, 10.0  # factors in conditioning for which a chart is changed: at a regular configuration, else
+NOT_WORSE, BETTER = 0.5, 10.0  # factors in conditioning for which a chart is changed: at a regular configuration, else;
+# there the second one is also that in the weakest pivot, for which it is changed if conditioning is not worse
 REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
@@ -215,7 +216,7 @@ class Passage:
             return replace(here, method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
-        tried = self.step_over and not (choice.regular if choice else regular(self.robot.chart, q))
+        tried = self.step_over and not (choice.regular if choice else regular(chart, q))
         over = self._over(here, done) if tried else None
         if over is None:
             better = (choice or choices(self.robot, chart, q[None])[0]).better
@@ -363,10 +364,16 @@ def regular(chart: CompiledChart, q: np.ndarray) -> bool:
     return bool(chart.equations.regular(chart.constraint_jacobian(q)))
 
 
+def lost(chart: CompiledChart, q: np.ndarray) -> bool:
+    """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart: any."""
+    return bool(chart.equations.lost(chart.constraint_jacobian(q)))
+
+
 def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
     """Choose what is better than a chart at each of some configurations.
 
-    Any other one where the configuration is regular, else one of much better conditioning.
+    Any other one where the configuration is regular, else one of much better conditioning, or of much stronger pivots: the
+    rates may be good there and only the order of elimination weak.
 
     Args:
         q: configurations (G x nq).
@@ -374,15 +381,19 @@ def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
     """
     home = robot.chart
     Phi = home.constraint_jacobian(q, p)
-    sound = robot.equations.regular(Phi)
-    needed = np.where(sound, NOT_WORSE, BETTER) * chart.conditioning(Phi)
+    sound, conditioning = robot.equations.regular(Phi), chart.conditioning(Phi)
     better: dict[int, CompiledChart] = {}
     with BUILDING:
         preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
         for members, candidate in home.chosen(Phi, preferred):
             if candidate.order == chart.order:
                 continue
-            good = members[candidate.conditioning(Phi[members]) >= needed[members]]
+            gain = candidate.conditioning(Phi[members]) / np.maximum(conditioning[members], 1e-300)
+            taken = gain >= np.where(sound[members], NOT_WORSE, BETTER)
+            unsure = ~taken & (gain >= NOT_WORSE)
+            there = Phi[members[unsure]]
+            taken[unsure] = candidate.strengths(there) >= BETTER * chart.strengths(there)
+            good = members[taken]
             if not good.size:
                 continue
             for own, kept in kept_charts(robot, candidate, good, q, p):

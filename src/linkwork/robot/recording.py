@@ -19,7 +19,7 @@ from linkwork.robot.accuracy import WORTH_TELLING, Compared, Start, without_turn
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
-from linkwork.robot.passage import Passage, Segment, regular
+from linkwork.robot.passage import Passage, Segment, lost
 from linkwork.robot.reactions import COMPONENTS, Reactions
 from linkwork.robot.state import State
 from linkwork.robot.system import System
@@ -229,7 +229,7 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
         fault = system.faults[0]
         status = Status.CANCELLED if isinstance(fault, KeyboardInterrupt) else Status.CALLBACK_FAILED
         return status, status.sentence(time=last.end_time, error=reason(fault))
-    if last.status is Status.SINGULAR and regular(segment.chart, last.q_end):
+    if last.status is Status.SINGULAR and not lost(segment.chart, last.q_end):
         return last.status, last.message + (
             f" The motion is given in the rates {', '.join(segment.chart.independent)}, which do not determine it there; "
             "others do: give the state at rest in these, by robot.in_chart, and then its rates."
