@@ -245,3 +245,14 @@ def test_a_balance_that_is_not_known_is_told(monkeypatch):
     monkeypatch.setattr(Flow, "power", lambda self, y, r: np.full(len(y), np.nan))
     with pytest.warns(UserWarning, match=r"energy balance, is not known \(nan\) from t = "):
         assert np.isnan(run.dataset.energy_balance.values[-1])
+
+
+def test_the_balance_is_known_where_a_step_ends_beyond_a_weak_place():
+    """A segment ends where the pivot of its chart is weak; within its last step it may be weaker than at its end."""
+    robot = lw.Robot(lw.robots.five_bar(gravity=(0, -9.81, 0)))
+    angles = [-16.597514754977965, -11.445052946473476, -14.136891657137115, -11.118298650805993, 8.171054814835607]
+    start = robot.state(angles, [0.3189048, -0.2900349])
+    times = np.linspace(0, 0.3, 21)
+    run = robot.simulate(start, [1.8267566, -3.0783319], duration=0.3, method="rk4", step=0.3 / 400, save_at=times)
+    assert "; from " in run.attrs["charts"]
+    assert np.abs(run.dataset["energy_balance"].values).max() < 1e-3

@@ -247,8 +247,11 @@ class Passage:
         return self.end if stand.bound == SOFT else min(stand.t + stand.short, self.end)
 
     def _again(self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int) -> Trajectory:
+        """Integrate a segment again. Samples within a step may have a weaker pivot than its ends, which kept to the bound."""
+        until = self._until(stand)
+        stand = stand if save_at is None else replace(stand, bound=LOWER * stand.bound)
         if stand.control is None:
-            return self._along(stand, self._until(stand), save_at, self.system.inputs)
+            return self._along(stand, until, save_at, self.system.inputs)
         held = stand.control.held
         if row >= 0:
             held = done.u[row, done.u.shape[1] - held.size :]
