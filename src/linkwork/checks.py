@@ -69,7 +69,7 @@ def count(value: object, what: str) -> int:
 
 def file_path(value: object, what: str) -> Path:
     """Return the path of a file; refuse what is none."""
-    if not isinstance(value, str | PathLike) or "\0" in str(value):
+    if not isinstance(value, str | PathLike):
         raise LinkworkError(f"{what} is {shown(value)}; give the path of a file")
     return Path(value)
 
