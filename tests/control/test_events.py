@@ -221,3 +221,15 @@ def test_the_determinant_of_the_actuation_is_a_number_of_the_observation():
     robot = lw.Robot(lw.robots.prr3())
     state = robot.in_chart(robot.home, [name for name in robot.equations.tree.rates if name.startswith("p")][:3])
     assert np.isclose(robot.observe(state).actuation_determinant, np.linalg.det(robot.actuation(state)), 1e-12)
+
+
+def test_events_of_a_robot_whose_free_turns_are_driven():
+    """A ball that 0.1 N m turn about x, 0.1 kg m^2: its rate passes 0.2 rad/s after 0.2 s; that rate has no coordinate."""
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
+    ball = lw.SphericalJoint(connects=("ground", "top"))
+    actuators = ("ball.wx", "ball.wy", "ball.wz")
+    mechanism = lw.Mechanism(bodies={"top": body}, joints={"ball": ball}, actuators=actuators, gravity=(0, 0, 0))
+    robot = lw.Robot(mechanism)
+    passes = Event(lambda t, state: state.rate("ball.wx") - 0.2, name="passes")
+    run = robot.simulate(robot.home, [0.1, 0, 0], duration=0.5, events=[passes])
+    assert np.allclose(run.dataset.event_time, [0.2], 0, 1e-8)

@@ -222,7 +222,7 @@ def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> No
         return
     values = dict(zip(runs.acting.parameters, runs.parameters.tolist(), strict=True))
     for name, drive in zip(runs.acting.names.actuators, runs.acting.drives, strict=True):
-        if not any(other.startswith(f"{name}.") for other in varied):
+        if name in state.coordinates and not any(other.startswith(f"{name}.") for other in varied):
             own = replace(drive, **{number: values[f"{name}.{number}"] for number in drive.numbers})
             with checks.at(f"the drive of {name!r}: "):
                 for x in (np.min(state[name]), np.max(state[name])):
