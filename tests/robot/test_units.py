@@ -28,6 +28,27 @@ def test_a_run_takes_the_same_steps_to_the_same_motion(name, L, M):
     motion = found.dataset.joint_position.values / scale.coordinates()
     assert np.allclose(motion, expected.dataset.joint_position.values, rtol=0, atol=1e-12)
     assert found.closure_error < 1e-14
+    assert found.error_estimate == pytest.approx(expected.error_estimate, rel=0.05)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_the_estimated_error_of_a_length_is_counted_as_the_run_allows_it(L, M):
+    """A mass at 1 from where its spring rests, x = cos 2t; mostly atol counts."""
+    slide = lw.PrismaticJoint(connects=("ground", "mass"), spring=lw.Spring(stiffness=4.0))
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=1.0, yy=1.0, zz=1.0))
+    mechanism = lw.Mechanism(bodies={"mass": body}, joints={"slide": slide}, actuators=("slide",), gravity=(0, 0, 0))
+    scale = Scale(mechanism, L, M)
+    robot, options = lw.Robot(scale.mechanism), {"duration": 10.0, "rtol": 1e-9, "atol": 1e-6}
+    run = robot.simulate(robot.state([L]), **options)
+    t, x = run.coords["time"].values, run.variables["joint_position"].values[:, 0] / L
+    off = (
+        np.abs(x - np.cos(2 * t)).max(),
+        np.abs(run.variables["joint_rate"].values[:, 0] / L + 2 * np.sin(2 * t)).max(),
+    )
+    assert 0.5 < run.error_estimate / (max(off) / 1e-6) < 2
+    together = robot.ensemble(robot.state([L]), np.zeros((1, 1)), **options)
+    last = together.final.positions[0, 0] / L - np.cos(20.0), together.final.rates[0, 0] / L + 2 * np.sin(20.0)
+    assert 0.5 < together.error_estimate[0] / (np.abs(last).max() / 1e-6) < 2
 
 
 @pytest.mark.parametrize(("L", "M"), SCALES)
@@ -39,6 +60,7 @@ def test_an_ensemble_takes_the_same_steps(L, M):
     assert found.steps.tolist() == expected.steps.tolist()
     last, as_expected = (part.dataset.joint_position.values[:, -1] for part in (found, expected))
     assert np.allclose(last / scale.coordinates(), as_expected, rtol=0, atol=1e-12)
+    assert np.allclose(found.error_estimate, expected.error_estimate, rtol=0.05)
 
 
 @pytest.mark.parametrize(("L", "M"), SCALES)

@@ -9,6 +9,8 @@ from linkwork.views.viewer.bounds import bounds_of
 from linkwork.views.viewer.parts import parts_of
 from linkwork.views.viewer.pursuit import Pursuit, listed
 
+from tests.oracle.scaling import Scale
+
 
 @pytest.fixture(scope="module")
 def pursuits() -> dict[str, Pursuit]:
@@ -35,6 +37,20 @@ def test_a_pose_within_reach_is_that_of_assembling(pursuits, name, shift):
     asked = pose if name == "prr3" else pose[: robot.mobility]
     assert reached.arrived and not reached.obstacle
     assert reached.state.positions == pytest.approx(robot.assemble(tool=asked).positions, abs=1e-8)
+
+
+@pytest.mark.parametrize(("L", "M"), [(1e-6, 1e-9), (1e6, 1e6)])
+def test_the_way_to_a_pose_is_the_same_in_micrometres_and_in_megametres(pursuits, L, M):
+    plain, scale = pursuits["prr3"], Scale(robots.prr3(), L, M)
+    robot = Robot(scale.mechanism)
+    pursuit = Pursuit(robot, parts_of(robot).size)
+    position, R = tool(plain, plain.robot.home)
+    for shift in ([0.05, -0.03, 0.0], [0.0, 3.0, 0.0]):  # within reach, and out of it
+        expected = plain.lead(plain.robot.home, plain.tool_goal(position + shift, R))
+        found = pursuit.lead(robot.home, pursuit.tool_goal(L * (position + shift), R))
+        assert (found.arrived, bool(found.obstacle)) == (expected.arrived, bool(expected.obstacle))
+        assert found.state.positions / scale.coordinates() == pytest.approx(expected.state.positions, abs=1e-6)
+        assert robot.closure_error(found.state) < 1e-9
 
 
 def test_a_hexapod_is_led_in_all_six_freedoms(pursuits):

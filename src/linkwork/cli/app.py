@@ -178,7 +178,10 @@ def simulate(
         ),
     ] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the local error.")] = 1e-8,
-    atol: Annotated[float, typer.Option(help="Absolute tolerance of the local error, m and rad.")] = 1e-10,
+    atol: Annotated[
+        float,
+        typer.Option(help="Absolute tolerance of the local error: rad; of lengths parts of the robot's own length."),
+    ] = 1e-10,
     samples: Annotated[int, typer.Option(help="Number of equally spaced times to save.")] = 101,
     on_singular: Annotated[
         OnSingular, typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation.")

@@ -21,6 +21,7 @@ from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.system import System
 from linkwork.simulation import RK4, Control, SymplecticEuler
+from linkwork.simulation.integrate import Method
 from linkwork.simulation.turns import SPAN
 
 if TYPE_CHECKING:
@@ -100,10 +101,17 @@ class Compared:
         names, units = self.named
         size = np.abs(y).max(axis=0)
         size = np.where([unit == "rad" for unit in units], np.minimum(size, SPAN), size)
-        error = compared(y[own], y_c[other], size, units, options)
+        allowed = options["atol"] * self.own_units + options["rtol"] * size
+        error = compared(y[own], y_c[other], allowed, units, options["method"])
         k, m = np.unravel_index(np.argmax(error), error.shape)
-        value = error[k, m] * (options["atol"] + options["rtol"] * size[m])
+        value = error[k, m] * allowed[m]
         return Estimate(float(error[k, m]), float(value), names[m], units[m], float(common[k]), float(common[-1]))
+
+    @property
+    def own_units(self) -> np.ndarray:
+        """Units in which atol counts, of the tree's coordinates and rates, and of extra states, as in the run."""
+        tree = self.robot.equations.tree
+        return np.concatenate([tree.units, tree.rate_units, np.ones(len(self.passage.system.extras))])
 
     @property
     def named(self) -> tuple[list[str], list[str]]:
@@ -133,12 +141,11 @@ def tightened(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(
-    y: np.ndarray, companion: np.ndarray, size: np.ndarray, units: Sequence[str], options: Mapping[str, Any]
+    y: np.ndarray, companion: np.ndarray, allowed: np.ndarray, units: Sequence[str], method: Method
 ) -> np.ndarray:
-    """Return the errors of states (K, n), whose components are as large as `size`, relative to atol + rtol size."""
-    method = options["method"]
+    """Return the errors of states (K, n) relative to what is allowed, atol + rtol |y|."""
     share = 1 - TIGHTER if method.step is None else 1 - FINER**method.order
-    return np.abs(without_turns(y - companion, units)) / share / (options["atol"] + options["rtol"] * size)
+    return np.abs(without_turns(y - companion, units)) / share / allowed
 
 
 def without_turns(d: np.ndarray, units: Sequence[str]) -> np.ndarray:

@@ -120,9 +120,12 @@ class Ensemble:
         other = self._companion()
         y, y_c = (np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other))
         start = np.pad(self.members.q, [(0, 0), (0, y.shape[1] - self.members.q.shape[1])])
-        labels = self.members.robot.equations.tree.coordinates
-        units = [*map(self.members.robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
-        largest = compared(y, y_c, np.maximum(np.abs(start), np.abs(y)), units, self.options).max(axis=1)
+        robot, options = self.members.robot, self.options
+        labels = robot.equations.tree.coordinates
+        units = [*map(robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
+        size = np.maximum(np.abs(start), np.abs(y))
+        allowed = robot.chart_of(self.final).tolerances(options["atol"], y.shape[1]) + options["rtol"] * size
+        largest = compared(y, y_c, allowed, units, options["method"]).max(axis=1)
         reached = (self.status == Status.FINISHED) & (other.status == Status.FINISHED)
         return np.where(reached, largest, np.nan)
 

@@ -76,7 +76,9 @@ class Study(Record):
     method: str | None = Field(default=None, description="integration method")
     step: PositiveFloat | None = Field(default=None, description="step of a method of fixed step [s]")
     rtol: PositiveFloat = Field(default=1e-8, description="relative tolerance")
-    atol: PositiveFloat = Field(default=1e-10, description="absolute tolerance [m, rad]")
+    atol: PositiveFloat = Field(
+        default=1e-10, description="absolute tolerance [rad; of lengths parts of the robot's own length]"
+    )
     max_steps: Annotated[int, Field(ge=1)] = Field(default=1_000_000, description="most steps of a run")
     on_singular: Literal["stop", "step_over"] = Field(default="stop", description="stop or step_over")
     chunk: Annotated[int, Field(ge=1)] | None = Field(default=None, description="members that are computed at a time")

@@ -23,7 +23,7 @@ from linkwork.robot.assembly import Assembler
 from linkwork.views.viewer.bounds import Bound, bounds_of
 from linkwork.views.viewer.goals import Goal, JointGoal, Outputs, ToolGoal
 
-CLOSED = 1e-13  # of the rows, relative to the robot's size
+CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robot's size
 CLOSING, HALVED = 12, 0.5  # Newton steps that close the loops; part of the gap that each has to leave at most
 RANK = 1e-9  # singular value of rows, relative to the largest, that counts as none
 ARRIVED = 1e-9  # distance from a goal that counts as none, relative to the mechanism
@@ -93,10 +93,10 @@ class Pursuit:
         This is asked a little beside the reference configuration, which may be a singular one.
         """
         out = self.assembler.still(self.robot.home.q)
-        H_inverse, N = inverse(out["Phi"] * self.scale)
+        H_inverse, N = inverse(self.hard_rows(out, Held())[1])
         aside = ASIDE * self.size * N @ np.linspace(1, 2, N.shape[1])
         _, out = self.closed(self.moved(self.robot.home.q, out, aside), Held(), H_inverse)
-        _, N = inverse(out["Phi"] * self.scale)
+        _, N = inverse(self.hard_rows(out, Held())[1])
         J = out["J_tool"] * self.scale * np.array([self.length] * 3 + [1.0] * 3)[:, None]
         whole, linear = (np.linalg.matrix_rank(rows @ N, tol=1e-6) for rows in (J, J[3:]))
         return bool(whole > linear)
@@ -175,7 +175,8 @@ class Pursuit:
         found = []
         for bound in self.bounds:
             kept = bound.side * max(bound.side * bound.bound, bound.side * bound.value(start))
-            if bound not in held.bounds and bound.side * (bound.value(out) - kept) > CLOSED * self.robot.size:
+            beyond = bound.side * (bound.value(out) - kept) / self.height(bound)
+            if bound not in held.bounds and beyond > CLOSED * self.robot.size:
                 found.append((bound, kept))
         return found
 
@@ -227,7 +228,7 @@ class Pursuit:
 
     def close(self, q: np.ndarray) -> np.ndarray | None:
         """Return the configuration nearest to one that is slightly open; None where there is none nearby."""
-        H_inverse, _ = inverse(self.assembler.still(q)["Phi"] * self.scale)
+        H_inverse, _ = inverse(self.hard_rows(self.assembler.still(q), Held())[1])
         q, out = self.closed(unit(self.robot.equations.tree, q), Held(), H_inverse)
         return q if self.is_closed(out, Held()) else None
 
@@ -236,12 +237,19 @@ class Pursuit:
         return bool(np.abs(h).max(initial=0.0) <= 1e2 * CLOSED * self.robot.size)
 
     def hard_rows(self, out: Outputs, held: Held) -> tuple[np.ndarray, np.ndarray]:
-        """Return phi and  x - value  of the limits that are kept, and their Jacobian for steps as lengths."""
-        h, H = out["phi"], out["Phi"]
+        """Return phi and  x - value  of the limits that are kept, over the mechanism's own units, and their Jacobian for
+        steps as lengths.
+        """
+        h, H, heights = out["phi"], out["Phi"], self.assembler.units
         if held.bounds:
             h = np.concatenate([h, [b.value(out) - value for b, value in zip(held.bounds, held.values, strict=True)]])
             H = np.concatenate([H, [b.row(out) for b in held.bounds]])
-        return h, H * self.scale
+            heights = np.concatenate([heights, [self.height(b) for b in held.bounds]])
+        return h / heights, H * self.scale / heights[:, None]
+
+    def height(self, bound: Bound) -> float:
+        """Return the mechanism's own unit of a limit: its own length, or 1 rad."""
+        return self.robot.equations.tree.length if bound.unit == "m" else 1.0
 
     def moved(self, q: np.ndarray, out: Outputs, s: np.ndarray) -> np.ndarray:
         return unit(self.robot.equations.tree, q + out["derivatives"] @ (self.scale * s))
@@ -259,11 +267,12 @@ class Pursuit:
         if goal.strict:
             return "the loops cannot be closed any further this way while the other actuators hold still"
         _, J = goal.rows(out)
-        _, N = inverse(out["Phi"] * self.scale)
+        _, N = inverse(self.hard_rows(out, Held())[1])
         if N.shape[1] < len(J):
             return f"the tool comes no nearer: the mechanism has {N.shape[1]} of the {len(J)} freedoms that lead there"
         _, _, Vt = np.linalg.svd((J * self.scale) @ N)
-        alone = np.abs(out["J_coordinates"] @ (self.scale * (N @ Vt[len(J) - 1])))
+        own = [self.robot.equations.tree.length if self.robot.unit(rate) == "m" else 1.0 for rate in self.robot.rates]
+        alone = np.abs(out["J_coordinates"] @ (self.scale * (N @ Vt[len(J) - 1]))) / own
         names = [label for label, rate in zip(self.robot.rates, alone, strict=True) if rate > MOVING * alone.max()]
         return f"the edge of the workspace: stretched out or folded at {listed(names)}"
 
