@@ -55,10 +55,16 @@ def test_words_that_are_no_commands_or_options_exit_with_2():
         assert result.stdout == ""
 
 
+@pytest.mark.parametrize(("word", "meant"), [("list", "robots"), ("run", "simulate"), ("analyze", "analyse")])
+def test_words_of_other_tools_lead_to_the_command_that_is_meant(word, meant):
+    assert refused(word, "prr3") == f"linkwork: there is no command {word!r}; use 'linkwork {meant}'\n"
+    assert call(meant, "--help").exit_code == 0
+
+
 def test_an_interruption_exits_with_130_and_says_nothing(monkeypatch):
-    def interrupt(name):
+    def interrupt(source):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("linkwork.cli.info.find", interrupt)
+    monkeypatch.setattr("linkwork.cli.info.built", interrupt)
     result = call("info", "prr3")
     assert (result.exit_code, result.output) == (130, "")

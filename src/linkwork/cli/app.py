@@ -19,6 +19,13 @@ from linkwork.errors import LinkworkError
 
 REFUSED = 2
 DEBUG = "--debug"
+MEANT = {
+    **dict.fromkeys(("list", "ls", "catalogue", "catalog"), "robots"),
+    **dict.fromkeys(("run", "sim"), "simulate"),
+    **dict.fromkeys(("analyze", "analysis", "study"), "analyse"),
+    **dict.fromkeys(("show", "open", "viewer"), "view"),
+    **dict.fromkeys(("import", "load"), "convert"),
+}
 
 
 class Group(TyperGroup):
@@ -27,6 +34,11 @@ class Group(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         anywhere = [flag for flag in (DEBUG, STRICT) if flag in args]
         return super().parse_args(ctx, [*anywhere, *(arg for arg in args if arg not in anywhere)])
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[0] in MEANT:
+            raise LinkworkError(f"there is no command {args[0]!r}; use 'linkwork {MEANT[args[0]]}'")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
