@@ -68,8 +68,8 @@ def test_bricard_closes_in_closed_form(psi):
 
 def test_bricard_starts_along_the_edges_of_a_cube_and_keeps_its_energy():
     e, _, o = one_freedom.bricard_rods(one_freedom.RIGHT_ANGLES)
-    assert np.allclose(np.cross(e[0], e[1]) @ e[2], 1)
-    assert np.allclose(o[1:6], [[1, 0, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1], [0, 0, 1]], atol=1e-14)
+    assert np.allclose(np.cross(e[0], e[1]) @ e[2], -1)
+    assert np.allclose(o[1:6], [[1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]], atol=1e-14)
     linkage = one_freedom.bricard()
     states = linkage.motion([1.0, 2.0, 3.0], one_freedom.RIGHT_ANGLES, 0.0)
     start = linkage.energy(one_freedom.RIGHT_ANGLES, 0.0)

@@ -117,10 +117,13 @@ def test_following_a_path_that_turns_in_space():
     assert np.allclose(run.dataset["tool_pose"].values[-1], motion.tool[-1], atol=1e-6)
 
 
-def test_angles_are_asked_for_the_short_way_round():
+def test_an_angle_a_turn_on_is_the_same_pose_and_keeps_its_turn():
     robot = lw.Robot(lw.robots.prr3())
-    again = robot.assemble({"pivot_1": robot.home["pivot_1"] + 2 * np.pi, "slide_1": robot.home["slide_1"]})
-    assert np.allclose(again.positions, robot.home.positions, atol=1e-12)
+    asked = robot.home["pivot_1"] + 2 * np.pi
+    again = robot.assemble({"pivot_1": asked, "slide_1": robot.home["slide_1"]})
+    assert again["pivot_1"] == pytest.approx(asked, abs=1e-12)
+    turns = (again.positions - robot.home.positions) / np.where(robot.labels.angular, 2 * np.pi, 1e6)
+    assert np.allclose(turns, np.round(turns), atol=1e-12)
 
 
 @pytest.mark.parametrize("legs", [0, 1, 3])

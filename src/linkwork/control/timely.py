@@ -16,7 +16,7 @@ import numpy as np
 
 from linkwork.kernels import Kernel
 from linkwork.simulation import Signal
-from linkwork.simulation.bends import FREE
+from linkwork.simulation.signals import FREE
 
 LOOKS = 4096
 STILL, TIMELY, OTHER = range(3)  # depends on parameters at most, on time as well, on something else

@@ -25,9 +25,9 @@ class Labels:
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """Unit by label: m, rad, or 1 for a part of a quaternion."""
+        """Unit by label, those of joints that were added to the tree included: m, rad, or 1 for a part of a quaternion."""
         units: dict[str, str] = {}
-        for name, joint in self.equations.mechanism.joints.items():
+        for name, joint in {**self.equations.topology.joints, **self.equations.mechanism.joints}.items():
             parts = [freedom for freedom in joint.freedoms for _ in range(4 if freedom == TURN else 1)]
             units |= {label: UNITS.get(part, "rad") for label, part in zip(joint.coordinates(name), parts, strict=True)}
             units |= {label: "rad" for label in joint.rates(name) if label not in units}

@@ -12,8 +12,8 @@ import numpy as np
 from numba import types
 
 from linkwork.simulation.compiled import compiled_once
+from linkwork.simulation.signals import FREE
 
-FREE = 2
 SMALLEST = 2.0**-40  # differences of values that count, relative to the largest value
 ROUNDING = 16 * 2.0**-52  # of times, relative to the last
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.bends import FREE
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.lane_inputs import force, set_forces, shared, signal_of
 from linkwork.simulation.lane_rows import (
@@ -32,6 +31,7 @@ from linkwork.simulation.lane_samples import interpolate
 from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR, padded
 from linkwork.simulation.native_watch import Watch, farthest_bends, free_until, next_bend
 from linkwork.simulation.pointers import pointer
+from linkwork.simulation.signals import FREE
 from linkwork.simulation.vectors import LANES, absolute, call_wide, larger, load, root, splat, store
 
 

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.bends import FREE
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.native_parts import NON_FINITE, OK, copy, error_norm, evaluate, force, interpolate, padded
 from linkwork.simulation.pointers import combine
+from linkwork.simulation.signals import FREE
 
 CLEARLY = 1 + 1e-6  # factor by which a bend is farther than another: of equals in a symmetric pulse the first counts
 REFUSED = 1e300  # error of a step that may not be, whatever its error

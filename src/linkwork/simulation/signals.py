@@ -18,6 +18,7 @@ from linkwork.errors import LinkworkError
 Kind = Literal["spline", "linear", "hold"]
 NO_BENDS = np.array([[np.inf, 0.0, np.inf]])
 SMOOTH = 1e-9  # jump of a value or slope, relative to the largest one, that is rounding
+FREE = 2  # bends of a signal (`bends`) that a step may pass without looking
 ROUNDING = 1e-9  # how far a time may lie beyond the end of a run, relative to the duration, and still count as the end
 
 
