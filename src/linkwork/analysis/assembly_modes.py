@@ -28,7 +28,7 @@ from linkwork.robot import Robot, State, checks, limits
 
 ROUND = 8192
 ITERATIONS = 60
-SAME = 1e-5
+SAME = 1e-5  # difference of poses, lengths relative to the mechanism's own, that counts as none
 SURE = 5
 MOST = 10_000
 
@@ -247,8 +247,9 @@ def groups(key: np.ndarray) -> np.ndarray:
 
 
 def by_tool(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the tool's position and orientation (N, 12), in which equal poses have equal numbers."""
-    return np.concatenate(tool_kernel(square.robot)(q), axis=1)
+    """Return the tool's position, in own lengths, and orientation (N, 12); equal poses have equal numbers."""
+    position, orientation = tool_kernel(square.robot)(q)
+    return np.concatenate([position / square.equations.tree.length, orientation], axis=1)
 
 
 @lru_cache(maxsize=16)
@@ -266,7 +267,8 @@ def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
     places = [robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates]
     values, angular = robot.kernel("positions")(q)[0][:, places], robot.labels.angular[places]
     turns = values[:, angular]
-    return np.concatenate([values[:, ~angular], np.cos(turns), np.sin(turns)], axis=1)
+    slides = values[:, ~angular] / square.equations.tree.length
+    return np.concatenate([slides, np.cos(turns), np.sin(turns)], axis=1)
 
 
 def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:
@@ -275,5 +277,6 @@ def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:
     spinning = {body for member in square.equations.spins.values() for body in member}
     fixed = [k for k, body in enumerate(robot.bodies) if body not in spinning]
     origins, orientations, *_ = robot.kernel("bodies_motion")(q, np.zeros(robot.mobility))
+    origins = origins / square.equations.tree.length
     parts = origins.reshape(len(q), -1, 3)[:, fixed], orientations.reshape(len(q), -1, 9)[:, fixed]
     return np.concatenate([part.reshape(len(q), -1) for part in parts], axis=1)

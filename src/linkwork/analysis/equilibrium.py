@@ -29,13 +29,13 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
 from linkwork.robot.actuation import internal_forces
 from linkwork.robot.evaluation import actuator_weights
-from linkwork.robot.linear import actuator_forces, at_rest, evaluated, one_state
+from linkwork.robot.linear import actuator_forces, at_rest, evaluated, largest, one_state, own_rates, weight
 
 ROUNDS = 200
-BALANCED = 1e-10
-LONGEST = 0.3
+BALANCED = 1e-10  # energy of what stays unbalanced, relative to what balances each other
+LONGEST = 0.3  # shift, in the mechanism's own units
 WEAK = 0.05
-SAME = 1e-6
+SAME = 1e-6  # difference of poses that counts as none, lengths relative to the mechanism's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +79,17 @@ def equilibrium(
     for _ in range(ROUNDS):
         with checks.at("on the way to an equilibrium: "):
             state = in_good_rates(robot, state)
-            r, K = unbalanced(robot, state, u)
-            size = np.abs(r).max(initial=0.0)
-            if size <= BALANCED * scale(robot, state, u) and (not stable or settled(K)):
-                return Equilibrium(state, u, K, float(size), positive(K))
-            state = moved(robot, state, u, step(r, K, stable), stable)
+            force, K = unbalanced(robot, state, u)
+            units = own_rates(robot, state)
+            r, K_own = force * units, K * units * units[:, None]
+            E = scale(robot, state, u, K_own)
+            if largest(r) <= BALANCED * E and (not stable or settled(K_own, E)):
+                return Equilibrium(state, u, K, largest(force), positive(K_own))
+            state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
+    worst = int(np.argmax(np.abs(r)))
     raise LinkworkError(
-        f"no {'stable ' if stable else ''}equilibrium is found from this guess: {size:.3g} stays unbalanced on "
-        f"{state.independent[int(np.argmax(np.abs(r)))]}; choose another guess, or other forces"
+        f"no {'stable ' if stable else ''}equilibrium is found from this guess: {abs(force[worst]):.3g} stays unbalanced on "
+        f"{state.independent[worst]}; choose another guess, or other forces"
     )
 
 
@@ -130,9 +133,11 @@ def in_good_rates(robot: Robot, state: State) -> State:
 
 def alike(robot: Robot, one: State, other: State) -> bool:
     """Tell whether all bodies are in the same poses."""
-    poses = robot.body_poses(one), robot.body_poses(other)
+    poses, sizes = (robot.body_poses(one), robot.body_poses(other)), (robot.equations.tree.length, 1.0)
     return all(
-        np.allclose(a, b, atol=SAME) for name in poses[0] for a, b in zip(poses[0][name], poses[1][name], strict=True)
+        np.allclose(a / size, b / size, atol=SAME)
+        for name in poses[0]
+        for a, b, size in zip(poses[0][name], poses[1][name], sizes, strict=True)
     )
 
 
@@ -142,37 +147,40 @@ def unbalanced(robot: Robot, state: State, u: np.ndarray) -> tuple[np.ndarray, n
     return values["force"][:, 0], values["K"]
 
 
-def scale(robot: Robot, state: State, u: np.ndarray) -> float:
-    """Return the size of the forces that balance each other."""
-    parts = (robot.gravity(state), robot.passive_forces(state), u)
-    return max(1.0, *(float(np.abs(part).max(initial=0.0)) for part in parts))
+def scale(robot: Robot, state: State, u: np.ndarray, K: np.ndarray) -> float:
+    """Return the size [J] of what balances each other in the mechanism's own units, K: the stiffness in these [J]."""
+    units = own_rates(robot, state)
+    driven = u * [robot.equations.tree.length if robot.unit(name) == "m" else 1.0 for name in robot.actuators]
+    parts = (robot.gravity(state) * units, robot.passive_forces(state) * units, driven, K)
+    return max(weight(robot), *map(largest, parts))
 
 
-def step(r: np.ndarray, K: np.ndarray, downhill: bool) -> np.ndarray:
+def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
     """Return the shift xi that balances r: K xi = r; downhill with the absolute values of the eigenvalues of K.
 
+    All are in the mechanism's own units; E is the size of what balances each other [J].
     Directions without stiffness are left alone where nothing pushes along them.
     """
     if not downhill:
         return np.linalg.lstsq(K, r, rcond=1e-12)[0]
     values, vectors = np.linalg.eigh((K + K.T) / 2)
     along = vectors.T @ r
-    flat = 1e-6 * max(np.abs(r).max(initial=0.0), 1.0)
+    flat = 1e-6 * E
     summit = (values < -1e-9 * np.abs(values).max(initial=0.0)) & (np.abs(along) < flat)
     along = np.where(summit, np.abs(values) * LONGEST, along)  # at the top of a hill: leave it
     steepness = np.maximum(np.abs(values), np.abs(along) / LONGEST)
     return vectors @ (along / np.where(steepness > 0, steepness, 1.0))
 
 
-def moved(robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, downhill: bool) -> State:
+def moved(robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, E: float, downhill: bool) -> State:
     """Return the state after a shift, shortened until it closes and, downhill, the potential energy falls."""
-    xi = xi * min(1.0, LONGEST / max(np.abs(xi).max(initial=0.0), 1e-300))
+    xi = xi * min(1.0, LONGEST / max(largest(xi / own_rates(robot, state)), 1e-300))
     before = potential(robot, state, u)
     for _ in range(40):
         trial = shifted(robot, state, xi)
         if trial is not None:
             fallen = potential(robot, trial, u) - before
-            if not downhill or fallen <= 1e-12 * max(1.0, abs(before)):
+            if not downhill or fallen <= 1e-12 * max(E, abs(before)):
                 return trial
         xi = xi / 2
     return state
@@ -196,16 +204,17 @@ def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:
             return None
         if gap[0] <= 1e-13:
             break
-    if gap[0] > 1e-9 or np.abs(q - state.q).max() > 10 * max(np.abs(w).max(), 1e-9):
+    tree = robot.equations.tree
+    if gap[0] > 1e-9 or largest((q - state.q) / tree.units) > 10 * max(largest(w / tree.rate_units), 1e-9):
         return None
     (positions,) = robot.kernel("positions")(q)
     return State(positions, state.rates, q, state.coordinates, state.independent)
 
 
-def settled(K: np.ndarray) -> bool:
-    """Tell whether no direction is unstable."""
+def settled(K: np.ndarray, E: float) -> bool:
+    """Tell whether no direction is unstable; E: the size of what balances each other [J]."""
     values = np.linalg.eigvalsh((K + K.T) / 2)
-    return bool(values.min(initial=0.0) >= -1e-9 * np.abs(values).max(initial=1.0))
+    return bool(values.min(initial=0.0) >= -1e-9 * np.abs(values).max(initial=E))
 
 
 def positive(K: np.ndarray) -> bool:

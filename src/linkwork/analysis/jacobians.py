@@ -151,11 +151,14 @@ def input_output(robot: Robot, state: State, what: tuple[str, ...] | None = None
     q = robot.own(state).q.reshape(-1, robot.equations.nq)
     rows, n = stacked_rows(robot, made.inverse.J, made.direct.J), len(made.what)
     A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
+    kept, widths = list(robot.equations.chart.rows), robot.equations.tree.rate_units
+    loops, x_heights, q_heights = robot.equations.rows.units[kept], made.inverse.heights, made.direct.heights
     for k, one in enumerate(q):
         Phi, J_x, J_q = (np.array(part) for part in rows(one, robot.p))
         for i in range(n):
-            relation = widest_relation(np.vstack([Phi[list(robot.equations.chart.rows)], J_x, J_q[i]]))
-            row = relation[-1 - n :]
+            heights = np.concatenate([loops, x_heights, q_heights[i : i + 1]])
+            relation = widest_relation(np.vstack([Phi[kept], J_x, J_q[i]]) * widths / heights[:, None])
+            row = (relation / heights)[-1 - n :]
             row = row / np.linalg.norm(row)
             A[k, i], B[k, i, i] = row[:n], -row[n]
     return A.reshape(*state.batch, n, n), B.reshape(*state.batch, n, n)

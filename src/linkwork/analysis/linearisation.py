@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
-from linkwork.robot.linear import actuator_forces, at_rest, evaluated, holding, linearised
+from linkwork.robot.linear import actuator_forces, at_rest, evaluated, holding, largest, linearised, own_rates
 
 if TYPE_CHECKING:
     import xarray
 
-AT_REST = 1e-9
-BALANCED = 1e-6
-INDIFFERENT = 1e-12
+AT_REST = 1e-9  # rate, relative to those of the motions that weight and stiffness cause
+BALANCED = 1e-6  # acceleration, relative to those of weight and stiffness
+INDIFFERENT = 1e-12  # square of a frequency, relative to the largest, and to that of weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,19 +161,22 @@ def natural_modes(robot: Robot, state: State, forces: ArrayLike | Mapping[str, f
     """
     from scipy.linalg import eigh
 
-    if np.abs(state.rates).max(initial=0.0) > AT_REST:
-        raise LinkworkError("natural modes are those about an equilibrium, but the state moves; set its rates to zero")
     u = holding(robot, state) if forces is None else actuator_forces(robot, forces)
-    residual = robot.forward_dynamics(state, u)
-    scale = np.abs(np.linalg.solve(robot.mass_matrix(state), robot.gravity(state))).max(initial=1.0)
-    if np.abs(residual).max(initial=0.0) > BALANCED * scale:
-        raise LinkworkError(
-            f"the state is no equilibrium under these forces: it accelerates by {np.abs(residual).max():.3g}; find one by "
-            "analysis.equilibrium, or give the forces that hold it"
-        )
     M, K = robot.mass_matrix(state), stiffness_matrix(robot, state, u)
     squares, shapes = eigh((K + K.T) / 2, M)
-    squares = np.where(np.abs(squares) < INDIFFERENT * np.abs(squares).max(initial=0.0), 0.0, squares)
+    units = own_rates(robot, state)
+    parts = np.linalg.solve(M, np.stack([robot.gravity(state), robot.passive_forces(state)], axis=1)) / units[:, None]
+    fall = float(np.linalg.norm(robot.mechanism.gravity)) / robot.equations.tree.length
+    usual = max(fall, largest(parts), largest(squares))
+    if largest(state.rates / units) > AT_REST * np.sqrt(usual):
+        raise LinkworkError("natural modes are those about an equilibrium, but the state moves; set its rates to zero")
+    residual = robot.forward_dynamics(state, u)
+    if largest(residual / units) > BALANCED * usual:
+        raise LinkworkError(
+            f"the state is no equilibrium under these forces: it accelerates by {largest(residual):.3g}; find one by "
+            "analysis.equilibrium, or give the forces that hold it"
+        )
+    squares = np.where(np.abs(squares) < INDIFFERENT * max(fall, largest(squares)), 0.0, squares)
     frequencies = np.sign(squares) * np.sqrt(np.abs(squares)) / (2 * np.pi)
     joints = robot.rate_map(state) @ shapes
     return NaturalModes(frequencies, shapes, joints, M, K, state.independent, robot.rates)
@@ -205,8 +208,8 @@ def tool_stiffness(
 
     Returns:
         K_x and C_x (6 x 6), for (rotation, translation) of the tool and wrenches (moment, force) about it, in the ground's
-        axes [N m/rad, N, N/m and their inverses]. K_x is the pseudo-inverse of C_x: stiffness in directions in which the
-        tool cannot move is not told.
+        axes [N m/rad, N, N/m and their inverses]. K_x is the pseudo-inverse of C_x in the mechanism's own length: stiffness
+        in directions in which the tool cannot move is not told.
 
     Raises:
         LinkworkError: unknown joints, negative stiffness, joints that leave the robot loose.
@@ -220,9 +223,12 @@ def tool_stiffness(
     rows = values["L"][[robot.rates.index(name) for name in stiffness]]
     K = rows.T @ (np.array([float(value) for value in stiffness.values()])[:, None] * rows)
     K = K + (values["K"] if forces is not None else 0)
-    sigma = np.linalg.svd(K, compute_uv=False)
+    units = own_rates(robot, state)
+    sigma = np.linalg.svd(K * units * units[:, None], compute_uv=False)
     if not sigma[-1] > 1e-12 * max(sigma[0], 1e-300):
         raise LinkworkError(f"the stiffnesses of {', '.join(stiffness) or 'no joint'} leave the robot loose; give more")
     T = values["T_tool"]
     compliance = T @ np.linalg.solve(K, T.T)
-    return np.linalg.pinv(compliance, rcond=1e-12, hermitian=True), compliance
+    own = np.repeat([1.0, robot.equations.tree.length], 3)
+    own = own * own[:, None]
+    return np.linalg.pinv(compliance / own, rcond=1e-12, hermitian=True) / own, compliance

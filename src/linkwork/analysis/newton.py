@@ -19,13 +19,14 @@ import numpy as np
 
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
+from linkwork.equations.lengths import ROUNDING
 from linkwork.kernels import Kernel, compile_function
 from linkwork.simulation.threads import usable_processors
 
 CHUNK = 4096
 TURN = 1.0  # largest turn of a step [rad]
 SLIDE = 3.0  # largest slide of a step, in lengths of the mechanism
-CONVERGED = 1e-10
+CONVERGED = 1e-10  # largest residual in the mechanism's own units, relative to what rounding grows with
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Solver:
 
     @cached_property
     def step(self) -> Kernel:
-        """(q, y) -> q after a step, and the largest of |phi| and |error| before it."""
+        """(q, y) -> q after a step, and the largest of |phi| and |error| before it, in the mechanism's own units."""
         square, tree = self.square, self.square.equations.tree
         w = square.newton
         limits = np.where(sliding(square), SLIDE * self.length, TURN)
@@ -48,7 +49,10 @@ class Solver:
         q = tree.q + tree.derivatives(w)
         for places, _ in tree.quaternions:
             q[list(places)] /= ca.sqrt(ca.sumsqr(q[list(places)]))
-        gap = ca.mmax(ca.fabs(ca.vertcat(square.equations.rows.phi, square.error, *tree.norms())))
+        residuals = ca.vertcat(square.equations.rows.phi, square.error) / np.concatenate(
+            [square.equations.rows.units, square.heights]
+        )
+        gap = ca.mmax(ca.fabs(ca.vertcat(residuals, *tree.norms())))
         return self._compiled("newton_step", {"q_next": q, "gap": gap})
 
     @cached_property
@@ -93,12 +97,12 @@ class Solver:
     def _solve(
         self, q: np.ndarray, y: np.ndarray, iterations: int, mode: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        found, good = np.array(q), np.zeros(len(q), bool)
+        found, good, allowed = np.array(q), np.zeros(len(q), bool), CONVERGED * self.square.robot.size
         index = np.arange(len(q))
         for _ in range(iterations):
             q, gap = self.step(q, y)
             finite = np.isfinite(q).all(axis=1)  # the largest of some numbers passes over those that are none
-            done = finite & (gap[:, 0] <= CONVERGED * max(1.0, self.length))
+            done = finite & (gap[:, 0] <= allowed)
             found[index[done]], good[index[done]] = q[done], True
             going = ~done & finite
             if not going.any():
@@ -117,7 +121,7 @@ def solver(square: Square) -> Solver:
 
 
 def extent(square: Square) -> float:
-    """Return the mechanism's largest length at its reference [m], 1 m where it has none: joint frames, slides, bodies."""
+    """Return the mechanism's largest length at its reference [m], or else its own: joint frames, slides, bodies."""
     robot = square.robot
     frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
     lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
@@ -125,7 +129,8 @@ def extent(square: Square) -> float:
         abs(x) for x, label in zip(robot.home.positions, robot.coordinates, strict=True) if robot.unit(label) == "m"
     ]
     origins = [float(np.linalg.norm(p)) for p, _ in robot.body_poses(robot.home).values()]
-    return max(*lengths, *slides, *origins) or 1.0
+    largest, own = max(*lengths, *slides, *origins), robot.equations.tree.length
+    return largest if largest > ROUNDING * own else own
 
 
 def sliding(square: Square) -> np.ndarray:

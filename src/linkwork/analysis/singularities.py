@@ -101,9 +101,10 @@ def singularity(
     leg, actuator = (ratio(part, len(Q), J / columns) for part, J in ((X, J_x), (Q, J_q)))
     kinds = ["III"] if max(leg, actuator) < bound else [k for k, r in (("I", leg), ("II", actuator)) if r < bound]
     kinds += ["constraint"] * (constraint < bound)
-    free = X @ np.linalg.svd(Q)[2][-1] / asked.x_scale
+    moving = X @ np.linalg.svd(Q)[2][-1]
+    free = moving / asked.x_scale
     largest = free[np.argmax(np.abs(free))]
-    loose = actuator < bound and abs(largest) > bound
+    loose = actuator < bound and float(np.abs(moving).max()) > bound * float(np.linalg.norm(J_x / columns))
     tool = dict(zip(asked.what, (free / largest).tolist(), strict=True)) if loose else {}
     return Singularity(tuple(kinds), leg, actuator, constraint, tool, asked.held)
 

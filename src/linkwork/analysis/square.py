@@ -26,7 +26,7 @@ from linkwork.equations.chart import Chart, choose_chart, choose_independent, so
 from linkwork.equations.effects import rotation_vector
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, checks
-from linkwork.robot.labels import POSES
+from linkwork.robot.labels import POSE_ANGLES, POSES
 
 TWIST_ROWS = {"x": 3, "y": 4, "z": 5, "rx": 0, "ry": 1, "rz": 2, "angle": 2}
 SAMPLES = 4
@@ -39,6 +39,7 @@ class Square:
     """Hold the rows of what is asked of a robot, and the elimination that solves them together with the loops.
 
     what: names of the rows; J: rows x nv; target: y (rows); error: value - target (rows), angles the short way round
+    heights: units of the rows: the mechanism's own length of lengths, 1 of angles
     """
 
     robot: Robot
@@ -46,6 +47,7 @@ class Square:
     J: ca.SX
     target: ca.SX
     error: ca.SX
+    heights: np.ndarray
 
     @property
     def equations(self) -> Equations:
@@ -67,7 +69,8 @@ class Square:
         A = ca.vertcat(rows.Phi, self.J)
         read = ca.Function("A", [equations.tree.q, equations.p], [ca.densify(A)])
         kept = (*equations.chart.rows, *range(len(rows.names), A.shape[0]))
-        values = [(q, np.array(read(q, self.robot.p))) for q in around(self.robot)]
+        heights, widths = np.concatenate([rows.units, self.heights]), equations.tree.rate_units
+        values = [(q, np.array(read(q, self.robot.p)) * widths / heights[:, None]) for q in around(self.robot)]
         regular = [(q, value) for q, value in values if full_rank(scaled(value)[list(kept)])]
         if not regular:
             raise LinkworkError(
@@ -76,7 +79,7 @@ class Square:
             )
         samples = [value for _, value in regular]
         held = choose_independent(scaled(samples[0])[list(kept)], ())
-        return choose_chart(A, samples, kept, held), regular[0][0]
+        return choose_chart(A, samples, kept, held, (heights, widths)), regular[0][0]
 
     @cached_property
     def solution(self) -> ca.SX:
@@ -135,7 +138,8 @@ def of_joints(robot: Robot, names: Sequence[str]) -> Square:
         short_way(difference) if angular[name] and name not in robot.equations.tree.coordinates else difference
         for name, difference in ((name, joints.position(name) - y[k]) for k, name in enumerate(names))
     ]
-    return square(robot, tuple(names), joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors))
+    heights = np.array([robot.labels.sizes[robot.coordinates.index(name)] for name in names])
+    return square(robot, tuple(names), joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors), heights)
 
 
 def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
@@ -165,7 +169,8 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         R = ca.reshape(orientation, 3, 3).T
         error = rotation_vector(matrix_quaternion(ca.mtimes(R, exponential(r).T)))
         errors |= {name: error[k] for k, name in enumerate(("rx", "ry", "rz"))}
-    return square(robot, what, twist_rows(robot, what), y, ca.vertcat(*[errors[name] for name in what]))
+    heights = np.where([name in POSE_ANGLES for name in what], 1.0, robot.equations.tree.length)
+    return square(robot, what, twist_rows(robot, what), y, ca.vertcat(*[errors[name] for name in what]), heights)
 
 
 def twist_rows(robot: Robot, what: Sequence[str]) -> ca.SX:
@@ -201,7 +206,8 @@ def led_coordinates(robot: Robot, near: bool) -> tuple[str, ...] | None:
         is stretched, but not more: a tool that shifts only as it tilts lacks two when it is level, and is not led in them.
     """
     names, freedoms = pose_names(robot), robot.mobility - len(robot.spins)
-    maps = np.array(twist_maps(robot))
+    maps = np.array(twist_maps(robot)) / np.repeat([1.0, robot.equations.tree.length], 3)[:, None]
+    maps = maps * robot.equations.tree.rate_units[list(robot.equations.chart.independent)]
     for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
         if not chosen or len(chosen) != freedoms:
             continue
@@ -238,7 +244,7 @@ def exponential(r: ca.SX) -> ca.SX:
     return SX.eye(3) + ca.sin(t) / t * K + 2 * (ca.sin(t / 2) / t) ** 2 * ca.mtimes(K, K)
 
 
-def square(robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX) -> Square:
+def square(robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX, heights: np.ndarray) -> Square:
     """Return the system; refuse another number of rows than freedoms."""
     freedoms = robot.mobility - len(robot.spins)
     if len(what) != freedoms:
@@ -247,14 +253,14 @@ def square(robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: 
             f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the mobility is {freedoms}{besides}; "
             "give as many"
         )
-    return Square(robot, what, J, target, error)
+    return Square(robot, what, J, target, error, heights)
 
 
 def around(robot: Robot) -> list[np.ndarray]:
     """Return the reference and configurations near it (fixed seed), whose loops are open by a little."""
     random = np.random.default_rng(1990)
     q = robot.equations.reference
-    return [q, *(q + SPREAD * random.standard_normal(q.size) for _ in range(SAMPLES))]
+    return [q, *(q + SPREAD * robot.equations.tree.units * random.standard_normal(q.size) for _ in range(SAMPLES))]
 
 
 def scaled(A: np.ndarray) -> np.ndarray:

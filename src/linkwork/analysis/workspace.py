@@ -322,7 +322,7 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     axes = [mapped[name].values for name in dims]
     for name, axis in zip(dims, axes, strict=True):
         steps = np.diff(axis)
-        if name in POSE_ANGLES or len(axis) < 2 or not np.allclose(steps, steps[0], rtol=1e-6):
+        if name in POSE_ANGLES or len(axis) < 2 or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
             raise LinkworkError(f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z")
     inside = mapped["reachable"].values & ~(mapped["conditioning"].values < at_least)
     spacing = [abs(axis[1] - axis[0]) for axis in axes]

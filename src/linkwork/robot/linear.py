@@ -59,13 +59,32 @@ def holding(robot: Robot, state: State) -> np.ndarray:
         return np.zeros(0)
     S, G, f = robot.actuation(still), robot.gravity(still), robot.passive_forces(still)
     u = actuation.least_forces(S, G - f, None)
-    missed = np.abs(G - f - S.T @ u).max(initial=0.0)
-    if missed > HELD * max(1.0, np.abs(G).max(initial=0.0), np.abs(f).max(initial=0.0)):
+    missed, units = np.abs(G - f - S.T @ u), own_rates(robot, still)
+    if (missed * units).max(initial=0.0) > HELD * max(weight(robot), *map(largest, (G * units, f * units))):
         raise LinkworkError(
-            f"no forces of {', '.join(robot.actuators)} hold this pose: {missed:.3g} N or N m are missing; "
+            f"no forces of {', '.join(robot.actuators)} hold this pose: {missed.max():.3g} N or N m are missing; "
             "choose an equilibrium"
         )
     return u
+
+
+def own_rates(robot: Robot, state: State) -> np.ndarray:
+    """Return the mechanism's own units of a state's independent rates (n) but for the time: its length, or 1 rad.
+
+    Forces times these are energies.
+    """
+    return robot.chart_of(state).units[robot.equations.nq :]
+
+
+def weight(robot: Robot) -> float:
+    """Return the energy [J] that raises all bodies by the mechanism's own length."""
+    mass = sum(body.mass for body in robot.mechanism.bodies.values())
+    return mass * float(np.linalg.norm(robot.mechanism.gravity)) * robot.equations.tree.length
+
+
+def largest(values: np.ndarray) -> float:
+    """Return the largest magnitude, 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
 
 
 def at_rest(state: State) -> State:

@@ -1,0 +1,118 @@
+"""Robots in micrometres and micrograms, or a million times larger and heavier: analyses give the answers scaled likewise."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import analysis
+
+from tests.oracle.scaling import Scale
+
+SCALES = [(1e-6, 1e-6), (1e6, 1e6)]
+MADE = {
+    "pendulum": lw.robots.pendulum(),
+    "double_pendulum": lw.robots.double_pendulum(),
+    "five_bar": lw.robots.five_bar(),
+    "rpr3": lw.robots.rpr3(gravity=(0.0, -9.81, 0.0)),
+}
+
+
+def pair(name, L, M):
+    """Return the scale, the robot and the scaled robot."""
+    scale = Scale(MADE[name], L, M)
+    return scale, lw.Robot(MADE[name]), lw.Robot(scale.mechanism)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+@pytest.mark.parametrize("name", ["pendulum", "double_pendulum"])
+def test_equilibria_and_their_vibrations_are_the_same(name, L, M):
+    scale, plain, robot = pair(name, L, M)
+    expected, found = (analysis.equilibria(one, starts=6) for one in (plain, robot))
+    assert [one.stable for one in found] == [one.stable for one in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert np.allclose(one.state.positions, other.state.positions, rtol=0, atol=1e-7)
+        assert np.allclose(one.stiffness / scale.energy, other.stiffness, rtol=1e-6)
+        vibrations = [
+            analysis.natural_modes(*which).frequencies for which in ((robot, one.state), (plain, other.state))
+        ]
+        assert np.allclose(*vibrations, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_a_parallel_robot_is_held_vibrates_and_yields_the_same(L, M):
+    scale, plain, robot = pair("rpr3", L, M)
+    forces = analysis.natural_modes(plain, plain.home), analysis.natural_modes(robot, robot.home)
+    assert np.allclose(forces[1].frequencies, forces[0].frequencies, rtol=1e-6)
+    u = plain.inverse_dynamics(plain.home, np.zeros(3))
+    there = analysis.equilibrium(plain, u, stable=False).state
+    found = analysis.equilibrium(robot, u * scale.forces(robot.actuators), stable=False).state
+    assert np.allclose(found.positions / scale.coordinates(), there.positions, rtol=0, atol=1e-9)
+    with pytest.raises(lw.LinkworkError, match="no equilibrium under these forces"):
+        analysis.natural_modes(robot, robot.home, 0.99 * u * scale.forces(robot.actuators))
+    with pytest.raises(lw.LinkworkError, match="the state moves"):
+        analysis.natural_modes(robot, robot.home.with_rates(1e-3 * scale.rates(robot.independent)))
+    per_leg = {name: 1e5 for name in plain.actuators}
+    own = np.repeat([1.0, L], 3)
+    K, C = analysis.tool_stiffness(plain, plain.home, per_leg)
+    K_own, C_own = analysis.tool_stiffness(robot, robot.home, {name: 1e5 * M for name in per_leg})
+    assert np.allclose(K_own * own * own[:, None] / scale.energy, K, rtol=1e-9, atol=1e-9 * np.abs(K).max())
+    assert np.allclose(C_own / own / own[:, None] * scale.energy, C, rtol=1e-9, atol=1e-9 * np.abs(C).max())
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+@pytest.mark.parametrize(("name", "tool"), [("five_bar", None), ("rpr3", (0.5, 0.3, 0.9))])
+def test_the_same_starts_end_in_the_same_modes(name, tool, L, M):
+    scale, plain, robot = pair(name, L, M)
+    lengths = [L, L, 1.0][: plain.mobility]
+    pose = plain.tool_pose(plain.home)[: plain.mobility] if tool is None else np.array(tool)
+    modes = [
+        (analysis.assembly_modes(plain), analysis.assembly_modes(robot)),
+        (analysis.working_modes(plain, pose), analysis.working_modes(robot, pose * lengths)),
+    ]
+    for expected, found in modes:
+        assert len(found) == len(expected) > 1
+        assert abs(found.converged - expected.converged) < 1e-3 * expected.starts
+        assert np.allclose(found.states.positions / scale.coordinates(), expected.states.positions, rtol=0, atol=1e-7)
+        assert np.array_equal(found.signs, expected.signs)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_the_same_poses_are_reached_and_as_well_conditioned(L, M):
+    _, plain, robot = pair("rpr3", L, M)
+    x, y = np.linspace(-0.5, 1.5, 15), np.linspace(-0.5, 1.3, 15)
+    limits = {f"slide_{i}": (0.3, 0.9) for i in (1, 2, 3)}
+    expected = analysis.workspace(plain, {"x": x, "y": y, "angle": 1.0}, limits=limits)
+    limits = {name: (L * lower, L * upper) for name, (lower, upper) in limits.items()}
+    found = analysis.workspace(robot, {"x": L * x, "y": L * y, "angle": 1.0}, limits=limits)
+    assert 0.05 < expected.reachable.mean() < 0.95
+    assert np.array_equal(found.reachable.values, expected.reachable.values)
+    for name in ("conditioning", "det_A", "det_B"):
+        assert np.allclose(found[name].values, expected[name].values, rtol=1e-6, atol=1e-9, equal_nan=True)
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+def test_a_pose_is_singular_whatever_its_units(angle, L, M):
+    _, plain, robot = pair("rpr3", L, M)
+    pose = np.array([0.5, 0.5 / np.sqrt(3), angle])
+    expected = analysis.singularity(plain, plain.assemble(tool=pose))
+    found = analysis.singularity(robot, robot.assemble(tool=pose * [L, L, 1.0]))
+    assert found.kinds == expected.kinds == (("II",) if angle == 0 else ())
+    assert np.allclose([found.leg, found.actuator], [expected.leg, expected.actuator], rtol=1e-6, atol=1e-9)
+    assert found.tool.keys() == expected.tool.keys()
+
+
+@pytest.mark.parametrize(("L", "M"), [*SCALES, (1e-9, 1.0)])
+def test_input_output_relations_are_the_same_but_for_units(L, M):
+    _, plain, robot = pair("rpr3", L, M)
+    (A, B), (A_own, B_own) = (analysis.input_output(one, one.home) for one in (plain, robot))
+    relation = A_own / np.diag(B_own)[:, None] / L * [L, L, 1.0]
+    assert np.allclose(relation, A / np.diag(B)[:, None], rtol=1e-9, atol=1e-12)
+
+
+def test_steps_of_a_grid_in_nanometres_are_compared_with_each_other():
+    mapped = analysis.workspace(
+        lw.Robot(Scale(MADE["rpr3"], 1e-8).mechanism), {"x": [0.0, 4e-9, 5e-9], "y": [0.0, 1e-9, 2e-9], "angle": 1.0}
+    )
+    with pytest.raises(lw.LinkworkError, match="equally spaced"):
+        analysis.inscribed(mapped)
