@@ -83,7 +83,7 @@ def circle(
     middle = finite("the centre", centre, (2, 3))
     radius, start = checks.positive(radius, "the radius"), checks.number(start, "the angle of the first point")
     turn = np.atleast_1d(checks.finite(() if orientation is None else orientation, "the orientation"))
-    fixed = np.concatenate([middle[2:], finite("the orientation", turn, (0, 2 * middle.size - 3))])
+    fixed = np.concatenate([middle[2:], finite("the orientation", turn.tolist(), (0, 2 * middle.size - 3))])
     sweep = 2 * np.pi * checks.number(turns, "the number of turns")
 
     def curve(s: np.ndarray) -> Triple:

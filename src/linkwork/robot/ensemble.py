@@ -311,7 +311,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             watch=crew.watch(indices, (0.0, course.duration)),
             progress=progress,
             turning=limits,
-            **course.options | {"atol": chart.tolerances(course.options["atol"], crew.start(indices).shape[1])},
+            **{**course.options, "atol": chart.tolerances(course.options["atol"], crew.start(indices).shape[1])},
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
         if chart is first and averted.any():

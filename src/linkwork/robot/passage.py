@@ -268,7 +268,8 @@ class Passage:
 
     def _along(self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal) -> Trajectory:
         chart, t, system = stand.chart, stand.t, self.system
-        options = {**self.options, "max_steps": stand.steps, "method": stand.method}
+        atol = chart.tolerances(self.options["atol"], stand.q.size + stand.v.size)
+        options: dict[str, Any] = {**self.options, "atol": atol, "max_steps": stand.steps, "method": stand.method}
         stiff = isinstance(stand.method, Rosenbrock)
         if t != self.start or stand.method is not self.options["method"]:
             options.pop("first_step", None)
@@ -290,7 +291,7 @@ class Passage:
             watch=self.watch,
             turning=self.turning,
             turns=stand.turns,
-            **options | {"atol": stand.chart.tolerances(options["atol"], stand.q.size + stand.v.size)},
+            **options,
         )
         return replace(done, bounds={**done.bounds, "max_steps": self.options["max_steps"]})
 

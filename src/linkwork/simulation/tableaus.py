@@ -176,7 +176,8 @@ def _tableau(name: str, order: int, error_order: int, rows: list[str], lower: st
     b = a[-1]
     e = [high - low for high, low in zip(b, _fractions(lower, len(rows)), strict=True)]
     d = _fractions(quartic, len(rows))
-    return Tableau(name, order, error_order, *(frozen(x) for x in (a, [sum(row) for row in a], e, _hermite(b, d))))
+    a, c, e, dense = (frozen(x) for x in (a, [sum(row) for row in a], e, _hermite(b, d)))
+    return Tableau(name, order, error_order, a, c, e, dense)
 
 
 def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
