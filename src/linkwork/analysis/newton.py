@@ -49,10 +49,9 @@ class Solver:
         q = tree.q + tree.derivatives(w)
         for places, _ in tree.quaternions:
             q[list(places)] /= ca.sqrt(ca.sumsqr(q[list(places)]))
-        residuals = ca.vertcat(square.equations.rows.phi, square.error) / np.concatenate(
-            [square.equations.rows.units, square.heights]
-        )
-        gap = ca.mmax(ca.fabs(ca.vertcat(residuals, *tree.norms())))
+        rows = square.equations.rows
+        residuals = ca.vertcat(rows.phi, square.error) / np.concatenate([rows.units, square.heights])
+        gap = ca.mmax(ca.fabs(ca.vertcat(residuals, rows.excess, *tree.norms())))
         return self._compiled("newton_step", {"q_next": q, "gap": gap})
 
     @cached_property

@@ -5,8 +5,10 @@ Mechanism -> Topology -> Tree -> closure rows -> reference configuration -> kept
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from itertools import chain, islice
 
 import casadi as ca
@@ -14,7 +16,7 @@ import numpy as np
 
 from linkwork.equations import closure, gears, mobility, readings, spins
 from linkwork.equations.algebra import SX, dense, symbol
-from linkwork.equations.chart import choose_chart, choose_independent, independent_rows
+from linkwork.equations.chart import choose_chart, choose_independent, independent_rows, largest_rows
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import own_length
@@ -40,10 +42,18 @@ STAYS_OPEN = 1e-9
 TURNS_OUT = 1e-9
 SHOWN = 6  # coordinates in a note
 REGULAR = 1e-3  # least singular value at a bent reference, in own units
+ROUNDED = 1e-6  # gap of redundant rows, in own units, that rounded numbers explain
+ROUNDED_RANK = (
+    1e-5  # singular value over the largest, and what is left of a row over the longest, that rounded numbers make
+)
 NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
     "branches of motion meet at the given reference, as where a linkage lies in a line; home is bent to {}; give a "
     "reference on the branch that is meant"
+)
+UNHELD = (
+    "redundant rows stay open by up to {:.2g} (lengths over the mechanism's own, and rad), as rounded numbers leave them: {}; "
+    "the other rows are closed exactly, these are not held"
 )
 FLIPPED = (
     "the loops close near the reference configuration only with a joint's frames facing opposite ways; give joint "
@@ -76,9 +86,10 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     start = guess(mechanism, topology, tree)
     joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length))
-    configurations, samples, notes = closed_samples(tree, rows, start, starts(mechanism, topology, tree, start))
+    every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
+    rows, configurations, samples, notes = closed_samples(tree, rows, start, begin)
     kept = independent_rows(samples)
-    redundant = tuple(name for index, name in enumerate(rows.names) if index not in kept)
+    redundant = tuple(name for name in every if name not in [rows.names[index] for index in kept])
     mobility.refuse_locked(topology, tree, rows.names, samples[0])
     refuse_out_of_plane(mechanism, tree, configurations, samples)
     preferred = [tree.rates.index(label) for label in (*independent, *mechanism.actuators) if label in tree.rates]
@@ -166,29 +177,63 @@ def refuse_open(row: str, residual: float, unit: float) -> None:
         )
 
 
-Samples = tuple[list[np.ndarray], list[np.ndarray], tuple[str, ...]]
+Samples = tuple[Rows, list[np.ndarray], list[np.ndarray], tuple[str, ...]]
 
 
-def closed_samples(tree: Tree, rows: Rows, start: np.ndarray, starts: Iterable[np.ndarray]) -> Samples:
-    """Return the closed reference configuration and closed ones near it, Phi at each in the mechanism's own units, notes.
+def closed_samples(tree: Tree, rows: Rows, start: np.ndarray, starts: Callable[[], Iterable[np.ndarray]]) -> Samples:
+    """Return the rows, the closed reference configuration and closed ones near it, Phi there in own units, notes.
 
-    Where the rows lose rank at the reference, or at a start that leads to none, another one is looked for beside it.
+    Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at the reference, or at a
+    start that leads to none, another one is looked for beside it.
     """
     try:
-        reference = closed_reference(tree, rows, starts)
+        reference = closed_reference(tree, rows, starts())
     except MechanismError:
+        if (fewer := held(tree, rows, starts())) is not None:
+            return closed_samples(tree, fewer, start, starts)
         if not singular_start(tree, rows, start):
             raise
         reference = closed_reference(tree, rows, chain([start], bends(tree, start)))
-    samples = about(tree, rows, reference)
+    samples, rounded = about(tree, rows, reference), unheld_notes(tree, rows, reference)
+    if nearly_dependent(samples[1][0]) and (fewer := held(tree, rows, starts())) is not None:
+        return closed_samples(tree, fewer, start, starts)
     rank = len(independent_rows(samples[1]))
     if len(independent_rows(samples[1][:1])) == rank:
-        return *samples, ()
+        return rows, *samples, rounded
     beside = bent(tree, rows, reference, rank)
     if beside is None:
-        return samples[0][:1], samples[1][:1], ()
+        return rows, samples[0][:1], samples[1][:1], rounded
     where = ", ".join(f"{label} = {x:.3g}" for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN])
-    return *about(tree, rows, beside), (BENT.format(where),)
+    return rows, *about(tree, rows, beside), (BENT.format(where), *unheld_notes(tree, rows, beside))
+
+
+def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
+    """Return the rows without redundant ones that rounded numbers leave open; None where that is not what does."""
+    system = closing(tree, rows)
+    for start in starts if rows.unheld is None else ():
+        with suppress(OpenLoopsError):
+            q = close(system, tree, start, gap=ROUNDED)
+            samples = np.array(jacobians(tree, rows, [q, *neighbours(system, tree, q, gap=ROUNDED)]))
+            values = np.linalg.svd(samples, compute_uv=False)
+            rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
+            if np.abs(system(q)[0]).max(initial=0.0) > OPEN and rank < len(rows.names):
+                kept = sorted(largest_rows(samples[np.argmax(values[:, rank - 1])], rank))
+                left = [index for index in range(len(rows.names)) if index not in kept]
+                return replace(rows.part(kept), unheld=rows.part(left))
+    return None
+
+
+def nearly_dependent(Phi: np.ndarray) -> bool:
+    """Tell whether some rows depend on others but for rounded numbers: where such rows close, it is far off by chance."""
+    return len(reflect(Phi, STAYS_OPEN).rows) > len(reflect(Phi, ROUNDED_RANK).rows)
+
+
+def unheld_notes(tree: Tree, rows: Rows, q: np.ndarray) -> tuple[str, ...]:
+    """Return a note on the rows that are not held, if there are any."""
+    if rows.unheld is None:
+        return ()
+    gap = float(tree.evaluated("unheld", [rows.unheld_gap])(q)[0])
+    return (UNHELD.format(gap, ", ".join(rows.unheld.names)),)
 
 
 def about(tree: Tree, rows: Rows, reference: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -247,11 +292,25 @@ def closed_reference(tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np
             gap = error.gap * rows.units[error.worst]
             refusal = too_large(tree, start) or open_near_reference(rows.names[error.worst], gap)
             continue
+        if (gaping := open_unheld(tree, rows, reference, p)) is not None:
+            refusal = gaping
+            continue
         if float(alignment(reference)[0]) < 0:
             refusal = MechanismError(FLIPPED, ("reference",))
             continue
         return reference
     raise refusal
+
+
+def open_unheld(tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None) -> MechanismError | None:
+    """Return the refusal of a row that is not held and open by more than rounded numbers explain, if there is one."""
+    if rows.unheld is None:
+        return None
+    gaps = np.abs(np.array(closing(tree, rows.unheld, p)(q)[0]))
+    worst = int(gaps.argmax())
+    if gaps[worst] <= ROUNDED:
+        return None
+    return open_near_reference(rows.unheld.names[worst], float(gaps[worst] * rows.unheld.units[worst]))
 
 
 def too_large(tree: Tree, q: np.ndarray) -> MechanismError | None:

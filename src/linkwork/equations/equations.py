@@ -31,6 +31,7 @@ REGULAR, LOST = 0.2, 0.01
 
 VANISHING = 1e-6  # length at the reference that counts as zero, over that nearby
 ROUNDING = 1e-11  # length that is a rounding error, over the largest one
+GAPING = 1e-4  # gap of a row that is not held, in own units, that rounded numbers do not explain anywhere
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class Rows:
     open_Phi: the derivative of phi along the rates where the loops are open, too
     alignment: positive where the frames of every cut joint agree, negative where a direction is flipped
     units: of phi (rows): the own length of positions, 1 of directions, the largest term's of gears
+    unheld: redundant rows that rounded numbers leave open, if there are any: no row of these, but watched
     """
 
     names: tuple[str, ...]
@@ -51,6 +53,24 @@ class Rows:
     gamma: ca.SX
     alignment: ca.SX
     units: np.ndarray
+    unheld: Rows | None = None
+
+    def part(self, indices: Sequence[int]) -> Rows:
+        """Return some of the rows."""
+        own = list(indices)
+        names = tuple(self.names[index] for index in own)
+        matrices = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
+        return Rows(names, *matrices, self.rates, self.gamma[own, :], self.alignment, self.units[own])
+
+    @property
+    def unheld_gap(self) -> ca.SX:
+        """The largest |phi| of the rows that are not held, in own units."""
+        return ca.mmax(ca.fabs(self.unheld.phi / self.unheld.units)) if self.unheld else SX(0)
+
+    @property
+    def excess(self) -> ca.SX:
+        """How far rows that are not held are open beyond what rounded numbers explain; empty where all are held."""
+        return ca.fmax(self.unheld_gap - GAPING, 0) if self.unheld else SX(0, 1)
 
     @cached_property
     def pattern(self) -> dict[int, dict[int, bool]]:

@@ -69,6 +69,7 @@ def terms(equations: Equations) -> ca.Function:
 def closure_step(equations: Equations) -> ca.Function:
     """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi| before it in own units.
 
+    Rows that are not held count as far as they are open beyond what rounded numbers explain.
     A quaternion is scaled by (3 - p . p) / 2, a Newton step towards length 1.
     """
     tree, phi = equations.tree, equations.rows.phi
@@ -76,9 +77,14 @@ def closure_step(equations: Equations) -> ca.Function:
     q = tree.q + tree.derivatives(equations.scatter(step, SX.zeros(equations.mobility, 1)))
     for places, _ in tree.quaternions:
         q[list(places)] *= (3 - ca.sumsqr(tree.q[list(places)])) / 2
-    conditions = ca.vertcat(phi * ca.DM(1 / equations.rows.units), *tree.norms())
+    conditions = ca.vertcat(phi * ca.DM(1 / equations.rows.units), *tree.norms(), equations.rows.excess)
     largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
     return function("closure_step", equations, {"q": tree.q}, {"q_next": q, "residual": largest})
+
+
+def unheld_gap(equations: Equations) -> ca.Function:
+    """Return q -> the largest |phi| of the rows that are not held, in own units."""
+    return function("unheld_gap", equations, {"q": equations.tree.q}, {"gap": equations.rows.unheld_gap})
 
 
 def tree_rates(equations: Equations) -> ca.Function:
@@ -147,13 +153,15 @@ def pivots(equations: Equations) -> ca.Function:
 def assembly(equations: Equations) -> ca.Function:
     """Return (q, w) -> what closes and places the mechanism, with Jacobians in the rates and biases at w' = 0.
 
-    Outputs: phi, its derivative along the rates, gamma; alignment; the map from w to q'; coordinates of all joints and
-    the rows of their rates; of the first tool the position (3), the orientation (9, row by row), the angle (where planar), the
-    Jacobian (6 x nv) and the bias (6).
+    Outputs: how far rows that are not held, if there are any, are open beyond what rounded numbers explain; phi, its
+    derivative along the rates, gamma; alignment; the map from w to q'; coordinates of all joints and the rows of their
+    rates; of the first tool the position (3), the orientation (9, row by row), the angle (where planar), the Jacobian
+    (6 x nv) and the bias (6).
     """
     tree, rates = equations.tree, equations.rows.rates
     tool = next(iter(equations.mechanism.tools.values()), None)
-    outputs = {
+    outputs = {"excess": equations.rows.excess} if equations.rows.unheld else {}
+    outputs |= {
         "phi": equations.rows.phi,
         "Phi": equations.rows.open_Phi,
         "gamma": equations.rows.gamma,

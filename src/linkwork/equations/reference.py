@@ -41,7 +41,7 @@ class OpenLoopsError(ArithmeticError):
         super().__init__(f"row {self.worst} stays open by {self.gap:.3g}")
 
 
-def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.ndarray:
+def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: float = 0.0) -> np.ndarray:
     """Solve phi(q) = 0 by damped Gauss-Newton steps of least length in the rates.
 
     Args:
@@ -50,9 +50,10 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
         tree: says where unit quaternions are.
         q: start.
         steps: most steps to take.
+        gap: that is small enough; no step is taken from there.
 
     Returns:
-        q with max |phi| <= 1e-12 in the mechanism's own units; more only as far as the rounding of large q asks for it.
+        q with max |phi| <= 1e-12 in the mechanism's own units, or gap; more only as far as the rounding of large q asks.
 
     Raises:
         OpenLoopsError: where no step reduces the residual further.
@@ -61,6 +62,8 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
     phi, Phi, N = system(q)
     for _ in range(steps):
         size = np.abs(phi).max(initial=0.0)
+        if gap and size <= gap:
+            break
         step = least_step(Phi, phi)
         step *= min(1.0, 0.5 / max(np.abs(step).max(initial=0.0), 1e-300))
         for _ in range(12):
@@ -75,7 +78,7 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100) -> np.nda
         if size <= CLOSED:
             break
     rounding = 0.01 * np.abs(q / tree.units).max(initial=0.0)
-    if not np.abs(phi).max(initial=0.0) <= min(CLOSED * max(1.0, rounding), OPEN):
+    if not np.abs(phi).max(initial=0.0) <= max(gap, min(CLOSED * max(1.0, rounding), OPEN)):
         raise OpenLoopsError(phi)
     return q
 
@@ -101,13 +104,13 @@ def unit(tree: Tree, q: np.ndarray) -> np.ndarray:
     return q
 
 
-def neighbours(system: System, tree: Tree, q: np.ndarray) -> list[np.ndarray]:
-    """Return closed configurations near q (fixed seed), as many of the attempts as close."""
+def neighbours(system: System, tree: Tree, q: np.ndarray, gap: float = 0.0) -> list[np.ndarray]:
+    """Return configurations near q (fixed seed), closed but for a gap, as many of the attempts as close."""
     random = np.random.default_rng(20100)
     found = []
     for _ in range(NEIGHBOURS):
         try:
-            found.append(close(system, tree, q + SPREAD * tree.units * random.standard_normal(q.size)))
+            found.append(close(system, tree, q + SPREAD * tree.units * random.standard_normal(q.size), gap=gap))
         except OpenLoopsError:
             continue
     return found

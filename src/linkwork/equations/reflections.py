@@ -38,10 +38,13 @@ class Reflections:
         return basis
 
 
-def reflect(A: np.ndarray) -> Reflections:
-    """Return the reflections that make the rows of A (rows x columns) orthogonal, one after the other."""
+def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
+    """Return the reflections that make the rows of A (rows x columns) orthogonal, one after the other.
+
+    dependent: what is left of a dependent row, over the longest row
+    """
     rest, free = np.array(A, float), np.ones(A.shape[1], bool)
-    least = DEPENDENT_ROW * np.linalg.norm(rest, axis=1).max(initial=0.0)
+    least = dependent * np.linalg.norm(rest, axis=1).max(initial=0.0)
     rows, pivots, reflections = [], [], []
     for row in range(len(rest)):
         columns = np.flatnonzero(free & (rest[row] != 0))

@@ -60,7 +60,7 @@ class Assembler:
     evaluate: maps (q, w) to the outputs of `functions.assembly` by name
     coordinates, rate_names: names of all joints' coordinates and rates; angular: which coordinates are angles
     sizes: units of the coordinates, the mechanism's own length of lengths; units: those of the closure rows
-    rows: names of the closure rows; planar: whether poses are (x, y, angle)
+    rows, unheld: names of the closure rows, and of those that are not held; planar: whether poses are (x, y, angle)
     """
 
     evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
@@ -70,6 +70,7 @@ class Assembler:
     angular: np.ndarray
     sizes: np.ndarray
     rows: tuple[str, ...]
+    unheld: tuple[str, ...]
     units: np.ndarray
     planar: bool
 
@@ -184,7 +185,13 @@ class Assembler:
                 f"the mechanism cannot be assembled {asked} from this guess: {element} ({what}) stays off by "
                 f"{error.gap * rows[error.worst]:.3g}; choose a pose within reach or a nearer guess"
             ) from None
-        if self.still(q)["alignment"][0] < 0:
+        out = self.still(q)
+        if out.get("excess", 0.0) > 0:
+            raise UnreachableError(
+                f"the mechanism closes {asked} only in the rows that are held, and not in {', '.join(self.unheld)}, which "
+                "rounded numbers leave open; start from a nearer guess, or give the numbers of its frames in full"
+            )
+        if out["alignment"][0] < 0:
             raise UnreachableError(
                 f"the mechanism closes {asked} only with a joint's frames facing opposite ways; start from a nearer guess"
             )

@@ -32,6 +32,7 @@ KERNELS = (
     "actuation",
     "terms",
     "closure_step",
+    "unheld_gap",
     "pivots",
     "tree_rates",
     "motion_energy",
@@ -151,6 +152,12 @@ class CompiledChart:
     def residuals(self, q: np.ndarray) -> np.ndarray:
         """Return phi (rows) at one configuration."""
         return self.kernel("constraints")(q)[0]
+
+    def unheld_gap(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return the largest gap (...) of rows that are redundant and not held, at configurations; p: of each."""
+        if self.equations.rows.unheld is None:
+            return np.zeros(q.shape[:-1])
+        return self.kernel("unheld_gap")(q, self.p if p is None else p)[0][..., 0]
 
     def conditioning(self, Phi: np.ndarray) -> np.ndarray:
         """Return the smallest over the largest singular value of what the elimination solves; 1 if it solves nothing.

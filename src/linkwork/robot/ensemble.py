@@ -388,7 +388,7 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
     """Put the results of all members side by side."""
     alone = {one.member: one for one in lone}
     unfinished = [i for part in parts for i in part.members[np.isin(part.outcomes.status, LEFT)] if i not in alone]
-    numbers = in_order(parts, keep=not (lone or unfinished))
+    numbers = in_order(crew, parts, keep=not (lone or unfinished))
     if unfinished:
         numbers["status"][unfinished] = Status.CANCELLED
     for one in lone:
@@ -433,9 +433,20 @@ def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:
     return lambda: completed(crew, other, lambda done, total: None)
 
 
-def in_order(parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
+def closure_errors(crew: Members, part: Part) -> np.ndarray:
+    """Return the largest gap (M,) of each member, that of rows that are not held where it is saved and at its end included."""
+    found, equations = part.outcomes, crew.robot.equations
+    if equations.rows.unheld is None:
+        return found.closure_error
+    q = np.concatenate([found.samples, found.y_end[:, None]], axis=1)[..., : equations.nq]
+    p = np.broadcast_to(crew.p_robot(part.members)[:, None], (*q.shape[:2], crew.robot.p.size))
+    return np.maximum(found.closure_error, np.nanmax(crew.robot.chart.unheld_gap(q, p), axis=1))
+
+
+def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
     """Return numbers of all members; where they are one part and not to be written to, those of the part."""
     columns = {name: [getattr(part.outcomes, name) for part in parts] for name in ("status", "end_time", *STATISTICS)}
+    columns["closure_error"] = [closure_errors(crew, part) for part in parts]
     if keep and len(parts) == 1:
         return {name: values for name, (values,) in columns.items()}
     order = np.argsort(np.concatenate([part.members for part in parts]))

@@ -103,7 +103,8 @@ class Model:
         tree, rows, labels = self.equations.tree, self.equations.rows, self.labels
         evaluate = self._assembly.evaluate
         named = self.coordinates, self.rates, labels.angular, labels.sizes
-        return Assembler(evaluate, tree, *named, rows.names, rows.units, self.planar)
+        unheld = rows.unheld.names if rows.unheld else ()
+        return Assembler(evaluate, tree, *named, rows.names, unheld, rows.units, self.planar)
 
     def leader(self, size: int, kept: bool) -> Leader:
         """Return what leads the tool to poses of so many numbers; kept: whether on the working mode of where it begins."""

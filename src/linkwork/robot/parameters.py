@@ -55,7 +55,7 @@ def reference(robot: Robot, mechanism: Mechanism) -> np.ndarray:
     if np.isnan(gap):
         shown = ", ".join(f"{path} = {value:g}" for path, value in robot.parameters.items())
         raise LinkworkError(f"the loops have no meaning with {shown}; a pitch that is free may not be zero")
-    if gap <= CLOSED:
+    if gap <= CLOSED and not equations.rows.unheld:
         return kept
     tree, topology = equations.tree, equations.topology
     begin = [kept] if equations.notes else starts(mechanism, topology, tree, guess(mechanism, topology, tree))

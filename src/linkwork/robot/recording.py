@@ -265,8 +265,15 @@ def statistics(segments: Sequence[Segment]) -> Statistics:
     """Add up what the segments took."""
     parts = [segment.trajectory for segment in segments]
     counts = zip(*[(part.nfev, part.steps, part.rejected, part.projections) for part in parts], strict=True)
-    error, weakest = max([part.closure_error for part in parts]), min(parts, key=attrgetter("pivot"))
+    error, weakest = max(closure_error(segment) for segment in segments), min(parts, key=attrgetter("pivot"))
     return Statistics(*map(sum, counts), closure_error=error, pivot=weakest.pivot, pivot_time=weakest.pivot_time)
+
+
+def closure_error(segment: Segment) -> float:
+    """Return the largest gap of a segment, that of rows that are not held at its saved states and its end included."""
+    part = segment.trajectory
+    q = np.concatenate([part.q, part.y_end[None, : part.nq]])
+    return max(part.closure_error, segment.chart.unheld_gap(q).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -375,7 +382,8 @@ def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
 def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
     """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
     part, n = segment.trajectory, segment.chart.equations.mobility
-    found = {"q": part.q[rows], "z": part.v[rows, n:], "residual": part.residual[rows], "force": part.u[rows]}
+    found = {"q": part.q[rows], "z": part.v[rows, n:], "force": part.u[rows]}
+    found["residual"] = np.maximum(part.residual[rows], segment.chart.unheld_gap(found["q"]))
     found |= segment.measured(partial(moving, segment.chart, system), rows)
     if segment.crossed is not None:  # angles are not interpolated: they may jump by a turn
         found["positions"] = segment.chart.kernel("positions")(found["q"])[0]

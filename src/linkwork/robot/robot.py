@@ -357,7 +357,8 @@ class Robot(Model):
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the own length, and rad."""
-        return self.kernel("closure_step")(self.own(state).q)[1][..., 0]
+        q = self.own(state).q
+        return np.maximum(self.kernel("closure_step")(q)[1][..., 0], self.chart.unheld_gap(q))
 
     def limits_passed(self, state: State) -> tuple[str, ...]:
         """Return one sentence for each joint coordinate that lies outside its limits in a state."""

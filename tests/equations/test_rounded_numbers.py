@@ -1,0 +1,123 @@
+"""Mechanisms written with six decimals: their redundant rows stay open by rounding, and they move as the exact ones do."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import robots
+from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
+
+from tests.hostile.changes import rounded, spatial
+from tests.oracle.maximal import MaximalOracle
+from tests.oracle.random_joints import tilted
+
+
+def spherical(angles=(0.7, 1.1, 0.9)) -> Mechanism:
+    """A loop of four hinges whose axes meet in a point 1 m off their frames: three rows of six are redundant."""
+    frames = [Frame(position=(0, 0, -1))]
+    ends = [Frame(position=tuple(np.array([0, np.sin(a), -np.cos(a)])), rotation=(a, 0, 0)) for a in angles]
+    body = Body(mass=0.5, centre_of_mass=(0.1, 0.2, -0.8), inertia=Inertia(xx=0.2, yy=0.2, zz=0.1))
+    names = ["ground", "crank", "coupler", "rocker"]
+    joints = {"hinge_1": RevoluteJoint(connects=("ground", "crank"), frames=(frames[0], frames[0]))}
+    for i, end in enumerate(ends[:2], start=1):
+        joints[f"hinge_{i + 1}"] = RevoluteJoint(connects=(names[i], names[i + 1]), frames=(end, frames[0]))
+    back = Frame(position=tuple(np.array([0, np.sin(1.3), -np.cos(1.3)])), rotation=(1.3, 0, 0))
+    joints["hinge_4"] = RevoluteJoint(connects=("ground", "rocker"), frames=(back, ends[2]))
+    reference = {"hinge_1": 1.19019805, "hinge_2": -0.44414325, "hinge_3": -1.79208441, "hinge_4": -2.03478605}
+    bodies = dict.fromkeys(names[1:], body)
+    return Mechanism(bodies=bodies, joints=joints, actuators=("hinge_1",), reference=reference)
+
+
+EXACT = {
+    "bennett": robots.bennett,
+    "tilted bricard": lambda: tilted(spatial(robots.bricard()), 2),
+    "spherical": lambda: tilted(spherical(), 4),
+    "tilted wrist": lambda: tilted(spatial(robots.agile_wrist()), 3),
+}
+OPEN = ("bennett", "tilted bricard", "spherical")
+
+
+@cache
+def pair(name: str) -> tuple[lw.Robot, lw.Robot]:
+    """The robot with all its digits and the one with six decimals."""
+    exact = EXACT[name]()
+    return lw.Robot(exact), lw.Robot(rounded(exact))
+
+
+def gap(mechanism: Mechanism, positions: np.ndarray) -> float:
+    """The largest gap of a joint [m, rad], found in coordinates of all bodies."""
+    oracle = MaximalOracle(mechanism, dict(zip(mechanism.coordinates, positions, strict=True)))
+    residuals = oracle.residuals(oracle.poses(oracle.near))
+    return max(float(np.abs(part).max(initial=0)) for part in residuals.values())
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_six_decimals_have_the_mobility_and_the_accelerations_of_all_digits(name):
+    exact, decimal = pair(name)
+    assert (decimal.mobility, len(decimal.redundant)) == (exact.mobility, len(exact.redundant))
+    rates = np.full(exact.mobility, 0.7)
+    expected, found = (
+        one.joint_accelerations(state, one.forward_dynamics(state, np.full(len(one.actuators), 0.1)))
+        for one in (exact, decimal)
+        for state in [one.state(one.home.positions, rates)]
+    )
+    assert decimal.independent == exact.independent
+    np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_a_note_names_the_rows_that_rounding_leaves_open_and_the_gap_is_told(name):
+    _, decimal = pair(name)
+    (note,) = decimal.notes
+    assert "redundant rows stay open" in note and any(row in note for row in decimal.redundant)
+    told = float(decimal.closure_error(decimal.home))
+    true = gap(decimal.mechanism, decimal.home.positions)
+    assert 1e-8 < told < 1e-6
+    assert 0.1 * true < told < 10 * true
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_a_run_with_six_decimals_reaches_its_end_beside_the_exact_one_and_tells_its_gap(name):
+    exact, decimal = pair(name)
+    runs = [one.simulate(one.home, duration=1.0, save_at=[0.5, 1.0]) for one in (exact, decimal)]
+    assert all(run.success for run in runs)
+    expected, found = (run.variables["joint_position"].values for run in runs)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    true = max(gap(decimal.mechanism, positions) for positions in found)
+    saved = runs[1].variables["closure_error"].values
+    assert 0.1 * true < saved.max() <= runs[1].closure_error < 1e-5
+    assert runs[0].closure_error < 1e-12
+
+
+def test_the_members_of_an_ensemble_tell_the_gap_of_rows_that_are_not_held():
+    _, decimal = pair("bennett")
+    starts = decimal.state(np.stack([decimal.home.positions] * 2), np.array([[0.0], [1.0]]))
+    found = decimal.ensemble(starts, duration=0.2, save_at=[0.1, 0.2])
+    true = [gap(decimal.mechanism, positions) for positions in found.final.positions]
+    assert (found.closure_error > 0.1 * np.array(true)).all() and (found.closure_error < 1e-6).all()
+
+
+def test_a_redundant_loop_that_is_really_open_is_refused():
+    exact = robots.bennett()
+    hinge = exact.joints["hinge_2"]
+    far = hinge.frames[0].model_copy(update={"position": (hinge.frames[0].position[0] + 5e-4, 0.0, 0.0)})
+    joints = exact.joints | {"hinge_2": hinge.model_copy(update={"frames": (far, hinge.frames[1])})}
+    with pytest.raises(MechanismError, match="stays open by"):
+        lw.Robot(exact.model_copy(update={"joints": joints}))
+
+
+def test_a_free_number_that_opens_the_rows_that_are_not_held_is_refused():
+    decimal = pair("bennett")[1].free("joints.hinge_2.frames.0.position.0")
+    (path,) = decimal.parameters
+    with pytest.raises(MechanismError, match="stays open by"):
+        decimal.with_parameters({path: decimal.parameters[path] + 5e-4})
+
+
+@pytest.mark.parametrize("make", [robots.four_bar, robots.bennett])
+def test_a_reference_with_seven_digits_of_a_loop_that_closes_is_closed_to_rounding_without_a_note(make):
+    home = lw.Robot(make()).home.positions
+    robot = lw.Robot(make().with_reference(dict(zip(make().coordinates, np.round(home, 7).tolist(), strict=True))))
+    assert robot.closure_error(robot.home) < 1e-12 and not robot.notes
+    np.testing.assert_allclose(robot.home.positions, home, atol=1e-6)
