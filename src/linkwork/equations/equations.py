@@ -8,10 +8,11 @@ friction (`effects`). S gives the actuated rates, S v; it is the unit matrix whe
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import casadi as ca
 import numpy as np
@@ -32,6 +33,7 @@ REGULAR, LOST = 0.2, 0.01
 VANISHING = 1e-6  # length at the reference that counts as zero, over that nearby
 ROUNDING = 1e-11  # length that is a rounding error, over the largest one
 GAPING = 1e-4  # gap of a row that is not held, in own units, that rounded numbers do not explain anywhere
+HIDDEN = 1e-13  # part of a product that rounding hides
 
 
 @dataclass(frozen=True)
@@ -271,12 +273,16 @@ def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
     """Solve A x = b for a symmetric positive A.
 
     Up to three unknowns by cofactors, A^-1 = adj A / det A: one division, and short chains of operations. More by
-    A = U' D U without square roots, U unit upper triangular.
+    A = U' D U without square roots, U unit upper triangular. Where A is singular but for rounding x is not finite: by
+    Hadamard's inequality det A <= prod A_ii, of which less than HIDDEN is left, and likewise 1 / D_i <= A_ii.
     """
     n = A.shape[0]
     if n <= COFACTOR_SIZE:
         adjugate = ca.densify(ca.adj(A))
-        return ca.mtimes(adjugate, b) / ca.mtimes(A[0, :], adjugate[:, 0])
+        det = ca.mtimes(A[0, :], adjugate[:, 0])
+        x = ca.mtimes(adjugate, b) / det
+        x[0] += unless(det > HIDDEN * product(ca.diag(A))) if n > 1 else 0
+        return x
     U, D = SX.eye(n), [SX(0)] * n
     W = SX.zeros(n, n)
     for i in range(n):
@@ -293,4 +299,15 @@ def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
     for i in reversed(range(n)):
         for k in range(i + 1, n):
             x[i] = x[i] - U[i, k] * x[k]
+    x[0] = unless(sum(((A[i, i] * D[i]) ** 2 for i in range(1, n)), SX(0)) < HIDDEN**-2) + x[0]
     return ca.vertcat(*x)
+
+
+def unless(condition: ca.SX) -> ca.SX:
+    """Return 0 where a condition holds, else infinity."""
+    return ca.if_else(condition, 0, ca.inf)
+
+
+def product(factors: ca.SX) -> ca.SX:
+    """Return the product of the elements of a column."""
+    return reduce(operator.mul, ca.vertsplit(factors))

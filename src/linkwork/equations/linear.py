@@ -20,7 +20,7 @@ from linkwork.equations.equations import Equations, solve_symmetric
 
 
 def derivatives(equations: Equations) -> ca.Function:
-    """Return (q, v, u, p) -> Gamma, f_xi, f_v, f_u, force, K, L, L_xi, T_tool, pivot; asked too seldom to be compiled.
+    """Return (q, v, u, p) -> Gamma, f_xi, f_v, f_u, accelerations, force, K, L, L_xi, T_tool, pivot; too rare to compile.
 
     force = S' u - C v - G + f (n) and K = -d force/d xi; L (m x n) gives the rates of all joints, L_xi (m x n) is
     d(L v)/d xi; T_tool (6 x n) gives the tool's twist.
@@ -42,6 +42,7 @@ def derivatives(equations: Equations) -> ca.Function:
         "f_xi": ca.jtimes(f, tree.q, S),
         "f_v": ca.jacobian(f, v),
         "f_u": ca.jacobian(f, u),
+        "accelerations": f,
         "force": force,
         "K": -ca.jtimes(force, tree.q, S),
         "L": joints,

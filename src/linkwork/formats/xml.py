@@ -14,8 +14,9 @@ from typing import Any, TypeVar
 from xml.parsers import expat
 
 from linkwork.mechanism import MechanismError
-from linkwork.mechanism.document import VANISHES, vanishes
+from linkwork.mechanism.document import vanishes
 from linkwork.mechanism.record import HUGE, Record
+from linkwork.mechanism.refusal import VANISHES
 
 LARGEST = 20_000_000  # bytes
 DEEPEST = 250  # elements inside one another

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from linkwork.mechanism.refusal import MechanismError
+from linkwork.mechanism.refusal import VANISHES, MechanismError
 
 MAX_DEPTH = 16
 MAX_ENTRIES = 300_000
@@ -24,7 +24,6 @@ NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII
 NOT_FINITE = re.compile(r"[-+]?\.(?:inf|nan)\Z", re.IGNORECASE)
 EMPTY = re.compile(r"(?:~|null|)\Z", re.IGNORECASE)
 TRUTH = re.compile(r"(?:true|false|yes|no|on|off)\Z", re.IGNORECASE)
-VANISHES = "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or check its unit"
 NO_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

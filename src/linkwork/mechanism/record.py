@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
-from linkwork.mechanism.refusal import MechanismError, first_refusal, shown
+from linkwork.mechanism.refusal import VANISHES, MechanismError, first_refusal, shown
 
 __all__ = ["HUGE", "Amount", "MechanismError", "Name", "PathName", "Positive", "Real", "Record", "Vector3"]
 
 HUGE = 1e50  # of lengths, angles, masses and the like: moments of inertia of greater ones are not finite
 
-Real = Annotated[float, Field(allow_inf_nan=False)]
-Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False)]
-Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False)]
+
+def held_in_full(number: float) -> float:
+    """Accept zero, and numbers that a double holds with all its digits."""
+    if 0 < abs(number) < sys.float_info.min:
+        raise ValueError(f"{number:g} {VANISHES}")
+    return number
+
+
+Real = Annotated[float, Field(allow_inf_nan=False), AfterValidator(held_in_full)]
+Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
+Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
+Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
 Vector3 = tuple[Component, Component, Component]
 
 

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from linkwork.errors import LinkworkError
 
 LONG = 60  # characters, above which a value is not shown in full
+VANISHES = "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or check its unit"
 
 
 class MechanismError(LinkworkError):

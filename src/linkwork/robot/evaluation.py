@@ -136,7 +136,5 @@ def require_regular(state: State, pivot: np.ndarray, result: np.ndarray, given: 
     checks.finite(given, what)
     checks.finite(state.rates, "the state's rates")
     if weakest > checks.PIVOT_BOUND:
-        raise LinkworkError(
-            "the generalised inertia is singular: some motion moves no mass; give the moving bodies mass or inertia"
-        )
+        raise checks.without_mass()
     raise checks.singular(state.independent, pivot)

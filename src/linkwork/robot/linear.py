@@ -23,7 +23,13 @@ HELD = 1e-9  # force that may be missing at an equilibrium, relative
 
 
 def linearised(robot: Robot, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives."""
+    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives.
+
+    Raises:
+        LinkworkError: a generalised inertia that is singular.
+    """
+    if not np.isfinite(values["accelerations"]).all():
+        raise checks.without_mass()
     n = robot.mobility
     A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
     return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
