@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import networkx as nx
@@ -140,6 +140,13 @@ class Chart:
     dependent: tuple[int, ...]
     rows: tuple[int, ...]
     stages: tuple[Stage, ...]
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((self.independent, self.dependent, self.rows, self.stages))
 
     @property
     def blocks(self) -> list[Block]:

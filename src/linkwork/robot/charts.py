@@ -108,9 +108,14 @@ class CompiledChart:
         tree = self.equations.tree
         return np.concatenate([tree.units, tree.rate_units[list(self.equations.chart.independent)]])
 
-    def tolerances(self, atol: float, size: int) -> np.ndarray:
+    @cached_property
+    def tolerances(self) -> Callable[[float, int], np.ndarray]:
         """Return the absolute tolerance of each number of a state (q, v, z) of some size: atol in its own unit."""
-        return atol * np.concatenate([self.units, np.ones(size - self.units.size)])
+
+        def found(atol: float, size: int) -> np.ndarray:
+            return atol * np.concatenate([self.units, np.ones(size - self.units.size)])
+
+        return lru_cache(maxsize=8)(found)
 
     def facing(self, q: np.ndarray) -> CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""

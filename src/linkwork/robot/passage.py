@@ -293,7 +293,8 @@ class Passage:
             turns=stand.turns,
             **options,
         )
-        return replace(done, bounds={**done.bounds, "max_steps": self.options["max_steps"]})
+        most = self.options["max_steps"]
+        return done if stand.steps == most else replace(done, bounds={**done.bounds, "max_steps": most})
 
     @cached_property
     def with_jacobian(self) -> System:
@@ -395,8 +396,9 @@ def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
             gain = candidate.conditioning(Phi[members]) / np.maximum(conditioning[members], 1e-300)
             taken = gain >= np.where(sound[members], NOT_WORSE, BETTER)
             unsure = ~taken & (gain >= NOT_WORSE)
-            there = Phi[members[unsure]]
-            taken[unsure] = candidate.strengths(there) >= BETTER * chart.strengths(there)
+            if unsure.any():
+                there = Phi[members[unsure]]
+                taken[unsure] = candidate.strengths(there) >= BETTER * chart.strengths(there)
             good = members[taken]
             if not good.size:
                 continue

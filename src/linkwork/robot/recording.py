@@ -168,9 +168,10 @@ def charts_taken(segments: Sequence[Segment]) -> str:
 def record(made: Compared, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
     robot, system, segments, options = made.robot, made.passage.system, made.segments, made.passage.options
-    of, (status, message) = Record(robot, system, segments, besides), ending(system, segments)
+    of = Record(robot, system, segments, besides)
 
     def sentences() -> str:
+        _, message = ending(system, segments)
         adaptive, found = options["method"].step is None, made.estimate
         return f"{message} {found}" if adaptive and found and found.ratio > WORTH_TELLING else message
 
@@ -185,9 +186,9 @@ def record(made: Compared, besides: np.ndarray) -> Run:
         attrs=Deferred(
             {ASKED: partial(asked, robot, system, options), TOLD: partial(told, system, segments), ERROR: error}
         ),
-        status=status,
+        status=end(system, segments[-1]),
         message=sentences,  # pyright: ignore[reportArgumentType]
-        statistics=statistics(segments),
+        statistics=partial(statistics, segments),  # pyright: ignore[reportArgumentType]
         error=system.faults[0] if system.faults else None,
         transmitted=of.reactions,
         errors=partial(errors, made, of) if made.known else None,
@@ -222,13 +223,19 @@ def ending(system: System, segments: Sequence[Segment]) -> tuple[Status, str]:
     )
 
 
+def end(system: System, segment: Segment) -> Status:
+    """Return the status with which a run's last segment ended."""
+    if not system.faults:
+        return segment.trajectory.status
+    return Status.CANCELLED if isinstance(system.faults[0], KeyboardInterrupt) else Status.CALLBACK_FAILED
+
+
 def ended(system: System, segment: Segment) -> tuple[Status, str]:
     """Return the status and the sentence with which a run's last segment ended."""
     last = segment.trajectory
     if system.faults:
-        fault = system.faults[0]
-        status = Status.CANCELLED if isinstance(fault, KeyboardInterrupt) else Status.CALLBACK_FAILED
-        return status, status.sentence(time=last.end_time, error=reason(fault))
+        status = end(system, segment)
+        return status, status.sentence(time=last.end_time, error=reason(system.faults[0]))
     if last.status is Status.SINGULAR and not lost(segment.chart, last.q_end):
         return last.status, last.message + (
             f" The motion is given in the rates {', '.join(segment.chart.independent)}, which do not determine it there; "

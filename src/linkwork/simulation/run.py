@@ -89,21 +89,21 @@ class Deferred(Mapping[str, Value]):
 
 
 class Told:
-    """Let a text be given, or what finds it when it is first asked for."""
+    """Let a value be given, or what finds it when it is first asked for."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
-    def __get__(self, run: object, owner: type | None = None) -> str:
+    def __get__(self, run: object, owner: type | None = None) -> Any:
         if run is None:
             raise AttributeError(self.name)  # a field without a default
-        text: Any = vars(run)[self.name]
-        if callable(text):
-            text = vars(run)[self.name] = text()
-        return text
+        value = vars(run)[self.name]
+        if callable(value):
+            value = vars(run)[self.name] = value()
+        return value
 
-    def __set__(self, run: object, text: str | Callable[[], str]) -> None:
-        vars(run)[self.name] = text
+    def __set__(self, run: object, value: object) -> None:
+        vars(run)[self.name] = value
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Run:
     attrs: Mapping[str, Any]
     status: Status
     message: str = Told()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    statistics: Statistics  # pyright: ignore[reportGeneralTypeIssues]
+    statistics: Statistics = Told()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     error: BaseException | None = None
     transmitted: Callable[[str, float | None], Any] | None = field(default=None, repr=False)
     described: Callable[[], str] | None = field(default=None, repr=False)

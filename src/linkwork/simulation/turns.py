@@ -11,7 +11,7 @@ Of any other coordinate the closure is asked for what doubles of its size can ho
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -37,10 +37,11 @@ class Turning:
         """Spans, wraps, and no turns counted (3, nq)."""
         return np.array([self.spans, self.wraps, 0 * self.wraps])
 
-    @classmethod
-    def none(cls, nq: int) -> Turning:
+    @staticmethod
+    @cache
+    def none(nq: int) -> Turning:
         """Return that of coordinates that may grow as they will."""
-        return cls(np.full(nq, np.inf), np.zeros(nq))
+        return Turning(np.full(nq, np.inf), np.zeros(nq))
 
     def begun(self, q: np.ndarray, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return q (..., nq) and its whole turns, with those of angles that may not be wrapped given back."""
