@@ -61,8 +61,8 @@ class Rows:
         """Return some of the rows."""
         own = list(indices)
         names = tuple(self.names[index] for index in own)
-        matrices = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
-        return Rows(names, *matrices, self.rates, self.gamma[own, :], self.alignment, self.units[own])
+        phi, Phi, open_Phi = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
+        return Rows(names, phi, Phi, open_Phi, self.rates, self.gamma[own, :], self.alignment, self.units[own])
 
     @property
     def unheld_gap(self) -> ca.SX:
