@@ -37,6 +37,9 @@ OPERATIONS: dict[str, Callable] = {
     "fmin": min,
     "fmax": max,
     "copysign": np.copysign,
+    "lt": operator.lt,
+    "not": operator.not_,
+    "if_else_zero": lambda condition, value: value if condition else type(value)(0),
 }
 Derivative = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
