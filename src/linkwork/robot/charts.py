@@ -58,7 +58,7 @@ class CompiledChart:
 
     def with_parameters(self, p: np.ndarray) -> CompiledChart:
         """Return the chart with other values of the free parameters; both share their kernels."""
-        return replace(self, p=p)
+        return self if p is self.p else replace(self, p=p)
 
     @cached_property
     def kernel(self) -> Callable[[str], Kernel]:

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
     from linkwork.robot.robot import Robot
 
-LEFT = (Status.SINGULAR, Status.STIFF)  # with which members leave the lanes, to go on by themselves
 STATISTICS = ("nfev", "steps", "rejected", "pivot", "closure_error")
 
 
@@ -250,6 +249,11 @@ class Part:
     members: np.ndarray
     outcomes: Outcomes
 
+    @property
+    def left(self) -> np.ndarray:
+        """Which members left the lanes, to go on by themselves (M,)."""
+        return (self.outcomes.status == Status.SINGULAR) | (self.outcomes.status == Status.STIFF)
+
 
 def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
     """Return members of which nothing was run yet."""
@@ -296,10 +300,11 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
 
     while groups:
         chart, indices = groups.pop()
+        start = crew.start(indices)
         outcomes = integrate_many(
             crew.system.kernel(chart, "motion").wide_address,
             chart.kernel("closure_step").wide_address if chart.equations.constrained else None,
-            crew.start(indices),
+            start,
             crew.inputs(indices),
             crew.p[indices] if len(crew.p) > 1 else crew.p,
             nq=chart.equations.nq,
@@ -311,7 +316,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             watch=crew.watch(indices, (0.0, course.duration)),
             progress=progress,
             turning=limits,
-            **{**course.options, "atol": chart.tolerances(course.options["atol"], crew.start(indices).shape[1])},
+            **{**course.options, "atol": chart.tolerances(course.options["atol"], start.shape[1])},
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
         if chart is first and averted.any():
@@ -339,8 +344,9 @@ def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
     Those that have become stiff go on in the same chart.
     """
     stiff = np.flatnonzero(part.outcomes.status == Status.STIFF)
-    for row, y in zip(stiff.tolist(), crew.start(part.members[stiff]), strict=True):
-        yield Task(int(part.members[row]), segment(crew, course, part, row, y), Choice(True, None))
+    if stiff.size:
+        for row, y in zip(stiff.tolist(), crew.start(part.members[stiff]), strict=True):
+            yield Task(int(part.members[row]), segment(crew, course, part, row, y), Choice(True, None))
     rows = np.flatnonzero(part.outcomes.status == Status.SINGULAR)
     if not rows.size:
         return
@@ -387,7 +393,7 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
 def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course: Course) -> Ensemble:
     """Put the results of all members side by side."""
     alone = {one.member: one for one in lone}
-    unfinished = [i for part in parts for i in part.members[np.isin(part.outcomes.status, LEFT)] if i not in alone]
+    unfinished = [i for part in parts for i in part.members[part.left] if i not in alone]
     numbers = in_order(crew, parts, keep=not (lone or unfinished))
     if unfinished:
         numbers["status"][unfinished] = Status.CANCELLED
@@ -429,8 +435,12 @@ def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:
     """Return what runs all members again at a tighter tolerance; None where that is not possible."""
     if not repeatable(crew.system, course.options):
         return None
-    other = replace(course, times=np.empty(0), options=tightened(course.options))
-    return lambda: completed(crew, other, lambda done, total: None)
+
+    def other() -> Ensemble:
+        tight = replace(course, times=np.empty(0), options=tightened(course.options))
+        return completed(crew, tight, lambda done, total: None)
+
+    return other
 
 
 def closure_errors(crew: Members, part: Part) -> np.ndarray:

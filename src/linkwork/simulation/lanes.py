@@ -92,7 +92,7 @@ from linkwork.simulation.native_parts import (
     without,
 )
 from linkwork.simulation.status import Status
-from linkwork.simulation.vectors import LANES, absolute, as_table, call_wide, load, some, splat, store
+from linkwork.simulation.vectors import LANES, absolute, as_table, call_wide, larger, load, some, splat, store
 
 CANCELLED = int(Status.CANCELLED)
 
@@ -127,18 +127,20 @@ def block_row(member, n):
 
 
 @njit(forceinline=True, **OPTIONS)
-def large(now, tables):
-    """Tell in which lanes a coordinate is large, or was."""
-    found = load(now, LOOSE) >= splat(LOOSER)
+def large(shortest, now, tables):
+    """Tell in which lanes a coordinate may be large, beyond the shortest of all spans, or was."""
+    largest = splat(0.0)
     for m in range(tables.nq):
-        found = found | (absolute(load(tables.y, m)) >= load(tables.spans, m))
-    return found
+        largest = larger(absolute(load(tables.y, m)), largest)
+    return (largest >= splat(shortest)) | (load(now, LOOSE) >= splat(LOOSER))
 
 
 @njit(**OPTIONS)
 def settle(now, tables):
-    """Count the whole turns of large angles apart, and loosen the closure where other coordinates are large."""
-    y, spans = tables.y, tables.spans
+    """Count the whole turns of large angles apart, and loosen the closure where other coordinates are large; tell whether
+    any turn was counted.
+    """
+    y, spans, counted = tables.y, tables.spans, False
     for lane in range(LANES):
         now[LOOSE, lane] = 1.0
         for m in range(tables.nq):
@@ -147,16 +149,21 @@ def settle(now, tables):
                     count = turns_in(y[m, lane])
                     y[m, lane] = without(y[m, lane], count)
                     tables.turned[m, lane] += count
+                    counted = True
                 else:
                     now[LOOSE, lane] = max(now[LOOSE, lane], abs(y[m, lane]) / spans[m, lane])
+    return counted
 
 
 @njit(forceinline=True, **OPTIONS)
 def start_block(
     motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts,
-    turns, tables,
+    turns, shortest, turned, tables,
 ):  # fmt: skip
-    """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane."""
+    """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane.
+
+    turned: whether any turn was counted before; return it as it is now.
+    """
     y, x, k, z, now, tally, scale = (
         tables.y, tables.x, tables.k, tables.z, tables.now, tables.tally, tables.scale
     )  # fmt: skip
@@ -166,7 +173,7 @@ def start_block(
         signal, row = signal_of(signals, i), shared(i, parameters.shape[0])
         for m in range(n):
             y[m, lane] = ys[i, m]
-        for m in range(tables.nq):
+        for m in range(tables.nq if turned else 0):
             tables.turned[m, lane] = 0.0
         for m in range(parameters.shape[1]):
             x[n + inputs + m, lane] = z[tables.nq + m, lane] = parameters[row, m]
@@ -176,7 +183,9 @@ def start_block(
         force(signals, signal, start, False, x, n, lane, tally)
         now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
         now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
-    settle(now, tables)
+        now[LOOSE, lane] = 1.0
+    if some(large(shortest, now, tables)):
+        turned |= settle(now, tables)
     if closure != 0:
         project(closure, tables.nq, y, z, tables.z_next, now, closure_tol, math.inf)
         for lane in range(LANES):
@@ -233,7 +242,9 @@ def start_block(
         i = first + lane
         counts[i, ACCEPTED] = counts[i, REJECTED] = counts[i, SAVED] = 0
         counts[i, STATUS], counts[i, EVALUATIONS] = tally[STATUS, lane], tally[EVALUATIONS, lane]
-        keep_turns(i, lane, turns, tables)
+        if turned:
+            keep_turns(i, lane, turns, tables)
+    return turned
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -245,8 +256,8 @@ def keep_turns(i, lane, turns, tables):
 
 
 @njit(forceinline=True, **OPTIONS)
-def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, turns, tables):
-    """Put a started member into a lane."""
+def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, turns, turned, tables):
+    """Put a started member into a lane; turned: whether any turn was counted before."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     inputs, place, begin = signals.coefficients.shape[2], i % LANES, block_row(i, n)
     signal, row, start = signal_of(signals, i), shared(i, parameters.shape[0]), signals.start
@@ -254,7 +265,7 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
         now[m, lane] = begun[begin + m, place]
     for m in range(n):
         y[m, lane] = begun[begin + NUMBERS + m, place]
-    for m in range(tables.nq):
+    for m in range(tables.nq if turned else 0):
         tables.turned[m, lane] = turns[i, m]
     for m in range(n + 1):
         k[m, lane] = begun[begin + NUMBERS + n + m, place]
@@ -274,8 +285,8 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
 
 
 @njit(forceinline=True, **OPTIONS)
-def store_member(lane, ys, numbers, counts, turns, tables):
-    """Keep what the member in a lane has come to."""
+def store_member(lane, ys, numbers, counts, turns, turned, tables):
+    """Keep what the member in a lane has come to; turned: whether any turn was counted before."""
     y, now, tally = tables.y, tables.now, tables.tally
     i = tally[MEMBER, lane]
     for m in range(ys.shape[1]):
@@ -284,7 +295,19 @@ def store_member(lane, ys, numbers, counts, turns, tables):
         numbers[i, m] = now[m, lane]
     for m in range(COUNTS):
         counts[i, m] = tally[m, lane]
-    keep_turns(i, lane, turns, tables)
+    if turned:
+        keep_turns(i, lane, turns, tables)
+
+
+@njit(**OPTIONS)
+def look_due(method, n, stability, stop, tolerance, y, x, k, now, tally):
+    """Look at the accepted steps that are due for it; return after how many steps of the lanes another one can be."""
+    soonest = LOOK
+    for lane in range(LANES):
+        if now[ACCEPTS, lane] > 0 and (tally[STIFFLY, lane] > 0 or tally[ACCEPTED, lane] % LOOK == 0):
+            look(lane, method, n, stability, stop, tolerance, y, x, k, now, tally)
+        soonest = min(soonest, 1 if tally[STIFFLY, lane] > 0 else LOOK - tally[ACCEPTED, lane] % LOOK)
+    return soonest
 
 
 @njit(**OPTIONS)
@@ -435,7 +458,7 @@ def integrate(
     z, z_next, sample = as_table(space[end[2] :]), as_table(space[end[3] :]), as_table(space[end[4] :])
     weights, now = as_table(space[end[5] :]), as_table(space[end[6] :])
     scale, zeros, kept = as_table(space[end[7] :]), as_table(space[end[8] :]), as_table(space[end[10] :])
-    spread, at_most, turned = (
+    spread, at_most, counted = (
         as_table(space[end[9] :]),
         as_table(space[end[9] + nq :]),
         as_table(space[end[9] + 2 * nq :]),
@@ -447,13 +470,18 @@ def integrate(
     tally, blocks = np.zeros((TALLY, LANES), np.intp), room(block_row(members + LANES - 1, n))
     begun = as_table(blocks)
     signals = Signals(starts, coefficients, pieces, breaks, breaking, timed, start, stop)
-    tables = Tables(y, x, k, z, z_next, sample, weights, scale, zeros, spread, at_most, turned, kept, now, tally, n, nq)
+    tables = Tables(
+        y, x, k, z, z_next, sample, weights, scale, zeros, spread, at_most, counted, kept, now, tally, n, nq
+    )
     watched = Watched(watched_starts, watched_coefficients, watched_pieces, bends, bending)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
+    shortest, turned, trips, due = math.inf, False, 0, LOOK
+    for m in range(nq):
+        shortest = min(shortest, spans[m])
     for first in range(0, members, LANES):
-        start_block(
+        turned = start_block(
             motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts,
-            turns, tables,
+            turns, shortest, turned, tables,
         )  # fmt: skip
 
     waiting = np.intp(0)
@@ -470,12 +498,12 @@ def integrate(
                             tally[STATUS, lane] = tally[CAUSE, lane]
                         else:
                             break
-                    store_member(lane, ys, numbers, counts, turns, tables)
+                    store_member(lane, ys, numbers, counts, turns, turned, tables)
                     progress[0] += 1
                     tally[MEMBER, lane] = -1
                 if waiting == members:
                     break
-                load_member(waiting, lane, parameters, signals, begun, counts, save_at, samples, turns, tables)
+                load_member(waiting, lane, parameters, signals, begun, counts, save_at, samples, turns, turned, tables)
                 waiting += 1
             alive = tally[MEMBER, lane] >= 0
             now[LIVE, lane] = now[WANTED, lane] = 1.0 if alive else 0.0
@@ -512,23 +540,24 @@ def integrate(
             if now[ACCEPTS, lane] > 0:
                 tally[ACCEPTED, lane] += 1
                 tally[SAVED, lane] = tally[REACHED, lane]
-                if stability > 0 and (tally[STIFFLY, lane] > 0 or tally[ACCEPTED, lane] % LOOK == 0):
-                    look(lane, method, n, stability, stop, tolerance, y, x, k, now, tally)
             elif now[LIVE, lane] > 0:
                 reject(lane, exponent, pivot_bound, k[n, lane], now, tally)
+        trips += 1
+        if stability > 0 and trips == due:
+            due = trips + look_due(method, n, stability, stop, tolerance, y, x, k, now, tally)
         accept(sixteenths(exponent), max_step, now)
         if breaks.size > 0:
             restart(motion, solution, signals, pivot_bound, tables)
         kept = load(now, ACCEPTS) <= splat(0.0)
         move(x, 0, y, n, kept)
         move(k, solution * (n + 1), k, n + 1, kept)
-        if some(large(now, tables)):
-            settle(now, tables)
+        if some(large(shortest, now, tables)):
+            turned |= settle(now, tables)
 
     for lane in range(LANES):
         if tally[MEMBER, lane] >= 0:
             tally[STATUS, lane] = CANCELLED
-            store_member(lane, ys, numbers, counts, turns, tables)
+            store_member(lane, ys, numbers, counts, turns, turned, tables)
     for i in range(waiting, members):
         counts[i, STATUS] = CANCELLED
         place, begin = i % LANES, block_row(i, n)

@@ -6,9 +6,10 @@ are members is written by the threads, chunk by chunk: to fill memory that no on
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -128,13 +129,18 @@ def _joined(signals: Sequence[Signal]) -> Inputs:
     return Inputs(
         np.concatenate([signal.knots[:-1] for signal in signals]),
         np.concatenate([signal.coefficients for signal in signals]),
-        np.cumsum([0, *(len(signal.coefficients) for signal in signals)], dtype=np.intp),
+        _ends(signal.coefficients for signal in signals),
         np.concatenate([signal.breaks for signal in signals]),
-        np.cumsum([0, *(len(signal.breaks) for signal in signals)], dtype=np.intp),
+        _ends(signal.breaks for signal in signals),
         any(len(signal.coefficients) > 1 or bool(signal.coefficients[:, 1:].any()) for signal in signals),
         np.concatenate([signal.bends for signal in signals]),
-        np.cumsum([0, *(len(signal.bends) for signal in signals)], dtype=np.intp),
+        _ends(signal.bends for signal in signals),
     )
+
+
+def _ends(tables: Iterable[np.ndarray]) -> np.ndarray:
+    """Return where tables begin, one after the other, and the last one ends."""
+    return np.array([0, *accumulate(map(len, tables))], dtype=np.intp)
 
 
 def integrate_many(
