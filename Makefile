@@ -15,7 +15,7 @@ test: $(READY) $(BROWSER)  ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
-	$(BIN)/python -m pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 
 hostile: $(READY)  ## every hostile case and every mutated file; `make test` runs a sample of them
 	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile -n 2 --dist loadgroup
