@@ -193,3 +193,10 @@ def test_a_tool_that_shifts_as_it_tilts_is_led_by_all_that_is_asked():
     aim = robot.assemble({"hip_1": float(robot.home["hip_1"]) + 0.1, "hip_2": float(robot.home["hip_2"])})
     state = robot.assemble(tool=robot.tool_pose(aim))
     np.testing.assert_allclose(robot.tool_pose(state), robot.tool_pose(aim), atol=1e-9)
+
+
+def test_stacked_poses_close_the_loops_to_rounding():
+    """Accelerations are as exact as the loops are closed, so the last digit counts."""
+    robot = lw.Robot(lw.robots.prr3())
+    poses = np.add((0.5, 0.2887, 0.8), np.random.default_rng(0).uniform(-0.02, 0.02, (50, 3)))
+    assert robot.closure_error(robot.assemble(tool=poses)).max() < 1e-15

@@ -38,7 +38,7 @@ def undefined(system: System, chart: CompiledChart, x: np.ndarray, u: np.ndarray
         return named("the force on", actuators, u[None])
     values = evaluated(system.kernel(chart, "recorded"), x)[chart.equations.mobility :]
     ends = 2 * len(actuators), 2 * len(actuators) + 6 * len(acting.wrenches)
-    held = u[u.size - acting.held :].reshape(-1, len(actuators))
+    held = u[u.size - acting.held :].reshape(acting.held // max(len(actuators), 1), len(actuators))
     forces = np.concatenate([values[: ends[0]].reshape(2, -1), held])
     bodies = [repr(wrench.body) for wrench in acting.wrenches]
     wrenches = values[ends[0] : ends[1]].reshape(-1, 6).T

@@ -92,6 +92,8 @@ class Leader:
         out = self.outputs(start[None])
         way, mode = Way.of(self.robot.planar, out, poses), self.modes.signs(self.matrix(out))[0]
         q, part = self.walked(start, way, mode, len(poses))
+        there = np.flatnonzero(part == 1)
+        q[there] = self.polished(q[there], way, there)
         for k in np.flatnonzero(part < 1):
             q[k] = self.otherwise(start, q[k], poses[k], mode)
         return q
@@ -127,6 +129,14 @@ class Leader:
             last = length
         fits = same(self.modes.signs(self.matrix(out)), mode) & (out["alignment"][:, 0] >= 0)
         return q, alive & closed & fits
+
+    def polished(self, q: np.ndarray, way: Way, which: np.ndarray) -> np.ndarray:
+        """Return q (K, nq) at the ends of ways, already closed to `CLOSED`, after one step more: closed to rounding."""
+        if not which.size:
+            return q
+        residual, A, out = self.rows(q, way, which, np.ones(which.size))
+        step = np.einsum("kij,kj->ki", out["derivatives"], self.tree.rate_units * least_step(A, residual))
+        return unit(self.tree, q + step)
 
     def otherwise(self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray) -> np.ndarray:
         """Return q (nq) at a pose to which no straight way leads on the mode; near: how far it led."""
