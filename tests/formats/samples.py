@@ -140,3 +140,17 @@ URDF = """
   <joint name="flange" type="fixed"><parent link="pod"/><child link="tool0"/><origin xyz="0 0.05 0" rpy="0 0.5 0"/></joint>
 </robot>
 """
+
+LOOPS = """<connect name="c" body1="coupler" body2="rocker" anchor="0.3 0 0"/>
+<weld body1="coupler" body2="rocker" relpose="0 0 0 1 0 0 0"/><joint joint1="drive" joint2="pivot" polycoef="0 1"/>"""
+TENDONS = """<tendon><spatial name="t" stiffness="3"><site site="hub"/><site site="seat"/></spatial>
+<fixed name="f"><joint joint="rail" coef="2"/><joint joint="spin" coef="3"/></fixed></tendon>
+<keyframe><key name="home" qpos="0 1 0 0 0 0 0"/></keyframe>"""
+MODELS = {
+    "tree.xml": TREE,
+    "four_bar.xml": FOUR_BAR.format(equality=LOOPS),
+    "spatial.xml": SPATIAL.format(
+        more=TENDONS, equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>'
+    ).replace('<joint name="spin"', '<site name="hub" pos="0 0 0.1"/><joint name="spin"'),
+    "arm.urdf": URDF,
+}

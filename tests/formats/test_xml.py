@@ -94,19 +94,6 @@ def test_a_link_does_not_lead_out_of_the_folder(tmp_path):
 
 # ------------------------------------------------------------------------------------------------------- garbled models
 
-LOOPS = """<connect name="c" body1="coupler" body2="rocker" anchor="0.3 0 0"/>
-<weld body1="coupler" body2="rocker" relpose="0 0 0 1 0 0 0"/><joint joint1="drive" joint2="pivot" polycoef="0 1"/>"""
-TENDONS = """<tendon><spatial name="t" stiffness="3"><site site="hub"/><site site="seat"/></spatial>
-<fixed name="f"><joint joint="rail" coef="2"/><joint joint="spin" coef="3"/></fixed></tendon>
-<keyframe><key name="home" qpos="0 1 0 0 0 0 0"/></keyframe>"""
-MODELS = {
-    "tree.xml": samples.TREE,
-    "four_bar.xml": samples.FOUR_BAR.format(equality=LOOPS),
-    "spatial.xml": samples.SPATIAL.format(
-        more=TENDONS, equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>'
-    ).replace('<joint name="spin"', '<site name="hub" pos="0 0 0.1"/><joint name="spin"'),
-    "arm.urdf": samples.URDF,
-}
 WORDS = ("", "nan", "x", "1 2", "-1", "0", "world", "a.b", None)
 
 
@@ -138,11 +125,11 @@ def garbled(text):
             element.set(name, value)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", samples.MODELS)
 def test_garbled_models_are_read_or_refused(name, tmp_path):
     path = tmp_path / name
     refused = accepted = 0
-    for text in garbled(MODELS[name]):
+    for text in garbled(samples.MODELS[name]):
         path.write_bytes(text)
         try:
             load(path)

@@ -54,11 +54,6 @@ ENCODINGS = ("utf-16", "utf-16-le", "utf-32", "latin-1", "cp037", "utf-7", "utf-
 MANY = (2, 30, 300)  # copies of an element
 DEEP = (2, 40, 300)  # elements inside one another
 
-LOOPS = """<connect name="c" body1="coupler" body2="rocker" anchor="0.3 0 0"/>
-<weld body1="coupler" body2="rocker" relpose="0 0 0 1 0 0 0"/><joint joint1="drive" joint2="pivot" polycoef="0 1"/>"""
-TENDONS = """<tendon><spatial name="t" stiffness="3"><site site="hub"/><site site="seat"/></spatial>
-<fixed name="f"><joint joint="rail" coef="2"/><joint joint="spin" coef="3"/></fixed></tendon>
-<keyframe><key name="home" qpos="0 1 0 0 0 0 0"/></keyframe>"""
 PLUS = """<robot name="plus"><material name="red"><color rgba="1 0 0 1"/></material><link name="base"/>
 <link name="a"><inertial><origin xyz="0.1 0 0" rpy="0.1 0.2 0.3"/><mass value="0.4"/>
 <inertia ixx="0.002" iyy="0.003" izz="0.004" ixy="1e-4"/></inertial>
@@ -76,15 +71,7 @@ PLUS = """<robot name="plus"><material name="red"><color rgba="1 0 0 1"/></mater
 <successor link="c"><origin xyz="0 0.1 0"/></successor></loop>
 <coupling name="gear"><predecessor link="a"/><successor link="b"/><ratio value="-2"/></coupling>
 <transmission name="t"><joint name="j"/><actuator name="x"/></transmission></robot>"""
-XML = {
-    "tree.xml": samples.TREE,
-    "four_bar.xml": samples.FOUR_BAR.format(equality=LOOPS),
-    "spatial.xml": samples.SPATIAL.format(
-        more=TENDONS, equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>'
-    ).replace('<joint name="spin"', '<site name="hub" pos="0 0 0.1"/><joint name="spin"'),
-    "arm.urdf": samples.URDF,
-    "plus.urdf": PLUS,
-}
+XML = samples.MODELS | {"plus.urdf": PLUS}
 ROBOTS = ("prr3", "five_bar", "slider_crank", "bennett", "delta", "stewart", "andrews", "hydraulic_crane")
 
 

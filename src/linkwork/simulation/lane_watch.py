@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.lane_inputs import force, set_forces, shared, signal_of
+from linkwork.simulation.lane_inputs import force, set_forces, signal_of
 from linkwork.simulation.lane_rows import (
     ACCEPTS,
     AILMENT,
@@ -50,7 +50,7 @@ class Watched(NamedTuple):
 @njit(forceinline=True, **OPTIONS)
 def watch_of(watched, member):
     """Return what is to be watched of a member."""
-    i, columns = shared(member, watched.pieces.size - 1), watched.coefficients.shape[2]
+    i, columns = signal_of(watched, member), watched.coefficients.shape[2]
     first, count = watched.pieces[i], watched.pieces[i + 1] - watched.pieces[i]
     bends, bend = watched.bending[i + 1] - watched.bending[i] - 1, watched.bending[i]
     return Watch(
