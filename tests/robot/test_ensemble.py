@@ -168,6 +168,16 @@ def test_an_interruption_keeps_what_is_done(prr3):
     assert np.isfinite(members.final.q).all()
 
 
+@pytest.mark.parametrize("method", [{}, {"method": "rk4", "step": 1e-2}], ids=["in lanes", "one by one"])
+def test_an_interruption_that_comes_when_all_is_done_is_not_lost(prr3, method):
+    def interrupt(done, members):
+        if done == members:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        prr3.ensemble(prr3.home, np.zeros((4, 3)), duration=0.1, progress=interrupt, **method)
+
+
 def test_members_that_an_interruption_leaves_waiting_are_closed(prr3):
     glances = []
 

@@ -72,11 +72,12 @@ def by_themselves(crew: Members, course: Course, tasks: Sequence[Task], report: 
     done: list[Lone] = []
     cancel = Event()
 
-    def run(i: int) -> None:
+    def run(i: int) -> bool:
         for task in chunks[i]:
             if cancel.is_set():
-                return
+                return False
             done.append(led(crew, course, task))
+        return True
 
     dealt(run, len(chunks), threads, lambda: report(len(crew) - len(tasks) + len(done), len(crew)), cancel.set)
     return done

@@ -490,7 +490,7 @@ class Robot(Model):
         their order. A method that is left out is chosen as for `simulate`, one for all.
 
         A member that fails keeps its status and the state it reached, and the others go on. KeyboardInterrupt ends the
-        runs, and what is done is returned; the status of the others is CANCELLED.
+        runs, and what is done is returned; the status of the others is CANCELLED. It is raised where nothing was left to end.
 
         Args:
             states: where members start, a stack of N states, or one for all.

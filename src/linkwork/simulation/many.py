@@ -181,7 +181,7 @@ def integrate_many(
         progress: called with the numbers of members that have ended and of all members, now and then.
 
     Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every member that was not
-    ended when KeyboardInterrupt came, CANCELLED, wherever it was.
+    ended when KeyboardInterrupt came, CANCELLED, wherever it was; it is raised where all had ended.
 
     Raises `LinkworkError` as `integrate` does.
     """
@@ -209,7 +209,7 @@ def integrate_many(
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
     ended = np.zeros((len(chunks), 1), dtype=np.intp)
 
-    def run(i: int) -> None:
+    def run(i: int) -> bool:
         chunk = chunks[i]
         states[chunk] = given[chunk]
         if cancel[0]:
@@ -227,6 +227,7 @@ def integrate_many(
                 samples[chunk], numbers[chunk], counts[chunk], turns[chunk], cancel, ended[i],
             )  # fmt: skip
         samples[chunk][np.arange(times.size) >= counts[chunk, rows.SAVED, None]] = np.nan
+        return not (counts[chunk, rows.STATUS] == Status.CANCELLED).any()
 
     def report() -> None:
         if progress is not None:

@@ -15,22 +15,26 @@ def usable_processors() -> int:
 
 
 def dealt(
-    run: Callable[[int], None], parts: int, threads: int, report: Callable[[], None], cancel: Callable[[], None]
+    run: Callable[[int], bool], parts: int, threads: int, report: Callable[[], None], cancel: Callable[[], None]
 ) -> None:
     """Do run(0) .. run(parts - 1) on so many threads, and report when a part has ended, and now and then.
 
-    KeyboardInterrupt, from wherever, ends the job: the parts that are cancelled are to return early. So does what a part
-    raises, and that is raised.
+    KeyboardInterrupt, from wherever, ends the job: the parts that are cancelled are to return early, and False. Where it
+    came too late to cut anything short, it is raised. So is what a part raises, which ends the job, too.
     """
+    interrupt = None
     with ThreadPoolExecutor(threads) as pool:
-        left = {pool.submit(run, part) for part in range(parts)}
+        futures = [pool.submit(run, part) for part in range(parts)]
+        left = set(futures)
         try:
             while left:
                 ended, left = wait(left, timeout=GLANCE, return_when=FIRST_COMPLETED)
                 for future in ended:
                     future.result()
                 report()
-        except KeyboardInterrupt:
-            pass
+        except KeyboardInterrupt as error:
+            interrupt = error
         finally:
             cancel()
+    if interrupt and all(not future.exception() and future.result() for future in futures):
+        raise interrupt
