@@ -116,3 +116,19 @@ def test_steps_of_a_grid_in_nanometres_are_compared_with_each_other():
     )
     with pytest.raises(lw.LinkworkError, match="equally spaced"):
         analysis.inscribed(mapped)
+
+
+@pytest.mark.parametrize(("L", "M", "T"), [(1.0, 1.0, 1.0), (1e-6, 1e6, 1e4), (1e6, 1e-6, 1e-4), (1e-6, 1e-6, 1e-4)])
+@pytest.mark.parametrize(("length", "expected"), [(0.3, True), (0.5, False)])
+@pytest.mark.parametrize("driven", [("cart",), ("cart", "pole_1")])
+def test_a_cart_reaches_two_pendulums_unless_they_are_alike(length, expected, driven, L, M, T):
+    """Pendulums of equal length on one cart swing against each other, whatever its force does."""
+    joints: dict[str, lw.mechanism.Joint] = {"cart": lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))}
+    bodies = {"cart": lw.Body(mass=2.0)}
+    for name, own in (("pole_1", 0.5), ("pole_2", length)):
+        bodies[name] = lw.Body(mass=1.0, centre_of_mass=(0, -own, 0), inertia=lw.Inertia(zz=0.01))
+        joints[name] = lw.RevoluteJoint(connects=("cart", name))
+    mechanism = lw.Mechanism(bodies=bodies, joints=joints, actuators=driven, gravity=(0, -9.81, 0))
+    robot = lw.Robot(Scale(mechanism, L, M, T).mechanism)
+    model = analysis.linearise(robot, robot.home)
+    assert model.controllable is (expected or len(driven) == 2)

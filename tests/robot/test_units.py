@@ -80,3 +80,28 @@ def test_a_gap_is_one_of_the_robots_own_length(L, M):
     off = built("prr3").home.positions + 1e-3 * np.arange(9.0)
     with pytest.raises(lw.LinkworkError, match="more than the tolerance 1e-06"):
         robot.state(off * scale.coordinates())
+
+
+@pytest.mark.parametrize(("L", "M"), [*SCALES, (1e-9, 1.0)])
+def test_slides_and_turns_that_drive_together_share_the_forces(L, M):
+    """Legs driven in their slides and one hinge: least weighted forces, and internal ones, by the scaling laws."""
+    mechanism = lw.robots.rpr3(gravity=(0.0, -9.81, 0.0))
+    mechanism = mechanism.model_copy(update={"actuators": (*mechanism.actuators, "pivot_1", "wrist_2")})
+    scale = Scale(mechanism, L, M)
+    plain, robot = lw.Robot(mechanism), lw.Robot(scale.mechanism)
+    forces = scale.forces(robot.actuators)
+    weights = np.array([1.0, 2.0, 0.5, 3.0, 1.5])
+    states = [one.home for one in (plain, robot)]
+    accelerations = np.array([0.3, -0.4, 0.2])
+    for names in (plain.independent, ("pivot_1", "pivot_2", "pivot_3")):
+        expected, found = (one.in_chart(state, names) for one, state in zip((plain, robot), states, strict=True))
+        u = plain.inverse_dynamics(expected, accelerations, weights=weights)
+        own = robot.inverse_dynamics(found, accelerations * scale.accelerations(names), weights=weights / forces**2)
+        assert np.allclose(own / forces, u, rtol=1e-9, atol=1e-9 * abs(u).max())
+        assert np.allclose(
+            plain.actuation(expected).T @ u, plain.gravity(expected) + plain.mass_matrix(expected) @ accelerations
+        )
+        assert robot.internal_forces(found).shape == (5, 2)
+        push = robot.actuation(found).T @ robot.internal_forces(found) / scale.forces(names)[:, None]
+        assert abs(push).max() < 1e-9 * abs(robot.internal_forces(found) / forces[:, None]).max()
+        assert np.allclose(robot.internal_forces(found).T @ robot.internal_forces(found), np.eye(2))

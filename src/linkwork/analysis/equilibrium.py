@@ -27,8 +27,7 @@ from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
-from linkwork.robot.actuation import internal_forces
-from linkwork.robot.evaluation import actuator_weights
+from linkwork.robot.evaluation import actuator_weights, internal_forces
 from linkwork.robot.linear import actuator_forces, at_rest, evaluated, largest, one_state, own_rates, weight
 
 ROUNDS = 200
@@ -254,8 +253,8 @@ def distributed_forces(
     u = np.asarray(robot.inverse_dynamics(state, accelerations, weights=weights))
     if ((u >= low) & (u <= high)).all():
         return u
-    root = np.sqrt(np.ones(u.size) if weights is None else actuator_weights(robot, weights))
-    internal = internal_forces(robot.actuation(state) / root[:, None]) / root[:, None]  # u = internal z, |z| = |root u|
+    W = None if weights is None else actuator_weights(robot, weights)
+    internal = internal_forces(robot, state, W)  # u = internal z, |z| = |root u|
     G = np.vstack([internal[np.isfinite(low)], -internal[np.isfinite(high)]])
     h = np.concatenate([(low - u)[np.isfinite(low)], (u - high)[np.isfinite(high)]])
     z = least_distance(G, h)

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
+from linkwork.robot.evaluation import own_units
 from linkwork.robot.linear import actuator_forces, at_rest, evaluated, holding, largest, linearised, own_rates
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class LinearModel:
     """Hold x' = A x + B u, y = C x + D u for deviations x = (xi, dv) from a state, u from a force.
 
     states: names of x: independent coordinates [m, rad], then their rates; inputs: the actuators; outputs: names of y
+    units: the mechanism's own of x and of u, but for time and mass: its length or 1 rad of x, the reciprocal of u
     """
 
     A: np.ndarray
@@ -44,6 +46,7 @@ class LinearModel:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    units: tuple[np.ndarray, np.ndarray]
 
     @property
     def poles(self) -> np.ndarray:
@@ -53,10 +56,14 @@ class LinearModel:
     @property
     def controllable(self) -> bool:
         """Tell whether the actuators reach every mode: no left eigenvector of A is perpendicular to B (Hautus)."""
-        n = len(self.A)
-        size = max(float(np.linalg.norm(self.A, 2)), 1e-300)
-        B = self.B * size / max(float(np.linalg.norm(self.B, 2)), 1e-300)
-        tests = (np.hstack([pole * np.eye(n) - self.A, B]) for pole in np.linalg.eigvals(self.A))
+        x, u = self.units
+        A, B, n = self.A * x / x[:, None], self.B * u / x[:, None], len(x) // 2
+        pace = max(largest(A[:n, :n]), largest(A[n:, n:]), largest(A[n:, :n]) ** 0.5) or 1.0  # 1/s
+        time = np.repeat([1.0, pace], n)
+        A, B = A * time / time[:, None], B / time[:, None]
+        size = float(np.linalg.norm(A, 2))
+        B = B * size / max(float(np.linalg.norm(B, 2)), np.finfo(float).tiny)
+        tests = (np.hstack([pole * np.eye(2 * n) - A, B]) for pole in np.linalg.eigvals(A))
         return bool(all(np.linalg.svd(test, compute_uv=False)[-1] > 1e-9 * size for test in tests))
 
     def to_control(self) -> Any:
@@ -97,7 +104,9 @@ def linearise(
     names = (*state.independent, *(f"{name} rate" for name in state.independent))
     wanted = names if outputs is None else checks.names(outputs, "outputs")
     C = np.array([output_row(robot, values, name, n) for name in wanted]).reshape(-1, 2 * n)
-    return LinearModel(A, B, C, np.zeros((len(C), u.size)), names, robot.actuators, wanted)
+    units = own_units(robot, state)
+    own = np.tile(units.rates, 2), 1 / units.actuators
+    return LinearModel(A, B, C, np.zeros((len(C), u.size)), names, robot.actuators, wanted, own)
 
 
 def output_row(robot: Robot, values: Mapping[str, np.ndarray], name: str, n: int) -> np.ndarray:

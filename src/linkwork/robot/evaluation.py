@@ -66,15 +66,27 @@ def actuator_forces(
     """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm: `Robot.inverse_dynamics`."""
     v_dot = checks.vector(accelerations, "accelerations", robot.own(state).independent, "independent rate")
     f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
-    W = None if weights is None else actuator_weights(robot, weights)
+    W = np.ones(len(robot.actuators)) if weights is None else actuator_weights(robot, weights)
     if state.independent == robot.actuators:
         return f
-    S = actuation_map(robot, state)
+    units = own_units(robot, state)
+    S, f = units.map(actuation_map(robot, state)), f * units.rates
+    parts = np.abs(f).max(axis=-1, initial=0.0)
     if robot.idle:
-        f = actuation.idle_left(S, terms(robot, state)[0], f, len(robot.idle))
-    u = actuation.least_forces(S, f, W)
-    actuation.require_driven(S, f, u, state.independent, len(robot.idle))
-    return u
+        M, *forces = terms(robot, state)
+        forces.append((M @ v_dot[..., None])[..., 0])
+        parts = np.max([np.abs(force * units.rates).max(axis=-1) for force in np.broadcast_arrays(*forces)], axis=0)
+        f = actuation.idle_left(S, units.inertia(M), f, len(robot.idle))
+    u = actuation.least_forces(S, f, W / units.actuators**2)
+    actuation.require_driven(S, f, u, parts, state.independent, len(robot.idle))
+    return u / units.actuators
+
+
+def own_units(robot: Robot, state: State) -> actuation.Units:
+    """Return the mechanism's own units of the actuated rates and of a state's independent ones, but for the time."""
+    length = robot.equations.tree.length
+    driven = np.array([length if robot.unit(name) == "m" else 1.0 for name in robot.actuators])
+    return actuation.Units(driven, robot.chart_of(state).units[robot.equations.nq :])
 
 
 def actuator_weights(robot: Robot, weights: ArrayLike | Mapping[str, float]) -> np.ndarray:
@@ -96,11 +108,13 @@ def actuation_map(robot: Robot, state: State) -> np.ndarray:
     return S
 
 
-def internal_forces(robot: Robot, state: State) -> np.ndarray:
-    """Return the actuator forces (actuators, k) with S' u = 0 at one state: `Robot.internal_forces`."""
+def internal_forces(robot: Robot, state: State, weights: np.ndarray | None = None) -> np.ndarray:
+    """Return the actuator forces B (actuators, k) with S' B = 0 and B' W B = 1 at one state: `Robot.internal_forces`."""
     if robot.own(state).batch:
         raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
-    return actuation.internal_forces(actuation_map(robot, state))
+    units, W = own_units(robot, state), 1.0 if weights is None else weights
+    B = actuation.internal_forces(units.map(actuation_map(robot, state)), W / units.actuators**2)
+    return B / units.actuators[:, None]
 
 
 def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

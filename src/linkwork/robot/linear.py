@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
-from linkwork.robot import actuation, checks
+from linkwork.robot import actuation, checks, evaluation
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.state import State
 
@@ -64,9 +64,10 @@ def holding(robot: Robot, state: State) -> np.ndarray:
     if not robot.actuators:
         return np.zeros(0)
     S, G, f = robot.actuation(still), robot.gravity(still), robot.passive_forces(still)
-    u = actuation.least_forces(S, G - f, None)
-    missed, units = np.abs(G - f - S.T @ u), own_rates(robot, still)
-    if (missed * units).max(initial=0.0) > HELD * max(weight(robot), *map(largest, (G * units, f * units))):
+    units = evaluation.own_units(robot, still)
+    u = actuation.least_forces(units.map(S), (G - f) * units.rates, 1 / units.actuators**2) / units.actuators
+    missed, own = np.abs(G - f - S.T @ u), units.rates
+    if (missed * own).max(initial=0.0) > HELD * max(weight(robot), *map(largest, (G * own, f * own))):
         raise LinkworkError(
             f"no forces of {', '.join(robot.actuators)} hold this pose: {missed.max():.3g} N or N m are missing; "
             "choose an equilibrium"
