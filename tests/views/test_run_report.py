@@ -8,7 +8,7 @@ import pytest
 import linkwork as lw
 from linkwork.views import write_report
 from linkwork.views.report import short
-from linkwork.views.run_report import energy_table, peaks_table, render
+from linkwork.views.run_report import bodies_table, energy_table, peaks_table, render
 
 from tests.catalogue import built
 from tests.views.pages import Reader
@@ -65,6 +65,29 @@ def test_peaks_are_those_of_the_motion():
     assert energy is not None
     kinetic = next(row for row in energy.rows if row[0] == "kinetic energy")
     assert kinetic[-1] == short(9.81 * robot.mechanism.bodies["rod_1"].mass, 4)
+
+
+def test_the_units_of_the_bodies_table_are_those_by_which_its_numbers_grow():
+    """Of a body ten times as long and three times as heavy, a number in [kg^a m^b] is 3^a 10^b times as large."""
+    exponents = {"kg": (1, 0), "m": (0, 1), "kg m²": (1, 2)}
+
+    def numbers(mass, length):
+        tensor = dict.fromkeys(("xx", "yy", "zz"), 0.5 * mass * length**2)
+        body = lw.Body(
+            mass=mass,
+            centre_of_mass=(0.3 * length, 0.1 * length, 0.2 * length),
+            inertia=lw.Inertia(**tensor, xy=0.1 * mass * length**2),
+        )
+        joint = lw.RevoluteJoint(connects=("ground", "body"))
+        table = bodies_table(lw.Mechanism(bodies={"body": body}, joints={"joint": joint}))
+        units = [title.partition("[")[2].rstrip("]") for title in table.header[1:]]
+        return units, [float(entry.split(", ")[0]) for entry in table.rows[0][1:]]
+
+    (units, before), (_, after) = numbers(2.0, 1.0), numbers(6.0, 10.0)
+    assert len(units) == 4
+    for unit, x, y in zip(units, before, after, strict=True):
+        masses, lengths = exponents[unit]
+        assert y == pytest.approx(3**masses * 10**lengths * x), unit
 
 
 def test_names_with_markup_are_escaped(tmp_path):

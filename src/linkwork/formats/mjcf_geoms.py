@@ -12,9 +12,9 @@ from typing import assert_never
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.masses import Solid, principal, volume
 from linkwork.formats.mjcf_document import Document, flag
 from linkwork.formats.notes import Notes
-from linkwork.formats.solids import Solid, principal, volume
 from linkwork.formats.xml import Element
 from linkwork.mechanism import Box, Capsule, Cylinder, Polygon, Shape, Sphere
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from linkwork.formats import poses
+from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf_document import ACTUATORS, Document
 from linkwork.formats.mjcf_joints import Coupling, Drive, Joints, read_joints
 from linkwork.formats.mjcf_loops import LoopReader, Tie, Ties
@@ -19,7 +20,6 @@ from linkwork.formats.mjcf_survey import survey
 from linkwork.formats.mjcf_tree import COORDINATES, Tree, read_tree
 from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
-from linkwork.formats.solids import Solid, together
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,

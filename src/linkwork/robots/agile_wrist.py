@@ -17,7 +17,7 @@ from math import pi, sqrt
 import numpy as np
 
 from linkwork.mechanism import Body, Inertia, Mechanism, RevoluteJoint, Tool
-from linkwork.robots.solids import require_masses, require_sizes, vector
+from linkwork.robots.uniform import require_masses, require_sizes, vector
 
 ON_EDGE = (-9.81 / sqrt(3), -9.81 / sqrt(3), -9.81 / sqrt(3))
 

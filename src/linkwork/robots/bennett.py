@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import asin, atan2, cos, isfinite, pi, sin
 
 from linkwork.mechanism import Frame, Mechanism, MechanismError, RevoluteJoint, Tool
-from linkwork.robots.solids import ALONG_X, require_masses, require_sizes, rod, tube_mass
+from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes, rod, tube_mass
 
 
 def bennett(

@@ -18,8 +18,8 @@ from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, Revo
 from linkwork.robots.points import TRIANGLE, compass
 from linkwork.robots.poses import Pose, free_coordinates, product, turn
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.solids import ALONG_X, ALONG_Y, disc, require_masses, require_sizes, vector
-from linkwork.robots.solids import rod as round_rod
+from linkwork.robots.uniform import ALONG_X, ALONG_Y, disc, require_masses, require_sizes, vector
+from linkwork.robots.uniform import rod as round_rod
 
 
 def delta(

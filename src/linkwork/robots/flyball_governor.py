@@ -26,7 +26,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Tool,
 )
-from linkwork.robots.solids import cube, require_masses, require_sizes
+from linkwork.robots.uniform import cube, require_masses, require_sizes
 
 
 def flyball_governor(

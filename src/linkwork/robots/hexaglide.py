@@ -18,7 +18,7 @@ from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, Pris
 from linkwork.robots.points import circle, six_points
 from linkwork.robots.poses import Pose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.solids import ALONG_X, cube, disc, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, cube, disc, require_masses, require_sizes
 
 RAILS = (0.5, 0.1, 0.1, -0.5, -0.1, -0.1)
 SIDES = (1, 1, -1, 1, 1, -1)

@@ -17,7 +17,7 @@ from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, Pris
 from linkwork.robots.points import TRIANGLE, compass
 from linkwork.robots.poses import Pose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.solids import cube, disc, require_masses, require_sizes, vector
+from linkwork.robots.uniform import cube, disc, require_masses, require_sizes, vector
 
 
 def linear_delta(

@@ -15,7 +15,7 @@ import numpy as np
 from linkwork.mechanism import Frame, FreeJoint, Mechanism, PrismaticJoint, Tool
 from linkwork.robots.poses import Pose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.solids import cube, require_masses, require_sizes, vector
+from linkwork.robots.uniform import cube, require_masses, require_sizes, vector
 
 
 def orthoglide(

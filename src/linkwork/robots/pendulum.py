@@ -7,7 +7,7 @@ one mass:  l q'' = -g cos q
 from __future__ import annotations
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint, Tool
-from linkwork.robots.solids import require_sizes
+from linkwork.robots.uniform import require_sizes
 
 
 def pendulum(

@@ -8,7 +8,7 @@ from math import cos, pi, radians, sin
 import numpy as np
 
 from linkwork.mechanism import MechanismError
-from linkwork.robots.solids import vector
+from linkwork.robots.uniform import vector
 
 Vector3 = tuple[float, float, float]
 

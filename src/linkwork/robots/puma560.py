@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import cos, pi, radians, sin
 
 from linkwork.mechanism import Body, Frame, Friction, Inertia, Limits, Mechanism, RevoluteJoint, Tool
-from linkwork.robots.solids import require_sizes, vector
+from linkwork.robots.uniform import require_sizes, vector
 
 d = (0.672, 0.0, 0.15005, 0.4318, 0.0, 0.0)  # [m]
 a = (0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0)  # [m]

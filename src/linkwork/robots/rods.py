@@ -17,7 +17,7 @@ import numpy as np
 
 from linkwork.mechanism import Body, Frame, Joint, RodJoint, SphericalJoint, UniversalJoint
 from linkwork.robots.poses import Pose, ball_coordinates, inverse, product, rotated, turn
-from linkwork.robots.solids import rod, vector
+from linkwork.robots.uniform import rod, vector
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, PrismaticJoint, RevoluteJoint, Tool
 from linkwork.robots.plane import corners, uniform_rod, vertices
-from linkwork.robots.solids import ALONG_X, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes
 
 TURN = pi / 3
 

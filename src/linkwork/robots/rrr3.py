@@ -16,7 +16,7 @@ from math import atan2, remainder, sqrt, tau
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
 from linkwork.robots.plane import corners, meet, uniform_rod, vertices
-from linkwork.robots.solids import require_masses, require_sizes
+from linkwork.robots.uniform import require_masses, require_sizes
 
 
 def rrr3(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import asin, cos, pi, sin
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, PrismaticJoint, RevoluteJoint, Tool
-from linkwork.robots.solids import ALONG_X, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes
 
 START = pi / 4  # the crank's angle in the reference
 

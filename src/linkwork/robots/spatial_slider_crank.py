@@ -30,7 +30,7 @@ from linkwork.mechanism import (
     UniversalJoint,
 )
 from linkwork.robots.poses import ball_coordinates, product, turn
-from linkwork.robots.solids import ALONG_X, ALONG_Y, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, ALONG_Y, require_masses, require_sizes
 
 
 def spatial_slider_crank(

@@ -26,7 +26,7 @@ from linkwork.mechanism import (
 from linkwork.robots.points import circle, six_points
 from linkwork.robots.poses import Pose, ball_coordinates, free_coordinates
 from linkwork.robots.rods import End, Parts, direction, pointing
-from linkwork.robots.solids import disc, require_masses, require_sizes, tube, tube_mass
+from linkwork.robots.uniform import disc, require_masses, require_sizes, tube, tube_mass
 
 BASE = circle(3.0, (-2.5, 2.5, 117.5, 122.5, 237.5, 242.5))
 PLATFORM = circle(1.0, (-50.0, 50.0, 70.0, 170.0, 190.0, 290.0))

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.mechanism import Frame, Mechanism, PrismaticJoint, RevoluteJoint, Tool
-from linkwork.robots.solids import cube, require_masses, require_sizes, rod, vector
+from linkwork.robots.uniform import cube, require_masses, require_sizes, rod, vector
 
 
 def tripteron(

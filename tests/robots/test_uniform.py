@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from linkwork.mechanism import Frame
 from linkwork.robots.poses import Pose, inverse, product, rotated, turn
 from linkwork.robots.rods import pointing
-from linkwork.robots.solids import cube, disc, rod, tube, tube_mass
+from linkwork.robots.uniform import cube, disc, rod, tube, tube_mass
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 
