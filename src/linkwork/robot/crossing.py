@@ -6,9 +6,9 @@ even number s of nodes c_i over an interval h with t_0 in its middle never evalu
     Y_i = y + h sum_j a_ij f(t + c_j h, Y_j),     y_new = y + h sum_j b_j f(t + c_j h, Y_j),     order 2 s
 
 by fixed-point iteration, the loops of every Y_i closed by Newton's method from the polynomial's own q, so that all lie on
-one branch: the smooth one. Two numbers of nodes estimate the error; where the branch is not smooth they disagree, and
-there is no crossing. What is asked for on the way over is the polynomial through its values at the nodes and both ends,
-where all is regular: of the state it is the collocation's own.
+one branch: the smooth one. Two numbers of nodes estimate the error, the finer one going out from the polynomial of the
+coarser one; where the branch is not smooth they disagree, and there is no crossing. What is asked for on the way over is
+the polynomial through its values at the nodes and both ends, where all is regular: of the state it is the collocation's own.
 Source: Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
 """
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from math import isfinite
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -24,13 +25,14 @@ from linkwork.kernels import Kernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.system import System
 
-NODES = (8, 6)
+NODES = (6, 8)
 CONVERGED = 1.0  # change of the step by an iteration, in tolerances
 ACCURATE = 10.0  # error of the step, in tolerances
 FINEST = 1e-9  # relative tolerance that rounding near the pose allows
 BEHIND = 0.25  # least pivot behind the pose, relative to the one before it
 VANISHED = 1e-3  # of a pivot at a singular pose, over its largest value on the way
 NEWTON = 8
+ROUNDING = np.finfo(float).eps  # gap of loops, in own units, that doubles need not make smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +94,15 @@ class Crossing:
 
     def over(self, t: float, q: np.ndarray, v: np.ndarray) -> Crossed | None:
         """Return the way to behind the pose ahead of (t, q, v), as far as before it; None where there is no smooth one."""
-        gap = self._time_to_zero(t, q, v)
+        y = np.concatenate([q, v])
+        slope = self._slope(self.system.inputs(t), y)
+        gap = self._time_to_zero(q, slope[: q.size])
         if gap is None:
             return None
-        h, y = 2 * gap, np.concatenate([q, v])
-        fine, coarse = (self._step(t, h, y, nodes) for nodes in NODES)
-        if fine is None or coarse is None:
+        h = 2 * gap
+        coarse = self._step(t, h, y, np.tile(slope, (NODES[0], 1)))
+        fine = coarse and self._step(t, h, y, between(*NODES)[1] @ coarse.slopes)
+        if coarse is None or fine is None:
             return None
         q_new, closed = self._closed(fine.states[-1, : q.size])
         behind = abs(self.chart.pivot(q_new)) > BEHIND * abs(self.chart.pivot(q))
@@ -106,16 +111,14 @@ class Crossing:
         states = fine.states.copy()
         for state in states[1:]:
             state[: q.size], _ = self._closed(state[: q.size])
-        times = t + h * fine.c
-        (pivots,) = self.chart.kernel("pivots")(np.ascontiguousarray(states[:, : q.size]))
-        return Crossed(times, states, self.system.inputs(times), pivots, fine.evaluations + coarse.evaluations)
+        times = t + h * nodes(NODES[1])
+        pivots = np.array([self.chart.kernel("pivots").flat(state[: q.size], self.chart.p) for state in states])
+        return Crossed(times, states, self.system.inputs(times), pivots, 1 + fine.evaluations + coarse.evaluations)
 
     def _error(self, fine: Collocation, coarse: Collocation) -> float:
         """Return the difference of two collocations at the end and at all nodes of the finer one, in tolerances."""
-        states = fine.states, coarse.at(fine.c)
-        return max(
-            float((np.abs(one - other) / self._tolerance(one)).max()) for one, other in zip(*states, strict=True)
-        )
+        difference = fine.states - between(*NODES)[0] @ coarse.states
+        return float((np.abs(difference) / self._tolerance(fine.states)).max())
 
     def nearby(self, crossed: Crossed, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the states y at times on the way (S, n), and their largest |phi| (S,).
@@ -129,9 +132,8 @@ class Crossing:
                 state[:nq] = q
         return states, np.array([self._residual(state[:nq]) for state in states])
 
-    def _time_to_zero(self, t: float, q: np.ndarray, v: np.ndarray) -> float | None:
-        """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2)."""
-        slope = self._slope(self.system.inputs(t), np.concatenate([q, v]))[: q.size]
+    def _time_to_zero(self, q: np.ndarray, slope: np.ndarray) -> float | None:
+        """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2); slope: q'."""
         units = self.chart.equations.tree.units
         h = 1e-3 * max(1.0, np.abs(q / units).max()) / max(np.abs(slope / units).max(), 1e-3)
         p_0, p_1, p_2 = (abs(self.chart.pivot(q - k * h * slope)) for k in range(3))
@@ -141,70 +143,71 @@ class Crossing:
         multiplicity = 1 / max(1 - p_0 * curvature / rate**2, 0.1)
         return max(1, round(multiplicity)) * p_0 / -rate
 
-    def _step(self, t: float, h: float, y: np.ndarray, nodes: int) -> Collocation | None:
-        """Return y along a step by collocation at a number of nodes; None where the iteration does not converge."""
-        a, b, c = gauss(nodes)
-        first, *inputs = self.system.inputs(t + h * np.array([0.0, *c]))
-        slopes, change, evaluations = np.tile(self._slope(first, y), (nodes, 1)), np.inf, 1
-        scale = self._tolerance(y)
+    def _step(self, t: float, h: float, y: np.ndarray, slopes: np.ndarray) -> Collocation | None:
+        """Return y along a step by collocation; None where the iteration does not converge.
+
+        slopes: y' at the nodes (s, n) that the iteration goes out from.
+        """
+        a, b, c = gauss(len(slopes))
+        inputs = self.system.inputs(t + h * c)
+        change, evaluations, scale = np.inf, 0, self._tolerance(y)
         while True:
-            evaluations += nodes
+            evaluations += len(slopes)
             stages = y + h * a @ slopes
             previous, slopes = slopes, np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)])
             last, change = change, float((np.abs(slopes - previous).max(axis=0) * h / scale).max())
             if change <= CONVERGED:
-                states = np.array([y, *(y + h * a @ slopes), y + h * b @ slopes])
-                return Collocation(np.array([0.0, *c, 1.0]), states, evaluations)
+                return Collocation(np.array([y, *(y + h * a @ slopes), y + h * b @ slopes]), slopes, evaluations)
             if not change < last / 2:
                 return None
 
     def _tolerance(self, y: np.ndarray) -> np.ndarray:
         """Return the error that each number of y may have; a number small in its own unit counts as 1 of it."""
-        units = self.chart.tolerances(1.0, y.size)
+        units = self.chart.tolerances(1.0, y.shape[-1])
         return self.atol * units + max(self.rtol, FINEST) * np.maximum(units, np.abs(y))
 
     def _slope(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return y' = (q', v') under the inputs u, with the loops of q closed."""
         nq = self.chart.equations.nq
         q, _ = self._closed(y[:nq])
-        x = np.concatenate([q, y[nq:], u, self.system.p(self.chart)])
-        return evaluated(self.system.kernel(self.chart, "motion"), x)[:-1]
+        return self._motion.flat(q, y[nq:], u, self.system.p(self.chart))[:-1]
+
+    @cached_property
+    def _motion(self) -> Kernel:
+        return self.system.kernel(self.chart, "motion")
+
+    @cached_property
+    def _closure(self) -> Kernel | None:
+        """Return the kernel of q -> one Newton step, largest |phi|; None where there is nothing to close."""
+        return self.chart.kernel("closure_step") if self.chart.equations.constrained else None
 
     def _closed(self, q: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return q with its loops closed by Newton's method to the last digit, and whether they are closed."""
-        if not self.chart.equations.constrained:
+        """Return q with its loops closed by Newton's method to rounding, and whether they are closed."""
+        if self._closure is None:
             return q, True
         best, residual = q, np.inf
         for _ in range(NEWTON):
-            out = evaluated(self.chart.kernel("closure_step"), np.concatenate([q, self.chart.p]))
-            if not (out[-1] < residual and np.isfinite(q).all()):
+            out = self._closure.flat(q, self.chart.p)
+            gap = out.item(-1)
+            if not (gap < residual and isfinite(q @ q)):
                 break
-            best, residual, q = q, out[-1], out[:-1]
+            best, residual, q = q, gap, out[:-1]
+            if residual <= ROUNDING:
+                break
         return best, residual <= self.closure
 
     def _residual(self, q: np.ndarray) -> float:
         """Return the largest |phi(q)|."""
-        if not self.chart.equations.constrained:
-            return 0.0
-        return float(evaluated(self.chart.kernel("closure_step"), np.concatenate([q, self.chart.p]))[-1])
+        return 0.0 if self._closure is None else self._closure.flat(q, self.chart.p).item(-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Collocation:
-    """Hold a step by collocation: states (s + 2, n) at c = 0, its s nodes and 1; evaluations: that it took."""
+    """Hold a step by collocation: states (s + 2, n) at c = 0, its s nodes and 1, slopes (s, n) at the nodes, evaluations."""
 
-    c: np.ndarray
     states: np.ndarray
+    slopes: np.ndarray
     evaluations: int
-
-    def at(self, c: np.ndarray) -> np.ndarray:
-        """Return the states (S, n) of its polynomial."""
-        return lagrange(self.c, c) @ self.states
-
-
-def evaluated(kernel: Kernel, x: np.ndarray) -> np.ndarray:
-    """Return a kernel's outputs for one state."""
-    return kernel.flat(x)
 
 
 def lagrange(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -223,3 +226,15 @@ def gauss(stages: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     a = (c[:, None] ** k / k) @ inverse
     b = (1 / k) @ inverse
     return a, b, c
+
+
+@cache
+def between(known: int, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what leads from a collocation's states, and from its slopes, to those at the nodes of another one."""
+    own, other = nodes(known), nodes(wanted)
+    return lagrange(own, other), lagrange(own[1:-1], other[1:-1])
+
+
+def nodes(stages: int) -> np.ndarray:
+    """Return 0, the nodes of Gauss's collocation, and 1."""
+    return np.array([0.0, *gauss(stages)[2], 1.0])

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.crossing import evaluated
 from linkwork.robot.passage import Segment
 from linkwork.robot.system import System
 
@@ -21,7 +20,7 @@ def culprit(system: System, segment: Segment) -> str:
     y, p, fault = np.concatenate([last.q_end, last.v_end]), system.p(chart), int(last.outcome.fault)
     for ahead in AHEAD:
         u = np.concatenate([system.inputs(last.end_time + ahead), held])
-        slope = evaluated(system.kernel(chart, "motion"), np.concatenate([y, u, p]))
+        slope = system.kernel(chart, "motion").flat(y, u, p)
         moved = y + ahead * np.where(np.isfinite(slope), slope, 0.0)[: y.size]
         lost = undefined(system, chart, np.concatenate([moved, u, p]), u)
         if lost:
@@ -36,7 +35,7 @@ def undefined(system: System, chart: CompiledChart, x: np.ndarray, u: np.ndarray
     acting, actuators = system.acting, chart.equations.mechanism.actuators
     if acting is None:
         return named("the force on", actuators, u[None])
-    values = evaluated(system.kernel(chart, "recorded"), x)[chart.equations.mobility :]
+    values = system.kernel(chart, "recorded").flat(x)[chart.equations.mobility :]
     ends = 2 * len(actuators), 2 * len(actuators) + 6 * len(acting.wrenches)
     held = u[u.size - acting.held :].reshape(acting.held // max(len(actuators), 1), len(actuators))
     forces = np.concatenate([values[: ends[0]].reshape(2, -1), held])

@@ -125,7 +125,7 @@ class Signal:
         return self._derivative
 
     def _locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        piece = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        piece = np.searchsorted(self.knots[1 : len(self.coefficients)], t, side="right")
         return piece, t - self.knots[piece]
 
 
