@@ -181,9 +181,9 @@ def require_turns(given: np.ndarray, mechanism: Mechanism) -> None:
 def require_consistent(
     closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, labels: Labels, tolerance: float
 ) -> None:
-    """Refuse coordinates that contradict the closed configuration; angles may differ by whole turns.
+    """Refuse coordinates that contradict the closed configuration.
 
-    A quaternion may be given at any length and with either sign.
+    Angles may differ by whole turns where these act on nothing. A quaternion may be given at any length and with either sign.
     """
     joints, given = mechanism.coordinates, given.copy()
     for _, places in quaternions(mechanism):
@@ -191,12 +191,13 @@ def require_consistent(
         sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
         given[..., places] *= sign / length
     error = given - closed
-    error = np.where(labels.angular, wrapped(error), error) / labels.sizes
+    error = np.where(labels.angular & ~labels.counted, wrapped(error), error) / labels.sizes
     if not (np.abs(error) > 10 * tolerance).any():
         return
     index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])
+    acting = ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
     raise LinkworkError(
-        f"joint {joints[index[-1]]!r} is given as {given[index]:.6g}, but the other joints make it {closed[index]:.6g}"
+        f"joint {joints[index[-1]]!r} is given as {given[index]:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
-from linkwork.robot import checks
+from linkwork.robot import checks, following
 from linkwork.robot.accuracy import compared, repeatable, tightened
 from linkwork.robot.alone import Course, Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
@@ -31,7 +31,7 @@ from linkwork.robot.recording import ending, labels, singular_times
 from linkwork.robot.rereading import reread
 from linkwork.robot.rows import Rows, gathered, last, pieces
 from linkwork.robot.running import integrator, usual, watched
-from linkwork.robot.state import State
+from linkwork.robot.state import Reached, State
 from linkwork.robot.turning import turning
 from linkwork.simulation import Method, Rosenbrock, Status, Tableau, Trajectory, Variable
 from linkwork.simulation.many import Outcomes, integrate_many
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
     from linkwork.robot.robot import Robot
 
+AT_ONCE = 1000  # members that are run again together
+Again = Callable[[Sequence[int]], Iterator[tuple[Lone, bool]]]
 STATISTICS = ("nfev", "steps", "rejected", "pivot", "closure_error")
 
 
@@ -84,6 +86,7 @@ class Ensemble:
     _sentences: Callable[[int], str] = field(repr=False)
     _measure: Callable[[], tuple[dict[str, Variable], dict[str, Variable]]] = field(repr=False)
     _companion: Callable[[], Ensemble] | None = field(repr=False)
+    _again: Again = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.status)
@@ -93,10 +96,32 @@ class Ensemble:
         ways = ", ".join(f"{Status(s).name}: {k}" for s, k in zip(found, counts, strict=True))
         return f"Ensemble({len(self)} members; {ways})"
 
-    @property
+    @cached_property
     def final(self) -> State:
         """Return the last states reached, a stack of N."""
-        return self._reached[0]
+        state, _ = self._reached
+        if not self.members.robot.labels.may_wind:
+            return state
+        values: dict[str, Any] = vars(state) | {"positions": self._wound}
+        return Reached(**values)
+
+    def _wound(self) -> np.ndarray:
+        """Return the coordinates of all joints at the ends (N, m), with their whole turns."""
+        state, _ = self._reached
+        crew, parts = self.members, self.rows()
+        count = 1 + max((int(part.times.max(initial=-1)) for part in parts), default=-1)
+        time = np.full((len(crew), count + 1), np.nan)
+        read, rates = (
+            np.full((*time.shape, len(names)), np.nan) for names in (crew.robot.coordinates, crew.robot.rates)
+        )
+        for part in parts:
+            at = part.members, part.times
+            time[at] = part.t
+            read[at], rates[at] = joints_of(crew, part).values()
+        time[:, -1], read[:, -1] = self.end_time, state.positions
+        chart, v = crew.robot.chart_of(state), np.nan_to_num(state.rates)
+        rates[:, -1] = chart.kernel("joints_motion")(state.q, v, 0 * v, crew.p_robot())[1]
+        return self.turned(time, read, rates)[:, -1]
 
     @property
     def extras(self) -> np.ndarray:
@@ -151,6 +176,13 @@ class Ensemble:
         """Return when a member stepped over singular poses (on_singular="step_over") [s]."""
         return self._passed.times[self._passed.members == self._numbered(member)]
 
+    def turned(self, time: np.ndarray, read: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return coordinates of all joints (N, K, m) that are read off the tree's with their whole turns (`following`)."""
+        if not self.members.robot.labels.may_wind:
+            return read
+        windings = following.of_members(self.members, time, read, rates, self.steps, self._again)
+        return self.members.robot.labels.turned(read, windings)
+
     def _numbered(self, member: int) -> int:
         """Return the number of a member from 0 on; refuse one that is not there."""
         try:
@@ -168,6 +200,9 @@ class Ensemble:
         import xarray
 
         variables, coords = self._measure()
+        time = np.broadcast_to(coords["time"].values, (len(self), len(coords["time"].values)))
+        read, rates = variables["joint_position"], variables["joint_rate"].values
+        variables["joint_position"] = replace(read, values=self.turned(time, read.values, rates))
         variables |= {
             "status": Variable(("member",), np.array([Status(s).name for s in self.status], dtype=object)),
             "end_time": Variable(("member",), self.end_time, {"units": "s"}),
@@ -426,9 +461,21 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         _sentences=sentence,
         _measure=lambda: measured(crew, rows(), course.times),
         _companion=companion(crew, course),
+        _again=partial(again, crew, course, lone),
         options=course.options,
         **numbers,
     )
+
+
+def again(crew: Members, course: Course, lone: Sequence[Lone], which: Sequence[int]) -> Iterator[tuple[Lone, bool]]:
+    """Yield members that ran by themselves, and others once more by themselves; tell whether every step was saved."""
+    whole = {one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)}
+    yield from ((whole[member], False) for member in which if member in whole)
+    left = [member for member in which if member not in whole]
+    every = replace(course, times=None)  # pyright: ignore[reportArgumentType]
+    for first in range(0, len(left), AT_ONCE):
+        tasks = [Task(member) for member in left[first : first + AT_ONCE]]
+        yield from ((one, True) for one in by_themselves(crew, every, tasks, lambda done, total: None))
 
 
 def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:
@@ -464,7 +511,7 @@ def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.n
 
 
 def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> tuple[State, np.ndarray]:
-    """Return the last states reached, in one chart, and the extra states there.
+    """Return the last states reached, in one chart, and the extra states there; angles as they are read off the tree's.
 
     It is the home chart where that tells all motions, else the first of the members' own that does; if none does it is the
     home chart, and the rates that it does not tell are nan.
@@ -565,20 +612,25 @@ def measured(
     values = {name: np.full((*shape, coords[axis].values.size), np.nan) for name, axis in axes.items()}
     for part in parts:
         (q, _, z), p, places = part.split(), crew.p_robot(part.members), (part.members, part.times)
-        found = part.measured(partial(joints, crew))
-        if part.nodes:  # angles are not interpolated: they may jump by a turn
-            found["joint_position"] = robot.kernel("positions")(q, p)[0]
+        found = joints_of(crew, part)
         for name in found:
             values[name][places] = found[name]
         if extras:
             values["drive_state"][places] = z
         if robot.mechanism.tools:
             values["tool_pose"][places] = AssemblyKernel(robot.kernel("assembly").given(p), robot.planar).tool_poses(q)
-    robot.labels.unwrap_runs(times, values["joint_position"], values["joint_rate"])
     variables = {
         name: Variable(("member", "time", axes[name]), array, {"units": units[name]}) for name, array in values.items()
     }
     return variables, coords
+
+
+def joints_of(crew: Members, part: Rows) -> dict[str, np.ndarray]:
+    """Return the positions and rates of all joints at saved states (rows, m), by name."""
+    found = part.measured(partial(joints, crew))
+    if part.nodes:  # angles are not interpolated: they may jump by a turn
+        found["joint_position"] = crew.robot.kernel("positions")(part.split()[0], crew.p_robot(part.members))[0]
+    return found
 
 
 def joints(crew: Members, rows: Rows) -> dict[str, np.ndarray]:

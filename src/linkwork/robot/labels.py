@@ -1,4 +1,8 @@
-"""Labels: what each joint coordinate and rate of a robot is (length, angle, part of a quaternion), and its unit."""
+"""Labels: what each joint coordinate and rate of a robot is (length, angle, part of a quaternion), and its unit.
+
+The coordinates of a joint that closes a loop are read off the tree's, and these leave its whole turns open: what was read may
+be any number of turns behind, a quaternion p may be -p. Where nothing acts on these turns a state holds its own (`windings`).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations import Equations, readings
+from linkwork.equations.topology import counting
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
@@ -44,6 +49,11 @@ class Labels:
         return np.array([self.units[label] == "rad" for label in self.equations.mechanism.coordinates], bool)
 
     @cached_property
+    def turning(self) -> np.ndarray:
+        """Which rates are angular."""
+        return np.array([self.units[label] == "rad" for label in self.equations.mechanism.rates], bool)
+
+    @cached_property
     def sizes(self) -> np.ndarray:
         """The mechanism's own units of the coordinates (m): its own length of lengths, 1 of others."""
         lengths = [self.units[label] == "m" for label in self.equations.mechanism.coordinates]
@@ -51,45 +61,90 @@ class Labels:
 
     @cached_property
     def quaternions(self) -> list[list[int]]:
-        """Places of the quaternions among the coordinates."""
-        parts = [i for i, label in enumerate(self.equations.mechanism.coordinates) if self.units[label] == "1"]
+        """Places among the coordinates of the quaternions of joints that close loops."""
+        tree, mechanism = self.equations.tree.coordinates, self.equations.mechanism
+        parts = [i for i, label in enumerate(mechanism.coordinates) if self.units[label] == "1" and label not in tree]
         return [parts[k : k + 4] for k in range(0, len(parts), 4)]
 
     @cached_property
     def jumping(self) -> list[str]:
         """Angles of loop-closing joints that are read by the arc tangent."""
-        tree, joints = self.equations.tree, self.equations.mechanism.joints
-        cuts = [cut.joint for cut in self.equations.cuts if readings.jump(cut)]
-        return [label for name in cuts for label in joints[name].angles(name) if label not in tree.coordinates]
+        return [label for cut in self.equations.cuts if readings.jump(cut) for label in self._angles(cut.joint)]
 
-    def unwrapped(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return coordinates of all joints over time (K, m) without the jumps that those of loop-closing joints may have.
+    @cached_property
+    def counted(self) -> np.ndarray:
+        """Which coordinates (m) are angles of loop-closing joints whose turns act, on a spring, a gear or a thread."""
+        names = counting(self.equations.mechanism)
+        return self._among([x for cut in self.equations.cuts if cut.joint in names for x in self._angles(cut.joint)])
 
-        Such angles in space jump by 2 pi, quaternions between p and -p. The rates (K, all joints' rates) [rad/s] tell how
-        far an angle has turned from one sample to the next; where they change so much that they do not, nothing is counted.
-        """
-        mechanism, positions = self.equations.mechanism, positions.copy()
-        for label in self.jumping:
-            q, w = positions[:, mechanism.coordinates.index(label)], rates[:, mechanism.rates.index(label)]
-            h = np.diff(time)
-            turns = np.round((h * (w[1:] + w[:-1]) / 2 - np.diff(q)) / (2 * np.pi))
-            q[1:] += 2 * np.pi * np.cumsum(np.where(h * np.abs(np.diff(w)) / 2 < np.pi, turns, 0))
-        for places in self.quaternions:
-            p = positions[:, places]
-            flips = np.sign(np.einsum("ki,ki->k", p[1:], p[:-1]))
-            positions[1:, places] *= np.cumprod(np.where(flips == 0, 1, flips))[:, None]
-        return positions
+    @cached_property
+    def wound(self) -> np.ndarray:
+        """Which coordinates (m) are angles of loop-closing joints whose turns act on nothing: they are the state's own."""
+        return self._among([x for cut in self.equations.cuts for x in self._angles(cut.joint)]) & ~self.counted
+
+    @cached_property
+    def signed(self) -> np.ndarray:
+        """Which coordinates (m) belong to the quaternions of loop-closing joints."""
+        return np.array([any(i in places for places in self.quaternions) for i in range(self.angular.size)], bool)
+
+    @cached_property
+    def may_wind(self) -> bool:
+        """Whether the tree's coordinates leave whole turns of any coordinate open."""
+        return bool(self.wound.any() or self.quaternions)
 
     @property
     def may_jump(self) -> bool:
         """Whether any coordinate may jump over time."""
         return bool(self.jumping or self.quaternions)
 
-    def unwrap_runs(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> None:
-        """Rid coordinates (N, K, m) of N runs of their jumps, each run's as `unwrapped`; nan is where a run did not get."""
-        for own, rate in zip(positions, rates, strict=True) if self.may_jump else ():
-            kept = ~np.isnan(rate).any(axis=-1)
-            own[kept] = self.unwrapped(time[kept], own[kept], rate[kept])
+    def _angles(self, joint: str) -> list[str]:
+        """Return the angles of a loop-closing joint that the tree does not hold."""
+        joints, tree = self.equations.mechanism.joints, self.equations.tree.coordinates
+        return [label for label in joints[joint].angles(joint) if label not in tree] if joint in joints else []
+
+    def _among(self, labels: list[str]) -> np.ndarray:
+        """Tell of each coordinate (m) whether it is among some labels."""
+        return np.array([label in labels for label in self.equations.mechanism.coordinates], bool)
+
+    def windings(self, positions: np.ndarray, read: np.ndarray) -> np.ndarray:
+        """Return the whole turns (..., m) by which coordinates are ahead of those that are read off the tree's.
+
+        They are those of loop-closing joints; a quaternion of the other sign is one turn ahead.
+        """
+        turns = np.where(self.wound, np.round((positions - read) / (2 * np.pi)), 0.0)
+        for places in self.quaternions:
+            turns[..., places] = (np.sum(positions[..., places] * read[..., places], axis=-1, keepdims=True) < 0) * 1.0
+        return turns
+
+    def turned(self, read: np.ndarray, windings: np.ndarray) -> np.ndarray:
+        """Return coordinates (..., m) that are read off the tree's with whole turns added."""
+        if not self.may_wind or not windings.any():
+            return read
+        return np.where(self.signed, read * (-1.0) ** windings, read + 2 * np.pi * windings)
+
+    def nearest(self, read: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """Return coordinates (..., m) that are read off the tree's with the whole turns of others."""
+        return self.turned(read, self.windings(positions, read)) if self.may_wind else read
+
+    def unwrapped(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return coordinates of all joints over time (K, m) without the jumps that those of loop-closing joints may have.
+
+        Angles that are read by the arc tangent jump by 2 pi, quaternions between p and -p. The rates (K, all joints' rates)
+        [rad/s] tell how far an angle has turned from one sample to the next; where they change so much that they do not, it
+        is taken to have turned by less than half a turn.
+        """
+        mechanism, positions = self.equations.mechanism, positions.copy()
+        h = np.diff(time)
+        for label in self.jumping:
+            q, w = positions[:, mechanism.coordinates.index(label)], rates[:, mechanism.rates.index(label)]
+            told = h * np.abs(np.diff(w)) / 2 < np.pi
+            ahead = np.where(told, h * (w[1:] + w[:-1]) / 2, 0.0)
+            q[1:] += 2 * np.pi * np.cumsum(np.round((ahead - np.diff(q)) / (2 * np.pi)))
+        for places in self.quaternions:
+            p = positions[:, places]
+            flips = np.sign(np.einsum("ki,ki->k", p[1:], p[:-1]))
+            positions[1:, places] *= np.cumprod(np.where(flips == 0, 1, flips))[:, None]
+        return positions
 
     def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:
         """Return what rounding in the closure rows grows with: lengths over the mechanism's own, and angles.

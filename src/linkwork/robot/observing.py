@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -28,17 +28,20 @@ def observation(
     v: np.ndarray,
     extras: np.ndarray | None = None,
     parameters: Mapping[str, float] | None = None,
+    turned: Callable[[np.ndarray], np.ndarray] = lambda read: read,
 ) -> Observation:
     """Return the observation of q and v in a chart; the joints' quantities are evaluated together.
 
     extras: extra states in the order of the names; parameters: of controllers and drives, by name
+    turned: adds whole turns to the coordinates that are read off q
     """
     labels = {"position": names.coordinates, "rate": names.rates}
 
     @cache
     def joints() -> dict[str, np.ndarray]:
         kernel = chart.compiled("observation of joints", joints_function)
-        return dict(zip(JOINTS, kernel(q, v, chart.p), strict=True))
+        positions, rates = kernel(q, v, chart.p)
+        return dict(zip(JOINTS, (turned(positions), rates), strict=True))
 
     @cache
     def quantity(key: Quantity) -> np.ndarray:
@@ -76,4 +79,5 @@ def observed(robot: Robot, state: State) -> Observation:
     """Return one state as controllers see it, as numbers: `Robot.observe`."""
     if robot.own(state).batch:
         raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")
-    return observation(robot.chart_of(state), Names.of(robot.mechanism, robot.planar), state.q, state.rates)
+    names = Names.of(robot.mechanism, robot.planar)
+    return observation(robot.chart_of(state), names, state.q, state.rates, turned=lambda _: state.positions)

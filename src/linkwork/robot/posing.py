@@ -50,7 +50,7 @@ def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: R
     made = stacked(robot, q, rates)
     given = np.broadcast_to(given, (*made.batch, given.shape[-1]))
     checks.require_consistent(made.positions, given, robot.mechanism, robot.labels, tolerance)
-    return made
+    return replace(made, positions=robot.labels.nearest(made.positions, given))
 
 
 def require_closing(robot: Robot, q: np.ndarray, gap: np.ndarray) -> None:
@@ -72,7 +72,7 @@ def assemble(
     branch: str = "guess",
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
-    start = start_of(robot, guess)
+    start, asked = start_of(robot, guess), dict[int, float]()
     if branch not in BRANCHES:
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if isinstance(joints, Mapping) and tool is None:
@@ -89,7 +89,8 @@ def assemble(
                 f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave some out, or give values "
                 f"that fit together: {error}"
             ) from None
-        q = turned(robot.chart, q, places, np.array(list(targets.values())))
+        asked = dict(zip(places, targets.values(), strict=True))
+        q = turned(robot.chart, q, places, np.array(list(asked.values())))
     elif tool is not None and joints is None:
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
@@ -97,7 +98,24 @@ def assemble(
         q = leader.lead(start, poses.reshape(-1, poses.shape[-1])).reshape(*poses.shape[:-1], start.size)
     else:
         raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
-    return stacked(robot, q, rates)
+    return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
+
+
+def wound(robot: Robot, made: State, guess: State, asked: Mapping[int, float]) -> State:
+    """Return states with the whole turns of joints that close loops as near as they come to what is asked, by place.
+
+    Others keep those of the guess: as many where they are read without a jump, else as near as they come to it.
+    """
+    labels = robot.labels
+    if not labels.may_wind:
+        return made
+    turns = labels.windings(guess.positions, robot.kernel("positions")(guess.q)[0])
+    kept = labels.turned(made.positions, np.broadcast_to(turns, made.positions.shape))
+    jumps = np.isin(robot.coordinates, labels.jumping) | labels.signed
+    goal = np.where(jumps, guess.positions, kept)
+    for place, value in asked.items():
+        goal[..., place] = value
+    return replace(made, positions=labels.nearest(made.positions, goal))
 
 
 def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
@@ -133,7 +151,10 @@ def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State
         )
     made = robot.make_state(along, v)
     positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(made.q, made.rates, v_dot)
-    made = replace(made, positions=robot.labels.unwrapped(time, positions, joint_rates))
+    positions = robot.labels.unwrapped(time, positions, joint_rates)
+    first = wound(robot, made.at(0), robot.home if guess is None else guess, {})
+    turns = robot.labels.windings(first.positions, positions[0])
+    made = replace(made, positions=robot.labels.turned(positions, turns))
     return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses)
 
 

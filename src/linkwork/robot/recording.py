@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
-from linkwork.robot import checks, derived, limits, rereading
+from linkwork.robot import checks, derived, following, limits, rereading
 from linkwork.robot.accuracy import WORTH_TELLING, Compared, Start, without_turns
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.culprits import culprit
@@ -44,7 +44,7 @@ TOLD = (
     *("method", "charts", SINGULAR_TIMES),
     *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")),
 )
-
+WOUND = ("final_windings",)
 ERROR = ("error_estimate", "error_estimate_until")
 
 
@@ -84,7 +84,7 @@ def simulate(
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
             raise fault
-    return record(Compared(robot, passage, begun, segments), besides)
+    return record(Compared(robot, passage, begun, segments), state, besides)
 
 
 def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
@@ -165,10 +165,10 @@ def charts_taken(segments: Sequence[Segment]) -> str:
     return "; ".join(taken)
 
 
-def record(made: Compared, besides: np.ndarray) -> Run:
+def record(made: Compared, state: State, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
     robot, system, segments, options = made.robot, made.passage.system, made.segments, made.passage.options
-    of = Record(robot, system, segments, besides)
+    of = Record(robot, system, segments, besides, state, made.passage.save_at is None)
 
     def sentences() -> str:
         _, message = ending(system, segments)
@@ -184,7 +184,12 @@ def record(made: Compared, besides: np.ndarray) -> Run:
         variables=of.variables,
         coords=Deferred({AXES: of.axes}),
         attrs=Deferred(
-            {ASKED: partial(asked, robot, system, options), TOLD: partial(told, system, segments), ERROR: error}
+            {
+                ASKED: partial(asked, robot, system, options),
+                TOLD: partial(told, system, segments),
+                WOUND: of.final_windings,
+                ERROR: error,
+            }
         ),
         status=end(system, segments[-1]),
         message=sentences,  # pyright: ignore[reportArgumentType]
@@ -198,7 +203,7 @@ def record(made: Compared, besides: np.ndarray) -> Run:
 
 def errors(made: Compared, of: Record) -> dict[str, Variable]:
     """Return by how much a run differs from its companion at its saved times: positions and rates, and drive states."""
-    other = Record(made.robot, of.system, made.companion, np.empty(0))
+    other = Record(made.robot, of.system, made.companion, np.empty(0), of.start, False)
     places = np.searchsorted(other.time, of.time[of.time <= other.time[-1]])
     found = {}
     for name in ("joint_position", "joint_rate", "drive_state"):
@@ -288,12 +293,15 @@ class Record:
     """Measure what follows from a run's states at the saved times (K,), each kind of quantities when first asked for.
 
     besides: times of calls of a sampled controller, which were saved for the work between them
+    start: the state that the run went out from; every: whether every step was saved
     """
 
     robot: Robot
     system: System
     segments: Sequence[Segment]
     besides: np.ndarray
+    start: State
+    every: bool
 
     @cached_property
     def kept(self) -> list[tuple[Segment, np.ndarray]]:
@@ -344,15 +352,34 @@ class Record:
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @cached_property
+    def windings(self) -> tuple[np.ndarray, np.ndarray]:
+        """Whole turns of joints' coordinates (K, m), and the times at which they were counted (K,) [s]."""
+        return following.windings(self.robot, self.start, self.segments, self.every)
+
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """The coordinates of all joints at the saved times, with their whole turns."""
+        read = self.of["positions"]
+        if not self.robot.labels.may_wind:
+            return read
+        times, windings = self.windings
+        return self.robot.labels.turned(read, windings[np.minimum(np.searchsorted(times, self.time), len(times) - 1)])
+
+    def final_windings(self) -> dict[str, object]:
+        """Return the whole turns of joints' coordinates at the end that the tree's do not tell, if there are any."""
+        last = self.windings[1][-1] if self.robot.labels.may_wind else np.zeros(0)
+        return {"final_windings": last} if last.any() else {}
+
+    @cached_property
     def known(self) -> dict[str, Variable]:
         return self.states()
 
     def states(self) -> dict[str, Variable]:
         """Return positions, rates and accelerations of all joints, forces, energies, tool and closure."""
         of = self.of
-        positions, rates = of["positions"], of["rates"]
+        rates = of["rates"]
         quantities: dict[str, derived.Quantity] = {
-            "joint_position": (("coordinate",), self.robot.labels.unwrapped(self.time, positions, rates), "m, rad"),
+            "joint_position": (("coordinate",), self.positions, "m, rad"),
             "joint_rate": (("rate",), rates, "m/s, rad/s"),
             "joint_acceleration": (("rate",), of["accelerations"], "m/s^2, rad/s^2"),
             "actuator_force": (("actuator",), of["force"], "N, N m"),

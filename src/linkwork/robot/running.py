@@ -121,6 +121,11 @@ def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run
     if q.size != robot.equations.nq or n != robot.mobility:
         raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
     state = replace(robot.make_state(q, v[:n]), independent=independent)
+    if "final_windings" in run.attrs:
+        windings = np.atleast_1d(np.asarray(run.attrs["final_windings"], float))
+        if windings.size != len(robot.coordinates):
+            raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
+        state = replace(state, positions=robot.labels.turned(state.positions, windings))
     if independent != robot.independent:
         chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
         if chart is None:

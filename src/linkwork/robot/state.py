@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
 from linkwork.errors import LinkworkError
+from linkwork.simulation.run import Told
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,15 @@ class State:
         )
         rates = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.independent, self.rates, strict=True))
         return f"State({positions}; rates: {rates})"
+
+
+class Reached(State):
+    """Hold states whose positions are given, or found when they are first asked for."""
+
+    positions = Told()  # pyright: ignore
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"positions": self.positions}
 
 
 @dataclass(frozen=True, eq=False)

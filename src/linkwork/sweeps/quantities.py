@@ -78,8 +78,8 @@ def measured(
     put(first)  # compiles what is needed
     with ThreadPoolExecutor(threads or usable_processors()) as pool:
         list(pool.map(put, others))
-    if "joint_position" in wanted and bench.robot.labels.may_jump:
-        unwrap(bench, values["joint_position"], ensemble)
+    if "joint_position" in wanted and bench.robot.labels.may_wind:
+        values["joint_position"] = wound(bench, values["joint_position"], ensemble)
     return values
 
 
@@ -89,13 +89,14 @@ def blocks(rows: Rows) -> Iterator[Rows]:
         yield rows[first : first + BLOCK]
 
 
-def unwrap(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> None:
-    """Count the turns of angles along each member's run."""
+def wound(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> np.ndarray:
+    """Return positions with the turns of angles, counted along each member's run."""
     rates = np.full((*positions.shape[:2], len(bench.robot.rates)), np.nan)
     for rows in ensemble.rows():
         found = rows.measured(partial(joints, ensemble.members))
         rates[rows.members, rows.times] = found["joint_rate"]
-    bench.robot.labels.unwrap_runs(bench.times, positions, rates)
+    times = np.broadcast_to(bench.times, positions.shape[:2])
+    return ensemble.turned(times, positions, rates)
 
 
 def everywhere(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]) -> dict[str, np.ndarray]:

@@ -1,0 +1,153 @@
+"""Following: whole turns of joints that close loops, counted along a run from step to step.
+
+The tree's coordinates do not tell them (`labels`): they are the start's, and what was turned since. Between two steps an angle
+turns by little, so that its rates at both tell how far; between the times that were asked for it may turn as far as it will. A
+run that was saved at such times is gone through once more in its own steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.passage import Segment
+from linkwork.robot.state import State
+from linkwork.simulation import Status, Trajectory
+
+if TYPE_CHECKING:
+    from linkwork.robot.alone import Lone
+    from linkwork.robot.labels import Labels
+    from linkwork.robot.members import Members
+    from linkwork.robot.robot import Robot
+
+DENSE, NEAR = (
+    2.0,
+    1.0,
+)  # saved times for each step, and how far an angle turns from one to the next [rad], that tell its turns
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Hold a run's motion at increasing times (K,) [s]: coordinates that are read off the tree's, rates of all joints."""
+
+    time: np.ndarray
+    read: np.ndarray
+    rates: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Course]) -> Course:
+        """Return the motion of parts one after the other; an instant that two of them hold is the earlier one's."""
+        time, first = np.unique(np.concatenate([part.time for part in parts]), return_index=True)
+        return cls(
+            time, *(np.concatenate([getattr(part, name) for part in parts])[first] for name in ("read", "rates"))
+        )
+
+    def windings(self, labels: Labels, first: np.ndarray) -> np.ndarray:
+        """Return the whole turns of joints' coordinates (K, m), from those at the first time (m,) on."""
+        return labels.windings(labels.unwrapped(self.time, labels.turned(self.read, first), self.rates), self.read)
+
+    def sure(self, labels: Labels, steps: float) -> bool:
+        """Tell whether these times are so dense that nothing turns unseen: more than steps, and less than NEAR apart."""
+        fastest = np.abs(self.rates[:, labels.turning]).max(initial=0.0)
+        return len(self.time) > DENSE * steps and fastest * np.diff(self.time).max(initial=0.0) < NEAR
+
+
+def windings(robot: Robot, state: State, segments: Sequence[Segment], every: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return when whole turns of joints' coordinates were counted (K,) [s], and these (K, m).
+
+    Args:
+        state: that the run went out from.
+        every: whether every step was saved.
+    """
+    labels, kernel = robot.labels, robot.kernel("positions")
+    first = labels.windings(state.positions, kernel(state.q)[0])
+    if not labels.may_jump:
+        return np.array([segments[-1].trajectory.end_time]), first[None]
+    course = Course.joined([part for segment in segments for part in passed(segment, every)])
+    return course.time, course.windings(labels, first)
+
+
+def passed(segment: Segment, every: bool) -> Iterator[Course]:
+    """Yield the motion of a segment: at its start, its steps and the times saved, and at its end."""
+    part, (start, q, v), n = segment.trajectory, segment.start, segment.chart.equations.mobility
+    if segment.crossed is not None:
+        yield from crossed(segment)
+        return
+    ends = np.vstack([q, part.q_end]), np.vstack([v[:n], part.v_end[:n]])
+    yield moving(segment.chart, np.array([start, part.end_time]), *ends)
+    for saved in (part, *([] if every else steps(segment))):
+        yield moving(segment.chart, saved.t, saved.q, saved.v[:, :n])
+
+
+def steps(segment: Segment) -> Iterator[Trajectory]:
+    """Yield the steps of a segment, those between the calls of a sampled controller apart; none of one that was cancelled."""
+    part = segment.trajectory
+    if segment.again is None or part.status is Status.CANCELLED:
+        return
+    edges = [segment.start[0], *(part.t if part.control else ()), part.end_time]
+    for row in np.flatnonzero(np.diff(edges) > 0).tolist():
+        yield segment.again(None, row - 1)
+
+
+def moving(chart: CompiledChart, time: np.ndarray, q: np.ndarray, v: np.ndarray) -> Course:
+    """Return the motion at states in a chart (K, ...)."""
+    read, rates, *_ = chart.kernel("joints_motion")(np.ascontiguousarray(q), np.ascontiguousarray(v), 0 * v)
+    return Course(time, read, rates)
+
+
+def crossed(segment: Segment) -> Iterator[Course]:
+    """Yield the motion on the way over a singular pose: at the nodes, and at the times saved, where rates are interpolated."""
+    part, over, chart = segment.trajectory, segment.crossed, segment.chart
+    assert over is not None
+    nq, n = chart.equations.nq, chart.equations.mobility
+    known = moving(chart, over.t, over.y[:, :nq], over.y[:, nq : nq + n])
+    kept = over.t <= part.end_time
+    yield Course(over.t[kept], known.read[kept], known.rates[kept])
+    times, q = np.append(part.t, part.end_time), np.vstack([part.q, part.q_end])
+    yield Course(times, chart.kernel("positions")(q)[0], over.through(known.rates, times))
+
+
+def of_members(
+    crew: Members,
+    time: np.ndarray,
+    read: np.ndarray,
+    rates: np.ndarray,
+    steps: np.ndarray,
+    again: Callable[[Sequence[int]], Iterable[tuple[Lone, bool]]],
+) -> np.ndarray:
+    """Return the whole turns (N, K, m) of joints' coordinates along the runs of an ensemble's members.
+
+    Args:
+        time: (N, K) [s]; read: coordinates that are read off the tree's; rates: of all joints, nan where a run did not get.
+        steps: that each member took (N,); again: runs members again whose turns these times do not tell for sure, and tells
+            whether every step was saved.
+    """
+    robot, state, p = crew.robot, crew.given, crew.p_robot()
+    labels, chart = robot.labels, robot.chart_of(state)
+    begun, start, *_ = chart.kernel("joints_motion")(crew.q, state.rates, 0 * state.rates, p)
+    begun, start = (np.broadcast_to(part, (len(crew), part.shape[-1])) for part in (begun, start))
+    first = labels.windings(np.broadcast_to(state.positions, begun.shape), begun)
+    found = np.repeat(first[:, None], time.shape[1], axis=1)
+    if not labels.may_jump:
+        return found
+    courses = []
+    for i in range(len(crew)):
+        kept = ~np.isnan(rates[i]).any(axis=-1)
+        saved = Course(time[i, kept], read[i, kept], rates[i, kept])
+        courses.append(Course.joined([Course(np.zeros(1), begun[i : i + 1], start[i : i + 1]), saved]))
+
+    def put(i: int, course: Course) -> None:
+        kept = ~np.isnan(rates[i]).any(axis=-1)
+        found[i, kept] = course.windings(labels, first[i])[np.searchsorted(course.time, time[i, kept])]
+
+    unsure = [i for i, course in enumerate(courses) if not course.sure(labels, float(steps[i]))]
+    for i in sorted({*range(len(crew))} - {*unsure}):
+        put(i, courses[i])
+    for one, every in again(unsure):
+        parts = [part for segment in one.segments for part in passed(segment, every)]
+        put(one.member, Course.joined([courses[one.member], *parts]))
+    return found
