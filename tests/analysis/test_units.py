@@ -132,3 +132,40 @@ def test_a_cart_reaches_two_pendulums_unless_they_are_alike(length, expected, dr
     robot = lw.Robot(Scale(mechanism, L, M, T).mechanism)
     model = analysis.linearise(robot, robot.home)
     assert model.controllable is (expected or len(driven) == 2)
+
+
+@pytest.mark.parametrize(("L", "M", "T"), [(1e-6, 1e-6, 1e4), (1e6, 1e6, 1e-4), (1e-6, 1.0, 1e-4)])
+@pytest.mark.parametrize("name", ["five_bar", "rpr3"])
+def test_the_same_parameters_are_seen_excited_and_identified(name, L, M, T):
+    mechanism = MADE[name]
+    scale = Scale(mechanism, L, M, T)
+    plain, robot = lw.Robot(mechanism), lw.Robot(scale.mechanism)
+    effect = f"{plain.actuators[0]}.friction.viscous"
+    bases = [analysis.base_parameters(one, [effect]) for one in (plain, robot)]
+    assert np.array_equal(bases[1].columns, bases[0].columns)
+    slide = L if name == "rpr3" else 1.0
+    moments = [M, *3 * [M * L], *6 * [M * L**2]]
+    dimensions = np.array([*moments * len(plain.bodies), M * L**2 / slide**2 / T])
+    dimensions = dimensions[bases[0].columns]
+    assert np.allclose(bases[1].described / dimensions, bases[0].described, rtol=1e-6, atol=1e-9)
+    found = []
+    for one, time, factors in ((plain, 1.0, 1.0), (robot, T, slide)):
+        middle = one.home.positions[[one.coordinates.index(actuator) for actuator in one.actuators]]
+        ranges = {
+            actuator: (at - 0.1 * factors, at + 0.1 * factors)
+            for actuator, at in zip(one.actuators, middle, strict=True)
+        }
+        bounds = {"rates": 0.5 * factors / time, "accelerations": 2.0 * factors / time**2}
+        wanted = analysis.exciting_trajectory(
+            one, period=2.0 * time, ranges=ranges, **bounds, effects=[effect], trials=8
+        )
+        motion = wanted.motion(one, 41)
+        measured = analysis.Measured(
+            motion.state, motion.accelerations, one.inverse_dynamics(motion.state, motion.accelerations)
+        )
+        found.append((wanted, analysis.identify(one, measured, [effect])))
+    (wanted, known), (own, identified) = found
+    assert np.allclose(own.coefficients / slide, wanted.coefficients, rtol=0, atol=1e-6)
+    assert own.condition == pytest.approx(wanted.condition, rel=1e-3)
+    assert identified.condition == pytest.approx(known.condition, rel=1e-3)
+    assert np.allclose(identified.values / dimensions, known.values, rtol=1e-4, atol=1e-6 * abs(known.values).max())

@@ -20,6 +20,7 @@ from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
+from linkwork.robot.linear import own_rates
 
 DEPENDENT = 1e-8
 NEGLIGIBLE = 1e-9
@@ -47,6 +48,10 @@ class Regressor:
     def __call__(self, states: State, accelerations: np.ndarray) -> np.ndarray:
         """Return Y (..., n, k) at states in the home chart and accelerations (..., n)."""
         return self.with_known(states, accelerations)[0]
+
+    def units(self, pace: float) -> np.ndarray:
+        """Return the sizes (k) of the columns of Y in own units, for motions of a pace [1/s]."""
+        return regressor.sizes(self.robot.mechanism, self.robot.equations.tree.length, pace)[self.places]
 
     def with_known(self, states: State, accelerations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return Y (..., n, k), and what the motion needs besides Y pi (..., n) [N, N m]."""
@@ -107,9 +112,10 @@ def base_parameters(robot: Robot, effects: Sequence[str] = (), *, samples: int =
     """
     made = regressor_of(robot, effects)
     states, accelerations = random_motions(robot, samples, seed)
-    Y = made(states, accelerations).reshape(-1, len(made.names))
+    Y = (made(states, accelerations) * own_rates(robot, states)[:, None]).reshape(-1, len(made.names))
     size = np.linalg.norm(Y, axis=0)
-    seen = np.flatnonzero(size > NEGLIGIBLE * size.max(initial=0.0))
+    own = size / made.units(pace(robot))
+    seen = np.flatnonzero(own > NEGLIGIBLE * own.max(initial=0.0))
     if not seen.size:
         raise LinkworkError("no parameter can be seen: the motions need no forces")
     columns = Y[:, seen] / size[seen]
@@ -136,14 +142,20 @@ def independent(columns: np.ndarray) -> list[int]:
 
 def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.ndarray]:
     """Return random closed states near the reference (N) with random rates, and accelerations (N, n)."""
-    random = np.random.default_rng(seed)
-    q = robot.equations.reference + SPREAD * random.standard_normal((samples, robot.equations.nq))
-    q = unit(robot.equations.tree, q)
+    random, tree = np.random.default_rng(seed), robot.equations.tree
+    q = robot.equations.reference + SPREAD * tree.units * random.standard_normal((samples, tree.units.size))
+    q = unit(tree, q)
     for _ in range(ROUNDS):
         q, gap = robot.kernel("closure_step")(q)
     q = q[(gap[:, 0] < CLOSED) & np.isfinite(q).all(axis=1)]
-    v, dv = (random.standard_normal((len(q), robot.mobility)) for _ in range(2))
+    sizes = (pace(robot) ** order * own_rates(robot, robot.home) for order in (1, 2))
+    v, dv = (size * random.standard_normal((len(q), robot.mobility)) for size in sizes)
     return robot.make_state(q, v), dv
+
+
+def pace(robot: Robot) -> float:
+    """Return the rate [1/s] of motions in which weight and inertia count alike; 1 where there is no weight."""
+    return float(np.linalg.norm(robot.mechanism.gravity) / robot.equations.tree.length) ** 0.5 or 1.0
 
 
 def written(row: np.ndarray, names: Sequence[str]) -> str:

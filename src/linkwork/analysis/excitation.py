@@ -23,6 +23,7 @@ from linkwork.analysis.square import of_joints
 from linkwork.analysis.workspace import positive
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, checks
+from linkwork.robot.linear import own_rates
 
 SAMPLES = 40
 IMPOSSIBLE = 1e12
@@ -89,7 +90,8 @@ class Search:
         omega = 2 * np.pi / self.period
         largest = [np.abs(fourier(time, omega, self.harmonics, order) @ series).max(axis=0) for order in range(3)]
         bounds = (self.half * (1 - np.abs(offset)), self.rates, self.accelerations)
-        stretch = np.min([bound / np.maximum(size, 1e-12) for bound, size in zip(bounds, largest, strict=True)], axis=0)
+        sizes = [np.where(size > 0, size, 1.0) for size in largest]
+        stretch = np.min([bound / size for bound, size in zip(bounds, sizes, strict=True)], axis=0)
         series = series * stretch
         series[0] = self.middle + self.half * offset
         return series
@@ -104,7 +106,8 @@ class Search:
         q, good = self.problem.solve(start, q_a, 12, self.problem.signs(start))
         if not good.all():
             return None
-        Y = self.base.regressor(robot.make_state(q, v), dv)[..., self.base.columns]
+        states = robot.make_state(q, v)
+        Y = own_rates(robot, states)[:, None] * self.base.regressor(states, dv)[..., self.base.columns]
         return Y.reshape(-1, len(self.base))
 
     def condition(self, shape: np.ndarray, sizes: np.ndarray) -> float:

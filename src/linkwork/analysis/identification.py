@@ -26,6 +26,7 @@ from linkwork.analysis.newton import solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, UnreachableError, checks
+from linkwork.robot.linear import own_rates
 from linkwork.simulation import Run
 
 REWEIGHTED = 3
@@ -87,17 +88,18 @@ def identify(robot: Robot, measured: Measured | Run, effects: Sequence[str] = ()
     """
     data = of_run(robot, measured) if isinstance(measured, Run) else measured
     base = base_parameters(robot, effects, seed=seed)
-    states, n = data.states, robot.mobility
+    states, n, own = data.states, robot.mobility, own_rates(robot, data.states)
     applied = np.einsum("kan,ka->kn", robot.actuation(states), data.forces)
     Y, known = base.regressor.with_known(states, data.accelerations)
-    right = (applied - known).T.ravel()  # all samples of one rate, then of the next
-    rows = np.swapaxes(Y[..., base.columns], 0, 1).reshape(right.size, -1)
+    right = (own * (applied - known)).T.ravel()  # energies: all samples of one rate, then of the next
+    rows = np.swapaxes(own[:, None] * Y[..., base.columns], 0, 1).reshape(right.size, -1)
     if right.size <= rows.shape[1]:
         raise LinkworkError(
             f"{right.size} measured forces do not give {rows.shape[1]} parameters; measure more samples"
         )
     lengths = np.linalg.norm(rows, axis=0)
-    sigma = np.linalg.svd(rows / np.where(lengths > 0, lengths, 1.0), compute_uv=False)
+    even = rows / np.where(lengths > 0, lengths, 1.0)
+    sigma = np.linalg.svd(even, compute_uv=False)
     if not sigma[-1] > 1e-10 * sigma[0]:
         weakest = base.names[int(np.argmin(lengths))]
         raise LinkworkError(
@@ -107,15 +109,15 @@ def identify(robot: Robot, measured: Measured | Run, effects: Sequence[str] = ()
     beta, weights = np.zeros(rows.shape[1]), np.ones(n)
     for _ in range(REWEIGHTED):
         scale = np.repeat(weights, len(right) // n)
-        beta = np.linalg.lstsq(rows * scale[:, None], right * scale, rcond=None)[0]
+        beta = np.linalg.lstsq(even * scale[:, None], right * scale, rcond=None)[0] / lengths
         remains = (right - rows @ beta).reshape(n, -1)
         noise = np.sqrt(np.mean(remains**2, axis=1))
         weights = 1 / np.maximum(noise, 1e-12 * max(np.abs(right).max(), 1e-300))
-    weighted = rows * np.repeat(weights, len(right) // n)[:, None]
+    weighted = even * np.repeat(weights, len(right) // n)[:, None]
     freedom = right.size / (right.size - beta.size)
-    R = np.linalg.qr(weighted / lengths, mode="r")
+    R = np.linalg.qr(weighted, mode="r")
     deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths * np.sqrt(freedom)
-    return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise)
+    return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise / own)
 
 
 def of_run(robot: Robot, run: Run) -> Measured:

@@ -25,7 +25,7 @@ from linkwork.equations.joint_map import derivative
 from linkwork.equations.moments import Moments
 from linkwork.equations.tree import near_offset
 from linkwork.mechanism import Mechanism
-from linkwork.mechanism.joints import OneFreedom
+from linkwork.mechanism.joints import SLIDES, OneFreedom
 
 ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 OF_BODIES = ("mass", *(f"first_moment.{axis}" for axis in "xyz"), *(f"inertia_at_origin.{name}" for name in ELEMENTS))
@@ -46,6 +46,18 @@ def values(mechanism: Mechanism) -> np.ndarray:
         for friction, spring, _, rotor in joint.effects().values():
             pi += [friction.viscous + spring.damping, friction.coulomb, rotor]
     return np.array(pi)
+
+
+def sizes(mechanism: Mechanism, length: float, pace: float) -> np.ndarray:
+    """Return the energies [J] (k) that a unit of each parameter takes on motions by a length [m], or 1 rad, at a pace [1/s]."""
+    found: list[float] = []
+    for _ in mechanism.bodies:
+        found += [length**2 * pace**2] + 3 * [length * pace**2] + len(ELEMENTS) * [pace**2]
+    for joint in mechanism.pairs.values():
+        for freedom in joint.effects():
+            own = length if freedom in SLIDES else 1.0
+            found += [own**2 * pace, own, own**2 * pace**2]
+    return np.array(found)
 
 
 def of_freedoms(mechanism: Mechanism) -> Iterator[str]:
