@@ -27,10 +27,10 @@ from numpy.typing import ArrayLike
 from linkwork.analysis.jacobians import Jacobians, jacobians
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
+from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot, State, checks
-from linkwork.robot.assembly import wrapped
 from linkwork.robot.labels import POSE_ANGLES
 
 if TYPE_CHECKING:

@@ -90,6 +90,11 @@ def zero() -> ca.SX:
     return SX(np.zeros(3))
 
 
+def wrapped(angle: np.ndarray) -> np.ndarray:
+    """Return an angle [rad] between -pi and pi."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
 def inner(a: Vector, b: Vector) -> Number:
     """Return a . b of constant vectors."""
     return ca.dot(SX(a), SX(b)) if isinstance(a, SX) or isinstance(b, SX) else float(a @ b)

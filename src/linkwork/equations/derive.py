@@ -20,6 +20,7 @@ from linkwork.equations.chart import choose_chart, choose_independent, independe
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import own_length
+from linkwork.equations.nearest import nearest
 from linkwork.equations.reference import (
     OPEN,
     OpenLoopsError,
@@ -87,7 +88,7 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length))
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
-    rows, configurations, samples, notes = closed_samples(tree, rows, start, begin)
+    rows, configurations, samples, notes = closed_samples(joints, rows, start, begin)
     kept = independent_rows(samples)
     redundant = tuple(name for name in every if name not in [rows.names[index] for index in kept])
     mobility.refuse_locked(topology, tree, rows.names, samples[0])
@@ -180,23 +181,26 @@ def refuse_open(row: str, residual: float, unit: float) -> None:
 Samples = tuple[Rows, list[np.ndarray], list[np.ndarray], tuple[str, ...]]
 
 
-def closed_samples(tree: Tree, rows: Rows, start: np.ndarray, starts: Callable[[], Iterable[np.ndarray]]) -> Samples:
+def closed_samples(
+    joints: JointMap, rows: Rows, start: np.ndarray, starts: Callable[[], Iterable[np.ndarray]]
+) -> Samples:
     """Return the rows, the closed reference configuration and closed ones near it, Phi there in own units, notes.
 
     Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at the reference, or at a
     start that leads to none, another one is looked for beside it.
     """
+    tree = joints.tree
     try:
-        reference = closed_reference(tree, rows, starts())
+        reference = home(joints, rows, start, starts())
     except MechanismError:
         if (fewer := held(tree, rows, starts())) is not None:
-            return closed_samples(tree, fewer, start, starts)
+            return closed_samples(joints, fewer, start, starts)
         if not singular_start(tree, rows, start):
             raise
-        reference = closed_reference(tree, rows, chain([start], bends(tree, start)))
+        reference = home(joints, rows, start, chain([start], bends(tree, start)))
     samples, rounded = about(tree, rows, reference), unheld_notes(tree, rows, reference)
     if nearly_dependent(samples[1][0]) and (fewer := held(tree, rows, starts())) is not None:
-        return closed_samples(tree, fewer, start, starts)
+        return closed_samples(joints, fewer, start, starts)
     rank = len(independent_rows(samples[1]))
     if len(independent_rows(samples[1][:1])) == rank:
         return rows, *samples, rounded
@@ -276,6 +280,18 @@ def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
         return np.array(phi).ravel(), Phi, derivatives
 
     return system
+
+
+def home(
+    joints: JointMap, rows: Rows, start: np.ndarray, starts: Iterable[np.ndarray], p: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the closed configuration nearest to the reference, from the first start that leads to a closed one.
+
+    start: q (nq) of the reference; p: values of the free parameters; the description's if left out
+    """
+    closed = closed_reference(joints.tree, rows, starts, p)
+    found = nearest(closing(joints.tree, rows, p), joints, start, closed, p)
+    return closed if found is closed else closed_reference(joints.tree, rows, [found, closed], p)
 
 
 def closed_reference(tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np.ndarray | None = None) -> np.ndarray:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.equations.algebra import skew
+from linkwork.equations.algebra import skew, wrapped
 from linkwork.equations.reference import OpenLoopsError, close, unit
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
@@ -223,8 +223,3 @@ def turning(r: np.ndarray, dr: np.ndarray, ddr: np.ndarray) -> tuple[np.ndarray,
     J = np.eye(3) + a * K + b * K @ K
     dJ = (a_t * K + b_t * K @ K) * (r @ dr) + a * dK + b * (dK @ K + K @ dK)
     return J @ dr, J @ ddr + dJ @ dr
-
-
-def wrapped(angle: np.ndarray) -> np.ndarray:
-    """Return an angle [rad] between -pi and pi."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from linkwork.checks import at as at
 from linkwork.checks import count, finite, positive, shown
 from linkwork.checks import number as number
+from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import TURN
-from linkwork.robot.assembly import wrapped
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:

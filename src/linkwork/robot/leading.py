@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
-from linkwork.robot.assembly import MATRICES, UnreachableError, wrapped
+from linkwork.robot.assembly import MATRICES, UnreachableError
 from linkwork.robot.modes import Modes, same
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.equations.derive import closed_reference
+from linkwork.equations.derive import closed_reference, home
 from linkwork.equations.reference import CLOSED, guess, starts
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -58,5 +58,7 @@ def reference(robot: Robot, mechanism: Mechanism) -> np.ndarray:
     if gap <= CLOSED and not equations.rows.unheld:
         return kept
     tree, topology = equations.tree, equations.topology
-    begin = [kept] if equations.notes else starts(mechanism, topology, tree, guess(mechanism, topology, tree))
-    return closed_reference(tree, equations.rows, begin, robot.p)
+    if equations.notes:
+        return closed_reference(tree, equations.rows, [kept], robot.p)
+    start = guess(mechanism, topology, tree)
+    return home(equations.joints, equations.rows, start, starts(mechanism, topology, tree, start), robot.p)

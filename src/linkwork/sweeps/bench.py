@@ -13,9 +13,9 @@ from linkwork.control import Drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
 from linkwork.control.observation import Names
+from linkwork.equations.algebra import wrapped
 from linkwork.mechanism.numbers import located
 from linkwork.robot import Motion, Robot, State
-from linkwork.robot.assembly import wrapped
 from linkwork.robot.labels import POSES
 from linkwork.robot.network import Network
 from linkwork.robot.reactions import spread

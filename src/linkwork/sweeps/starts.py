@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.equations import functions
+from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited, located
 from linkwork.mechanism.record import MechanismError
 from linkwork.robot import Robot, State
-from linkwork.robot.assembly import MATRICES, wrapped
+from linkwork.robot.assembly import MATRICES
 from linkwork.robot.labels import POSES
 from linkwork.robot.modes import same
 from linkwork.sweeps.study import Study, StudyError

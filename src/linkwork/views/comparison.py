@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork import engines
-from linkwork.equations.algebra import rotation_matrix
+from linkwork.equations.algebra import rotation_matrix, wrapped
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot
-from linkwork.robot.assembly import wrapped
 from linkwork.robot.labels import POSES
 from linkwork.simulation import Run, Sampled, Signal, as_signal
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from linkwork.robot.assembly import wrapped
+from linkwork.equations.algebra import wrapped
 
 Outputs = Mapping[str, np.ndarray]
 

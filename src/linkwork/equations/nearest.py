@@ -1,0 +1,187 @@
+"""The closed configuration that is nearest to a rough reference, whichever joints the spanning tree holds.
+
+Joint coordinates that the reference names are x_0, those of a configuration x(q), lengths over the mechanism's own. With
+
+    r = x(q) - x_0,    angles the short way round, the rotation vector of R R_0' of a free turn,    J w = r'
+
+the configuration looked for is the closed one of least  r . r / 2:  with the multipliers l of the closure rows
+
+    g(q) = J' r + Phi' l = 0,    phi(q) = 0.
+
+Newton's steps are taken in the basis Z of what Phi leaves free,  Z' (dg/dq N) Z s = -Z' g  at fixed l, and closed.
+Where that leaves freedoms undetermined, the coordinates that the reference leaves out decide them, as they are at
+zero. A start from which no step leads nearer is kept.
+Source: Nocedal & Wright 2006, sec. 18.1 (reduced Hessians).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations.algebra import SX, cross, dense, dot, wrapped
+from linkwork.equations.effects import rotation_vector
+from linkwork.equations.joint_map import JointMap
+from linkwork.equations.lengths import slides
+from linkwork.equations.mobility import free_motions
+from linkwork.equations.reference import OPEN, OpenLoopsError, System, close, described, unit
+from linkwork.equations.tree import Tree
+from linkwork.mechanism import GearJoint, ScrewJoint
+from linkwork.mechanism.joints import TURN
+
+STEPS, HALVINGS = 50, 12
+LONGEST = 0.5  # step, in own units
+SMALLEST = 1e-11  # step that is none
+APART = 1e-5  # of configurations between which g is compared
+FLAT = 1e-6  # curvature that determines nothing, over the largest
+
+Reading = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def nearest(
+    system: System, joints: JointMap, start: np.ndarray, closed: np.ndarray, p: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the closed configuration nearest to the reference, as far as descent from a closed one leads.
+
+    Args:
+        system: as `reference.close` solves it.
+        start: q (nq) of the reference; closed: q that was found from there.
+        p: values of the free numbers; the description's if left out.
+
+    Returns:
+        q; `closed` itself where the reference is closed, that is, open by rounding only.
+    """
+    tree, named = joints.tree, given(joints)
+    read = readings(joints, p)
+    rough = np.abs(system(unit(tree, start))[0]).max(initial=0.0) > OPEN
+    if not rough and np.abs(read(closed)[0][named]).max(initial=0.0) <= OPEN:
+        return closed
+    q = closed
+    for part in (named, ~named):
+        q, determined = approached(system, of_part(read, part), tree, q)
+        if determined:
+            break
+        system = holding(system, of_part(read, part), q)
+    return q
+
+
+def given(joints: JointMap) -> np.ndarray:
+    """Tell of each joint rate whether the reference names the coordinate that it moves."""
+    reference, told = joints.mechanism.reference, []
+    for name, joint in joints.mechanism.pairs.items():
+        labels = iter(joint.coordinates(name))
+        for freedom in joint.freedoms:
+            own = [next(labels) for _ in range(4 if freedom == TURN else 1)]
+            told += [any(label in reference for label in own)] * (3 if freedom == TURN else 1)
+    return np.array(told, bool)
+
+
+def readings(joints: JointMap, p: np.ndarray | None) -> Reading:
+    """Return the function of q that gives r and J, a row for each joint rate."""
+    mechanism, tree, values = joints.mechanism, joints.tree, described(joints.mechanism)
+    lengths, r, rates, periodic = slides(mechanism), [], [], []
+    for name, joint in mechanism.joints.items():
+        if isinstance(joint, GearJoint):
+            continue
+        labels = iter(joint.coordinates(name))
+        for freedom in joint.freedoms:
+            if freedom == TURN:
+                own = [next(labels) for _ in range(4)]
+                r.append(
+                    rotation_vector(turn_between(ca.vertcat(*map(joints.position, own)), [values[x] for x in own]))
+                )
+                periodic += [False] * 3
+            else:
+                label = next(labels)
+                r.append((joints.position(label) - values[label]) / (tree.length if lengths[label] else 1.0))
+                periodic.append(label in joint.angles(name) and not isinstance(joint, ScrewJoint))
+        rates += joint.rates(name)
+    heights = [tree.length if lengths[label] else 1.0 for label in rates]
+    J = ca.mtimes(ca.mtimes(ca.diag(1 / ca.DM(heights)), joints.rate_rows(rates)), ca.diag(ca.DM(tree.rate_units)))
+    evaluated = tree.evaluated("readings", [ca.vertcat(SX(0, 1), *r), J], p)
+
+    def read(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, J = evaluated(q)
+        r = np.array(r).ravel()
+        return np.where(periodic, wrapped(r), r), dense(J)
+
+    return read
+
+
+def turn_between(p: ca.SX, given: list[float]) -> ca.SX:
+    """Return the quaternion of R R_0' from those of R and R_0."""
+    w, u = given[0], SX(np.array(given[1:]))
+    return ca.vertcat(p[0] * w + dot(p[1:], u), w * p[1:] - p[0] * u - cross(p[1:], u))
+
+
+def of_part(read: Reading, part: np.ndarray) -> Reading:
+    """Return the function that reads some of the coordinates."""
+
+    def some(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, J = read(q)
+        return r[part], J[part]
+
+    return some
+
+
+def holding(system: System, read: Reading, q: np.ndarray) -> System:
+    """Return the system that keeps what is read at q, too."""
+    kept = read(q)[0]
+
+    def held(q: np.ndarray) -> tuple[np.ndarray, ca.DM, ca.DM]:
+        phi, Phi, N = system(q)
+        r, J = read(q)
+        return np.append(phi, r - kept), ca.vertcat(ca.DM(Phi), ca.DM(J)), ca.DM(N)
+
+    return held
+
+
+def approached(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return the closed q of least r . r that descent leads to, and whether every freedom is determined there."""
+    determined = False
+    for _ in range(STEPS):
+        step, determined = newton_step(system, read, tree, q)
+        if np.abs(step).max(initial=0.0) <= SMALLEST or np.abs(read(q)[0]).max(initial=0.0) <= OPEN:
+            break
+        trial = nearer(system, read, tree, q, step)
+        if trial is None:
+            break
+        q = trial
+    return q, determined
+
+
+def newton_step(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return a step of q downhill, Newton's near a least distance, and whether every freedom bends the distance."""
+    _, Phi, N = system(q)
+    r, J = read(q)
+    Z = free_motions(dense(ca.DM(Phi)))
+    if not Z.size:
+        return np.zeros(q.size), True
+    multipliers = np.linalg.lstsq(dense(ca.DM(Phi)).T, -J.T @ r, rcond=1e-9)[0]
+    along = np.array(N @ Z)
+
+    def g(q: np.ndarray) -> np.ndarray:
+        (r, J), (_, Phi, _) = read(q), system(q)
+        return Z.T @ (J.T @ r + dense(ca.DM(Phi)).T @ multipliers)
+
+    aside = APART * along.T
+    H = np.transpose([(g(unit(tree, q + dq)) - g(unit(tree, q - dq))) / (2 * APART) for dq in aside])
+    curvatures, V = np.linalg.eigh((H + H.T) / 2)
+    bent = np.abs(curvatures) > FLAT * max(np.abs(curvatures).max(), FLAT)
+    step = V[:, bent] @ ((V.T @ -g(q))[bent] / np.abs(curvatures[bent]))
+    return along @ step * min(1.0, LONGEST / max(np.abs(Z @ step).max(), 1e-300)), bool(bent.all())
+
+
+def nearer(system: System, read: Reading, tree: Tree, q: np.ndarray, step: np.ndarray) -> np.ndarray | None:
+    """Return the closed configuration after a step, or a part of it, that is not farther off; None if there is none."""
+    far = np.linalg.norm(read(q)[0])
+    for part in 0.5 ** np.arange(HALVINGS):
+        try:
+            trial = close(system, tree, q + part * step)
+        except OpenLoopsError:
+            continue
+        if np.linalg.norm(read(trial)[0]) <= far * (1 + 1e-14):
+            return trial
+    return None

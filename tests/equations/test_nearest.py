@@ -1,0 +1,118 @@
+"""A rough reference is closed at the nearest configuration, whatever joints the spanning tree holds."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import linkwork as lw
+from linkwork import robots
+from linkwork.equations import Equations, derive
+from linkwork.mechanism import Mechanism, Spring
+from linkwork.mechanism.numbers import edited
+
+FIVE = ("motor_1", "motor_2", "elbow_1", "elbow_2", "tip")
+
+
+def home(equations: Equations) -> np.ndarray:
+    """Coordinates of all joints at the reference."""
+    return np.array(equations.tree.evaluated("x", [equations.joints.positions()])(equations.reference)[0]).ravel()
+
+
+def nearest_five_bar(mechanism: Mechanism, base: float = 0.3, proximal: float = 0.25) -> np.ndarray:
+    """The closed angles of a five-bar nearest to those of its reference, by sequential quadratic programming."""
+    named = np.array([label in mechanism.reference for label in FIVE])
+    given = np.array([mechanism.reference.get(label, 0.0) for label in FIVE])
+
+    def tip(pivot, motor, elbow):
+        directions = np.array([motor, motor + elbow])
+        return pivot + np.array([proximal, 0.35]) @ np.exp(1j * directions)
+
+    def gaps(x):
+        apart = tip(0.0, x[0], x[2]) - tip(base, x[1], x[3])
+        return np.array([apart.real, apart.imag, x[1] + x[3] - x[0] - x[2] - x[4]])
+
+    start = given + np.array([0, 0, 0, 0, 0.2])
+    found = minimize(
+        lambda x: np.sum((x - given)[named] ** 2) / 2,
+        start,
+        jac=lambda x: np.where(named, x - given, 0.0),
+        constraints=[{"type": "eq", "fun": gaps}],
+        method="SLSQP",
+        options={"ftol": 1e-18, "maxiter": 300},
+    )
+    assert np.abs(gaps(found.x)).max() < 1e-9
+    return found.x
+
+
+def test_home_is_the_closed_pose_nearest_to_the_angles_of_the_reference():
+    mechanism = robots.five_bar()
+    np.testing.assert_allclose(home(derive(mechanism)), nearest_five_bar(mechanism), atol=1e-7)
+
+
+def test_angles_that_the_reference_names_are_kept_where_the_others_can_follow():
+    mechanism = robots.five_bar().model_copy(update={"reference": {"motor_1": 2.2, "motor_2": 0.94, "elbow_1": -1.4}})
+    found = home(derive(mechanism))
+    expected = nearest_five_bar(mechanism)
+    np.testing.assert_allclose(found[:3], expected[:3], atol=1e-7)
+    whole = mechanism.model_copy(update={"reference": {"motor_1": 2.2, "motor_2": 0.94}})
+    np.testing.assert_allclose(home(derive(whole))[:2], [2.2, 0.94], atol=1e-12)
+
+
+def rough(mechanism: Mechanism, seed: int = 3) -> Mechanism:
+    """The mechanism with every coordinate of its reference off by some 0.05 rad or m."""
+    random = np.random.default_rng(seed)
+    off = {label: value + 0.05 * random.standard_normal() for label, value in mechanism.reference.items()}
+    return mechanism.model_copy(update={"reference": off})
+
+
+def sprung(mechanism: Mechanism, name: str) -> Mechanism:
+    """The mechanism with a spring in a joint, which is then no longer the one to cut."""
+    joint = mechanism.joints[name]
+    spring = Spring(stiffness=3.0)
+    own = {"spring": spring if len(joint.rates(name)) == 1 else {joint.freedoms[0]: spring}}
+    return mechanism.model_copy(update={"joints": {**mechanism.joints, name: joint.model_copy(update=own)}})
+
+
+@pytest.mark.parametrize(
+    ("name", "joint"),
+    [
+        ("five_bar", "tip"),
+        ("prr3", "wrist_2"),
+        ("bennett", "hinge_3"),
+        ("spatial_slider_crank", "ball"),
+        ("stewart", "ball_2"),
+    ],
+)
+def test_a_spring_that_moves_the_cut_and_another_order_of_the_joints_leave_home_where_it_is(name, joint):
+    mechanism = rough(getattr(robots, name)())
+    equations, other = derive(mechanism), derive(sprung(mechanism, joint))
+    assert {cut.joint for cut in equations.cuts} != {cut.joint for cut in other.cuts}
+    reordered = mechanism.model_copy(update={"joints": dict(reversed(list(mechanism.joints.items())))})
+    turned = dict(zip(reordered.coordinates, home(derive(reordered)), strict=True))
+    expected = home(equations)
+    np.testing.assert_allclose(home(other), expected, atol=1e-9)
+    np.testing.assert_allclose([turned[label] for label in mechanism.coordinates], expected, atol=1e-9)
+    moved = [x - mechanism.reference.get(label, x) for label, x in zip(mechanism.coordinates, expected, strict=True)]
+    assert 0.01 < np.abs(moved).max() < 0.4
+
+
+@pytest.mark.parametrize("name", ["bennett", "prr3", "andrews"])
+def test_a_closed_reference_is_kept(name):
+    mechanism = getattr(robots, name)()
+    given = [mechanism.reference.get(label, 0.0) for label in mechanism.coordinates]
+    np.testing.assert_allclose(home(derive(mechanism)), given, atol=2e-15, rtol=1e-15)
+
+
+def test_coordinates_out_of_reach_end_at_the_turning_point():
+    mechanism = robots.four_bar(ground=1.0, crank=0.8, coupler=0.7, rocker=0.6)
+    mechanism = mechanism.model_copy(update={"reference": {"crank_pivot": 2.9}})
+    reach = np.arccos((1.0 + 0.8**2 - 1.3**2) / (2 * 0.8))  # coupler and rocker in one line
+    assert abs(home(derive(mechanism))[0] - reach) < 1e-6
+
+
+def test_other_parameters_have_the_home_of_the_edited_description():
+    robot = lw.Robot(robots.five_bar()).free("elbow_1.frames.0.position.x", "elbow_2.frames.0.position.x")
+    values = dict.fromkeys(robot.parameters, 0.26)
+    changed = robot.with_parameters(values)
+    expected = nearest_five_bar(edited(robot.mechanism, values), proximal=0.26)
+    np.testing.assert_allclose(changed.home.positions, expected, atol=1e-7)
