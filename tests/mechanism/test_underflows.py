@@ -1,9 +1,14 @@
 """Numbers too near to zero for a double are refused, not read as zero."""
 
+from functools import partial
+
 import pytest
 
 from linkwork.formats import load
-from linkwork.mechanism import Mechanism, MechanismError
+from linkwork.mechanism import Box, Capsule, Cylinder, Mechanism, MechanismError, Polygon, Sphere
+from linkwork.robots import four_bar
+from linkwork.sweeps.designs import Values
+from linkwork.sweeps.study import Study
 
 ARM = """linkwork: 1
 bodies:
@@ -35,3 +40,24 @@ def test_so_it_is_in_model_files(tmp_path):
     path.write_text(MJCF.format(mass="1e-400"))
     with pytest.raises(MechanismError, match=r"line 2.*mass: 1e-400 is nearer to zero"):
         load(path)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        partial(Box, size=(1, 1, 4e-310)),
+        partial(Sphere, radius=5e-324),
+        partial(Cylinder, radius=1, length=1e-310),
+        partial(Capsule, radius=1e-310, length=1),
+        partial(Polygon, points=((0, 0), (1, 0), (0, 1)), thickness=1e-310),
+        partial(Sphere, radius=1e300),
+    ],
+)
+def test_sizes_of_shapes_are_refused_as_other_lengths_are(shape):
+    with pytest.raises(MechanismError, match=r"is nearer to zero than any number|is above 1e\+50"):
+        shape()
+
+
+def test_so_are_the_numbers_of_a_study():
+    with pytest.raises(MechanismError, match="duration: 1e-310 is nearer to zero"):
+        Study(robot=four_bar(), duration=1e-310, vary={"crank.mass": Values(values=(1,))}, outputs={"e": "last energy"})

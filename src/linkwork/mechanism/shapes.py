@@ -8,10 +8,10 @@ from __future__ import annotations
 from math import atan2, pi
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.record import MechanismError, Real, Record
+from linkwork.mechanism.record import MechanismError, Positive, Real, Record
 
 ROUND = 1e-9  # how far the angles at the corners of a polygon may be from one full turn [rad]
 
@@ -31,30 +31,30 @@ class Box(ShapeBase):
     """Show a box with its middle in the frame's origin and its edges along the axes."""
 
     type: Literal["box"] = "box"
-    size: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = Field(description="lengths along x, y and z [m]")
+    size: tuple[Positive, Positive, Positive] = Field(description="lengths along x, y and z [m]")
 
 
 class Cylinder(ShapeBase):
     """Show a cylinder about the z axis, as long to either side of the origin."""
 
     type: Literal["cylinder"] = "cylinder"
-    radius: PositiveFloat = Field(description="radius [m]")
-    length: PositiveFloat = Field(description="length along z [m]")
+    radius: Positive = Field(description="radius [m]")
+    length: Positive = Field(description="length along z [m]")
 
 
 class Sphere(ShapeBase):
     """Show a ball about the origin."""
 
     type: Literal["sphere"] = "sphere"
-    radius: PositiveFloat = Field(description="radius [m]")
+    radius: Positive = Field(description="radius [m]")
 
 
 class Capsule(ShapeBase):
     """Show a cylinder about the z axis with half a ball on either end, which add a radius to its length each."""
 
     type: Literal["capsule"] = "capsule"
-    radius: PositiveFloat = Field(description="radius [m]")
-    length: PositiveFloat = Field(description="length along z between the middles of the round ends [m]")
+    radius: Positive = Field(description="radius [m]")
+    length: Positive = Field(description="length along z between the middles of the round ends [m]")
 
 
 class Polygon(ShapeBase):
@@ -64,7 +64,7 @@ class Polygon(ShapeBase):
     points: tuple[tuple[Real, Real], ...] = Field(
         min_length=3, description="corners (x, y) of a convex polygon, one after the other [m]"
     )
-    thickness: PositiveFloat = Field(description="thickness along z [m]")
+    thickness: Positive = Field(description="thickness along z [m]")
 
     @model_validator(mode="after")
     def _convex(self) -> Self:

@@ -13,18 +13,18 @@ from dataclasses import MISSING, fields
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from linkwork import control, paths
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
-from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record
+from linkwork.mechanism.record import Amount, MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import suggestion
 from linkwork.robot import Motion, Robot, State
 
 Numbers = tuple[Real, ...]
 Gain = Real | Mapping[Name, Real]
-Weight = NonNegativeFloat | Mapping[PathName, NonNegativeFloat]
+Weight = Amount | Mapping[PathName, Amount]
 GAIN = "a number, or one by actuator"
 WEIGHT = "weight of its square, a number, or one by {}"
 MODEL = "numbers of the model that differ from the robot's, by path"
@@ -105,9 +105,9 @@ Law = Callable[[Any, Any], Any]
 class Sampling(Record):
     """Call a controller at a fixed rate, and hold what it gives in between (`linkwork.control.Sampler`)."""
 
-    rate: PositiveFloat = Field(description="calls per second [Hz]")
-    delay: NonNegativeFloat = Field(default=0.0, description="until a result acts [s], a whole number of periods")
-    quantise: PositiveFloat | Mapping[PathName, PositiveFloat] | None = Field(
+    rate: Positive = Field(description="calls per second [Hz]")
+    delay: Amount = Field(default=0.0, description="until a result acts [s], a whole number of periods")
+    quantise: Positive | Mapping[PathName, Positive] | None = Field(
         default=None, description="step in which joint coordinates are read [m, rad], or one by name"
     )
 
@@ -246,7 +246,7 @@ class LQR(Modelled):
     goal: Pose = Field(default=Pose(), description="the pose to hold")  # pyright: ignore[reportIncompatibleVariableOverride]
     position: Weight = Field(description=WEIGHT.format("independent coordinate"))
     rate: Weight = Field(default=0.0, description=WEIGHT.format("independent rate"))
-    force: PositiveFloat | Mapping[PathName, PositiveFloat] = Field(description=WEIGHT.format("actuator"))
+    force: Positive | Mapping[PathName, Positive] = Field(description=WEIGHT.format("actuator"))
 
     @property
     def weights(self):

@@ -17,9 +17,9 @@ from math import prod
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
-from linkwork.mechanism.record import MechanismError, Real, Record
+from linkwork.mechanism.record import MechanismError, Positive, Real, Record
 
 LANES = 4  # numbers that Philox gives for each value of its counter
 TAIL = 1e-9  # probability beyond the bounds of a distribution without end
@@ -163,7 +163,7 @@ class Normal(Distribution):
 
     type: Literal["normal"] = "normal"
     mean: Real = Field(description="the mean")
-    deviation: PositiveFloat = Field(description="the standard deviation, above 0")
+    deviation: Positive = Field(description="the standard deviation, above 0")
     low: Real | None = Field(default=None, description="where it is cut off below")
     high: Real | None = Field(default=None, description="where it is cut off above")
 
@@ -196,8 +196,8 @@ class LogNormal(Distribution):
     """Vary by Gauss's law in the logarithm about a median; deviation: standard deviation of the natural logarithm."""
 
     type: Literal["log_normal"] = "log_normal"
-    median: PositiveFloat = Field(description="the median, above 0")
-    deviation: PositiveFloat = Field(description="the standard deviation of the natural logarithm, above 0")
+    median: Positive = Field(description="the median, above 0")
+    deviation: Positive = Field(description="the standard deviation of the natural logarithm, above 0")
 
     def at(self, u: np.ndarray) -> np.ndarray:
         from scipy.special import ndtri

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PositiveFloat, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from linkwork import robots
 from linkwork.errors import LinkworkError
@@ -20,7 +20,7 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.document import Node, read_document
 from linkwork.mechanism.files import MODELS, described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
-from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record
+from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
 from linkwork.robot.running import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController, drive
@@ -61,7 +61,7 @@ class Study(Record):
 
     name: str = Field(default="study", description="name of the study")
     robot: Mechanism = Field(description="a robot of the catalogue, or a mechanism file")
-    duration: PositiveFloat = Field(description="length of each run [s]")
+    duration: Positive = Field(description="length of each run [s]")
     samples: Annotated[int, Field(ge=2)] = Field(default=101, description="number of equally spaced times looked at")
     start: Start = Field(default=Start(), description="where runs start")
     forces: Mapping[PathName, Real] = Field(default_factory=dict, description="constant actuator forces [N, N m]")
@@ -74,9 +74,9 @@ class Study(Record):
     outputs: Mapping[Name, str] = Field(description="outputs by name, each a reduction and a quantity")
     trajectories: tuple[str, ...] = Field(default=(), description="quantities to keep at all times")
     method: str | None = Field(default=None, description="integration method")
-    step: PositiveFloat | None = Field(default=None, description="step of a method of fixed step [s]")
-    rtol: PositiveFloat = Field(default=1e-8, description="relative tolerance")
-    atol: PositiveFloat = Field(
+    step: Positive | None = Field(default=None, description="step of a method of fixed step [s]")
+    rtol: Positive = Field(default=1e-8, description="relative tolerance")
+    atol: Positive = Field(
         default=1e-10, description="absolute tolerance [rad; of lengths parts of the robot's own length]"
     )
     max_steps: Annotated[int, Field(ge=1)] = Field(default=1_000_000, description="most steps of a run")
