@@ -117,6 +117,11 @@ class Pull:
     length: ca.SX
 
     @property
+    def needs_direction(self) -> bool:
+        """Whether the tension at length zero, k (-l_0) + d l', needs a direction to act in."""
+        return present(self.spring.rest_length) or present(self.spring.damping)
+
+    @property
     def potential(self) -> ca.SX:
         return self.spring.stiffness * (self.length - self.spring.rest_length) ** 2 / 2
 
@@ -126,7 +131,7 @@ class Pull:
         A spring without rest length and damping pulls by its gap, which needs no direction where the ends meet.
         """
         spring = self.spring
-        if not (present(spring.rest_length) or present(spring.damping)):
+        if not self.needs_direction:
             return spring.stiffness * self.gap
         direction = self.gap / self.length
         tension = spring.stiffness * (self.length - spring.rest_length) + spring.damping * dot(direction, apart)

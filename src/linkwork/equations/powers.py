@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as ca
 
 from linkwork.equations import effects
-from linkwork.equations.algebra import SX
+from linkwork.equations.algebra import SX, present
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
 
@@ -24,7 +24,8 @@ def powers(equations: Equations) -> ca.Function:
         friction[[mechanism.rates.index(label) for label in freedom.rates]] = freedom.drag(own) * own
     dampers = []
     for pull in effects.pulls(mechanism, tree):
-        stretching = ca.jtimes(pull.length, tree.q, tree.derivatives(w))
+        damped = present(pull.spring.damping)
+        stretching = ca.jtimes(pull.length, tree.q, tree.derivatives(w)) if damped else SX(0)
         dampers.append(-pull.spring.damping * stretching**2)
     outputs = {
         "actuated": ca.mtimes(equations.actuation, equations.v),

@@ -30,14 +30,6 @@ class SingularError(LinkworkError):
     """Refuse a configuration where the actuated rates do not determine the motion."""
 
 
-def without_mass() -> LinkworkError:
-    """Say that a motion moves no mass."""
-    return LinkworkError(
-        "the generalised inertia is singular: some motion moves no mass, or so little that rounding hides it; give the moving"
-        " bodies mass or inertia"
-    )
-
-
 def run_options(duration: float, rtol: float, atol: float, max_step: float, max_steps: int) -> dict[str, Any]:
     """Return the options of integration by name; refuse those of a run that are not positive."""
     for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol)):

@@ -9,13 +9,14 @@ import numpy as np
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Segment
 from linkwork.robot.system import System
+from linkwork.robot.undefined import in_motion
 
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # times after the end of a run at which it is looked for [s]
 
 
 def culprit(system: System, segment: Segment) -> str:
     """Return what is not finite: forces or wrenches that act there or just behind, else what the integrator came upon."""
-    last, chart = segment.trajectory, segment.chart
+    last, chart, n = segment.trajectory, segment.chart, segment.trajectory.q_end.size
     held = last.control.held if last.control else np.empty(0)
     y, p, fault = np.concatenate([last.q_end, last.v_end]), system.p(chart), int(last.outcome.fault)
     for ahead in AHEAD:
@@ -23,7 +24,7 @@ def culprit(system: System, segment: Segment) -> str:
         slope = system.kernel(chart, "motion").flat(y, u, p)
         moved = y + ahead * np.where(np.isfinite(slope), slope, 0.0)[: y.size]
         lost = undefined(system, chart, np.concatenate([moved, u, p]), u)
-        if lost:
+        if lost or (lost := in_motion(chart, moved[:n])):
             return lost
         if fault < 0 and not np.isfinite(slope).all():
             fault = int(np.isfinite(slope).argmin())

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.robot import actuation, checks
+from linkwork.robot import actuation, checks, undefined
 from linkwork.robot.rereading import chart_in, reread
 from linkwork.robot.state import State
 
@@ -53,7 +53,7 @@ def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: st
     else:
         checks.together(state.batch, values.shape[:-1])
         *_, result, pivot = kernel(q, state.rates, values)
-    require_regular(state, pivot, result, values, what)
+    require_regular(robot, state, pivot, result, values, what)
     return result
 
 
@@ -104,7 +104,7 @@ def actuation_map(robot: Robot, state: State) -> np.ndarray:
         return np.zeros((*robot.own(state).batch, 0, n))
     S, pivot = robot.chart_of(robot.own(state)).kernel("actuation")(state.q)
     S = np.swapaxes(S.reshape(*state.batch, n, len(robot.actuators)), -1, -2)
-    require_regular(state, pivot, S, state.rates, "rates")
+    require_regular(robot, state, pivot, S, state.rates, "rates")
     return S
 
 
@@ -120,7 +120,7 @@ def internal_forces(robot: Robot, state: State, weights: np.ndarray | None = Non
 def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return M (..., n, n), C v, G and f (..., n)."""
     M, Cv, G, f, pivot = robot.chart_of(robot.own(state)).kernel("terms")(state.q, state.rates)
-    require_regular(state, pivot, Cv, state.rates, "rates")
+    require_regular(robot, state, pivot, Cv, state.rates, "rates")
     n = len(state.independent)
     return M.reshape(*state.batch, n, n), Cv, G, f
 
@@ -128,7 +128,7 @@ def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def maps(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Return L (..., m, n) and T (..., 6r, n)."""
     L, T, pivot = robot.chart_of(robot.own(state)).kernel("maps")(state.q)
-    require_regular(state, pivot, L, state.rates, "rates")
+    require_regular(robot, state, pivot, L, state.rates, "rates")
     n, m, r = len(state.independent), len(robot.rates), 6 * len(robot.bodies)
     L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
     return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
@@ -138,11 +138,13 @@ def joints_motion(robot: Robot, state: State, v_dot: np.ndarray) -> Sequence[np.
     """Return positions, rates and accelerations of all joints."""
     checks.together(state.batch, v_dot.shape[:-1])
     *motion, pivot = robot.chart_of(state).kernel("joints_motion")(state.q, state.rates, v_dot)
-    require_regular(state, pivot, motion[2], v_dot, "accelerations")
+    require_regular(robot, state, pivot, motion[2], v_dot, "accelerations")
     return motion
 
 
-def require_regular(state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str) -> None:
+def require_regular(
+    robot: Robot, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
+) -> None:
     """Refuse results where the rates of the state do not determine the motion, or that are not finite."""
     weakest = np.abs(pivot).min(initial=np.inf)
     if weakest > checks.PIVOT_BOUND and np.isfinite(result).all():
@@ -150,5 +152,5 @@ def require_regular(state: State, pivot: np.ndarray, result: np.ndarray, given: 
     checks.finite(given, what)
     checks.finite(state.rates, "the state's rates")
     if weakest > checks.PIVOT_BOUND:
-        raise checks.without_mass()
+        raise undefined.refusal(robot.chart_of(state), state.q)
     raise checks.singular(state.independent, pivot)

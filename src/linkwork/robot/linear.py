@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
-from linkwork.robot import actuation, checks, evaluation
+from linkwork.robot import actuation, checks, evaluation, undefined
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.state import State
 
@@ -23,20 +23,14 @@ HELD = 1e-9  # force that may be missing at an equilibrium, relative
 
 
 def linearised(robot: Robot, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives.
-
-    Raises:
-        LinkworkError: a generalised inertia that is singular.
-    """
-    if not np.isfinite(values["accelerations"]).all():
-        raise checks.without_mass()
+    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives."""
     n = robot.mobility
     A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
     return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
 
 
 def evaluated(robot: Robot, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the derivatives at one state and force, by name; refuse stacks and singular configurations."""
+    """Return the derivatives at one state and force, by name; refuse stacks, and where the accelerations are undefined."""
     q, v = one_state(robot, state)
     function = kept(robot.chart_of(state))
     values = function(q, v, u, robot.p)
@@ -44,6 +38,8 @@ def evaluated(robot: Robot, state: State, u: np.ndarray) -> dict[str, np.ndarray
     pivot = found.pop("pivot")
     if not abs(float(pivot[0, 0])) > checks.PIVOT_BOUND:
         raise checks.singular(state.independent, pivot[0])
+    if not np.isfinite(found["accelerations"]).all():
+        raise undefined.refusal(robot.chart_of(state), state.q)
     return found
 
 
