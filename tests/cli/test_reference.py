@@ -9,8 +9,10 @@ import pytest
 import linkwork as lw
 from linkwork.formats import load
 from linkwork.mechanism import MechanismError
+from linkwork.sweeps import Study
+from linkwork.sweeps.chunk import bench_of
 
-from tests.cli.calls import call
+from tests.cli.calls import call, refused
 
 FLAT = """<mujoco><worldbody>
 <body name="crank"><joint name="a" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>
@@ -20,6 +22,13 @@ FLAT = """<mujoco><worldbody>
  <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>
 </worldbody><equality><connect body1="coupler" body2="rocker" anchor="1 0 0"/></equality>
 <actuator><motor joint="a"/></actuator></mujoco>"""
+STUDY = """study: 1
+robot: flat.xml
+reference: {reference}
+duration: 0.01
+vary: {{gravity.z: {{type: values, values: [-9.81]}}}}
+outputs: {{end: final joint_position}}
+"""
 BENT = {"a": 0.7, "b": -0.7, "c": 0.7}
 
 
@@ -80,3 +89,22 @@ def test_what_is_decided_about_a_singular_reference_is_told(flat):
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["mobility"] == 1
     assert "branches of motion meet at the given reference" in " ".join(result.stderr.split())
+
+
+def test_a_study_has_a_reference(flat, tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.format(reference="{a: 0.7, b: -0.7, c: 0.7}"))
+    bench = bench_of(Study.load(path))
+    a, b, c = bench.start.positions[:3]
+    assert np.allclose([a, b, c], [0.7, -0.7, 0.7], atol=1e-6)
+    path.write_text(STUDY.format(reference="{d: 0.7}"))
+    with pytest.raises(MechanismError, match=r"line 3: reference: there is no joint 'd'"):
+        Study.load(path)
+
+
+def test_a_report_takes_a_reference_for_the_robot_that_is_named(flat, tmp_path):
+    robot = lw.Robot(load(flat, reference=BENT).mechanism)
+    run = robot.simulate(robot.home, duration=0.01, save_at=[0, 0.01]).save(tmp_path / "run.nc")
+    words = ("report", run, "--out", tmp_path / "report.html", "--reference", "a=0.7,b=-0.7,c=0.7")
+    assert call(*words, "--robot", flat).exit_code == 0
+    assert "where the loops of the robot of --robot are closed from" in refused(*words, "--overwrite")

@@ -236,12 +236,13 @@ def report(
         str | None,
         typer.Option("--robot", metavar="ROBOT", help="Whose the run is, if it does not hold its mechanism."),
     ] = None,
+    reference: Reference = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write the report of a run: one page with pictures, a film, peaks, energy and closure, that needs no network."""
     from linkwork.cli.report import report
 
-    report(run, out, of, overwrite)
+    report(run, out, of, reference, overwrite)
 
 
 @app.command()

@@ -10,7 +10,7 @@ from linkwork.cli.terminal import console, patience
 from linkwork.errors import LinkworkError
 
 
-def report(file: str, out: Path, of: str | None, overwrite: bool) -> None:
+def report(file: str, out: Path, of: str | None, reference: str | None, overwrite: bool) -> None:
     """Write the report of a run as a page, and print where it is."""
     if out.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"--out {out}: a report is written as .html, not {out.suffix!r}")
@@ -19,7 +19,7 @@ def report(file: str, out: Path, of: str | None, overwrite: bool) -> None:
     refuse_existing(out, overwrite)
     run = read(file)
     with patience("preparing the robot"):
-        robot = robot_of(run, file, of)
+        robot = robot_of(run, file, of, reference)
     with patience("drawing and writing"):
         from linkwork.views import write_report
 

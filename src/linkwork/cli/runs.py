@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from linkwork import robots
-from linkwork.cli.catalogue import named
+from linkwork.cli.catalogue import find
+from linkwork.cli.source import Source
 from linkwork.errors import LinkworkError
 from linkwork.formats.models import warn
 from linkwork.mechanism import Mechanism
@@ -22,10 +23,17 @@ def read(file: str) -> Run:
     return Run.load(file)
 
 
-def robot_of(run: Run, file: str, of: str | None) -> Robot:
-    """Return the robot of a run: the one that is named, the one it holds, or the one of the catalogue of that name."""
+def robot_of(run: Run, file: str, of: str | None, reference: str | None = None) -> Robot:
+    """Return the robot of a run: the one that is named, the one it holds, or the one of the catalogue of that name.
+
+    reference: joint coordinates in place of those of the reference of the one that is named, as text
+    """
     if of is not None:
-        return Robot(named(of))
+        return Robot(find(Source(of, reference)))
+    if reference is not None:
+        raise LinkworkError(
+            "--reference says where the loops of the robot of --robot are closed from; without that a run's own robot is taken"
+        )
     if run.description:
         mechanism = Mechanism.parse(run.description)
         warn(mechanism, stacklevel=2)

@@ -21,14 +21,10 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
     run = Run.load(name) if Path(name).suffix.lower() == SUFFIX else None
     if run is None and of is not None:
         raise LinkworkError(f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})")
-    if run is not None and source.reference is not None:
-        raise LinkworkError(
-            "--reference says where a robot's loops are closed from; a run holds its own configurations"
-        )
     with patience("preparing the robot"):
         from linkwork.views.viewer import Viewer
 
-        robot = built(source) if run is None else robot_of(run, name, of)
+        robot = built(source) if run is None else robot_of(run, name, of, source.reference)
         viewer = Viewer(robot, run, host=host, port=port)
     with viewer:
         out = console()

@@ -62,14 +62,14 @@ class Bench:
         Raises:
             StudyError: names that fit neither robot nor controllers, poses out of reach; where it stands in the study.
         """
-        robot = Robot(study.robot, free=study.paths)
+        robot = Robot(study.mechanism, free=study.paths)
         for name in study.drives:
             if name not in robot.actuators:
                 there = ", ".join(robot.actuators) or "none"
                 raise StudyError(f"there is no actuator {name!r}; there are {there}", ("drives", name))
         drives = {name: drive(given, ("drives", name)) for name, given in study.drives.items()}
         start = home(study, robot)
-        nominal = Robot(study.robot, robot.independent) if study.controllers else robot
+        nominal = Robot(study.mechanism, robot.independent) if study.controllers else robot
         goals = {name: reached(study, name, nominal, start) for name in study.controllers}
         first = next(iter(goals.values()), None)
         if isinstance(first, Motion) and study.start.tool is None and not study.start.joints:

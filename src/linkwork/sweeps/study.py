@@ -61,6 +61,9 @@ class Study(Record):
 
     name: str = Field(default="study", description="name of the study")
     robot: Mechanism = Field(description="a robot of the catalogue, or a mechanism file")
+    reference: Mapping[PathName, Real] = Field(
+        default_factory=dict, description="joint coordinates in place of those of the robot's own reference [m, rad]"
+    )
     duration: Positive = Field(description="length of each run [s]")
     samples: Annotated[int, Field(ge=2)] = Field(default=101, description="number of equally spaced times looked at")
     start: Start = Field(default=Start(), description="where runs start")
@@ -116,6 +119,7 @@ class Study(Record):
             integrator(self.method, self.step)
         except LinkworkError as error:
             raise MechanismError(str(error), ("step" if self.method in (*METHODS, None) else "method",)) from None
+        with_place(self.robot.with_reference, self.reference, ("reference",))
         self._check_paths()
         self._check_weights()
         return self
@@ -145,6 +149,11 @@ class Study(Record):
                 for value in variation.bounds if own else ():
                     reached = f"reaches {value:.6g}, which the controller may not have: "
                     with_place(given.weighted, dict.fromkeys(own, value), ("vary", name), reached)
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The robot about the reference that the study gives."""
+        return self.robot.with_reference(self.reference) if self.reference else self.robot
 
     def place(self, name: str) -> tuple[str, ...]:
         """Return where a varied name stands in the study."""
