@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from math import prod
 
 import casadi as ca
 import networkx as nx
@@ -197,7 +198,7 @@ def choose_chart(
 def unit_of(block: Block, units: tuple[np.ndarray, np.ndarray]) -> float:
     """Return the unit of a block's determinant for those of the rows and of the rates."""
     of_rows, of_rates = units
-    return float(np.prod(of_rows[list(block.rows)]) / np.prod(of_rates[list(block.columns)]))
+    return prod([of_rows.item(r) for r in block.rows]) / prod([of_rates.item(c) for c in block.columns])
 
 
 def chart_of(

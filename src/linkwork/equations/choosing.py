@@ -9,6 +9,7 @@ what was chosen before, and configurations that are not far from each other shar
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import prod
 
 import numpy as np
 
@@ -118,7 +119,7 @@ def null_spaces(Phi: np.ndarray) -> np.ndarray:
 def size(equations: Equations, block: Block) -> float:
     """Return the product of the sizes of a block's rows and columns."""
     columns, rows = equations.sizes
-    return float(np.prod(columns[list(block.columns)]) * np.prod(rows[list(block.rows)]))
+    return prod([columns.item(c) for c in block.columns]) * prod([rows.item(r) for r in block.rows])
 
 
 def scales_of(determinants: np.ndarray, usual: np.ndarray) -> np.ndarray:

@@ -142,6 +142,15 @@ class CompiledChart:
         """Return w = L v (..., nv), the rates of the whole tree."""
         return self.kernel("tree_rates")(q, v)[0]
 
+    def weighed(self, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return w = L v (..., nv) and the weakest relative pivot (...); one state takes the shortest way."""
+        kernel = self.kernel("tree_rates")
+        if q.ndim == v.ndim == p.ndim == 1:
+            w = kernel.flat(q, v, p)
+            return w[:-1], w[-1]
+        w, pivot = kernel(q, v, p)
+        return w, pivot[..., 0]
+
     def from_tree(self, w: np.ndarray) -> np.ndarray:
         """Return v (..., n) from the rates of the whole tree."""
         return w[..., list(self.equations.chart.independent)]

@@ -33,13 +33,12 @@ def reread(
         p: values of the robot's free parameters, of each state or of all; the robot's own if left out.
     """
     p = robot.p if p is None else p
-    w, *weak = given.kernel("tree_rates")(q, v, p)
+    w, pivot = given.weighed(q, v, p)
     found = chart.from_tree(w)
-    again, *weaker = chart.kernel("tree_rates")(q, found, p)
-    energies = [robot.kernel("motion_energy")(q, rates, p)[0][..., 0] for rates in (w, again)]
-    kept = np.abs(energies[1] - energies[0]) <= KEPT * np.maximum(*energies)
-    for pivot in (weak[0], weaker[0]):
-        kept &= np.abs(pivot[..., 0]) > checks.PIVOT_BOUND
+    again, other = chart.weighed(q, found, p)
+    before, after = (robot.kernel("motion_energy")(q, rates, p)[0][..., 0] for rates in (w, again))
+    kept = np.abs(after - before) <= KEPT * np.maximum(before, after)
+    kept &= np.minimum(np.abs(pivot), np.abs(other)) > checks.PIVOT_BOUND
     at_rest = np.abs(v).max(axis=-1, keepdims=True, initial=0.0) == 0
     return np.where(at_rest, 0.0, found), kept | at_rest[..., 0]
 
