@@ -21,6 +21,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 
 LEG_SINGULAR = 1e-9
+EPS = np.finfo(float).eps
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
 
 
@@ -88,8 +89,10 @@ class Assembler:
             J = np.vstack([out["Phi"], out["J_coordinates"][rates]])
             return np.concatenate([out["phi"], error]), J, out["derivatives"]
 
-        asked = ", ".join(f"{name} = {value:g}" for name, value in targets.items())
-        return self._solve(system, self.sizes[indices], guess, names, f"with {asked}")
+        def asked() -> str:
+            return "with " + ", ".join(f"{name} = {value:g}" for name, value in targets.items())
+
+        return self._solve(system, self.sizes[indices], guess, names, asked)
 
     def at_pose(self, pose: np.ndarray, guess: np.ndarray) -> np.ndarray:
         """Return q with the tool at a pose: (x, y[, angle]) in the plane, (x, y, z[, rotation vector]) in space."""
@@ -100,31 +103,39 @@ class Assembler:
             error, J = self._pose_rows(out, pose)
             return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], J]), out["derivatives"]
 
-        sizes = np.where(np.array(self.pose_indices(pose.size)) < 3, 1.0, self.tree.length)
-        return self._solve(system, sizes, guess, names, f"with the tool at {np.round(pose, 6).tolist()}")
+        return self._solve(
+            system, self._pose_units(pose.size), guess, names, lambda: f"with the tool at {np.round(pose, 6).tolist()}"
+        )
 
     def rates(
         self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of the pose."""
+        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of the pose.
+
+        Where more rows or fewer than rates hold these are of least squares and least length, in the mechanism's own units.
+        """
         if pose.size == 6:
             omega, alpha = turning(pose[3:], velocity[3:], acceleration[3:])
             velocity = np.append(velocity[:3], omega)
             acceleration = np.append(acceleration[:3], alpha)
         out = self.still(q)
         rows = self.pose_indices(velocity.size)
-        A = np.vstack([out["Phi"], out["J_tool"][rows]])
-        sizes = np.where(np.array(rows) < 3, 1.0, self.tree.length)
-        heights = np.concatenate([self.units, sizes])[:, None]
-        self._refuse_leg_singular(A * self.tree.rate_units / heights, velocity.size)
-        w = self._least(A, heights, np.concatenate([0 * out["phi"], velocity]))
-        out = self.evaluate(q, w)
-        return w, self._least(A, heights, np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]]))
+        widths, heights = self.tree.rate_units, np.concatenate([self.units, self._pose_units(velocity.size)])
+        A = np.concatenate([out["Phi"], out["J_tool"][rows]]) * (widths / heights[:, None])
+        U, values, V = np.linalg.svd(A, full_matrices=False)
+        self._refuse_leg_singular(A.shape, values, velocity.size)
+        inverse = np.divide(1.0, values, out=np.zeros_like(values), where=values > max(A.shape) * EPS * values[0])
 
-    def _least(self, A: np.ndarray, heights: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """Return the w (nv) of least |A w - right|, both in the mechanism's own units; heights: of the rows (rows x 1)."""
-        widths = self.tree.rate_units
-        return widths * np.linalg.lstsq(A * widths / heights, right / heights[:, 0], rcond=None)[0]
+        def least(right: np.ndarray) -> np.ndarray:
+            return widths * (V.T @ (inverse * (U.T @ (right / heights))))
+
+        w = least(np.concatenate([0 * out["phi"], velocity]))
+        out = self.evaluate(q, w)
+        return w, least(np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]]))
+
+    def _pose_units(self, size: int) -> np.ndarray:
+        """Return the mechanism's own units of a pose's coordinates."""
+        return np.where(np.array(self.pose_indices(size)) < 3, 1.0, self.tree.length)
 
     def _rate_index(self, coordinate: str) -> int:
         if coordinate not in self.rate_names:
@@ -169,37 +180,43 @@ class Assembler:
             error = np.append(out["position"] - pose[:3], turn)
         return error, out["J_tool"][self.pose_indices(pose.size)]
 
-    def _solve(self, system, sizes: np.ndarray, guess: np.ndarray, names: tuple[str, ...], asked: str) -> np.ndarray:
-        """Return q that solves a system; sizes: the mechanism's own units of what is asked for beside closed loops."""
+    def _solve(
+        self, system, sizes: np.ndarray, guess: np.ndarray, names: tuple[str, ...], asked: Callable[[], str]
+    ) -> np.ndarray:
+        """Return q that solves a system.
+
+        sizes: the mechanism's own units of what is asked for beside closed loops; asked: what says that in a sentence.
+        """
         rows, rates = np.concatenate([self.units, sizes]), self.tree.rate_units
+        factors = rates / rows[:, None]
 
         def natural(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             residual, J, N = system(q)
-            return residual / rows, J * rates / rows[:, None], N * rates
+            return residual / rows, J * factors, N * rates
 
         try:
             q = close(natural, self.tree, guess)
         except OpenLoopsError as error:
             element, _, what = names[error.worst].partition(": ")
             raise UnreachableError(
-                f"the mechanism cannot be assembled {asked} from this guess: {element} ({what}) stays off by "
+                f"the mechanism cannot be assembled {asked()} from this guess: {element} ({what}) stays off by "
                 f"{error.gap * rows[error.worst]:.3g}; choose a pose within reach or a nearer guess"
             ) from None
         out = self.still(q)
         if out.get("excess", 0.0) > 0:
             raise UnreachableError(
-                f"the mechanism closes {asked} only in the rows that are held, and not in {', '.join(self.unheld)}, which "
+                f"the mechanism closes {asked()} only in the rows that are held, and not in {', '.join(self.unheld)}, which "
                 "rounded numbers leave open; start from a nearer guess, or give the numbers of its frames in full"
             )
         if out["alignment"][0] < 0:
             raise UnreachableError(
-                f"the mechanism closes {asked} only with a joint's frames facing opposite ways; start from a nearer guess"
+                f"the mechanism closes {asked()} only with a joint's frames facing opposite ways; start from a nearer guess"
             )
         return q
 
-    def _refuse_leg_singular(self, A: np.ndarray, size: int) -> None:
-        values = np.linalg.svd(A, compute_uv=False)
-        if A.shape[0] >= A.shape[1] and values[A.shape[1] - 1] < LEG_SINGULAR * values[0]:
+    def _refuse_leg_singular(self, shape: tuple[int, ...], values: np.ndarray, size: int) -> None:
+        rows, width = shape
+        if rows >= width and values[width - 1] < LEG_SINGULAR * values[0]:
             held = ", ".join(name.removeprefix("tool: ") for name in self.pose_names(size))
             raise LinkworkError(
                 f"the configuration is leg-singular: the mechanism can move with the tool's {held} held still, so these do "

@@ -93,8 +93,6 @@ class Leader:
         out = self.outputs(start[None])
         way, mode = Way.of(self.robot.planar, out, poses), self.modes.signs(self.matrix(out))[0]
         q, part = self.walked(start, way, mode, len(poses))
-        there = np.flatnonzero(part == 1)
-        q[there] = self.polished(q[there], way, there)
         for k in np.flatnonzero(part < 1):
             q[k] = self.otherwise(start, q[k], poses[k], mode)
         return q
@@ -115,29 +113,29 @@ class Leader:
     def nearby(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray, mode: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without a change of sign (K)."""
-        closed, alive, last = np.zeros(len(q), bool), np.ones(len(q), bool), np.full(len(q), LONGEST / CONTRACTS)
-        for _ in range(NEWTON + 1):
+        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without a change of sign (K).
+
+        What is closed to `CLOSED` takes one step more in the end: then it is closed to rounding.
+        """
+        alive, last = np.ones(len(q), bool), np.full(len(q), LONGEST / CONTRACTS)
+        for left in reversed(range(NEWTON + 1)):
             residual, A, out = self.rows(q, way, which, part)
             closed = np.abs(residual).max(axis=1) <= CLOSED
-            s = least_step(A, np.where((alive & ~closed)[:, None], residual, 0.0))
+            s = least_step(A, np.where(alive[:, None], residual, 0.0))
             length = np.abs(s).max(axis=1)
             alive &= closed | (length <= CONTRACTS * last)
-            if not (alive & ~closed).any():
+            going = alive & ~closed
+            last_step = not (left and going.any())
+            q = self.moved(q, out, np.where((closed if last_step else going)[:, None], s, 0.0))
+            if last_step:
                 break
-            s = np.where(alive[:, None], s, 0.0)
-            q = unit(self.tree, q + np.einsum("kij,kj->ki", out["derivatives"], self.tree.rate_units * s))
             last = length
         fits = same(self.modes.signs(self.matrix(out)), mode) & (out["alignment"][:, 0] >= 0)
         return q, alive & closed & fits
 
-    def polished(self, q: np.ndarray, way: Way, which: np.ndarray) -> np.ndarray:
-        """Return q (K, nq) at the ends of ways, already closed to `CLOSED`, after one step more: closed to rounding."""
-        if not which.size:
-            return q
-        residual, A, out = self.rows(q, way, which, np.ones(which.size))
-        step = np.einsum("kij,kj->ki", out["derivatives"], self.tree.rate_units * least_step(A, residual))
-        return unit(self.tree, q + step)
+    def moved(self, q: np.ndarray, out: dict[str, np.ndarray], s: np.ndarray) -> np.ndarray:
+        """Return q (K, nq) after steps s (K, nv) in the mechanism's own units."""
+        return unit(self.tree, q + (out["derivatives"] @ (self.tree.rate_units * s)[:, :, None])[:, :, 0])
 
     def otherwise(self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray) -> np.ndarray:
         """Return q (nq) at a pose to which no straight way leads on the mode; near: how far it led."""
@@ -203,12 +201,20 @@ class Leader:
 
         p: free parameters (K, np); the robot's own if left out
         """
-        kernel, nv = self.robot.kernel("assembly"), self.robot.equations.nv
-        values = kernel(q, np.zeros((len(q), nv)), *(() if p is None else (p,)))
+        kernel, still = self.robot.kernel("assembly"), self.still
+        if len(q) == 1 and p is None:  # one state takes the shortest way
+            values = [value[None] for value in kernel(q[0], still)]
+        else:
+            values = kernel(q, still, *(() if p is None else (p,)))
         out = {name: value for (name, _), value in zip(kernel.outputs, values, strict=True)}
         for name in MATRICES:
-            out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
+            out[name] = out[name].reshape(len(q), still.size, -1).swapaxes(1, 2)
         return out
+
+    @cached_property
+    def still(self) -> np.ndarray:
+        """Rates w (nv) at rest."""
+        return np.zeros(self.robot.equations.nv)
 
     def rows(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray
@@ -219,7 +225,7 @@ class Leader:
         """
         out = self.outputs(q)
         residual = np.concatenate([out["phi"], way.error(out, which, part)], axis=1)
-        return residual / self.heights, self.matrix(out) * self.tree.rate_units / self.heights[:, None], out
+        return residual / self.heights, self.matrix(out) * self.factors, out
 
     def matrix(self, out: dict[str, np.ndarray]) -> np.ndarray:
         """Return [Phi; J] (K, rows, nv)."""
@@ -235,6 +241,11 @@ class Leader:
         return np.concatenate(
             [self.robot.equations.rows.units, np.where(np.array(self.twist) < 3, 1.0, self.tree.length)]
         )
+
+    @cached_property
+    def factors(self) -> np.ndarray:
+        """What brings [Phi; J] to the mechanism's own units (rows x nv)."""
+        return self.tree.rate_units / self.heights[:, None]
 
     @cached_property
     def length(self) -> float:
@@ -256,7 +267,8 @@ class Leader:
 
 def least_step(A: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Return the shortest steps s (K, nv) of least |A s + residual|."""
-    square = np.swapaxes(A, 1, 2) @ A
-    damping = np.maximum(DAMPING * np.trace(square, axis1=1, axis2=2), 1e-300)[:, None, None]
-    right = np.swapaxes(A, 1, 2) @ residual[..., None]
-    return -np.linalg.solve(square + damping * np.eye(square.shape[1]), right)[..., 0]
+    turned = A.swapaxes(1, 2)
+    square, right = turned @ A, turned @ residual[..., None]
+    diagonal = np.einsum("kii->ki", square)
+    diagonal += np.maximum(DAMPING * diagonal.sum(axis=1, keepdims=True), 1e-300)
+    return -np.linalg.solve(square, right)[..., 0]

@@ -79,7 +79,9 @@ def assemble(
         targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
         checks.known(targets, robot.coordinates, "joint")
         places = [robot.coordinates.index(name) for name in targets]
-        wraps = robot.labels.angular[places] & turnable(robot.chart, places)
+        angular = robot.labels.angular[places]
+        angles, wraps = np.array(places, int)[angular].tolist(), angular.copy()
+        wraps[angular] = turnable(robot.chart, angles)
         try:
             q = robot.assembler.at_joints(targets, start, wraps)
         except UnreachableError as error:
@@ -90,7 +92,7 @@ def assemble(
                 f"that fit together: {error}"
             ) from None
         asked = dict(zip(places, targets.values(), strict=True))
-        q = turned(robot.chart, q, places, np.array(list(asked.values())))
+        q = turned(robot.chart, q, angles, np.array(list(asked.values()))[angular])
     elif tool is not None and joints is None:
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
