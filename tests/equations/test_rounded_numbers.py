@@ -115,6 +115,37 @@ def test_a_free_number_that_opens_the_rows_that_are_not_held_is_refused():
         decimal.with_parameters({path: decimal.parameters[path] + 5e-4})
 
 
+def drawn(tilt: float) -> Mechanism:
+    """A four-bar that closes as it is drawn, at zero angles, one of its axes tilted."""
+    points = {"left": (0, 0, 0), "top": (0.3, 0.4, 0), "end": (0.9, 0.6, 0), "right": (1, 0, 0)}
+    frames = {
+        name: Frame(position=place, rotation=(tilt if name == "top" else 0.0, 0, 0)) for name, place in points.items()
+    }
+    bodies = ("ground", "crank", "coupler", "rocker", "ground")
+    body = Body(mass=0.5, centre_of_mass=(0.4, 0.3, 0), inertia=Inertia(xx=0.02, yy=0.02, zz=0.03))
+    joints = {
+        name: RevoluteJoint(connects=(bodies[i], bodies[i + 1]), frames=(frame, frame))
+        for i, (name, frame) in enumerate(frames.items())
+    }
+    return Mechanism(bodies=dict.fromkeys(bodies[1:4], body), joints=joints, actuators=("left",), gravity=(0, -9.81, 0))
+
+
+@pytest.mark.parametrize("tilt", [3e-10, 3e-8, 3e-7])
+def test_a_linkage_that_closes_as_drawn_and_opens_by_rounding_as_it_moves_runs_to_its_end(tilt):
+    exact, decimal = lw.Robot(drawn(0.0)), lw.Robot(drawn(tilt))
+    assert decimal.mobility == 1 and len(decimal.redundant) == 3
+    (note,) = decimal.notes
+    assert "redundant rows stay open" in note
+    moved = decimal.assemble({"left": 0.3})
+    np.testing.assert_allclose(moved.positions, exact.assemble({"left": 0.3}).positions, atol=1e-6)
+    runs = [one.simulate(one.home.with_rates([1.0]), duration=0.5, save_at=[0.25, 0.5]) for one in (exact, decimal)]
+    assert all(run.success for run in runs)
+    expected, found = (run.variables["joint_position"].values for run in runs)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    true = max(gap(decimal.mechanism, positions) for positions in found)
+    assert 0.1 * tilt < true and 0.1 * true < runs[1].closure_error < 10 * tilt
+
+
 @pytest.mark.parametrize("make", [robots.four_bar, robots.bennett])
 def test_a_reference_with_seven_digits_of_a_loop_that_closes_is_closed_to_rounding_without_a_note(make):
     home = lw.Robot(make()).home.positions

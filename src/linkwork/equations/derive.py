@@ -53,8 +53,8 @@ BENT = (
     "reference on the branch that is meant"
 )
 UNHELD = (
-    "redundant rows stay open by up to {:.2g} (lengths over the mechanism's own, and rad), as rounded numbers leave them: {}; "
-    "the other rows are closed exactly, these are not held"
+    "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and rad), as rounded numbers "
+    "leave them: {}; the other rows are closed exactly, these are not held"
 )
 FLIPPED = (
     "the loops close near the reference configuration only with a joint's frames facing opposite ways; give joint "
@@ -198,8 +198,10 @@ def closed_samples(
         if not singular_start(tree, rows, start):
             raise
         reference = home(joints, rows, start, chain([start], bends(tree, start)))
-    samples, rounded = about(tree, rows, reference), unheld_notes(tree, rows, reference)
-    if nearly_dependent(samples[1][0]) and (fewer := held(tree, rows, starts())) is not None:
+    samples = about(tree, rows, reference)
+    rounded = unheld_notes(tree, rows, samples[0])
+    doubtful = nearly_dependent(samples[1][0]) or len(samples[0]) == 1
+    if doubtful and (fewer := held(tree, rows, starts())) is not None:
         return closed_samples(joints, fewer, start, starts)
     rank = len(independent_rows(samples[1]))
     if len(independent_rows(samples[1][:1])) == rank:
@@ -208,19 +210,25 @@ def closed_samples(
     if beside is None:
         return rows, samples[0][:1], samples[1][:1], rounded
     where = ", ".join(f"{label} = {x:.3g}" for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN])
-    return rows, *about(tree, rows, beside), (BENT.format(where), *unheld_notes(tree, rows, beside))
+    samples = about(tree, rows, beside)
+    return rows, *samples, (BENT.format(where), *unheld_notes(tree, rows, samples[0]))
 
 
 def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
-    """Return the rows without redundant ones that rounded numbers leave open; None where that is not what does."""
+    """Return the rows without redundant ones that rounded numbers leave open; None where that is not what does.
+
+    They may close where the numbers were rounded, as at zero angles, and open where the mechanism moves.
+    """
     system = closing(tree, rows)
     for start in starts if rows.unheld is None else ():
         with suppress(OpenLoopsError):
             q = close(system, tree, start, gap=ROUNDED)
-            samples = np.array(jacobians(tree, rows, [q, *neighbours(system, tree, q, gap=ROUNDED)]))
+            near = neighbours(system, tree, q, gap=ROUNDED)
+            samples = np.array(jacobians(tree, rows, [q, *near]))
             values = np.linalg.svd(samples, compute_uv=False)
             rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
-            if np.abs(system(q)[0]).max(initial=0.0) > OPEN and rank < len(rows.names):
+            opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (near and not neighbours(system, tree, q))
+            if opens and rank < len(rows.names):
                 kept = sorted(largest_rows(samples[np.argmax(values[:, rank - 1])], rank))
                 left = [index for index in range(len(rows.names)) if index not in kept]
                 return replace(rows.part(kept), unheld=rows.part(left))
@@ -232,11 +240,12 @@ def nearly_dependent(Phi: np.ndarray) -> bool:
     return len(reflect(Phi, STAYS_OPEN).rows) > len(reflect(Phi, ROUNDED_RANK).rows)
 
 
-def unheld_notes(tree: Tree, rows: Rows, q: np.ndarray) -> tuple[str, ...]:
-    """Return a note on the rows that are not held, if there are any."""
+def unheld_notes(tree: Tree, rows: Rows, configurations: Sequence[np.ndarray]) -> tuple[str, ...]:
+    """Return a note on the rows that are not held, if there are any, with their gap at configurations near home."""
     if rows.unheld is None:
         return ()
-    gap = float(tree.evaluated("unheld", [rows.unheld_gap])(q)[0])
+    gaps = tree.evaluated("unheld", [rows.unheld_gap])
+    gap = max(float(gaps(q)[0]) for q in configurations)
     return (UNHELD.format(gap, ", ".join(rows.unheld.names)),)
 
 
