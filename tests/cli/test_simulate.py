@@ -168,3 +168,22 @@ def test_forces_that_do_not_cover_the_run_are_refused(tmp_path):
     forces = tmp_path / "forces.csv"
     forces.write_text("time,slide_1,slide_2,slide_3\n0,0,0,0\n0.1,0,0,0\n0.2,1,0,0\n0.3,0,0,0\n")
     assert "give samples for the whole run" in refused("simulate", "prr3", "--duration", 1, "--forces-csv", forces)
+
+
+def test_a_run_starts_at_the_turns_asked_for_and_tells_a_limit_where_it_is_passed(tmp_path):
+    """hinge_3 of Bennett's linkage, which closes its loop, two turns back: within limits there, and beyond them at home."""
+    described = lw.robots.bennett()
+    hinge = described.joints["hinge_3"].model_copy(update={"limits": lw.Limits(lower=-14.0, upper=-10.0)})
+    path, out = tmp_path / "linkage.yaml", tmp_path / "run.nc"
+    described.model_copy(update={"joints": described.joints | {"hinge_3": hinge}}).save(path)
+    asked = -1.0 - 4 * np.pi
+    within = simulated(out, "--joints", f"hinge_3={asked!r}", robot=path)
+    start = xarray.load_dataset(out).isel(time=0)
+    assert float(start.joint_position.sel(coordinate="hinge_3")) == pytest.approx(asked, abs=1e-12)
+    assert told_of(within, "limits passed", "joints at") == "none"
+    beyond = call("simulate", path, "--duration", 0.25)
+    assert told_of(beyond, "limits passed", "joints at").startswith(
+        "hinge_3 is above its upper limit -10 from t = 0 s on"
+    )
+    passing = call("simulate", path, "--duration", 0.25, "--joints", f"hinge_3={asked!r}", "--rates", "hinge_1=5")
+    assert "hinge_3 is below its lower limit -14 from t = 0" in told_of(passing, "limits passed", "joints at")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.control import Event, Sampler
 
 from tests.equations.evaluation import close
 
@@ -157,3 +158,93 @@ def test_where_rates_tell_nothing_an_angle_takes_the_short_way(bennett):
     assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(3.0 - TURN)
     rates[:, place] = [5.0, 9.0]
     assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(3.0)
+
+
+def levels(robot: lw.Robot, name: str, step: float, count: int) -> list[Event]:
+    """Return events at the values of a coordinate that it passes `step` after `step` from home on."""
+    values = [float(robot.home[name]) + step * (k + 0.5) for k in range(count)]
+    return [Event(lambda t, state, value=value: state[name] - value, name=f"{value:.6g}") for value in values]
+
+
+def test_events_follow_an_angle_through_its_turns(bennett):
+    """The hinge opposite to the crank passes each half turn when the crank does; resumed, too, and in an ensemble."""
+    start, ahead = bennett.home.with_rates([20.0]), levels(bennett, "hinge_1", np.pi, 13)
+    back = levels(bennett, "hinge_3", -np.pi, 13)
+    run = bennett.simulate(start, duration=3.0, save_at=[3.0], events=[*ahead, *back])
+    found = run.dataset.event_time.values
+    assert len(found) == 26
+    close(found[::2], found[1::2], 1e-6)
+    plain = bennett.simulate(start, duration=3.0, save_at=[3.0])
+    close(angles(run), angles(plain), 1e-10)
+    assert run.steps == plain.steps
+    first = bennett.simulate(start, duration=1.3, events=back)
+    rest = bennett.resume(first, duration=1.7, events=back)
+    parts = np.concatenate([part.dataset.event_time.values for part in (first, rest)])
+    close(parts, found[1::2], 1e-5)
+    members = bennett.ensemble(start.with_rates([20.0]), duration=3.0, events=back)
+    close([time for _, time in members.events(0)], found[1::2], 1e-5)
+    turned = bennett.state(bennett.home.positions - TURN * np.array([0, 0, 3, 0]), [20.0])
+    later = bennett.simulate(turned, duration=3.0, events=back)
+    assert [str(name) for name in later.dataset.event.values] == [event.name for event in back[6:]]
+
+
+def test_events_on_a_joint_that_begins_whole_turns_away():
+    """A pin that is read without a jump, too: it passes where its own coordinate passes."""
+    robot = lw.Robot(lw.robots.four_bar())
+    state = robot.state(robot.home.positions + TURN * np.array([1, -2, 3, 2]), [1.0])
+    level = float(state["rocker_pin"]) + 0.05
+    run = robot.simulate(state, events=[lambda t, state: state["rocker_pin"] - level], duration=0.5)
+    (time,) = run.dataset.event_time.values
+    there = robot.simulate(state, duration=0.5, save_at=[time])
+    assert there.dataset["joint_position"].values[0, 3] == pytest.approx(level, abs=1e-7)
+
+
+@pytest.mark.parametrize("part", ["qw", "qx", "qy", "qz"])
+def test_events_follow_a_quaternion_through_its_signs(part):
+    robot = lw.Robot(lw.robots.spatial_slider_crank())
+    start, name = robot.home.with_rates([40.0]), f"ball.{part}"
+    fine = robot.simulate(start, duration=0.5, save_at=np.linspace(0, 0.5, 2001))
+    t, p = fine.dataset.time.values, angles(fine)[:, robot.coordinates.index(name)]
+    level = float(np.quantile(p, 0.3702))
+    run = robot.simulate(start, duration=0.5, events=[lambda t, state: state[name] - level])
+    passed = np.flatnonzero((p[1:] - level) * (p[:-1] - level) < 0)
+    assert len(passed) > 2
+    close(run.dataset.event_time.values, (t[passed] + t[passed + 1]) / 2, 2e-4)
+
+
+@pytest.mark.parametrize("method", ["sharp_smart", "rodas", "rk4"])
+def test_a_law_may_read_either_of_two_angles_that_turn_by_as_much(bennett, method):
+    """hinge_3 turns by as much as hinge_1, the other way: a spring on it, as a law, pulls as one on hinge_1 does."""
+    options = {"method": method, "duration": 1.0, "save_at": np.linspace(0, 1, 5)}
+    options |= {"step": 2e-4} if method == "rk4" else {"rtol": 1e-8}
+    start, home = bennett.home.with_rates([20.0]), bennett.home
+
+    def on_first(t, state):
+        return [-0.1 * (state["hinge_1"] - home["hinge_1"])]
+
+    def on_third(t, state):
+        return [0.1 * (state["hinge_3"] - home["hinge_3"])]
+
+    expected, run = (bennett.simulate(start, law, **options) for law in (on_first, on_third))
+    assert np.abs(angles(expected)[:, 2]).max() > 1.5 * np.pi
+    close(angles(run), angles(expected), 1e-4)
+    assert "drive_state" not in run.dataset and run.attrs["final_v"].size == 1
+    if method == "sharp_smart":
+        many = bennett.ensemble(start, on_third, **options)
+        close(many.dataset["joint_position"].values[0], angles(run), 1e-8)
+        assert many.extras.shape == (1, 0)
+        resumed = bennett.resume(bennett.simulate(start, on_third, duration=0.4), on_third, duration=0.6, save_at=[1.0])
+        close(angles(resumed)[-1], angles(expected)[-1], 1e-4)
+
+
+def test_a_sampled_function_sees_the_turns(bennett):
+    state, seen = bennett.state(bennett.home.positions + TURN * np.array([0, 0, 5, 0]), [20.0]), []
+
+    def watch(t, state):
+        seen.append([float(state["hinge_1"]), float(state["hinge_3"])])
+        return [0.0]
+
+    bennett.simulate(state, Sampler(watch, 20.0), duration=2.0)
+    turned = np.array(seen) - state.positions[[0, 2]]
+    assert len(seen) > 30 and turned[-1, 0] > 4 * TURN
+    close(turned[:, 1], -turned[:, 0], 1e-5)

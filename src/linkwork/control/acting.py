@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks
+from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra, Ideal
 from linkwork.control.events import Event
 from linkwork.control.observation import Names, Quantity
@@ -42,6 +43,7 @@ class Acting:
     quantities: what it reads of the robot; timed: whether it reads the time
     references: signals over time, after the commands where no controller gives these; extras: extra states
     parameters: values by name
+    followed: coordinates that have states of their own, behind the extras, which tell their turns (`continued`)
     """
 
     names: Names
@@ -55,6 +57,12 @@ class Acting:
     wrenches: tuple[Wrench, ...]
     events: tuple[Event, ...]
     sampler: Sampler | None
+    followed: Followed = ()
+
+    @property
+    def read(self) -> set[str]:
+        """The joint coordinates that are read by what is traced."""
+        return {quantity.name for quantity in self.quantities if quantity.kind == "position"}
 
     @property
     def held(self) -> int:
@@ -74,7 +82,9 @@ class Acting:
     def key(self) -> str:
         """What tells kernels of different systems apart."""
         places = [(wrench.body, tuple(wrench.point), wrench.frame) for wrench in self.wrenches]
-        return hashlib.sha256(f"{self.function.serialize()}{self.quantities}{places}".encode()).hexdigest()
+        return hashlib.sha256(
+            f"{self.function.serialize()}{self.quantities}{places}{self.followed}".encode()
+        ).hexdigest()
 
     @cached_property
     def timely(self) -> Timely | None:

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.control.acting import OUTPUTS, Acting
+from linkwork.control.continued import continued
 from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
 from linkwork.equations import Equations
@@ -36,7 +37,7 @@ class Joined:
         return {
             "q": self.equations.tree.q,
             "v": self.equations.v,
-            "z": ca.SX.sym("z", function.numel_in("extras")),
+            "z": ca.SX.sym("z", function.numel_in("extras") + sum(map(len, self.acting.followed))),
             "r": ca.SX.sym("r", count),
             "p": ca.vertcat(self.equations.p, p),
         }
@@ -46,14 +47,23 @@ class Joined:
         """What acts, by the names of `Acting`'s outputs, in this chart's symbols; wrenches in the ground's axes."""
         function, timed, (_, _, z, r, p) = self.acting.function, int(self.acting.timed), self.inputs.values()
         held = function.numel_in("held")
-        values = [expression(self.equations, quantity) for quantity in self.acting.quantities]
+        extras = function.numel_in("extras")
+        followed = [*continued(self.equations, self.acting.followed, z[extras:])]
+        known = {name: value[i] for names, value, _ in followed for i, name in enumerate(names)}
+        values = [
+            known[quantity.name]
+            if quantity.kind == "position" and quantity.name in known
+            else expression(self.equations, quantity)
+            for quantity in self.acting.quantities
+        ]
         references = r[timed : r.numel() - held]
         own = p[self.equations.p.numel() :]
-        found = function(r[0] if timed else 0, references, r[r.numel() - held :], z, own, *values)
+        found = function(r[0] if timed else 0, references, r[r.numel() - held :], z[:extras], own, *values)
         outputs = dict(zip(OUTPUTS, found, strict=True))
         parts = ca.vertsplit(outputs["wrenches"], 6) if self.acting.wrenches else []
         in_ground = [w.in_ground(self.equations, part) for w, part in zip(self.acting.wrenches, parts, strict=True)]
-        return outputs | {"wrenches": ca.vertcat(ca.SX(0, 1), *in_ground)}
+        rates = ca.vertcat(outputs["extra_rates"], *(rate for *_, rate in followed))
+        return outputs | {"wrenches": ca.vertcat(ca.SX(0, 1), *in_ground), "extra_rates": rates}
 
     @cached_property
     def accelerations(self) -> ca.SX:

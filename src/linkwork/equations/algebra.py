@@ -127,6 +127,13 @@ def quaternion_matrix(p: ca.SX) -> ca.SX:
     return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 
+def quaternion_map(p: ca.SX) -> ca.SX:
+    """Return the map (4 x 3) with p' = (0, omega) p / 2 from omega, in the axes of the first frame, for p of R_12."""
+    w, x, y, z = (p[i] / 2 for i in range(4))
+    rows = (-x, -y, -z), (w, z, -y), (-z, w, x), (y, -x, w)
+    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
+
+
 def matrix_quaternion(R: ca.SX) -> ca.SX:
     """Return the unit quaternion (w, x, y, z), w >= 0, of a rotation matrix.
 

@@ -31,6 +31,7 @@ from linkwork.equations.algebra import (
     Vector,
     cross,
     present,
+    quaternion_map,
     quaternion_matrix,
     rotation_matrix,
     snap,
@@ -229,9 +230,7 @@ class Tree:
         for place, k in self.single:
             N[place, k] = 1
         for places, ks in self.quaternions:
-            w, x, y, z = (self.q[i] / 2 for i in places)
-            rows = (-x, -y, -z), (w, z, -y), (-z, w, x), (y, -x, w)
-            N[list(places), list(ks)] = ca.vertcat(*[ca.horzcat(*row) for row in rows])
+            N[list(places), list(ks)] = quaternion_map(self.q[list(places)])
         return N
 
     def derivatives(self, rates: ca.SX) -> ca.SX:

@@ -99,6 +99,7 @@ class Compared:
         if not (common > start).any():
             return None
         names, units = self.named
+        y, y_c = y[:, : len(names)], y_c[:, : len(names)]
         size = np.abs(y).max(axis=0)
         size = np.where([unit == "rad" for unit in units], np.minimum(size, SPAN), size)
         allowed = options["atol"] * self.own_units + options["rtol"] * size

@@ -94,7 +94,7 @@ def led(crew: Members, course: Course, task: Task) -> Lone:
     if task.first is None or task.choice is None:
         state = crew.state(task.member)
         chart, v = rereading.start(robot, state)
-        segments = list(passage.segments(chart, state.q, v, system.start))
+        segments = list(passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q)))
     else:
         better = task.choice.better
         choice = Choice(task.choice.regular, better and own(better))

@@ -57,7 +57,7 @@ def came_upon(system: System, chart: CompiledChart, held: int) -> list[str]:
     return [
         *(f"the rate of {name}" for name in tree.coordinates),
         *(f"the acceleration of {name}" for name in chart.independent),
-        *(f"the rate of {extra.name}" for extra in system.extras),
+        *(f"the rate of {extra.name}" for extra in system.states),
         "the pivot",
         *["a held input"] * held,
         *(f"the function of the event {event.name!r}" for event in system.events),

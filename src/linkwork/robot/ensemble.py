@@ -351,7 +351,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             watch=crew.watch(indices, (0.0, course.duration)),
             progress=progress,
             turning=limits,
-            **{**course.options, "atol": chart.tolerances(course.options["atol"], start.shape[1])},
+            **{**course.options, **crew.system.tolerances(chart, course.options, start.shape[1])},
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
         if chart is first and averted.any():
@@ -517,7 +517,7 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
     home chart, and the rates that it does not tell are nan.
     """
     robot, count = crew.robot, len(crew)
-    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.extras)))
+    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.states)))
     turns = np.zeros(q.shape)
     for part in parts:
         turns[part.members] = part.outcomes.turns
@@ -536,7 +536,7 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
         robot.charts.setdefault(common.independent, common)
     q = whole(q, turns)
     (positions,) = robot.kernel("positions")(q, crew.p_robot())
-    return State(positions, v, q, robot.coordinates, common.independent), z
+    return State(positions, v, q, robot.coordinates, common.independent), z[:, : len(crew.system.extras)]
 
 
 def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.ndarray:
@@ -616,7 +616,7 @@ def measured(
         for name in found:
             values[name][places] = found[name]
         if extras:
-            values["drive_state"][places] = z
+            values["drive_state"][places] = z[:, : len(extras)]
         if robot.mechanism.tools:
             values["tool_pose"][places] = AssemblyKernel(robot.kernel("assembly").given(p), robot.planar).tool_poses(q)
     variables = {

@@ -63,8 +63,7 @@ def windings(robot: Robot, state: State, segments: Sequence[Segment], every: boo
         state: that the run went out from.
         every: whether every step was saved.
     """
-    labels, kernel = robot.labels, robot.kernel("positions")
-    first = labels.windings(state.positions, kernel(state.q)[0])
+    labels, first = robot.labels, robot.windings(state)
     if not labels.may_jump:
         return np.array([segments[-1].trajectory.end_time]), first[None]
     course = Course.joined([part for segment in segments for part in passed(segment, every)])

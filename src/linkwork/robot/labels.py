@@ -80,7 +80,8 @@ class Labels:
     @cached_property
     def wound(self) -> np.ndarray:
         """Which coordinates (m) are angles of loop-closing joints whose turns act on nothing: they are the state's own."""
-        return self._among([x for cut in self.equations.cuts for x in self._angles(cut.joint)]) & ~self.counted
+        every = self._among([x for cut in self.equations.cuts for x in self._angles(cut.joint)])
+        return np.logical_and(every, ~self.counted)
 
     @cached_property
     def signed(self) -> np.ndarray:

@@ -55,7 +55,9 @@ class Members:
         """Return the states y = (q, v, z) of some members (M, n), which all share their memory if all start alike."""
         rows = slice(1) if self.alike else self._rows(members)
         q, v = self.q[rows], self.v[rows]
-        z = np.broadcast_to(self.system.start, (len(q), len(self.system.extras)))
+        positions = self.given.positions[rows] if self.given.batch else self.given.positions
+        z = self.system.start(self.robot, positions, q)
+        z = np.broadcast_to(z, (len(q), z.shape[-1]))
         return np.broadcast_to(np.concatenate([q, v, z], axis=1), (len(members), q.shape[1] + v.shape[1] + z.shape[1]))
 
     @property
@@ -152,7 +154,7 @@ def members(
             f"the states are a stack of the shape {state.batch}; give a list of N states, or one for all"
         )
     each, shared = forces_of_each(robot, forces)
-    runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined)
+    runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined, state)
     require_starts(runs, state, parameters)
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
     checks.known(parameters, names, "parameter")

@@ -128,6 +128,10 @@ class Model:
         (positions,) = self.kernel("positions")(q)
         return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
 
+    def windings(self, state: State) -> np.ndarray:
+        """Return the whole turns of joints' coordinates (..., m) that a state holds beside its q."""
+        return self.labels.windings(state.positions, self.kernel("positions")(state.q)[0])
+
     def own(self, state: State) -> State:
         if getattr(state, "coordinates", None) is not self.coordinates:
             checks.refuse_foreign(state, self.coordinates, self.charts)

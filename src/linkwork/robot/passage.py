@@ -268,8 +268,8 @@ class Passage:
 
     def _along(self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal) -> Trajectory:
         chart, t, system = stand.chart, stand.t, self.system
-        atol = chart.tolerances(self.options["atol"], stand.q.size + stand.v.size)
-        options: dict[str, Any] = {**self.options, "atol": atol, "max_steps": stand.steps, "method": stand.method}
+        held = system.tolerances(chart, self.options, stand.q.size + stand.v.size)
+        options: dict[str, Any] = {**self.options, **held, "max_steps": stand.steps, "method": stand.method}
         stiff = isinstance(stand.method, Rosenbrock)
         if t != self.start or stand.method is not self.options["method"]:
             options.pop("first_step", None)

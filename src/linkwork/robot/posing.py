@@ -111,7 +111,7 @@ def wound(robot: Robot, made: State, guess: State, asked: Mapping[int, float]) -
     labels = robot.labels
     if not labels.may_wind:
         return made
-    turns = labels.windings(guess.positions, robot.kernel("positions")(guess.q)[0])
+    turns = robot.windings(guess)
     kept = labels.turned(made.positions, np.broadcast_to(turns, made.positions.shape))
     jumps = np.isin(robot.coordinates, labels.jumping) | labels.signed
     goal = np.where(jumps, guess.positions, kept)

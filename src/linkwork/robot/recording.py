@@ -79,7 +79,7 @@ def simulate(
         times = np.union1d(times, besides)
     passage = Passage(robot, system, start, end, times, step_over, options)
     chart, v = rereading.start(robot, state)
-    begun = Start(chart, state.q, v, system.start if z is None else z, control, turns)
+    begun = Start(chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns)
     segments = list(passage.segments(*begun))
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
@@ -116,7 +116,7 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         "charts": charts_taken(segments),
         "final_time": last.end_time,
         "final_q": last.q_end.copy(),
-        "final_v": last.v_end.copy(),
+        "final_v": last.v_end[: len(segments[-1].chart.independent) + len(system.extras)].copy(),
         "final_rates": ", ".join(segments[-1].chart.independent),
         "final_pace": np.array([last.pace.step, last.pace.growth]),
     }
@@ -416,7 +416,7 @@ def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
 def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
     """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
     part, n = segment.trajectory, segment.chart.equations.mobility
-    found = {"q": part.q[rows], "z": part.v[rows, n:], "force": part.u[rows]}
+    found = {"q": part.q[rows], "z": part.v[rows, n : n + len(system.extras)], "force": part.u[rows]}
     found["residual"] = np.maximum(part.residual[rows], segment.chart.unheld_gap(found["q"]))
     found |= segment.measured(partial(moving, segment.chart, system), rows)
     if segment.crossed is not None:  # angles are not interpolated: they may jump by a turn

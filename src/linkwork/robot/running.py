@@ -86,14 +86,16 @@ def simulate(
     if pace is not None and step is None:
         options["first_step"] = pace
     span = (start, start + duration)
-    runs = system(robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock))
+    state = robot.own(state)
+    runs = system(
+        robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock), state
+    )
     if pace is None:
-        require_starts(runs, robot.own(state))
+        require_starts(runs, state)
     options |= {"method": chosen or usual(runs, [runs.inputs], rtol), "leave_stiff": chosen is None}
-    z = runs.start if extras is None else extras
-    if z.size != len(runs.extras):
+    if extras is not None and extras.size != len(runs.extras):
         raise LinkworkError(
-            f"the run ended with {z.size} extra states, but these drives and controllers have {len(runs.extras)}"
+            f"the run ended with {extras.size} extra states, but these drives and controllers have {len(runs.extras)}"
         )
     control = None
     if held is not None and runs.acting and runs.sampler:
@@ -103,8 +105,9 @@ def simulate(
                 "delay that it ran with"
             )
         control = Control(0, runs.sampler.period, held)
-    state = robot.own(state)
-    return recording.simulate(robot, state, runs, duration, save_at, on_singular, options, start, z, control, turns)
+    return recording.simulate(
+        robot, state, runs, duration, save_at, on_singular, options, start, extras, control, turns
+    )
 
 
 def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run:

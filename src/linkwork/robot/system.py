@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import by_name, several
 from linkwork.control.acting import Acting
+from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.events import Event
 from linkwork.control.joined import Joined
@@ -28,6 +29,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
+from linkwork.robot.labels import Labels
 from linkwork.robot.observing import observation
 from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
 from linkwork.simulation.events import Watch
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from linkwork.robot.state import State
 
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
+FREE = 1e300  # absolute tolerance of numbers that may err
 KERNEL = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
 
 
@@ -56,8 +59,14 @@ class System:
 
     @property
     def extras(self) -> tuple[Extra, ...]:
-        """The extra states z."""
+        """The extra states of drives and controllers."""
         return self.acting.extras if self.acting else ()
+
+    @property
+    def states(self) -> tuple[Extra, ...]:
+        """All states z beside the robot's: the extra ones, then those that tell the turns of joints that are read."""
+        followed = [name for names in self.acting.followed for name in names] if self.acting else ()
+        return (*self.extras, *(Extra(name, "rad", 0.0) for name in followed))
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -69,10 +78,31 @@ class System:
         """The sampled controller, if there is one."""
         return self.acting.sampler if self.acting else None
 
-    @property
-    def start(self) -> np.ndarray:
-        """z at the start of a run."""
-        return np.array([extra.initial for extra in self.extras], float)
+    def start(self, robot: Robot, positions: np.ndarray, q: np.ndarray, extras: ArrayLike | None = None) -> np.ndarray:
+        """Return z (..., nz) where runs start.
+
+        Args:
+            positions: of all joints (..., m), of which the turns count; q: (..., nq).
+            extras: the extra states there; their own if left out.
+        """
+        own = np.array([extra.initial for extra in self.extras], float) if extras is None else np.asarray(extras, float)
+        if self.acting is None or not self.acting.followed:
+            return own
+        read = robot.kernel("positions")(q)[0]
+        seen = robot.labels.nearest(read, np.broadcast_to(positions, read.shape))
+        places = [robot.coordinates.index(state.name) for state in self.states[len(self.extras) :]]
+        return np.concatenate([np.broadcast_to(own, (*seen.shape[:-1], own.size)), seen[..., places]], axis=-1)
+
+    def tolerances(self, chart: CompiledChart, options: Mapping[str, Any], size: int) -> dict[str, Any]:
+        """Return the tolerances of the numbers of a state (q, v, z) of some size.
+
+        States that tell turns do not count, nor in the root mean square of errors: steps are those without them.
+        """
+        followed, atol = len(self.states) - len(self.extras), chart.tolerances(options["atol"], size)
+        if not followed:
+            return {"atol": atol}
+        share = np.sqrt((size - followed) / size)
+        return {"rtol": share * options["rtol"], "atol": np.append(share * atol[:-followed], np.full(followed, FREE))}
 
     def p(self, chart: CompiledChart) -> np.ndarray:
         """Return the parameters of the mechanism, then those of controllers and drives."""
@@ -135,6 +165,10 @@ class Callback:
     chart: CompiledChart
 
     @cached_property
+    def labels(self) -> Labels:
+        return Labels(self.chart.equations)
+
+    @cached_property
     def _function(self) -> Any:
         return KERNEL(self._call)
 
@@ -144,12 +178,20 @@ class Callback:
         acting, equations = self.system.acting, self.chart.equations
         assert acting is not None
         signals = self.system.inputs.coefficients.shape[2]
-        return np.cumsum([equations.nq, equations.mobility, len(acting.extras), signals, acting.held]).tolist()
+        return np.cumsum([equations.nq, equations.mobility, len(self.system.states), signals, acting.held]).tolist()
 
     @property
     def address(self) -> int:
         """Address of void(const double *in, double *out)."""
         return ctypes.cast(self._function, ctypes.c_void_p).value or 0
+
+    def _turned(self, z: np.ndarray, read: np.ndarray) -> np.ndarray:
+        """Return the coordinates of all joints with the turns of those that are followed."""
+        goal, names = read.copy(), self.system.states[len(self.system.extras) :]
+        goal[[self.labels.equations.mechanism.coordinates.index(state.name) for state in names]] = z[
+            len(z) - len(names) :
+        ]
+        return self.labels.nearest(read, goal)
 
     def _call(self, x: Any, out: Any) -> None:
         try:
@@ -162,7 +204,7 @@ class Callback:
             if self.system.faults:
                 return
             parameters = dict(zip(acting.parameters, self.system.parameters, strict=True))
-            state = observation(self.chart, acting.names, q, v, z, parameters)
+            state = observation(self.chart, acting.names, q, v, z, parameters, partial(self._turned, z))
             forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore[reportOptionalMemberAccess]
             result[later.size :] = ordered(forces, actuators, CONTROLLER)
         except BaseException as error:
@@ -178,6 +220,7 @@ def system(
     parameters: Mapping[str, float],
     span: tuple[float, float],
     joined: bool = False,
+    state: State | None = None,
 ) -> System:
     """Make the system of a run; refuse what does not fit.
 
@@ -188,6 +231,7 @@ def system(
         parameters: values of parameters of controllers and drives, by name.
         span: start and end of the run [s].
         joined: whether kernels of `Joined` are needed for plain forces, too.
+        state: one or many, from which runs start; home if left out.
     """
     drives = by_name(drives, "drives", "{'slide_1': Lag(0.01)}")
     wrenches = several(wrenches, Wrench, "wrenches")
@@ -200,12 +244,35 @@ def system(
     names = Names.of(robot.mechanism, robot.planar)
     with BUILDING:
         acting = acting_once(names, given, drives, wrenches, tuple(events), span)
+    followed = followed_by(robot, acting, state)
+    acting = replace(acting, followed=followed) if followed else acting
     require_cover(acting.references, span)
     checks.known(parameters, tuple(acting.parameters), "parameter")
     values = {**acting.parameters} | {name: checks.number(value, name) for name, value in parameters.items()}
     for name in parameters:
         acting.require(name, np.array(values[name]))
     return System(acting.inputs(commands), acting, np.array([float(value) for value in values.values()]))
+
+
+def followed_by(robot: Robot, acting: Acting, state: State | None) -> Followed:
+    """Return the coordinates whose turns runs follow for what acts: of those that it reads, those that jump or begin turned.
+
+    What a Python function reads is not known beforehand.
+    """
+    labels, names = robot.labels, robot.coordinates
+    if not labels.may_wind:
+        return ()
+    every = acting.sampler is not None and not acting.sampler.compiled
+    read = {
+        name for i, name in enumerate(names) if (labels.wound[i] or labels.signed[i]) and (every or name in acting.read)
+    }
+    if not read:
+        return ()
+    begun = np.zeros(len(names)) if state is None else np.abs(robot.windings(state)).reshape(-1, len(names)).max(axis=0)
+    jumps = [labels.wound[i] and (begun[i] or name in labels.jumping) for i, name in enumerate(names)]
+    angles = [(name,) for name, jump in zip(names, jumps, strict=True) if jump and name in read]
+    quaternions = [tuple(names[i] for i in places) for places in labels.quaternions]
+    return (*angles, *(own for own in quaternions if read & set(own)))
 
 
 def with_jacobian(robot: Robot, runs: System, span: tuple[float, float]) -> System:
