@@ -10,6 +10,7 @@ import xarray
 import linkwork as lw
 from linkwork.errors import ModelWarning
 from linkwork.formats import load
+from linkwork.formats.models import read
 
 from tests.cli.calls import call, refused
 
@@ -136,3 +137,15 @@ def test_studies_tell_them_too(tmp_path, monkeypatch):
 def test_a_model_whose_masses_are_all_meshes_says_so(tmp_path):
     (told,) = [c for c in caveats(model(tmp_path, inertial='<geom type="mesh" mesh="m"/>', more="")) if "no mass" in c]
     assert "and 1 more: <body> ('palm', 'arm') has no mass here: all of it is that of meshes" in told
+
+
+def test_springs_that_are_left_out_are_told_where_tendons_that_do_not_pull_come_first(tmp_path):
+    """Both are left out with the same remark; one of them alone alters the motion."""
+    tendon = '<spatial name="{}" {}><site site="s1"/><site site="s2"/><site site="s3"/></spatial>'
+    sites = "".join(f'<site name="s{k}" pos="0 0 0.{k}"/>' for k in (1, 2, 3))
+    path = model(tmp_path, more=INERTIAL + sites)
+    tendons = tendon.format("cord", "") + tendon.format("spring", 'stiffness="5"')
+    path.write_text(path.read_text().replace("<actuator>", f"<tendon>{tendons}</tendon><actuator>"))
+    (caveat,) = caveats(path)
+    assert "<spatial 'spring'> is left out" in caveat
+    assert any("<spatial 'cord'> is left out" in note for note in read(path).notes)

@@ -11,20 +11,20 @@ SHOWN = 4  # names of elements in one sentence
 
 
 class Notes:
-    """Gather sentences; elements of one tag with the same remark share a sentence."""
+    """Gather sentences; elements of one tag share one where the same remark alters the motion of all of them, or of none."""
 
     def __init__(self) -> None:
-        self._groups: dict[tuple[str, str], list[Element]] = {}
-        self._alters: dict[str | tuple[str, str], bool] = {}  # in the order of the first remarks
+        self._groups: dict[tuple[str, str, bool], list[Element]] = {}
+        self._alters: dict[str | tuple[str, str, bool], bool] = {}  # in the order of the first remarks
 
     def say(self, sentence: str, alters: bool = False) -> None:
         """Add a sentence, once; `alters`: the motion is another than the file's."""
-        self._alters.setdefault(sentence, alters)
+        self._alters[sentence] = alters or self._alters.get(sentence, False)
 
     def on(self, element: Element, remark: str, alters: bool = False) -> None:
         """Add a remark on an element, such as "is left out: a contact is no joint"; `alters` as for `say`."""
-        key = element.tag, remark
-        self._alters.setdefault(key, alters)
+        key = element.tag, remark, alters
+        self._alters[key] = alters
         self._groups.setdefault(key, []).append(element)
 
     def sentences(self) -> tuple[str, ...]:
@@ -35,10 +35,10 @@ class Notes:
         """Return the sentences on what alters the motion."""
         return tuple(self._sentence(item) for item, alters in self._alters.items() if alters)
 
-    def _sentence(self, key: str | tuple[str, str]) -> str:
+    def _sentence(self, key: str | tuple[str, str, bool]) -> str:
         if isinstance(key, str):
             return key
-        tag, remark = key
+        tag, remark, _ = key
         elements = self._groups[key]
         first = elements[0]
         if len(elements) == 1:
