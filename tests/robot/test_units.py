@@ -105,3 +105,14 @@ def test_slides_and_turns_that_drive_together_share_the_forces(L, M):
         push = robot.actuation(found).T @ robot.internal_forces(found) / scale.forces(names)[:, None]
         assert abs(push).max() < 1e-9 * abs(robot.internal_forces(found) / forces[:, None]).max()
         assert np.allclose(robot.internal_forces(found).T @ robot.internal_forces(found), np.eye(2))
+
+
+@pytest.mark.parametrize("L", [1e-9, 1.0, 1e9])
+def test_a_limit_is_passed_by_more_than_rounding_whatever_the_units(L):
+    slide = lw.PrismaticJoint(connects=("ground", "mass"), limits=lw.Limits(lower=0.0, upper=0.3 * L))
+    body = lw.Body(mass=1.0, centre_of_mass=(0.5 * L, 0, 0))
+    robot = lw.Robot(lw.Mechanism(bodies={"mass": body}, joints={"slide": slide}, actuators=("slide",)))
+    for at in (0.3 * (1 + 1e-14), -1e-14):
+        assert robot.limits_passed(robot.state([at * L])) == ()
+    for at in (0.3 + 1e-9, -1e-9):
+        assert len(robot.limits_passed(robot.state([at * L]))) == 1

@@ -190,7 +190,7 @@ def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int
     q = gathered.q[order]
     states = robot.make_state(q, np.zeros((len(q), robot.mobility)))
     signs = problem.signs(q).astype(int)
-    inside = np.array([not limits.passed(robot.mechanism, robot.coordinates, row) for row in states.positions], bool)
+    inside = np.array([not limits.passed(robot, row) for row in states.positions], bool)
     hits, first = gathered.hits[order], gathered.first[order]
     return Modes(square.what, asked, states, hits, first, tried, int(hits.sum()), signs, inside)
 

@@ -442,7 +442,7 @@ def moving(chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray) -
 def passed_limits(robot: Robot, run: Run) -> tuple[str, ...]:
     """Return one sentence for each joint limit that is passed at a run's saved times."""
     positions = run.variables["joint_position"].values
-    return limits.passed(robot.mechanism, robot.coordinates, positions, run.coords["time"].values)
+    return limits.passed(robot, positions, run.coords["time"].values)
 
 
 def labels(axis: str, names: Sequence[str], units: Sequence[str] = ()) -> Variable:

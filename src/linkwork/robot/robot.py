@@ -362,7 +362,7 @@ class Robot(Model):
 
     def limits_passed(self, state: State) -> tuple[str, ...]:
         """Return one sentence for each joint coordinate that lies outside its limits in a state."""
-        return limits.passed(self.mechanism, self.coordinates, self.own(state).positions)
+        return limits.passed(self, self.own(state).positions)
 
     # Simulation
 
