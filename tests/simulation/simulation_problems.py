@@ -244,3 +244,11 @@ def count_rate(x, out):
 def failing_control(x, out):
     """A controller that fails where q reaches 0.3: (q, u) -> u."""
     out[0] = 1.0 if x[0] < 0.3 else math.nan
+
+
+@cfunc(KERNEL)
+def cart_pole(x, out):
+    """A cart of mass p on a level rail, under a pole of 1 m with 1 kg at its tip: (x, angle from the level, x', angle')."""
+    sine, cosine, rate = math.sin(x[1]), math.cos(x[1]), x[3]
+    push = (cosine * rate**2 - GRAVITY * sine * cosine) / (x[4] + cosine**2)
+    out[0], out[1], out[2], out[3], out[4] = x[2], rate, push, sine * push - GRAVITY * cosine, 1.0

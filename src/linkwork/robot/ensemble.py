@@ -412,6 +412,8 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
         time=float(done.end_time[row]),
         step=float(done.next_step[row]),
         growth=0.0,
+        longest=0.0,
+        ideal=0.0,
         pivot=float(done.pivot[row]),
         pivot_time=float(done.end_time[row]),
         closure_error=float(done.closure_error[row]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -118,7 +118,7 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         "final_q": last.q_end.copy(),
         "final_v": last.v_end[: len(segments[-1].chart.independent) + len(system.extras)].copy(),
         "final_rates": ", ".join(segments[-1].chart.independent),
-        "final_pace": np.array([last.pace.step, last.pace.growth]),
+        "final_pace": np.array(astuple(last.pace)),
     }
     passed = singular_times(segments)
     if passed:

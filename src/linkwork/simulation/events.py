@@ -93,7 +93,12 @@ class Control:
 
 @dataclass(frozen=True)
 class Pace:
-    """Go on with a step size: `step`, in s, and `growth`, the largest factor by which the one after it may be longer."""
+    """Go on with a step size: `step`, in s, and `growth`, the largest factor by which the one after it may be longer.
+
+    `longest`, the longest step lately, and `ideal`, the one that the last step's error allowed, both in s, tell how steps fall.
+    """
 
     step: float
     growth: float
+    longest: float = 0.0
+    ideal: float = 0.0

@@ -109,7 +109,7 @@ class Trajectory:
     @property
     def pace(self) -> Pace:
         """The step size to go on with, and its growth."""
-        return Pace(self.outcome.step, self.outcome.growth)
+        return Pace(self.outcome.step, self.outcome.growth, self.outcome.longest, self.outcome.ideal)
 
     @property
     def next_step(self) -> float:
@@ -229,7 +229,7 @@ def integrate(
     times = np.empty(0) if save_at is None else times_within(save_at, start, stop)
     stiff = isinstance(method, Rosenbrock)
     native, loop = _compiled(stiff)
-    pace = _pace(first_step if method.step is None else method.step, loop.LARGEST_FACTOR)
+    pace = _pace(first_step if method.step is None else method.step)
     for name, value in ("max_step", max_step), ("pivot_bound", pivot_bound), ("closure_tol", closure_tol):
         _require_positive(name, value)
     if stiff and not jacobian:
@@ -244,7 +244,7 @@ def integrate(
         seen.knots, seen.coefficients, seen.bends, watch.strict if watch else 0,
         *method.plan.arguments,
         tolerances(rtol, atol, y.size), pivot_bound, closure_tol, stability(method, leave_stiff),
-        q.size, y, times, save_at is None, start, stop, max_step, pace.step, pace.growth, max_steps,
+        q.size, y, times, save_at is None, start, stop, max_step, pace, max_steps,
         held, period, next_sample, conditions, counted, facts,
     )  # fmt: skip
     outcome, found, event = loop.Outcome._make(facts.tolist()), rows[:0], -1
@@ -280,13 +280,13 @@ def stability(method: Method, asked: bool) -> float:
     return NEARLY * method.stability if asked and isinstance(method, Tableau) else 0.0
 
 
-def _pace(first_step: float | Pace | None, growth: float) -> Pace:
-    """Return the pace at the start: a step of 0 is guessed, and the first may grow at once."""
+def _pace(first_step: float | Pace | None) -> np.ndarray:
+    """Return the numbers of the pace at the start: a step of 0 is guessed, and the first may grow at once."""
     if isinstance(first_step, Pace):
-        return first_step
+        return np.array([first_step.step, first_step.growth, first_step.longest, first_step.ideal])
     if first_step is not None:
         _require_positive("first_step", first_step)
-    return Pace(first_step or 0.0, growth)
+    return np.array([first_step or 0.0, math.inf, 0.0, 0.0])
 
 
 def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float, int, int]:

@@ -19,6 +19,7 @@ from linkwork.simulation.lane_rows import (
     LOOSE,
     LOWEST,
     MEMBER,
+    PEAKS,
     REACHED,
     REJECTED_PIVOT,
     REJECTED_RESIDUAL,
@@ -36,13 +37,15 @@ from linkwork.simulation.vectors import LANES, call_wide, load, splat, store
 @njit(forceinline=True, **OPTIONS)
 def within(lane, save_at, now, tally):
     """Tell whether a lane wants a sample inside its step, not at the end of it."""
-    return now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] < now[ARRIVAL, lane]
+    row = tally[REACHED, lane]
+    return row < save_at.size and now[WANTED, lane] > 0 and save_at[row] < now[ARRIVAL, lane]
 
 
 @njit(forceinline=True, **OPTIONS)
 def extends(lane, save_at, now, tally):
     """Tell whether a lane needs the dense output: for a sample inside its step, or to look at what it may not have seen."""
-    return (now[LEAST, lane] > 0 and now[ACCEPTS, lane] > 0) or within(lane, save_at, now, tally)
+    looks = now[LEAST, lane] > 0 or now[PEAKS, lane] > 0
+    return (looks and now[ACCEPTS, lane] > 0) or within(lane, save_at, now, tally)
 
 
 @njit(forceinline=True, **OPTIONS)

@@ -15,7 +15,9 @@ from linkwork.simulation.lane_rows import (
     ARRIVAL,
     ERROR,
     GROWTH,
+    IDEAL,
     LIVE,
+    LONGEST,
     LOOSE,
     LOWEST,
     PIVOT,
@@ -26,7 +28,8 @@ from linkwork.simulation.lane_rows import (
     TIME,
     WANTED,
 )
-from linkwork.simulation.native_loop import LARGEST_FACTOR, ROUNDING, SAFETY, SMALLEST_ERROR, SMALLEST_FACTOR
+from linkwork.simulation.native_loop import ROUNDING
+from linkwork.simulation.native_pace import FADING, LARGEST_FACTOR, SAFETY, SHORT, SMALLEST_ERROR, SMALLEST_FACTOR
 from linkwork.simulation.native_parts import NEWTON_CALLS
 from linkwork.simulation.vectors import (
     absolute,
@@ -185,16 +188,26 @@ def judge(method, n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, ze
 
 
 @njit(forceinline=True, **OPTIONS)
+def falling(now):
+    """Tell in which lanes steps have fallen far below the longest one lately: see `native_pace`."""
+    return load(now, STEP_SIZE) <= splat(SHORT) * load(now, LONGEST)
+
+
+@njit(forceinline=True, **OPTIONS)
 def accept(sixteenths, max_step, now):
-    """Go on to the ends of the accepted steps, and choose the lengths of the next ones by error^(sixteenths / 16)."""
+    """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in `native_pace`."""
     kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
     sixteenth, power = root(root(root(root(larger(load(now, ERROR), splat(SMALLEST_ERROR)))))), splat(1.0)
     for _ in range(sixteenths):
         power = power * sixteenth
-    factor = smaller(load(now, GROWTH), splat(SAFETY) / power)
+    longest, ideal = larger(step, splat(FADING) * load(now, LONGEST)), step / power
+    ease = choose(splat(SHORT) * longest <= h, splat(1.0), smaller(ideal / load(now, IDEAL), splat(1.0)))
+    factor = smaller(load(now, GROWTH), splat(SAFETY) / power * ease)
     proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))
     proposal = choose(h <= step, proposal, larger(h, proposal))
     store(now, STEP_SIZE, choose(kept, h, proposal))
     store(now, GROWTH, choose(kept, load(now, GROWTH), splat(LARGEST_FACTOR)))
+    store(now, LONGEST, choose(kept, load(now, LONGEST), longest))
+    store(now, IDEAL, choose(kept, load(now, IDEAL), ideal))
     store(now, TIME, choose(kept, load(now, TIME), load(now, ARRIVAL)))
     store(now, PIVOT, choose(kept, load(now, PIVOT), smaller(load(now, PIVOT), load(now, LOWEST))))

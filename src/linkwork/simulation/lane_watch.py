@@ -19,17 +19,21 @@ from linkwork.simulation.lane_rows import (
     EVALUATIONS,
     LEAST,
     LIVE,
+    LONGEST,
     LOWEST,
     MEMBER,
+    PEAKS,
     REJECTED_PIVOT,
     STEP,
+    STEP_SIZE,
     THETA,
     TIME,
     WANTED,
 )
 from linkwork.simulation.lane_samples import interpolate
+from linkwork.simulation.native_pace import fallen
 from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR, padded
-from linkwork.simulation.native_watch import Watch, farthest_bends, free_until, next_bend
+from linkwork.simulation.native_watch import KEEN, Watch, farthest_bends, free_until, next_bend
 from linkwork.simulation.pointers import pointer
 from linkwork.simulation.signals import FREE
 from linkwork.simulation.vectors import LANES, absolute, call_wide, larger, load, root, splat, store
@@ -76,14 +80,31 @@ def mark(watched, now, tally):
 
 
 @njit(**OPTIONS)
-def inspect(motion, method, signals, watched, pivot_bound, tables):
-    """Refuse the steps of the marked lanes in which the dense output is too far from a solution where an input bends.
+def mark_peaks(now):
+    """Mark the lanes that have come to a peak of the motion with steps that would be accepted; return how many."""
+    count = 0
+    for lane in range(LANES):
+        peaks = now[ACCEPTS, lane] > 0 and fallen(now[STEP_SIZE, lane], now[LONGEST, lane])
+        now[PEAKS, lane] = 1.0 if peaks else 0.0
+        count += peaks
+    return count
+
+
+@njit(**OPTIONS)
+def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
+    """Refuse the steps of the marked lanes in which the dense output is too far from a solution, at a peak of the motion or
+    where an input bends; peaks: whether any lane was looked at for peaks.
 
     x is left as it was: the new state, under the inputs at its end.
     """
     n, x, kept, now, tally = tables.n, tables.x, tables.kept, tables.now, tables.tally
     for m in range(n):
         store(kept, m, load(x, m))
+    if peaks:
+        for lane in range(LANES):
+            now[WANTED, lane], now[THETA, lane] = now[PEAKS, lane] * now[ACCEPTS, lane], 0.5
+        measure(motion, method, signals, KEEN, pivot_bound, tables)
+        refuse(now, 0.0)
     for place in range(2 * watched.coefficients.shape[2]):
         j, wanted = place // 2, 0
         for lane in range(LANES):
@@ -95,21 +116,26 @@ def inspect(motion, method, signals, watched, pivot_bound, tables):
                     now[WANTED, lane], now[THETA, lane] = 1.0, by_line if place % 2 == 0 else by_cubic
                     wanted += 1
         if wanted > 0:
-            measure(motion, method, signals, tables)
-            for lane in range(LANES):
-                if now[WANTED, lane] > 0:
-                    judge_defect(lane, method.stages * (n + 1) + n, pivot_bound, tables)
-    for lane in range(LANES):
-        if now[LEAST, lane] > 0 and now[ERROR, lane] > 1:
-            now[ACCEPTS, lane] = 0.0
+            measure(motion, method, signals, 1.0, pivot_bound, tables)
+    refuse(now, 1.0)
+    store(now, PEAKS, splat(0.0))
     for m in range(n):
         store(x, m, load(kept, m))
     set_forces(signals, method.c[method.solution], x, n, now, tally)
 
 
+@njit(forceinline=True, **OPTIONS)
+def refuse(now, bent):
+    """Refuse the steps whose errors are too large; bent: 1 where bends refuse them, 0 where a peak does."""
+    for lane in range(LANES):
+        if now[ERROR, lane] > 1:
+            now[ACCEPTS, lane] = 0.0
+            now[LEAST, lane] *= bent
+
+
 @njit(**OPTIONS)
-def measure(motion, method, signals, tables):
-    """Leave in the first row of the sample how far the dense output is from a solution at each lane's theta."""
+def measure(motion, method, signals, factor, pivot_bound, tables):
+    """Take into the errors of the lanes that want it, times a factor, how far the dense output is from a solution at theta."""
     n, y, x, k, sample, now, tally = (
         tables.n, tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
     )  # fmt: skip
@@ -123,7 +149,7 @@ def measure(motion, method, signals, tables):
     for i in range(stages):
         weight, power = splat(0.0), splat(1.0)
         for m in range(method.degree):
-            weight = weight + power * splat((m + 1) * method.dense[m * padded(stages) + i])
+            weight = weight + splat(m + 1.0) * power * splat(method.dense[m * padded(stages) + i])
             power = power * theta
         store(weights, i, weight)
     for m in range(n):
@@ -134,7 +160,10 @@ def measure(motion, method, signals, tables):
         scale = load(tables.scale, n + m) + load(tables.scale, m) * size
         ratio = absolute(h * (load(k, stages * (n + 1) + m) - slope)) / scale
         total = total + ratio * ratio
-    store(sample, 0, root(total / splat(float(n))) / splat(method.blur))
+    store(sample, 0, splat(factor) * (root(total / splat(float(n))) / splat(method.blur)))
+    for lane in range(LANES):
+        if now[WANTED, lane] > 0:
+            judge_defect(lane, stages * (n + 1) + n, pivot_bound, tables)
 
 
 @njit(forceinline=True, **OPTIONS)

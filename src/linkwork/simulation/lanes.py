@@ -37,8 +37,10 @@ from linkwork.simulation.lane_rows import (
     ERROR,
     EVALUATIONS,
     GROWTH,
+    IDEAL,
     LEAST,
     LIVE,
+    LONGEST,
     LOOSE,
     LOWEST,
     MEMBER,
@@ -63,22 +65,24 @@ from linkwork.simulation.lane_rows import (
     Tables,
 )
 from linkwork.simulation.lane_samples import extend, keep_sample, take_samples, want_samples
-from linkwork.simulation.lane_steps import accept, choose_steps, combine, judge, move, project, scaled
-from linkwork.simulation.lane_watch import Watched, inspect, mark
+from linkwork.simulation.lane_steps import accept, choose_steps, combine, falling, judge, move, project, scaled
+from linkwork.simulation.lane_watch import Watched, inspect, mark, mark_peaks
 from linkwork.simulation.native_loop import (
-    BOLDNESS,
-    FARTHEST,
-    LARGEST_FACTOR,
     LOOK,
     NEAR,
-    RETREAT,
-    SAFETY,
-    SMALLEST_FACTOR,
     SMALLEST_STEP,
     STEP_UNDERFLOW,
     STIFF,
     TOO_MANY_STEPS,
     VOTES,
+)
+from linkwork.simulation.native_pace import (
+    BOLDNESS,
+    FARTHEST,
+    LARGEST_FACTOR,
+    RETREAT,
+    SAFETY,
+    SMALLEST_FACTOR,
     sixteenths,
 )
 from linkwork.simulation.native_parts import (
@@ -273,7 +277,7 @@ def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, t
         x[n + inputs + m, lane] = tables.z[tables.nq + m, lane] = parameters[row, m]
     for m in range(COUNTS):
         tally[m, lane] = counts[i, m]
-    now[GROWTH, lane] = LARGEST_FACTOR
+    now[GROWTH, lane], now[LONGEST, lane], now[IDEAL, lane] = LARGEST_FACTOR, 0.0, 0.0
     tally[MEMBER, lane], tally[CAUSE, lane] = i, STEP_UNDERFLOW
     tally[PIECE, lane], tally[BREAK, lane], tally[BEND, lane] = 0, signals.breaking[signal], 0
     tally[STIFFLY, lane] = 0
@@ -369,7 +373,7 @@ def reject(lane, exponent, pivot_bound, first_pivot, now, tally):
         now[STEP_SIZE, lane] = max(now[LEAST, lane], shrunk)
     else:
         tally[CAUSE, lane] = ailment
-        now[STEP_SIZE, lane] = step * RETREAT
+        now[STEP_SIZE, lane], now[LONGEST, lane] = RETREAT * step, RETREAT * now[LONGEST, lane]
         if ailment == SINGULAR and first_pivot <= NEAR * pivot_bound:
             tally[STATUS, lane] = SINGULAR
 
@@ -529,11 +533,14 @@ def integrate(
             else:
                 diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally)
         marked = mark(watched, now, tally) if bending[-1] > bending.size - 1 else 0
+        peaks = some(falling(now))
+        if peaks:
+            marked += mark_peaks(now)
         inside = want_samples(save_at, now, tally)[1] if save_at.size > 0 and computed < stages else 0
         if computed < stages and marked + inside > 0:
             extend(motion, method, signals, pivot_bound, save_at, tables)
         if marked > 0:
-            inspect(motion, method, signals, watched, pivot_bound, tables)
+            inspect(motion, method, signals, watched, pivot_bound, peaks, tables)
         if save_at.size > 0:
             take_samples(closure, method, closure_tol, save_at, samples, tables)
         for lane in range(LANES):

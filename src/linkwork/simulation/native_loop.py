@@ -7,8 +7,6 @@ the signals or where a sampled controller acts, a step ends, and the slope there
 The error of a component is |h sum_i e_i k_i| plus the distance by which the projection moved it: a projection that carries
 the state away, to another assembly mode say, is an error like any other and is refused.
 
-Step sizes: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
-
 Whole turns of large angles are counted apart after each step (`turns`); events, controllers and rows take them with their
 turns.
 
@@ -36,6 +34,17 @@ from linkwork.simulation.native_events import (
     quiet,
     state_within,
 )  # fmt: skip
+from linkwork.simulation.native_pace import (
+    LARGEST_FACTOR,
+    SAFETY,
+    SMALLEST_FACTOR,
+    Rhythm,
+    after_failure,
+    after_retreat,
+    after_success,
+    fallen,
+    first_step,
+)
 from linkwork.simulation.native_parts import (
     CLOSURE_LOST,
     NON_FINITE,
@@ -55,11 +64,10 @@ from linkwork.simulation.native_parts import (
     padded,
     project,
     record,
-    scaled,
     settle,
     stiffness,
 )
-from linkwork.simulation.native_watch import Watch, free_until, next_bend, unseen
+from linkwork.simulation.native_watch import Watch, free_until, next_bend, peaked, unseen
 from linkwork.simulation.pointers import call, combine, pointer
 from linkwork.simulation.status import Status
 
@@ -68,34 +76,12 @@ TOO_MANY_STEPS = int(Status.TOO_MANY_STEPS)
 EVENT = int(Status.EVENT)
 STIFF = int(Status.STIFF)
 
-SAFETY = 0.9
-SMALLEST_FACTOR, LARGEST_FACTOR = 0.2, 10.0
-RETREAT = 0.25  # factor on the step where the equations themselves fail
 NEAR = 1.25  # a pivot this close to its bound, relative to it, is at it
-DAMPING = 0.85  # of the exponent with which the error of a step sets the next one, about: fewer steps fail
-SMALLEST_ERROR = 1e-10
-BOLDNESS = 7.0  # of the first step, which the source makes short: a step that fails costs no more than one too many
-FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
 ROUNDING = 1e-9
 SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 FIRST_ROWS = 64
 LOOK = 1024  # accepted steps from one look for stiffness to the next, and more than a stiff run ends with
 VOTES = 15  # by which stiff steps are more than others, where the run is called stiff
-
-
-@njit(forceinline=True, **OPTIONS)
-def sixteenths(exponent):
-    """Return how many sixteenths the damped exponent has: their powers are square roots, which vectors have, too."""
-    return round(16 * DAMPING * exponent)
-
-
-@njit(forceinline=True, **OPTIONS)
-def power(error, count):
-    """Return error^(count / 16)."""
-    root, result = math.sqrt(math.sqrt(math.sqrt(math.sqrt(error)))), 1.0
-    for _ in range(count):
-        result *= root
-    return result
 
 
 class Trial(NamedTuple):
@@ -124,6 +110,8 @@ class Outcome(NamedTuple):
     time: float
     step: float
     growth: float
+    longest: float
+    ideal: float
     pivot: float
     pivot_time: float
     closure_error: float
@@ -141,25 +129,6 @@ def evaluate_first(kernels, limits, room):
     if ailment == OK and first_fault(room, 1) < room.n:
         ailment = NON_FINITE
     return ailment, pivot
-
-
-@njit(**OPTIONS)
-def first_step(kernels, inputs, method, limits, room, t, longest):
-    """Guess a first step from the slope here, k_0, and one a little ahead, k_1."""
-    n, y, x, slope, next_slope = room.n, room.y, room.x, room.k, room.k + room.width
-    size, steepness = scaled(y, limits, room), scaled(slope, limits, room)
-    ahead = min(longest, 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness)
-    for m in range(n):
-        x[m] = y[m] + ahead * slope[m]
-    force(inputs, t + ahead, True, 0, x + n)
-    ailment, _ = evaluate(kernels.motion, room, 1, limits.pivot_bound)
-    if ailment != OK:
-        return ahead
-    for m in range(n):
-        next_slope[m] -= slope[m]
-    steepest = max(steepness, scaled(next_slope, limits, room) / ahead)
-    guess = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** method.exponent
-    return min(FARTHEST * ahead, guess)
 
 
 @njit(**OPTIONS)
@@ -187,14 +156,15 @@ def run(
     watched_knots, watched_coefficients, bends, strict,
     plan, stages, degree, estimates, solution, computed, exponent, blur,
     tolerance, pivot_bound, closure_tol, stability,
-    nq, y_end, save_at, every_step, start, stop, max_step, h, growth, max_steps,
+    nq, y_end, save_at, every_step, start, stop, max_step, pace, max_steps,
     held, period, next_sample, conditions, counted, facts,
 ):  # fmt: skip
     """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the last row of counted
     (spans, wraps, turns) and the `Outcome` in facts; return the rows, of angles with their turns.
 
-    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. h <= 0 asks for a guess of the first
-    step. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length h. tolerance (2, n): rtol, atol.
+    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. pace (4,): the numbers of a `Rhythm`;
+    a step <= 0 asks for a guess of the first. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the
+    length given there. tolerance (2, n): rtol, atol.
     `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
     """
     n, signals, width = y_end.size, coefficients.shape[2], padded(y_end.size + 1)
@@ -238,7 +208,8 @@ def run(
     table = pointer(rows)
     saved = taken = bend = next_break = evaluations = accepted = rejected = projections = 0
     closure_error = rejected_residual = 0.0
-    fixed, length, fault = exponent == 0, h, -1
+    rhythm = Rhythm(pace[0], min(pace[1], LARGEST_FACTOR), pace[2], pace[3])
+    fixed, length, fault = exponent == 0, rhythm.step, -1
     grid = int(start / length) if fixed else 0
     t, cause, status = start, STEP_UNDERFLOW, OK
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
@@ -306,14 +277,16 @@ def run(
                 elif status == OK and t < stop:
                     status = TOO_MANY_STEPS
                 break
+            h = rhythm.step
             if h <= 0:
                 h = first_step(kernels, inputs, method, limits, room, t, target - t)
                 evaluations += 1
-            h = min(h, max_step)
+            rhythm = Rhythm(min(h, max_step), rhythm.growth, rhythm.longest, rhythm.ideal)
         elif accepted + rejected == max_steps:
             status = TOO_MANY_STEPS
             break
 
+        h = rhythm.step
         if h < smallest_step:
             status = cause
             break
@@ -335,12 +308,16 @@ def run(
 
         # What varies within the step, and its stages may not have seen.
         bend = next_bend(watch, t, bend)
-        if accepts and not fixed and free_until(watch, bend) < arrival:
+        bends_within, peaks = free_until(watch, bend) < arrival, fallen(h, rhythm.longest)
+        if accepts and not fixed and (bends_within or peaks):
             if not extended:
                 ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
                 evaluations += stages - computed
                 extended = True
-            if ailment == OK:
+            if ailment == OK and peaks:
+                hidden, ailment = peaked(kernels, inputs, method, limits, room, t, step, piece)
+                error, evaluations = max(error, hidden), evaluations + 1
+            if ailment == OK and bends_within and error <= 1:
                 hidden, ailment, calls = unseen(kernels, inputs, watch, method, limits, room, t, step, piece, bend)
                 evaluations += calls
                 error, least = max(error, hidden), free_until(watch, bend) - t
@@ -445,20 +422,17 @@ def run(
             if not fixed:
                 first_pivot = trial.last_pivot
                 copy(k + solution * width, k, n)
-                factor = SAFETY / power(max(error, SMALLEST_ERROR), sixteenths(exponent))
-                proposal = min(max_step, step * max(SMALLEST_FACTOR, min(growth, factor)))
-                h = max(h, proposal) if step < h else proposal
-                growth = LARGEST_FACTOR
+                rhythm = after_success(rhythm, step, error, exponent, max_step)
         else:
             rejected += 1
-            growth = 1.0
             if ailment == OK:
                 cause = STEP_UNDERFLOW
-                h = max(least, step * max(SMALLEST_FACTOR, SAFETY / error**exponent))
+                shrunk = step * max(SMALLEST_FACTOR, SAFETY / error**exponent)
+                rhythm = after_failure(rhythm, max(least, shrunk))
             else:
                 cause = ailment
                 rejected_pivot, rejected_residual = trial.pivot, residual
-                h = step * RETREAT
+                rhythm = after_retreat(rhythm, step)
                 if fixed or (ailment == SINGULAR and first_pivot <= NEAR * pivot_bound):
                     status = ailment
 
@@ -468,7 +442,8 @@ def run(
         closure_error, projections = max(closure_error, residual), projections + calls
     counts = (status, evaluations, accepted, rejected, projections, fault, next_sample)
     numbers = (
-        t, h, growth, pivot, pivot_time, closure_error, rejected_pivot, rejected_residual,
+        t, rhythm.step, rhythm.growth, rhythm.longest, rhythm.ideal,
+        pivot, pivot_time, closure_error, rejected_pivot, rejected_residual,
     )  # fmt: skip
     for i, count in enumerate(counts):
         facts[i] = count
@@ -487,7 +462,7 @@ _SIGNATURE = (
     *(_array, _tables, _table, _whole),
     *(_array, _whole, _whole, _whole, _whole, _whole, _number, _number),
     *(_table, _number, _number, _number),
-    *(_whole, _state, _array, types.boolean, _number, _number, _number, _number, _number, _whole),
+    *(_whole, _state, _array, types.boolean, _number, _number, _number, _array, _whole),
     *(_state, _number, _whole, _table, types.Array(types.float64, 2, "C"), _state),
 )
 

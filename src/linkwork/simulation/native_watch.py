@@ -8,6 +8,10 @@ and from the cubic through its slopes there as well, which finds what is small o
 
 in the norm of the errors is an error of the step like any other; `blur` is the method's own, as its `Plan` tells. A refused
 step is tried again no shorter than to where bends are free.
+
+Where the motion itself comes to a peak, as the fall of the steps tells (`native_pace`), the estimate of a step's error may be
+small by accident, hundreds of times too small where a step reaches across the peak. There the defect in the middle of the step
+counts, KEEN times.
 """
 
 import math
@@ -21,6 +25,7 @@ from linkwork.simulation.pointers import combine
 from linkwork.simulation.signals import FREE
 
 CLEARLY = 1 + 1e-6  # factor by which a bend is farther than another: of equals in a symmetric pulse the first counts
+KEEN = 4.0  # factor on what a defect counts at a peak, where errors are larger than their estimates
 REFUSED = 1e300  # error of a step that may not be, whatever its error
 
 
@@ -122,6 +127,13 @@ def defect_within(kernels, inputs, method, limits, room, t, h, piece, theta):
         room.sample[m] = slope[m] - room.sample[m]
     error = error_norm(room.sample, h, 0, limits, room) / method.blur
     return error, OK if math.isfinite(error) else NON_FINITE
+
+
+@njit(**OPTIONS)
+def peaked(kernels, inputs, method, limits, room, t, h, piece):
+    """Return the error of a step at a peak of the motion, by its dense output in the middle, and what ails it there."""
+    defect, ailment = defect_within(kernels, inputs, method, limits, room, t, h, piece, 0.5)
+    return KEEN * defect, ailment
 
 
 @njit(**OPTIONS)

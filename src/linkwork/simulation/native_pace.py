@@ -1,0 +1,101 @@
+"""Step sizes of the integrators' loop.
+
+A step of length h and error e, for which an error of 1 is allowed, would have had that error at about h* = h / e^p. The next
+one is a little shorter than h*, or, where steps have fallen far below the longest one lately, than h* min(1, h* / h*_before):
+steps that fall go on falling (Gustafsson, ACM Trans. Math. Softw. 20 (1994) 496-517). A motion whose steps fall like that
+comes to a peak, at which the estimates of errors say little: the dense output is looked at within such steps, too.
+
+Sources: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.native_parts import OK, evaluate, force, scaled
+
+SAFETY = 0.9
+SMALLEST_FACTOR, LARGEST_FACTOR = 0.2, 10.0
+DAMPING = 0.85  # of the exponent with which the error of a step sets the next one, about: fewer steps fail
+SMALLEST_ERROR = 1e-10
+RETREAT = 0.25  # factor on the step where the equations themselves fail
+BOLDNESS = 7.0  # of the first step, which the source makes short: a step that fails costs no more than one too many
+FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
+SHORT = 1 / 32  # of the longest step lately, below which steps have fallen
+FADING = 0.98  # of the longest step from one step to the next
+
+
+class Rhythm(NamedTuple):
+    """Say how steps go on: `step`, the size of the next one; `growth`, the largest factor by which the one after it may be
+    longer; `longest`, the longest one lately; `ideal`, h* of the last one, 0 before the first.
+    """
+
+    step: float
+    growth: float
+    longest: float
+    ideal: float
+
+
+@njit(forceinline=True, **OPTIONS)
+def sixteenths(exponent):
+    """Return how many sixteenths the damped exponent has: their powers are square roots, which vectors have, too."""
+    return round(16 * DAMPING * exponent)
+
+
+@njit(forceinline=True, **OPTIONS)
+def power(error, count):
+    """Return error^(count / 16)."""
+    root, result = math.sqrt(math.sqrt(math.sqrt(math.sqrt(error)))), 1.0
+    for _ in range(count):
+        result *= root
+    return result
+
+
+@njit(forceinline=True, **OPTIONS)
+def fallen(step, longest):
+    """Tell whether steps have fallen far below the longest one lately."""
+    return step < SHORT * longest
+
+
+@njit(forceinline=True, **OPTIONS)
+def after_success(rhythm, step, error, exponent, max_step):
+    """Return how steps go on after one that was accepted; it may have been shorter than it was to be."""
+    scale = power(max(error, SMALLEST_ERROR), sixteenths(exponent))
+    longest, ideal, factor = max(step, FADING * rhythm.longest), step / scale, SAFETY / scale
+    if fallen(rhythm.step, longest) and ideal < rhythm.ideal:
+        factor *= ideal / rhythm.ideal
+    proposal = min(max_step, step * max(SMALLEST_FACTOR, min(rhythm.growth, factor)))
+    return Rhythm(max(rhythm.step, proposal) if step < rhythm.step else proposal, LARGEST_FACTOR, longest, ideal)
+
+
+@njit(forceinline=True, **OPTIONS)
+def after_failure(rhythm, step):
+    """Return how steps go on, at the length `step`, after one whose error was too large."""
+    return Rhythm(step, 1.0, rhythm.longest, rhythm.ideal)
+
+
+@njit(forceinline=True, **OPTIONS)
+def after_retreat(rhythm, step):
+    """Return how steps go on after one of the length `step` in which the equations failed, which tells of no peak."""
+    return Rhythm(RETREAT * step, 1.0, RETREAT * rhythm.longest, rhythm.ideal)
+
+
+@njit(**OPTIONS)
+def first_step(kernels, inputs, method, limits, room, t, longest):
+    """Guess a first step from the slope here, k_0, and one a little ahead, k_1."""
+    n, y, x, slope, next_slope = room.n, room.y, room.x, room.k, room.k + room.width
+    size, steepness = scaled(y, limits, room), scaled(slope, limits, room)
+    ahead = min(longest, 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness)
+    for m in range(n):
+        x[m] = y[m] + ahead * slope[m]
+    force(inputs, t + ahead, True, 0, x + n)
+    ailment, _ = evaluate(kernels.motion, room, 1, limits.pivot_bound)
+    if ailment != OK:
+        return ahead
+    for m in range(n):
+        next_slope[m] -= slope[m]
+    steepest = max(steepness, scaled(next_slope, limits, room) / ahead)
+    guess = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** method.exponent
+    return min(FARTHEST * ahead, guess)
