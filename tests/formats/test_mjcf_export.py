@@ -432,3 +432,69 @@ def test_a_chain_too_deep_is_refused():
     home = Home({body: np.eye(4) for body in ("ground", *bodies)}, dict.fromkeys(joints, 0.0))
     with pytest.raises(MechanismError, match="a chain of more than 240 bodies is too deep"):
         to_mjcf(Mechanism(bodies=bodies, joints=joints), home)
+
+
+# ------------------------------------------------------------------------------------ balls, and bodies of next to nothing
+
+BRICK = Body(mass=1.3, centre_of_mass=(0.1, 0.05, -0.1), inertia=Inertia(xx=0.03, yy=0.04, zz=0.05, xy=0.004))
+TURNED = {"position": (0.2, -0.1, 0.3), "rotation": (0.3, -0.5, 0.4)}
+
+
+def test_a_ball_that_slides_follow_in_a_loop_has_a_body_of_its_own(tmp_path):
+    """A damped free joint that is described from the body to ground is a ball and three slides in MuJoCo."""
+    joints = {
+        "float": FreeJoint(connects=("a", "ground"), friction={"x": Friction(viscous=0.5)}),
+        "near": SphericalJoint(connects=("ground", "b"), frames=(Frame(position=(0.5, 0, 0)), Frame())),
+        "far": SphericalJoint(connects=("b", "a"), frames=(Frame(position=(0, 0.7, 0)), Frame(**TURNED))),
+    }
+    reference = {"float.x": -0.3, "float.y": -0.6, "float.qw": 0.8, "float.qz": 0.6}
+    mechanism = Mechanism(bodies={"a": BRICK, "b": BRICK}, joints=joints, reference=reference)
+    path, notes = write(mechanism, tmp_path)
+    model, _ = compiled(path)
+    (ball,) = (joint for joint in map(model.joint, range(model.njnt)) if joint.name == "float.turn")
+    assert model.body(ball.bodyid[0]).name == "a.float.turn"
+    assert model.body_mass[ball.bodyid[0]] < 1e-7
+    assert any(note.startswith("a.float.turn: is a body of") for note in notes)
+    assert lw.Robot(load(path).mechanism).mobility == lw.Robot(mechanism).mobility == 6
+
+
+def chain(second, **fields):
+    """Describe a massless body on a ball, which leads to ground, and a brick on a second joint."""
+    ball = SphericalJoint(connects=("cross", "ground"), frames=(Frame(), Frame(**TURNED)))
+    bodies = {"cross": Body(mass=0.0), "brick": BRICK}
+    return Mechanism(bodies=bodies, joints={"ball": ball, "second": second}, **fields)
+
+
+def test_a_driven_ball_whose_body_vanishes_is_driven_in_its_own_sense():
+    slide = PrismaticJoint(connects=("cross", "brick"), axis=(0.6, 0, 0.8), frames=(Frame(**TURNED), Frame()))
+    mechanism = chain(slide, actuators=("ball.wx", "ball.wz"), reference={"ball.qw": 0.8, "ball.qy": 0.6})
+    oracle, rng = MaximalOracle(mechanism), np.random.default_rng(3)
+    placed, twists = random_motion(oracle, rng, 0.0)
+    home = Home(
+        {"ground": np.eye(4)} | {body: poses.pose(p, R) for body, (p, R) in placed.items()},
+        dict(zip(mechanism.coordinates, oracle.coordinates(placed), strict=True)),
+    )
+    model, data = compiled(to_mjcf(mechanism, home)[0])
+    exact = oracle.accelerations(placed, twists, [0.7, -0.4])["brick"]
+    found = body_accelerations(model, data, {"brick": twists["brick"]}, [0.7, -0.4])["brick"]
+    np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-6)
+
+
+def test_a_turn_after_a_ball_keeps_the_massless_body_between_them(tmp_path):
+    hinge = RevoluteJoint(connects=("cross", "brick"), axis=(0.6, 0, 0.8))
+    path, notes = write(chain(hinge), tmp_path)
+    model, _ = compiled(path)
+    assert [model.body(index).name for index in range(model.nbody)] == ["world", "cross", "brick"]
+    assert any(note.startswith("bodies.cross: moves without mass") for note in notes)
+
+
+def test_what_is_added_to_light_bodies_is_enough_for_mujoco(tmp_path):
+    feather = Body(mass=1e-3, inertia=Inertia(xx=1e-9, yy=1e-9, zz=1e-9))
+    joints = {
+        "stem": PrismaticJoint(connects=("ground", "fork"), axis=(0, 0, 1)),
+        "left": RevoluteJoint(connects=("fork", "a")),
+        "right": RevoluteJoint(connects=("fork", "b")),
+    }
+    mechanism = Mechanism(bodies={"fork": Body(mass=0.0), "a": feather, "b": feather}, joints=joints)
+    path, _ = write(mechanism, tmp_path)
+    assert compiled(path)[0].body("fork").mass[0] < 1e-10

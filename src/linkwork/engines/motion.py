@@ -133,7 +133,12 @@ def rotations(found: Rotation, like: np.ndarray) -> np.ndarray:
 
 
 def along_tree(
-    mechanism: Mechanism, tree: Tree, positions: np.ndarray, rates: np.ndarray, accelerations: np.ndarray | None = None
+    mechanism: Mechanism,
+    tree: Tree,
+    positions: np.ndarray,
+    rates: np.ndarray,
+    accelerations: np.ndarray | None = None,
+    known: Mapping[str, Moving] | None = None,
 ) -> BodyMotion:
     """Return the bodies' motion from the tree's joints.
 
@@ -144,13 +149,16 @@ def along_tree(
     Args:
         mechanism, tree: the description and its tree.
         positions, rates, accelerations: of all joints, shapes (..., nq) and (..., nv) twice; of the cut joints unused.
+        known: bodies whose motion is known without their joints.
     """
     accelerations = np.zeros_like(rates) if accelerations is None else accelerations
     coordinate, rate = places(mechanism.coordinates), places(mechanism.rates)
     shape = positions.shape[:-1]
     still = np.zeros((*shape, 3))
-    moving = {GROUND: Moving(np.broadcast_to(np.eye(4), (*shape, 4, 4)), still, still, still, still)}
+    moving = {GROUND: Moving(np.broadcast_to(np.eye(4), (*shape, 4, 4)), still, still, still, still), **(known or {})}
     for item in tree.edges:
+        if item.bodies[1] in moving:
+            continue
         frame = moving[item.bodies[0]].to(item.frames[0])
         for step in item.steps:
             own, speeds = [coordinate[label] for label in step.coordinates], [rate[label] for label in step.rates]

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
+from linkwork.engines.carried import joints_of, run_of
 from linkwork.engines.interface import EngineError, EngineRun, Forces, checked_forces, in_time, instants, load_engine
 from linkwork.engines.joints import Edge, Step, turn_z_to
 from linkwork.engines.plan import plan
@@ -95,7 +96,7 @@ class PinocchioEngine:
             joint = self.model.addJoint(joint, motion, pose * turned, f"joint {name}")
             pose = turned.inverse()
         pose = pose * pin.SE3(item.frames[1]).inverse()
-        body, share = self.plan.carried.bodies[item.bodies[1]], branch.share
+        body, share = self.plan.carried.whole.bodies[item.bodies[1]], branch.share
         inertia = pin.Inertia(share * body.mass, np.array(body.centre_of_mass), share * inertia_tensor(body))
         self.model.appendBodyToJoint(joint, inertia, pose)
         self.seats[branch.part] = joint, pose
@@ -152,7 +153,7 @@ class PinocchioEngine:
     def joint_accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`."""
         q, v, a = self._solved(positions, rates, forces)
-        return self.plan.joints(q[None], v[None], a[None], np.asarray(positions)).accelerations[0]
+        return joints_of(self.plan, q[None], v[None], a[None], np.asarray(positions)).accelerations[0]
 
     def _solved(self, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return q, v, v' at a state of the joints under actuator forces."""
@@ -221,7 +222,7 @@ class PinocchioEngine:
             v = v + h / 6 * (a1 + 2 * (a2 + a3) + a4)
         seconds = perf_counter() - start
         qs[-1], vs[-1], accelerations[-1] = q, v, self._finite(motion(time[-1], q, v)[1])
-        return self.plan.run(time, qs, vs, accelerations, np.asarray(positions), seconds)
+        return run_of(self.plan, time, qs, vs, accelerations, np.asarray(positions), seconds)
 
     def _unit(self, q: np.ndarray) -> np.ndarray:
         """Return q with unit quaternions."""

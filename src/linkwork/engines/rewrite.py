@@ -1,4 +1,4 @@
-"""The same mechanism in other words, where an engine lacks a joint: rods as links, joints of many freedoms as chains.
+"""The same mechanism in other words, where an engine lacks a joint or an effect: rods as links, joints as chains.
 
 A rod without mass cannot be a link of a tree: the tree's mass matrix would be singular. But mass points may be moved
 freely between bodies that hold the same point: a link of length l with a point of mass m at either end, taken away from
@@ -9,6 +9,7 @@ J = sum of m [x; 1][x; 1]' over the body's mass and P = [x; 1] of the points.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import networkx as nx
@@ -22,18 +23,26 @@ from linkwork.mechanism import (
     CylindricalJoint,
     Frame,
     FreeJoint,
+    Friction,
     Inertia,
     Joint,
+    Limits,
     Mechanism,
     PairJoint,
     PrismaticJoint,
     RevoluteJoint,
     RodJoint,
     SphericalJoint,
+    Spring,
     UniversalJoint,
 )
+from linkwork.mechanism.joints import TURN, ManyFreedoms
 
 Vector3 = tuple[float, float, float]
+Effects = tuple[Friction, Spring, Limits, float]
+Change = Callable[[str, Friction, Spring, Limits, float], Effects]
+
+FIELDS = ("friction", "spring", "limits", "rotor_inertia")
 
 MASSLESS = Body(mass=0.0)
 SPARE = 0.5  # part of the mass that a body can spare which its rods take
@@ -192,11 +201,47 @@ def axes(joint: PairJoint) -> list[Vector3 | None]:
 
 def effects_by_field(joint: PairJoint, freedom: str) -> dict[str, Any]:
     """Return one freedom's effects by the name of their field."""
-    friction, spring, limits, rotor = effects_of(joint)[freedom]
-    return {"friction": friction, "spring": spring, "limits": limits, "rotor_inertia": rotor}
+    return dict(zip(FIELDS, effects_of(joint)[freedom], strict=True))
 
 
 def vector(values: np.ndarray) -> Vector3:
     """Return three numbers as a tuple."""
     x, y, z = map(float, values)
     return x, y, z
+
+
+# Effects apart, where a model file holds some of them otherwise
+
+
+def effects_apart(mechanism: Mechanism) -> tuple[Mechanism, Mechanism]:
+    """Return a mechanism with the effects that MuJoCo has as they are, and one with the others; limits are left out.
+
+    MuJoCo's dry friction holds still at rest, and it measures the turn of a ball from home.
+    """
+
+    def with_all(change: Change) -> Mechanism:
+        joints = {name: with_effects(joint, change) for name, joint in mechanism.joints.items()}
+        return mechanism.model_copy(update={"joints": joints})
+
+    return with_all(in_mujoco), with_all(beside_mujoco)
+
+
+def in_mujoco(freedom: str, friction: Friction, spring: Spring, _: Limits, rotor: float) -> Effects:
+    """Return viscous friction, dampers, the springs of hinges and slides, and rotors."""
+    pull = Spring(damping=spring.damping) if freedom == TURN else spring
+    return Friction(viscous=friction.viscous), pull, Limits(), rotor
+
+
+def beside_mujoco(freedom: str, friction: Friction, spring: Spring, *_: Any) -> Effects:
+    """Return Coulomb friction and the springs of balls."""
+    pull = Spring(stiffness=spring.stiffness) if freedom == TURN else Spring()
+    return friction.model_copy(update={"viscous": 0.0}), pull, Limits(), 0.0
+
+
+def with_effects(joint: Joint, change: Change) -> Joint:
+    """Return a joint with the effects of all its freedoms changed."""
+    found = {freedom: change(freedom, *effects) for freedom, effects in joint.effects().items()}
+    columns = zip(FIELDS, zip(*found.values(), strict=True), strict=False)
+    many = isinstance(joint, ManyFreedoms)
+    fields = {field: dict(zip(found, own, strict=True)) if many else own[0] for field, own in columns}
+    return joint.model_copy(update=fields)

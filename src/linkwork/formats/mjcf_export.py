@@ -38,9 +38,9 @@ from linkwork.mechanism.body import rigid
 STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 OPTION = {"timestep": "0.001", "integrator": "RK4", "solver": "Newton", "tolerance": "1e-12", "iterations": "100"}
 POINT_RADIUS = 1e-4  # radius of gyration given to bodies without inertia, which MuJoCo refuses [m]
+LEAST = 1e-14  # least moment of inertia that is written; MuJoCo refuses those below 1e-15 [kg m^2]
 POINT_MASS = 1e-8  # mass given to bodies without it, as part of the mechanism's mass
 FLAT = 1e-10  # what is added to flat bodies, as part of their greatest moment: MuJoCo has no tolerance for a + b >= c
-ARM = 0.2  # distance of the two points that hold a revolute joint's axis, as part of the mechanism's size
 STROKE = 0.01  # radius of what is drawn, as part of the mechanism's size
 
 
@@ -71,27 +71,21 @@ def home_of(mechanism: Mechanism) -> Home:
     return Home({GROUND: np.eye(4), **placed}, coordinates)
 
 
-def to_mjcf(mechanism: Mechanism, home: Home) -> tuple[str, tuple[str, ...]]:
+def to_mjcf(mechanism: Mechanism, home: Home, held: Plan | None = None) -> tuple[str, tuple[str, ...]]:
     """Return the text of an MJCF file and notes.
 
     Args:
         home: a configuration in which the loops are closed.
+        held: how the file is to hold the mechanism, as `plan` says it from this home.
     """
     notes = Notes()
-    size = _size(mechanism, home)
-    return _Writer(mechanism, home, plan(mechanism, home, ARM * size), size, notes).text(), notes.sentences()
-
-
-def _size(mechanism: Mechanism, home: Home) -> float:
-    """Return the largest distance of a joint from the first one [m], or 1 where all are in one place."""
-    points = [X[:3, 3] for joint in mechanism.pairs.values() for X in home.frames(joint)]
-    reach = max((float(np.linalg.norm(point - points[0])) for point in points), default=0.0)
-    return reach if reach > 1e-9 else 1.0
+    return _Writer(mechanism, home, held or plan(mechanism, home), notes).text(), notes.sentences()
 
 
 class _Writer:
-    def __init__(self, mechanism: Mechanism, home: Home, plan: Plan, size: float, notes: Notes):
-        self.mechanism, self.home, self.plan, self.size, self.notes = mechanism, home, plan, size, notes
+    def __init__(self, mechanism: Mechanism, home: Home, plan: Plan, notes: Notes):
+        self.mechanism, self.home, self.plan, self.notes = mechanism, home, plan, notes
+        self.size = home.size(mechanism)
         self.elements: dict[str, ET.Element] = {}
         self.root = ET.Element("mujoco", model=mechanism.name)
         self.moves = {move.name: move for seat in plan.seats.values() for move in seat.moves}
@@ -139,20 +133,11 @@ class _Writer:
             useless = not self.mechanism.bodies[seat.body].inertia.tensor().any() and (
                 seat.name in tied or seat.name not in inner
             )
-            if self._light(seat) and (useless or not self.total):
+            if seat.name in self.plan.light and (useless or not self.total):
                 raise MechanismError(
                     f"bodies.{seat.body}: moves without mass and inertia, which MuJoCo refuses; give it some (a massless "
                     "body is written only inside a chain of joints)"
                 )
-
-    def _weight(self, seat: Seat) -> float:
-        """Return the mass of a seat and of all that is fixed to it."""
-        fixed = (other for other in self.plan.seats.values() if other.parent == seat.name and not other.moves)
-        return self.mechanism.bodies[seat.body].mass + sum(map(self._weight, fixed))
-
-    def _light(self, seat: Seat) -> bool:
-        """Tell whether a seat moves and has no mass, nor what is fixed to it."""
-        return bool(seat.moves) and not self._weight(seat)
 
     def _body(self, seat: Seat) -> None:
         X = self.home.poses[seat.body]
@@ -161,7 +146,7 @@ class _Writer:
         element = ET.SubElement(self.elements[seat.parent], "body", attrib={"name": seat.name} | placed(relative))
         self.elements[seat.name] = element
         body = self.mechanism.bodies[seat.body]
-        if body.mass or body.inertia.tensor().any() or self._light(seat):
+        if body.mass or body.inertia.tensor().any() or seat.name in self.plan.light or not seat.share:
             self._inertial(element, seat, body)
         for move in seat.moves:
             element.append(self._joint(move, poses.inverse(X)))
@@ -174,7 +159,12 @@ class _Writer:
             self.notes.say(
                 "bodies that give zz alone are written with xx = yy = zz, which a planar motion does not feel"
             )
-        if self._light(seat):
+        if not seat.share:
+            mass = POINT_MASS * self.total
+            self.notes.say(
+                f"{seat.name}: is a body of {mass:.3g} kg between a ball and slides, which MuJoCo's loops want apart"
+            )
+        elif seat.name in self.plan.light:
             mass = POINT_MASS * self.total
             self.notes.say(f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added")
         a, b, c = np.linalg.eigvalsh(I)
@@ -185,12 +175,14 @@ class _Writer:
             )
         if a + b < c * (1 + FLAT):
             I = I + FLAT * c * np.eye(3)  # noqa: E741
-        if seat.moves and a < 1e-14:
-            I = I + mass * POINT_RADIUS**2 * np.eye(3)  # noqa: E741
-            self.notes.say(
-                f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; a radius of gyration of "
-                f"{POINT_RADIUS:g} m is added"
-            )
+        if seat.moves and a < LEAST:
+            added = max(mass * POINT_RADIUS**2, LEAST)
+            I = I + added * np.eye(3)  # noqa: E741
+            if seat.share:
+                self.notes.say(
+                    f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; a radius of gyration "
+                    f"of {np.sqrt(added / mass):.3g} m is added"
+                )
         elements = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
         centre = numbers(body.centre_of_mass)
         ET.SubElement(element, "inertial", pos=centre, mass=number(mass), fullinertia=numbers(elements))
@@ -328,7 +320,7 @@ class _Writer:
         ball = name if isinstance(joint, SphericalJoint) else f"{name}.turn"
         owner = next(seat for seat in self.plan.seats.values() if any(move.name == ball for move in seat.moves))
         gear = self.home.poses[owner.body][:3, :3].T @ axis
-        if owner.body == joint.connects[0]:
+        if self.moves[ball].backwards:
             self._add("actuator", "motor", name=rate, joint=ball, gear=numbers(-gear))
         else:
             self._add("actuator", "motor", name=rate, jointinparent=ball, gear=numbers(gear))

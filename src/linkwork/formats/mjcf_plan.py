@@ -8,13 +8,15 @@
              connect; a rod is a tendon held at its length; any other joint leads to a part of its body, with an equal
              share of its mass, and a weld joins part and body
     massless bodies with one joint in and one out vanish: MJCF puts several joints into one body
+    ball     with slides after it, as of a free joint seen from its second body: in a loop it gets a body of its own, for
+             MuJoCo's constraints leave out how a ball turns the slides in its body (`mj_jacDot`)
 
 All places are at home, where the loops are closed, in the ground's axes; MuJoCo's qpos0 is this configuration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -43,6 +45,7 @@ from linkwork.mechanism import (
 )
 
 ADVANCE = "advance"  # name of a screw's slide
+ARM = 0.2  # distance of the two points that hold a revolute joint's axis, as part of the mechanism's size
 Effects = tuple[Friction, Spring, Limits, float]
 NO_EFFECTS: Effects = (Friction(), Spring(), Limits(), 0.0)
 
@@ -59,10 +62,19 @@ class Home:
         near, far = (self.poses[body] @ poses.of_frame(F) for body, F in zip(joint.connects, joint.frames, strict=True))
         return near, far
 
+    def size(self, mechanism: Mechanism) -> float:
+        """Return the largest distance of a joint from the first one [m], or 1 where all are in one place."""
+        points = [X[:3, 3] for joint in mechanism.pairs.values() for X in self.frames(joint)]
+        reach = max((float(np.linalg.norm(point - points[0])) for point in points), default=0.0)
+        return reach if reach > 1e-9 else 1.0
+
 
 @dataclass(frozen=True)
 class Move:
-    """Hold one MuJoCo joint: a point on its axis and the axis, in ground at home; its coordinate there; its effects."""
+    """Hold one MuJoCo joint: a point on its axis and the axis, in ground at home; its coordinate there; its effects.
+
+    One that is `backwards` moves the first of the joint's two bodies relative to the second.
+    """
 
     kind: Kind
     name: str
@@ -70,10 +82,11 @@ class Move:
     axis: np.ndarray
     ref: float = 0.0
     effects: Effects = NO_EFFECTS
+    backwards: bool = False
 
     def reversed(self) -> Move:
         """Return the joint that moves the first body relative to the second by the same coordinate."""
-        return replace(self, axis=-self.axis)
+        return replace(self, axis=-self.axis, backwards=not self.backwards)
 
 
 @dataclass(frozen=True)
@@ -100,10 +113,22 @@ class Tie:
 
 @dataclass(frozen=True)
 class Plan:
-    """Hold the seats, parents first, the ties, and the joints that the model does not hold."""
+    """Hold how MJCF holds a mechanism.
 
+    Attributes:
+        tree: parent and body by the joint between them (or, for bodies that only rods reach, by a name given here),
+            parents first.
+        seats: the bodies of the model, depth first.
+        ties: what closes the loops.
+        light: the seats that move and have no mass, nor has what is fixed to them.
+        dropped: the joints that the model does not hold.
+        floating: the names in `tree` that are no joints.
+    """
+
+    tree: Mapping[str, tuple[str, str]]
     seats: dict[str, Seat]
     ties: tuple[Tie, ...]
+    light: frozenset[str]
     dropped: tuple[str, ...]
     floating: tuple[str, ...]
 
@@ -116,24 +141,25 @@ class Plan:
         return chain
 
 
-def plan(mechanism: Mechanism, home: Home, arm: float) -> Plan:
+def plan(mechanism: Mechanism, home: Home, kept: Collection[str] = ()) -> Plan:
     """Choose tree and ties.
 
     Args:
-        arm: distance of the two points that hold a revolute joint's axis [m].
+        home: a configuration in which the loops are closed.
+        kept: joints that stay joints wherever they are, like those with effects, driven or geared.
 
     Raises:
         MechanismError: MJCF has no place for a joint.
     """
-    return _Planner(mechanism, home, arm).plan()
+    return _Planner(mechanism, home, kept).plan()
 
 
 class _Planner:
-    def __init__(self, mechanism: Mechanism, home: Home, arm: float):
-        self.mechanism, self.home, self.arm = mechanism, home, arm
+    def __init__(self, mechanism: Mechanism, home: Home, kept: Collection[str]):
+        self.mechanism, self.home, self.arm = mechanism, home, ARM * home.size(mechanism)
         self.seats: dict[str, Seat] = {}
         geared = {label for gear in mechanism.gears.values() for label in gear.ratios}
-        self.needed = {
+        self.needed = {*kept} | {
             name
             for name, joint in mechanism.pairs.items()
             if any(effects != NO_EFFECTS for effects in effects_of(joint).values())
@@ -167,7 +193,8 @@ class _Planner:
             if not closing:
                 dropped.append(name)
         self._stack_massless(ties)
-        return Plan(self._ordered(), tuple(ties), tuple(dropped), tuple(floating))
+        self._part_balls(ties)
+        return Plan(tree, self._ordered(), tuple(ties), self._light(), tuple(dropped), tuple(floating))
 
     # --------------------------------------------------------------------------------------------------------- tree
 
@@ -304,11 +331,15 @@ class _Planner:
 
     def _planar(self, joint: PairJoint, axis: np.ndarray) -> bool:
         """Tell whether a revolute joint closes a loop that moves in the plane across it."""
-        chains = [self._chain(body) for body in joint.connects]
-        common = {seat.name for seat in chains[0]} & {seat.name for seat in chains[1]}
-        between = (seat for chain in chains for seat in chain if seat.name not in common)
+        between = self._between(joint.connects)
         normal = plane_normal((move.kind, move.axis) for seat in between for move in seat.moves)
         return normal is not None and bool(abs(abs(normal @ axis) - 1) < 1e-9)
+
+    def _between(self, ends: tuple[str, str]) -> list[Seat]:
+        """Return the seats in a loop that is closed between two of them."""
+        chains = [self._chain(seat) for seat in ends]
+        common = {seat.name for seat in chains[0]} & {seat.name for seat in chains[1]}
+        return [seat for chain in chains for seat in chain if seat.name not in common]
 
     def _chain(self, seat: str) -> list[Seat]:
         chain = []
@@ -332,10 +363,30 @@ class _Planner:
             if not light or name in kept or len(children) != 1 or not seat.moves:
                 continue
             (child,) = children
-            if any(move.kind == "free" for move in seat.moves):
+            if any(move.kind == "free" for move in seat.moves) or turns_after_a_ball(seat.moves, child.moves):
                 continue
             del self.seats[name]
             self.seats[child.name] = replace(child, parent=seat.parent, moves=(*seat.moves, *child.moves))
+
+    def _part_balls(self, ties: list[Tie]) -> None:
+        """Give balls in loops that slides follow a body of their own, which has no share of the mass."""
+        for seat in {seat.name: seat for tie in ties for seat in self._between(tie.seats)}.values():
+            after = next((k + 1 for k, move in enumerate(seat.moves) if move.kind == "ball"), len(seat.moves))
+            if after < len(seat.moves):
+                own = f"{seat.name}.{seat.moves[after - 1].name}"
+                self.seats[own] = Seat(own, seat.body, seat.parent, seat.moves[:after], 0.0)
+                self.seats[seat.name] = replace(seat, parent=own, moves=seat.moves[after:])
+
+    def _light(self) -> frozenset[str]:
+        fixed: dict[str, list[Seat]] = {}
+        for seat in self.seats.values():
+            if not seat.moves:
+                fixed.setdefault(seat.parent, []).append(seat)
+
+        def heavy(seat: Seat) -> bool:
+            return bool(self.mechanism.bodies[seat.body].mass) or any(map(heavy, fixed.get(seat.name, [])))
+
+        return frozenset(seat.name for seat in self.seats.values() if seat.moves and seat.share and not heavy(seat))
 
     def _ordered(self) -> dict[str, Seat]:
         """Return the seats depth first, parents before children: MuJoCo's order."""
@@ -353,6 +404,11 @@ class _Planner:
 def effects_of(joint: PairJoint) -> dict[str, Effects]:
     """Return friction, spring, limits and rotor inertia of a joint by freedom."""
     return joint.effects()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def turns_after_a_ball(first: tuple[Move, ...], then: tuple[Move, ...]) -> bool:
+    """Tell whether a ball would be followed by a turn in one body, which MuJoCo refuses."""
+    return any(move.kind == "ball" for move in first) and any(move.kind in ("hinge", "ball") for move in then)
 
 
 def carried(joint: PairJoint) -> str:
