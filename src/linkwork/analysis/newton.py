@@ -50,7 +50,7 @@ class Solver:
         for places, _ in tree.quaternions:
             q[list(places)] /= ca.sqrt(ca.sumsqr(q[list(places)]))
         rows = square.equations.rows
-        residuals = ca.vertcat(rows.phi, square.error) / np.concatenate([rows.units, square.heights])
+        residuals = ca.vertcat(rows.phi, square.error) * (1 / np.concatenate([rows.units, square.heights]))
         gap = ca.mmax(ca.fabs(ca.vertcat(residuals, rows.excess, *tree.norms())))
         return self._compiled("newton_step", {"q_next": q, "gap": gap})
 
@@ -97,10 +97,10 @@ class Solver:
         self, q: np.ndarray, y: np.ndarray, iterations: int, mode: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
         found, good, allowed = np.array(q), np.zeros(len(q), bool), CONVERGED * self.square.robot.size
-        index = np.arange(len(q))
+        index, ones = np.arange(len(q)), np.ones(q.shape[1])
         for _ in range(iterations):
             q, gap = self.step(q, y)
-            finite = np.isfinite(q).all(axis=1)  # the largest of some numbers passes over those that are none
+            finite = np.isfinite(q @ ones)  # the largest of some numbers passes over those that are none
             done = finite & (gap[:, 0] <= allowed)
             found[index[done]], good[index[done]] = q[done], True
             going = ~done & finite
