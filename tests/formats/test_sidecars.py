@@ -162,11 +162,18 @@ def test_three_hinges_through_one_point_are_a_spherical_joint(tmp_path):
         ball_chain(masses=(0, 0.1)),
         ball_chain(axes=("1 0 0", "1 0 0", "0 0 1")).replace('rpy="0.1 0.2 1"', ""),
         ball_chain(places=("0 0 0", "0 0 0.1", "0 0 0")),
+        ball_chain(places=("1e-5 0 0", "0 0 1e-6", "0 0 0")),
     ],
 )
 def test_three_hinges_that_are_no_spherical_joint(text, tmp_path):
     mechanism = read(text, tmp_path, NO_LOOPS).mechanism
     assert [joint.type for joint in mechanism.joints.values()] == ["revolute"] * 3
+
+
+def test_hinges_of_a_large_robot_meet_within_its_own_rounding(tmp_path):
+    imported = read(ball_chain(places=("1e3 0 0", "0 0 1e-2", "0 0 0")), tmp_path, NO_LOOPS)
+    assert [joint.type for joint in imported.mechanism.joints.values()] == ["spherical"]
+    assert "the distances of 0.01 m" in imported.mechanism.caveats[0]
 
 
 def test_driven_hinges_stay_hinges(tmp_path):

@@ -51,7 +51,10 @@ KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 LAAS = re.compile(r"^(closed_loop|name_mot|joint_name)\s*:", re.MULTILINE)
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "planar")
-LIGHT, NEAR = 1e-5, 1e-4  # of three hinges that are a spherical joint: mass of the links [kg], distance of axes [m]
+LIGHT, NEAR = (
+    1e-6,
+    5e-4,
+)  # of three hinges that are a spherical joint: mass of links, distance of axes, over the robot's
 
 
 @dataclass(frozen=True)
@@ -254,8 +257,9 @@ class _Laas:
 
     def _merge_spherical(self, driven: set[str]) -> None:
         """Make one spherical joint of three hinges through one point that carry each other by massless links."""
+        light = LIGHT * sum(map(weight, self.model.links.values()))
         for last in list(self.model.joints.values()):
-            trio = self._trio(last, driven)
+            trio = self._trio(last, driven, light)
             if trio is None:
                 continue
             first, second, _ = trio
@@ -275,12 +279,12 @@ class _Laas:
             return ""
         return f"; the distances of {apart:.2g} m and the mass of {mass:.2g} kg between them are left out"
 
-    def _trio(self, last: UrdfJoint, driven: set[str]) -> tuple[UrdfJoint, UrdfJoint, UrdfJoint] | None:
+    def _trio(self, last: UrdfJoint, driven: set[str], light: float) -> tuple[UrdfJoint, UrdfJoint, UrdfJoint] | None:
         model, trio = self.model, [last]
         while len(trio) < 3:
             link = trio[0].parent
             alone = link in model.carriers and len(model.carried[link]) == 1
-            if not alone or weight(model.links[link]) > LIGHT:
+            if not alone or weight(model.links[link]) > light:
                 return None
             trio.insert(0, model.carriers[link])
         hinges = all(joint.type in ("revolute", "continuous") and joint.name in model.joints for joint in trio)
@@ -291,7 +295,7 @@ class _Laas:
             X = X @ joint.origin
             points.append(X[:3, 3])
             axes.append(X[:3, :3] @ joint.axis)
-        together = all(np.linalg.norm(p - points[0]) < NEAR for p in points)
+        together = all(np.linalg.norm(p - points[0]) < NEAR * model.size for p in points)
         apart = all(np.linalg.norm(np.cross(a, b)) > 1e-6 for a, b in combinations(axes, 2))
         return (trio[0], trio[1], trio[2]) if together and apart else None
 
