@@ -238,7 +238,8 @@ def test_charts_chosen_for_many_are_those_chosen_for_each(name):
         assert alone.key == chart.key
         (pivots,) = alone.kernel("pivots")(q[i])
         assert pivots.min() > 0.12
-        assert alone.conditioning(Phi[i]) > 1e-3
+        solved = alone.equations.scaled(Phi[i])[np.ix_(alone.key.rows, alone.key.dependent)]
+        assert np.linalg.cond(solved) < 1e3
 
 
 def test_what_is_chosen_does_not_depend_on_what_was_chosen_before():

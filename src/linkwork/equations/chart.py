@@ -277,9 +277,14 @@ def block_determinants(values: Values, block: Block, groups: int) -> np.ndarray:
     """Return the determinants of a block at the groups' first samples."""
     if len(block.rows) == 1:
         return values[block.rows[0]][block.columns[0]][:, 0]
+    return np.linalg.det(block_values(values, block, groups))
+
+
+def block_values(values: Values, block: Block, groups: int) -> np.ndarray:
+    """Return the numbers of a block at the groups' first samples (groups x rows x columns)."""
     zero = np.zeros((groups, 1))
     rows = [np.stack([values[r].get(c, zero)[:, 0] for c in block.columns], axis=1) for r in block.rows]
-    return np.linalg.det(np.stack(rows, axis=1))
+    return np.stack(rows, axis=1)
 
 
 def triangular(pattern: Mapping[int, Iterable[int]]) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:

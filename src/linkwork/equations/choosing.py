@@ -16,7 +16,7 @@ import numpy as np
 from linkwork.equations.chart import (
     Block,
     Chart,
-    block_determinants,
+    block_values,
     chart_of,
     choose_independents,
     choose_orders,
@@ -59,7 +59,9 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
 
 
 def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray:
-    """Return the weakest pivot of a chart's elimination, over its usual size, at configurations (G).
+    """Return the weakest pivot that a chart's elimination comes upon, free of units, at configurations (G).
+
+    Of a block it is the least singular value, so that charts compare whose blocks differ in size.
 
     Phi: the constraint Jacobian there (G x all rows x nv).
     """
@@ -68,10 +70,11 @@ def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray
         own = set(stage.columns)
         values = {r: {c: units[:, r, c, None] for c in equations.rows.pattern[r] if c in own} for r in stage.rows}
         for block in stage.blocks:
+            found = block_values(values, block, len(Phi))
+            weakest = np.minimum(weakest, smallest_singular(np.where(np.isfinite(found), found, 0.0), len(block.rows)))
             with np.errstate(all="ignore"):
-                weakest = np.minimum(weakest, np.abs(block_determinants(values, block, len(Phi))))
                 eliminate_values(values, set(), block)
-    return np.nan_to_num(weakest, nan=0.0)
+    return weakest
 
 
 def chart_in(

@@ -16,8 +16,9 @@ import numpy as np
 
 from linkwork.robot import rereading
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.choices import Choice
 from linkwork.robot.members import Members
-from linkwork.robot.passage import Choice, Passage, Segment
+from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.recording import ending, statistics
 from linkwork.simulation import Statistics, Status
 from linkwork.simulation.threads import dealt, usable_processors

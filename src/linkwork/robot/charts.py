@@ -173,18 +173,6 @@ class CompiledChart:
             return np.zeros(q.shape[:-1])
         return self.kernel("unheld_gap")(q, self.p if p is None else p)[0][..., 0]
 
-    def conditioning(self, Phi: np.ndarray) -> np.ndarray:
-        """Return the smallest over the largest singular value of what the elimination solves; 1 if it solves nothing.
-
-        Phi: at configurations (..., rows x nv)
-        """
-        chart = self.equations.chart
-        solved = self.equations.scaled(Phi)[..., np.array(chart.rows, int)[:, None], np.array(chart.dependent, int)]
-        if not solved.size:
-            return np.ones(Phi.shape[:-2])
-        values = np.linalg.svd(solved, compute_uv=False)
-        return values[..., -1] / np.maximum(values[..., 0], 1e-300)
-
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
         """Return a chart chosen at q (nq): independent rates, rows and elimination are those that are good there."""
         for _, chart in self.chosen(self.constraint_jacobian(q[None]), preferred):
@@ -194,12 +182,14 @@ class CompiledChart:
         )
 
     def strengths(self, Phi: np.ndarray) -> np.ndarray:
-        """Return the weakest pivot over its usual size, at configurations (G); Phi: (G x rows x nv)."""
+        """Return the weakest pivot, free of units, at configurations (G); Phi: (G x rows x nv)."""
         return strengths(self.equations, self.equations.chart, Phi)
 
-    def anew(self, q: np.ndarray, independent: tuple[int, ...], least: float = DETERMINED) -> CompiledChart | None:
+    def anew(
+        self, q: np.ndarray, independent: tuple[int, ...], least: float = DETERMINED, p: np.ndarray | None = None
+    ) -> CompiledChart | None:
         """Return a chart in given independent rates that is good at q (nq); None where they do not determine the motion."""
-        chart = chart_in(self.equations, self.constraint_jacobian(q), independent, least)
+        chart = chart_in(self.equations, self.constraint_jacobian(q, p), independent, least)
         return chart and CompiledChart(self.equations.in_chart(chart), self.p)
 
     def chosen(self, Phi: np.ndarray, preferred: tuple[int, ...]) -> list[tuple[np.ndarray, CompiledChart]]:

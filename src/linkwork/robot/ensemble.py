@@ -24,9 +24,10 @@ from linkwork.robot.accuracy import compared, repeatable, tightened
 from linkwork.robot.alone import Course, Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.choices import Choice, choices
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
-from linkwork.robot.passage import CLOSURE, SOFT, Choice, Segment, choices
+from linkwork.robot.passage import CLOSURE, SOFT, Segment
 from linkwork.robot.recording import ending, labels, singular_times
 from linkwork.robot.rereading import reread
 from linkwork.robot.rows import Rows, gathered, last, pieces

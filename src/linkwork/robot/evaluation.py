@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import actuation, checks, undefined
+from linkwork.robot.reordering import evaluated
 from linkwork.robot.rereading import chart_in, reread
 from linkwork.robot.state import State
 
@@ -40,6 +41,11 @@ def in_chart(robot: Robot, state: State, names: tuple[str, ...]) -> State:
     return replace(state, rates=rates, independent=names)
 
 
+def outputs(robot: Robot, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good orders of elimination."""
+    return evaluated(robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given)
+
+
 def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
     """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
     kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
@@ -49,10 +55,9 @@ def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: st
         numbers = y.tolist()
         if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
             return y[-1 - n : -1]
-        result, pivot = y[-1 - n : -1], y[-1:]
     else:
         checks.together(state.batch, values.shape[:-1])
-        *_, result, pivot = kernel(q, state.rates, values)
+    *_, result, pivot = outputs(robot, name, state, state.rates, values)
     require_regular(robot, state, pivot, result, values, what)
     return result
 
@@ -102,7 +107,7 @@ def actuation_map(robot: Robot, state: State) -> np.ndarray:
     n = len(state.independent)
     if not robot.actuators:
         return np.zeros((*robot.own(state).batch, 0, n))
-    S, pivot = robot.chart_of(robot.own(state)).kernel("actuation")(state.q)
+    S, pivot = outputs(robot, "actuation", robot.own(state))
     S = np.swapaxes(S.reshape(*state.batch, n, len(robot.actuators)), -1, -2)
     require_regular(robot, state, pivot, S, state.rates, "rates")
     return S
@@ -119,7 +124,7 @@ def internal_forces(robot: Robot, state: State, weights: np.ndarray | None = Non
 
 def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return M (..., n, n), C v, G and f (..., n)."""
-    M, Cv, G, f, pivot = robot.chart_of(robot.own(state)).kernel("terms")(state.q, state.rates)
+    M, Cv, G, f, pivot = outputs(robot, "terms", robot.own(state), state.rates)
     require_regular(robot, state, pivot, Cv, state.rates, "rates")
     n = len(state.independent)
     return M.reshape(*state.batch, n, n), Cv, G, f
@@ -127,7 +132,7 @@ def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 def maps(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Return L (..., m, n) and T (..., 6r, n)."""
-    L, T, pivot = robot.chart_of(robot.own(state)).kernel("maps")(state.q)
+    L, T, pivot = outputs(robot, "maps", robot.own(state))
     require_regular(robot, state, pivot, L, state.rates, "rates")
     n, m, r = len(state.independent), len(robot.rates), 6 * len(robot.bodies)
     L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
@@ -137,7 +142,7 @@ def maps(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
 def joints_motion(robot: Robot, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
     """Return positions, rates and accelerations of all joints."""
     checks.together(state.batch, v_dot.shape[:-1])
-    *motion, pivot = robot.chart_of(state).kernel("joints_motion")(state.q, state.rates, v_dot)
+    *motion, pivot = outputs(robot, "joints_motion", state, state.rates, v_dot)
     require_regular(robot, state, pivot, motion[2], v_dot, "accelerations")
     return motion
 

@@ -14,6 +14,7 @@ from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
 from linkwork.robot import actuation, checks, evaluation, undefined
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.reordering import ordered
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def linearised(robot: Robot, values: Mapping[str, np.ndarray]) -> tuple[np.ndarr
 def evaluated(robot: Robot, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return the derivatives at one state and force, by name; refuse stacks, and where the accelerations are undefined."""
     q, v = one_state(robot, state)
-    function = kept(robot.chart_of(state))
+    function = kept(ordered(robot, robot.chart_of(state), q))
     values = function(q, v, u, robot.p)
     found = dict(zip(function.name_out(), (np.array(value) for value in values), strict=True))
     pivot = found.pop("pivot")

@@ -13,6 +13,7 @@ from linkwork.control.observation import Names, Observation, Quantity, Source, e
 from linkwork.equations import Equations, functions
 from linkwork.errors import LinkworkError
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.reordering import ordered
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
@@ -80,4 +81,6 @@ def observed(robot: Robot, state: State) -> Observation:
     if robot.own(state).batch:
         raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")
     names = Names.of(robot.mechanism, robot.planar)
-    return observation(robot.chart_of(state), names, state.q, state.rates, turned=lambda _: state.positions)
+    return observation(
+        ordered(robot, robot.chart_of(state), state.q), names, state.q, state.rates, turned=lambda _: state.positions
+    )

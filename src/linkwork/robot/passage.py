@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork.equations.choosing import alike
 from linkwork.robot import checks
-from linkwork.robot.charts import BUILDING, CompiledChart
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.choices import Choice, choices, regular
 from linkwork.robot.crossing import Crossed, Crossing
-from linkwork.robot.rereading import moved
+from linkwork.robot.rereading import reread
 from linkwork.robot.system import System, with_jacobian
 from linkwork.robot.turning import turning
 from linkwork.simulation import (
@@ -43,9 +43,6 @@ if TYPE_CHECKING:
 
 CLOSURE = 1e-13
 SOFT = 0.05  # relative pivot at which a better chart is looked for
-NOT_WORSE, BETTER = 0.5, 10.0  # factors in conditioning for which a chart is changed: at a regular configuration, else;
-# there the second one is also that in the weakest pivot, for which it is changed if conditioning is not worse
-REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
 LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
@@ -105,13 +102,6 @@ class Stand:
     short: float
     method: Method
     over: Segment | None = None
-
-
-class Choice(NamedTuple):
-    """Tell whether a configuration is regular, and the better chart there, if there is one."""
-
-    regular: bool
-    better: CompiledChart | None
 
 
 @dataclass
@@ -222,7 +212,7 @@ class Passage:
             better = (choice or choices(self.robot, chart, q[None])[0]).better
             n, kept, rates = chart.equations.mobility, False, v
             if better is not None:
-                rates, kept = moved(self.robot, chart, better, q, v[:n])
+                rates, kept = reread(self.robot, chart, better, q, v[:n])
             if better is not None and kept:
                 control = self.system.control(better, done.control)
                 return replace(here, chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT)
@@ -362,65 +352,3 @@ class Passage:
             for time, rises in crossed.zeros(of):
                 if event.direction >= 0 if rises else event.direction <= 0:
                     yield time, number
-
-
-def regular(chart: CompiledChart, q: np.ndarray) -> bool:
-    """Tell whether a configuration is far from losing rank; chart: any."""
-    return bool(chart.equations.regular(chart.constraint_jacobian(q)))
-
-
-def lost(chart: CompiledChart, q: np.ndarray) -> bool:
-    """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart: any."""
-    return bool(chart.equations.lost(chart.constraint_jacobian(q)))
-
-
-def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
-    """Choose what is better than a chart at each of some configurations.
-
-    Any other one where the configuration is regular, else one of much better conditioning, or of much stronger pivots: the
-    rates may be good there and only the order of elimination weak.
-
-    Args:
-        q: configurations (G x nq).
-        p: values of the robot's free parameters (G x np), its own if left out.
-    """
-    home = robot.chart
-    Phi = home.constraint_jacobian(q, p)
-    sound, conditioning = robot.equations.regular(Phi), chart.conditioning(Phi)
-    better: dict[int, CompiledChart] = {}
-    with BUILDING:
-        preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
-        for members, candidate in home.chosen(Phi, preferred):
-            if candidate.order == chart.order:
-                continue
-            gain = candidate.conditioning(Phi[members]) / np.maximum(conditioning[members], 1e-300)
-            taken = gain >= np.where(sound[members], NOT_WORSE, BETTER)
-            unsure = ~taken & (gain >= NOT_WORSE)
-            if unsure.any():
-                there = Phi[members[unsure]]
-                taken[unsure] = candidate.strengths(there) >= BETTER * chart.strengths(there)
-            good = members[taken]
-            if not good.size:
-                continue
-            for own, kept in kept_charts(robot, candidate, good, q, p):
-                better |= dict.fromkeys(own, kept)
-    return [Choice(bool(of), better.get(i)) for i, of in enumerate(sound.tolist())]
-
-
-def kept_charts(
-    robot: Robot, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
-) -> Iterator[tuple[list[int], CompiledChart]]:
-    """Yield the charts to use for a chosen one, and the configurations that use them.
-
-    That in which runs start, with its pivots positive there, if it has the same order of elimination and they are strong.
-    """
-    charts, first = robot.run_charts, robot.run_chart
-    if candidate.order == first.order:
-        (pivots,) = first.kernel("pivots")(q[members], first.p if p is None else p[members])
-        strong = np.abs(pivots).min(axis=1) > REUSED
-        for signs, own in alike(np.where(pivots[strong] < 0, -1.0, 1.0)):
-            faced = first.with_signs(signs)
-            yield members[strong][own].tolist(), charts.setdefault(faced.key, faced)
-        members = members[~strong]
-    if members.size:
-        yield members.tolist(), charts.setdefault(candidate.key, candidate)

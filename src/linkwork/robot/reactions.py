@@ -17,6 +17,7 @@ from linkwork.kernels import Kernel
 from linkwork.robot import checks, evaluation
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.network import Loads, Network, balanced
+from linkwork.robot.reordering import evaluated
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
@@ -131,7 +132,9 @@ def balanced_part(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and which are open (J, 6)."""
     unit = np.repeat([length, 1.0], 3)
-    needed, centres, origins, twists, f, _ = kernel(samples.chart, joint_loads)(samples.q, samples.v, samples.v_dot)
+    needed, centres, origins, twists, f, _ = evaluated(
+        robot, samples.chart, lambda chart: kernel(chart, joint_loads), samples.q, samples.v, samples.v_dot
+    )
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
     f[:, [robot.rates.index(name) for name in robot.actuators]] += samples.u
     needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)

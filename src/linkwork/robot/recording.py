@@ -17,9 +17,10 @@ from linkwork.mechanism.files import written
 from linkwork.robot import checks, derived, following, limits, rereading
 from linkwork.robot.accuracy import WORTH_TELLING, Compared, Start, without_turns
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.choices import lost
 from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
-from linkwork.robot.passage import Passage, Segment, lost
+from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.reactions import COMPONENTS, Reactions
 from linkwork.robot.state import State
 from linkwork.robot.system import System

@@ -15,6 +15,7 @@ import numpy as np
 from linkwork.equations.choosing import DETERMINED
 from linkwork.robot import checks
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.reordering import evaluated
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
@@ -33,9 +34,11 @@ def reread(
         p: values of the robot's free parameters, of each state or of all; the robot's own if left out.
     """
     p = robot.p if p is None else p
-    w, pivot = given.weighed(q, v, p)
+    if not v.any():
+        return np.zeros(v.shape), np.ones(v.shape[:-1], bool)
+    w, pivot = told(robot, given, q, v, p)
     found = chart.from_tree(w)
-    again, other = chart.weighed(q, found, p)
+    again, other = told(robot, chart, q, found, p)
     before, after = (robot.kernel("motion_energy")(q, rates, p)[0][..., 0] for rates in (w, again))
     kept = np.abs(after - before) <= KEPT * np.maximum(before, after)
     kept &= np.minimum(np.abs(pivot), np.abs(other)) > checks.PIVOT_BOUND
@@ -43,14 +46,15 @@ def reread(
     return np.where(at_rest, 0.0, found), kept | at_rest[..., 0]
 
 
-def moved(
-    robot: Robot, given: CompiledChart, chart: CompiledChart, q: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, bool]:
-    """Return the rates of a chart at one state as `reread` does; a chart that is weak there is eliminated in a new order."""
-    if abs(given.pivot(q)) <= checks.PIVOT_BOUND and v.any():
-        given = given.anew(q, given.key.independent) or given
-    found, kept = reread(robot, given, chart, q, v)
-    return found, bool(kept)
+def told(
+    robot: Robot, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return w = L v (..., nv) and the weakest relative pivot (...), in a good order where the chart's own is weak."""
+    w, pivot = chart.weighed(q, v, p)
+    if np.abs(pivot).min(initial=np.inf) > checks.PIVOT_BOUND:
+        return w, pivot
+    w, pivot = evaluated(robot, chart, lambda other: other.kernel("tree_rates"), q, v, p)
+    return w, pivot[..., 0]
 
 
 def chart_in(robot: Robot, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED) -> CompiledChart | None:
@@ -73,5 +77,5 @@ def start(robot: Robot, state: State) -> tuple[CompiledChart, np.ndarray]:
     own, shorter = robot.charts[state.independent], robot.run_chart
     if own is not robot.chart or shorter is own:
         return own, state.rates
-    v, kept = moved(robot, own, shorter, state.q, state.rates)
+    v, kept = reread(robot, own, shorter, state.q, state.rates)
     return (shorter, v) if kept else (own, state.rates)

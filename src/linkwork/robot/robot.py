@@ -291,7 +291,7 @@ class Robot(Model):
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...) [J]."""
-        kinetic, potential, pivot = self.chart_of(self.own(state)).kernel("energy")(state.q, state.rates)
+        kinetic, potential, pivot = evaluation.outputs(self, "energy", self.own(state), state.rates)
         evaluation.require_regular(self, state, pivot, kinetic, state.rates, "rates")
         return kinetic[..., 0], potential[..., 0]
 
@@ -343,7 +343,7 @@ class Robot(Model):
 
     def twists(self, state: State) -> np.ndarray:
         """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the ground's axes."""
-        *_, twists, pivot = self.chart_of(self.own(state)).kernel("bodies_motion")(state.q, state.rates)
+        *_, twists, pivot = evaluation.outputs(self, "bodies_motion", self.own(state), state.rates)
         evaluation.require_regular(self, state, pivot, twists, state.rates, "rates")
         return twists.reshape(*state.batch, len(self.bodies), 6)
 

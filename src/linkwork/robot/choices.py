@@ -1,0 +1,85 @@
+"""Choices: which chart a run goes on in where its own has become weak.
+
+It is a matter of the configuration q (and of p) and of the chart that is left, not of the charts known from elsewhere. At
+a regular configuration, where the constraints are far from dependent, it is the one chosen there. Near a singular one every
+chart is weak, so that only a much stronger one is worth the change: the rates, or the order of elimination, were bad. A
+chart is as strong as the weakest pivot that its elimination comes upon, which tells of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from linkwork.equations.choosing import alike
+from linkwork.robot.charts import BUILDING, CompiledChart
+
+if TYPE_CHECKING:
+    from linkwork.robot.robot import Robot
+
+BETTER = 2.0  # factor in strength for which a chart is changed near a singular pose
+REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
+
+
+class Choice(NamedTuple):
+    """Tell whether a configuration is regular, and the better chart there, if there is one."""
+
+    regular: bool
+    better: CompiledChart | None
+
+
+def regular(chart: CompiledChart, q: np.ndarray) -> bool:
+    """Tell whether a configuration is far from losing rank; chart: any."""
+    return bool(chart.equations.regular(chart.constraint_jacobian(q)))
+
+
+def lost(chart: CompiledChart, q: np.ndarray) -> bool:
+    """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart: any."""
+    return bool(chart.equations.lost(chart.constraint_jacobian(q)))
+
+
+def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
+    """Choose what is better than a chart at each of some configurations.
+
+    Args:
+        q: configurations (G x nq).
+        p: values of the robot's free parameters (G x np), its own if left out.
+    """
+    home = robot.chart
+    Phi = home.constraint_jacobian(q, p)
+    sound = robot.equations.regular(Phi)
+    better: dict[int, CompiledChart] = {}
+    with BUILDING:
+        preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
+        for members, candidate in home.chosen(Phi, preferred):
+            if candidate.order == chart.order:
+                continue
+            near, taken = ~sound[members], sound[members]
+            if near.any():
+                there = Phi[members[near]]
+                taken[near] = candidate.strengths(there) >= BETTER * chart.strengths(there)
+            if taken.any():
+                for own, kept in kept_charts(robot, candidate, members[taken], q, p):
+                    better |= dict.fromkeys(own, kept)
+    return [Choice(bool(of), better.get(i)) for i, of in enumerate(sound.tolist())]
+
+
+def kept_charts(
+    robot: Robot, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
+) -> Iterator[tuple[list[int], CompiledChart]]:
+    """Yield the charts to use for a chosen one, and the configurations that use them.
+
+    That in which runs start, with its pivots positive there, if it has the same order of elimination and they are strong.
+    """
+    charts, first = robot.run_charts, robot.run_chart
+    if candidate.order == first.order:
+        (pivots,) = first.kernel("pivots")(q[members], first.p if p is None else p[members])
+        strong = np.abs(pivots).min(axis=1) > REUSED
+        for signs, own in alike(np.where(pivots[strong] < 0, -1.0, 1.0)):
+            faced = first.with_signs(signs)
+            yield members[strong][own].tolist(), charts.setdefault(faced.key, faced)
+        members = members[~strong]
+    if members.size:
+        yield members.tolist(), charts.setdefault(candidate.key, candidate)

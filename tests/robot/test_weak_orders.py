@@ -1,0 +1,130 @@
+"""A regular pose is never called singular where only the order of elimination is weak, and a singular one always is.
+
+Whether a pose is singular is told by the least singular value of the constraints of all joints, of the oracle's rows, and by
+NumPy, compared with home.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+
+from tests.catalogue import built
+from tests.oracle.maximal import MaximalOracle
+from tests.robot.oracle_state import Seen
+
+LOST = 1e-3  # of the least singular value at home
+
+
+def least(robot: lw.Robot, positions: np.ndarray) -> float:
+    """Return the least singular value of the constraints of all joints that leaves the mobility, over that at home."""
+    found = []
+    for q in (positions, robot.home.positions):
+        oracle = MaximalOracle(robot.mechanism, dict(zip(robot.coordinates, q, strict=True)))
+        A = oracle.rows(oracle.poses(oracle.near), oracle._rest).A
+        found.append(np.linalg.svd(A, compute_uv=False)[A.shape[1] - robot.mobility - 1])
+    return float(found[0] / found[1])
+
+
+def moving(robot: lw.Robot, seed: int) -> lw.State:
+    return robot.home.with_rates(2.0 * np.random.default_rng(seed).normal(size=robot.mobility))
+
+
+@pytest.mark.parametrize("seed", [3, 8, 12])
+def test_a_run_stops_where_the_constraints_are_dependent_and_nowhere_else(seed):
+    """A falling delta robot comes to singular poses of its platform (but for seed 3), and to weak orders before them."""
+    robot = built("delta")
+    run = robot.simulate(moving(robot, seed), duration=1.0)
+    positions = run.dataset["joint_position"].values
+    energy = run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+    assert np.ptp(energy) < 1e-4
+    if seed == 3:
+        assert run.status is lw.Status.FINISHED
+    else:
+        assert run.status is lw.Status.SINGULAR
+        assert least(robot, positions[-1]) < LOST
+        assert "branches of motion meet (a bifurcation)" in run.message
+
+
+# States
+
+
+@pytest.fixture(scope="module")
+def stewart():
+    return built("stewart")
+
+
+@pytest.fixture(scope="module")
+def turned(stewart):
+    """The platform turned about its axis, step by step, to where the home order of elimination comes upon a zero."""
+
+    def turned(guess: lw.State, angle: float) -> lw.State:
+        return stewart.assemble(tool=stewart.tool_pose(stewart.home) + angle * np.eye(6)[5], guess=guess)
+
+    before, low, high = stewart.home, 0.82, 0.86
+    for angle in np.linspace(0, low, 8)[1:]:
+        before = turned(before, angle)
+    while (middle := (low + high) / 2) not in (low, high):
+        low, high = (middle, high) if stewart.chart.pivot(turned(before, middle).q) > 0 else (low, middle)
+    rates = np.random.default_rng(1).normal(size=6)
+    return [turned(before, low + beside).with_rates(rates) for beside in (-1e-3, 0.0, 1e-3)]
+
+
+FORCES = np.array([3.0, -1.0, 2.0, 0.5, -2.0, 1.0])
+
+
+def test_a_state_where_only_the_order_of_elimination_is_weak_gets_its_answers(stewart, turned):
+    """Accelerations, rates and energies are the oracle's; what follows from them fits: M, inverse dynamics, other charts."""
+    state = turned[1]
+    assert abs(stewart.chart.pivot(state.q)) < 1e-6
+    assert least(stewart, state.positions) > 0.5
+    Seen.of(stewart, state).agree(FORCES, 1e-9)
+    found = stewart.forward_dynamics(state, FORCES)
+    assert np.allclose(stewart.inverse_dynamics(state, found), FORCES, atol=1e-9)
+    M, kinetic = stewart.mass_matrix(state), stewart.energy(state)[0]
+    assert np.isclose(state.rates @ M @ state.rates / 2, kinetic, rtol=1e-10)
+    assert np.allclose(stewart.twist_map(state) @ state.rates, stewart.twists(state).ravel(), atol=1e-10)
+    assert np.allclose(stewart.rate_map(state) @ state.rates, stewart.joint_rates(state), atol=1e-10)
+    assert np.allclose(stewart.actuation(state), np.eye(6), atol=1e-10)
+    assert np.isclose(
+        stewart.observe(state).rate("pose.wz"), stewart.joint_rates(state)[stewart.rates.index("pose.wz")]
+    )
+    other = stewart.in_chart(state, [f"pose.{name}" for name in ("x", "y", "z", "wx", "wy", "wz")])
+    assert np.allclose(stewart.joint_rates(other), stewart.joint_rates(state), atol=1e-10)
+    assert np.allclose(stewart.in_chart(other, stewart.independent).rates, state.rates, atol=1e-10)
+
+
+def test_derivatives_and_reactions_at_a_weak_order_lie_between_those_beside_it(stewart, turned):
+    A = [np.hstack(stewart.linearised(state, FORCES)) for state in turned]
+    wrenches = [stewart.reactions(state, FORCES).wrenches for state in turned]
+    for before, there, behind in (A, wrenches):
+        assert np.allclose(there, (before + behind) / 2, atol=1e-4 * np.abs(there).max())
+
+
+def test_stacks_with_weak_orders_get_each_state_s_answers(stewart, turned):
+    states = stewart.state(np.stack([state.positions for state in turned]), turned[0].rates)
+    for ask in (stewart.forward_dynamics, lambda state, u: stewart.reactions(state, u).wrenches):
+        expected = [ask(state, FORCES) for state in turned]
+        assert np.allclose(ask(states, FORCES), expected, rtol=1e-9, atol=1e-7)
+    assert np.allclose(stewart.mass_matrix(states)[1], stewart.mass_matrix(turned[1]), rtol=1e-9)
+
+
+def test_a_run_starts_where_the_order_of_its_chart_is_weak(stewart, turned):
+    run = stewart.simulate(turned[1], FORCES, duration=0.05, rtol=1e-10, atol=1e-12)
+    assert run.status is lw.Status.FINISHED
+    assert np.allclose(run.dataset["joint_rate"].values[0], stewart.joint_rates(turned[1]), atol=1e-9)
+
+
+def test_a_state_whose_rates_do_not_determine_the_motion_is_refused_in_every_order(stewart, turned):
+    """Turned by a quarter the legs' rates leave a motion of the platform (Fichter)."""
+    state = turned[1]
+    for angle in np.linspace(0.84, np.pi / 2, 10)[1:]:
+        state = stewart.assemble(tool=stewart.tool_pose(stewart.home) + angle * np.eye(6)[5], guess=state)
+    state = state.with_rates(np.ones(6))
+    for ask in (stewart.forward_dynamics, stewart.inverse_dynamics, stewart.linearised, stewart.reactions):
+        with pytest.raises(lw.LinkworkError, match="singular"):
+            ask(state, FORCES)
+    with pytest.raises(lw.LinkworkError, match="singular"):
+        stewart.mass_matrix(state)
