@@ -155,6 +155,8 @@ def test_geoms_weigh_what_mujoco_says(shape, tmp_path):
         'settotalmass="7" inertiafromgeom="true"',
         'inertiagrouprange="1 2" inertiafromgeom="true"',
         'balanceinertia="true"',
+        'balanceinertia="true" boundinertia="0.03"',
+        'balanceinertia="true" boundinertia="0.015"',
     ],
 )
 def test_the_compilers_settings_for_mass(compiler, tmp_path):

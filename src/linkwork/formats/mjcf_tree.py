@@ -322,14 +322,13 @@ class _Reader:
             if not solid.mass and any(is_heavy(self.document, geom) for geom, _ in parts.geoms):
                 self.notes.on(element, ONLY_MESHES, alters=True)
         moments, axes = np.linalg.eigh(solid.inertia)
-        a, b, c = sorted(moments)
-        bad = a + b < c * (1 - 1e-9)
-        if bad and compiler.balance:
-            moments = np.full(3, moments.mean())
+        least = np.maximum(moments, compiler.least_inertia)
+        a, b, c = sorted(least)
+        if a + b < c * (1 - 1e-9) and compiler.balance:
+            least = np.full(3, least.mean())
             self.notes.on(element, "has moments of inertia that no rigid body has; balanceinertia took their mean")
-        if (bad and compiler.balance) or min(moments) < compiler.least_inertia:
-            moments = np.maximum(moments, compiler.least_inertia)
-            solid = Solid(solid.mass, solid.centre, axes @ np.diag(moments) @ axes.T)
+        if (least != moments).any():
+            solid = Solid(solid.mass, solid.centre, axes @ np.diag(least) @ axes.T)
         return Solid(max(solid.mass, compiler.least_mass), solid.centre, solid.inertia)
 
     def inertial(self, element: Element) -> Solid:
