@@ -7,9 +7,10 @@ import pytest
 
 import linkwork as lw
 from linkwork import robots
+from linkwork.equations import derive
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
 
-from tests.hostile.changes import rounded, spatial
+from tests.hostile.changes import rounded, scaled, spatial
 from tests.oracle.maximal import MaximalOracle
 from tests.oracle.random_joints import tilted
 
@@ -76,6 +77,37 @@ def test_a_note_names_the_rows_that_rounding_leaves_open_and_the_gap_is_told(nam
     true = gap(decimal.mechanism, decimal.home.positions)
     assert 1e-8 < told < 1e-6
     assert 0.1 * true < told < 10 * true
+
+
+ROUGH = {
+    "bennett": robots.bennett,
+    "tilted bennett": lambda: tilted(robots.bennett(), 2),
+    "tilted bricard": lambda: tilted(spatial(robots.bricard()), 1),
+    "tilted 3-PRR": lambda: tilted(spatial(robots.prr3()), 2),
+    "spherical": lambda: tilted(spherical(), 1),
+    "agile wrist": lambda: tilted(spatial(robots.agile_wrist()), 1),
+    "ladder": lambda: tilted(spatial(robots.n_four_bar()), 1),
+}
+
+
+@pytest.mark.parametrize("name", ROUGH)
+def test_six_decimals_and_a_rough_reference_go_together(name):
+    """The gap is that of numbers rounded by 5e-7 each, which add up around the loop; the freedoms are those of all digits."""
+    exact = ROUGH[name]()
+    random = np.random.default_rng(5)
+    off = {label: value + 0.02 * random.standard_normal() for label, value in exact.reference.items()}
+    decimal, whole = derive(rounded(exact).model_copy(update={"reference": off})), derive(exact)
+    assert (decimal.mobility, len(decimal.redundant)) == (whole.mobility, len(whole.redundant))
+    positions = decimal.tree.evaluated("x", [decimal.joints.positions()])(decimal.reference)[0]
+    assert gap(decimal.mechanism, np.array(positions).ravel()) < 2e-5
+
+
+def test_the_limit_grows_with_the_loop_not_with_its_smallest_part():
+    """Bennett's linkage open by some 2e-6 m is read where its links are 1 m long, and refused at a tenth of that."""
+    exact = tilted(robots.bennett(), 1)
+    assert derive(rounded(exact)).notes
+    with pytest.raises(MechanismError, match="stays open by"):
+        derive(rounded(scaled(exact, length=0.05)))
 
 
 @pytest.mark.parametrize("name", OPEN)

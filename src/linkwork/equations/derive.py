@@ -19,10 +19,11 @@ from linkwork.equations.algebra import SX, dense, symbol
 from linkwork.equations.chart import choose_chart, choose_independent, independent_rows, largest_rows
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
-from linkwork.equations.lengths import own_length
+from linkwork.equations.lengths import loop_length, own_length
 from linkwork.equations.nearest import nearest
 from linkwork.equations.reference import (
     OPEN,
+    ROUNDED_DAMPING,
     OpenLoopsError,
     System,
     bends,
@@ -43,7 +44,7 @@ STAYS_OPEN = 1e-9
 TURNS_OUT = 1e-9
 SHOWN = 6  # coordinates in a note
 REGULAR = 1e-3  # least singular value at a bent reference, in own units
-ROUNDED = 1e-6  # gap of redundant rows, in own units, that rounded numbers explain
+ROUNDED = 1e-6  # gap of redundant rows, over the loop's extents, that rounded numbers explain
 ROUNDED_RANK = (
     1e-5  # singular value over the largest, and what is left of a row over the longest, that rounded numbers make
 )
@@ -86,7 +87,9 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
         tree, cuts = grown(freed, topology, parameters, length)
     start = guess(mechanism, topology, tree)
     joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
-    rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length))
+    loops = {cut.joint: mobility.loop_of(topology, cut.joint) for cut in cuts}
+    extents = {name: (loop_length(mechanism, loop) / length, len(loop)) for name, loop in loops.items()}
+    rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length), extents)
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
     rows, configurations, samples, notes = closed_samples(joints, rows, start, begin)
     kept = independent_rows(samples)
@@ -126,20 +129,28 @@ def grown(
 
 
 def closure_rows(
-    mechanism: Mechanism, tree: Tree, cuts: tuple[closure.Cut, ...], joints: JointMap, of_gears: Mapping[str, float]
+    mechanism: Mechanism,
+    tree: Tree,
+    cuts: tuple[closure.Cut, ...],
+    joints: JointMap,
+    of_gears: Mapping[str, float],
+    of_loops: Mapping[str, tuple[float, float]],
 ) -> Rows:
     """Gather the rows of all cut joints and gears; those that vanish symbolically (out of a plane) are left out.
 
-    of_gears: units of the gears' residuals, by name
+    of_gears: units of the gears' residuals, by name; of_loops: length over the own one and number of joints, by cut joint
     """
     rates = SX.sym("rates", len(tree.rates))
-    names, phi, Phi, open_Phi, gamma, units = [], [], [], [], [], []
+    names, phi, Phi, open_Phi, gamma, units, extents = [], [], [], [], [], [], []
 
-    def gather(name: str, residual: ca.SX, row: ca.SX, open_row: ca.SX, bias: ca.SX, unit: float) -> None:
+    def gather(
+        name: str, residual: ca.SX, row: ca.SX, open_row: ca.SX, bias: ca.SX, unit: float, extent: float
+    ) -> None:
         if ca.SX(ca.sparsify(row)).nnz() == 0 and residual.is_constant():
             refuse_open(name, float(residual), unit)
             return
         units.append(unit)
+        extents.append(extent)
         names.append(name)
         phi.append(residual)
         Phi.append(row)
@@ -152,15 +163,24 @@ def closure_rows(
         jacobians = (ca.vertsplit(of(tree, cut)) for of in (closure.jacobian, closure.open_jacobian))
         parts = zip(closure.residuals(cut), *jacobians, closure.biases(tree, cut, rates), strict=True)
         for row, part in zip(cut.rows, parts, strict=True):
-            gather(f"{cut.joint}: {row.name}", *part, unit=tree.length if row.f is None else 1.0)
+            along, turns = of_loops[cut.joint]
+            unit, extent = (tree.length, max(along, 1.0)) if row.f is None else (1.0, turns)
+            gather(f"{cut.joint}: {row.name}", *part, unit=unit, extent=extent)
     for name, gear in mechanism.gears.items():
         residual, Phi_row = gears.row(gear, joints)
         bias = ca.mtimes(derivative(Phi_row, tree, rates), rates)
-        gather(f"{name}: ratio", residual, Phi_row, Phi_row, bias, of_gears[name])
+        gather(f"{name}: ratio", residual, Phi_row, Phi_row, bias, of_gears[name], 1.0)
     alignment = ca.mmin(ca.vertcat(SX(1), *[closure.alignment(cut) for cut in cuts]))
     stacked, open_stacked = (ca.sparsify(ca.vertcat(SX(0, len(tree.rates)), *part)) for part in (Phi, open_Phi))
     return Rows(
-        tuple(names), column(phi), stacked, open_stacked, rates, column(gamma), alignment, np.array(units, float)
+        tuple(names),
+        column(phi),
+        stacked,
+        open_stacked,
+        rates,
+        column(gamma),
+        alignment,
+        *np.array([units, extents], float),
     )
 
 
@@ -219,11 +239,11 @@ def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
 
     They may close where the numbers were rounded, as at zero angles, and open where the mechanism moves.
     """
-    system = closing(tree, rows)
+    system = closing(tree, replace(rows, units=rows.units * rows.extents))
     for start in starts if rows.unheld is None else ():
         with suppress(OpenLoopsError):
-            q = close(system, tree, start, gap=ROUNDED)
-            near = neighbours(system, tree, q, gap=ROUNDED)
+            q = close(system, tree, start, gap=ROUNDED, damping=ROUNDED_DAMPING)
+            near = neighbours(system, tree, q, ROUNDED, ROUNDED_DAMPING)
             samples = np.array(jacobians(tree, rows, [q, *near]))
             values = np.linalg.svd(samples, compute_uv=False)
             rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
@@ -332,8 +352,8 @@ def open_unheld(tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None) -> 
     if rows.unheld is None:
         return None
     gaps = np.abs(np.array(closing(tree, rows.unheld, p)(q)[0]))
-    worst = int(gaps.argmax())
-    if gaps[worst] <= ROUNDED:
+    worst = int((gaps / rows.unheld.extents).argmax())
+    if gaps[worst] <= ROUNDED * rows.unheld.extents[worst]:
         return None
     return open_near_reference(rows.unheld.names[worst], float(gaps[worst] * rows.unheld.units[worst]))
 

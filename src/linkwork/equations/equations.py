@@ -44,6 +44,8 @@ class Rows:
     open_Phi: the derivative of phi along the rates where the loops are open, too
     alignment: positive where the frames of every cut joint agree, negative where a direction is flipped
     units: of phi (rows): the own length of positions, 1 of directions, the largest term's of gears
+    extents: what errors of the description's numbers add up to in phi, over units (rows): the loop's length over the own
+        one of positions, its number of joints of directions
     unheld: redundant rows that rounded numbers leave open, if there are any: no row of these, but watched
     """
 
@@ -55,6 +57,7 @@ class Rows:
     gamma: ca.SX
     alignment: ca.SX
     units: np.ndarray
+    extents: np.ndarray
     unheld: Rows | None = None
 
     def part(self, indices: Sequence[int]) -> Rows:
@@ -62,7 +65,8 @@ class Rows:
         own = list(indices)
         names = tuple(self.names[index] for index in own)
         phi, Phi, open_Phi = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
-        return Rows(names, phi, Phi, open_Phi, self.rates, self.gamma[own, :], self.alignment, self.units[own])
+        units, extents = self.units[own], self.extents[own]
+        return Rows(names, phi, Phi, open_Phi, self.rates, self.gamma[own, :], self.alignment, units, extents)
 
     @property
     def unheld_gap(self) -> ca.SX:

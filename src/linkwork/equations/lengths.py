@@ -6,6 +6,8 @@ the radius of gyration, then the largest slide of the reference; a mechanism wit
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from linkwork.mechanism import Mechanism, RodJoint
@@ -26,6 +28,17 @@ def own_length(mechanism: Mechanism) -> float:
     lengths = {label for label, unit in slides(mechanism).items() if unit}
     slid = [abs(value) for label, value in mechanism.reference.items() if label in lengths]
     return gyration or max(slid, default=0.0) or 1.0
+
+
+def loop_length(mechanism: Mechanism, loop: Collection[str]) -> float:
+    """Return the way [m] along the bodies of a loop of joints from one joint's frame to the next, rods included."""
+    points: dict[str, list[tuple[float, float, float]]] = {}
+    for name in loop:
+        joint = mechanism.pairs.get(name)
+        for body, frame in zip(joint.connects, joint.frames, strict=True) if joint else ():
+            points.setdefault(body, []).append(frame.position)
+    rods = sum(joint.length for name in loop if isinstance(joint := mechanism.pairs.get(name), RodJoint))
+    return rods + sum(float(np.linalg.norm(np.ptp(own, axis=0))) for own in points.values())
 
 
 def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:

@@ -55,7 +55,7 @@ def refuse_locked(topology: Topology, tree: Tree, rows: Sequence[str], Phi: np.n
 
 def loop_of(topology: Topology, cut: str) -> tuple[str, ...]:
     """Return the joints of the loop that a cut joint closes, that joint last."""
-    by_body = {branch.body: branch for branch in topology.branches}
+    by_body = topology.by_body
 
     def chain(body: str) -> list[str]:
         joints = []

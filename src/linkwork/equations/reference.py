@@ -26,6 +26,7 @@ SPREAD = 0.05
 BENDS = (0.1, 0.2, 0.4, 0.8, 1.6)  # how far coordinates are moved out of a singular start, each several times
 OPEN = 1e-9  # gap that rounding of large coordinates never excuses
 DAMPING = 1e-6  # over the largest number of Phi: far above the rounding of inconsistent rows, far below what matters
+ROUNDED_DAMPING = 1e-3  # the same where rounded numbers of the description make rows inconsistent
 
 Matrix = np.ndarray | ca.DM
 System = Callable[[np.ndarray], tuple[np.ndarray, Matrix, Matrix]]
@@ -41,7 +42,9 @@ class OpenLoopsError(ArithmeticError):
         super().__init__(f"row {self.worst} stays open by {self.gap:.3g}")
 
 
-def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: float = 0.0) -> np.ndarray:
+def close(
+    system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: float = 0.0, damping: float = DAMPING
+) -> np.ndarray:
     """Solve phi(q) = 0 by damped Gauss-Newton steps of least length in the rates.
 
     Args:
@@ -51,6 +54,7 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: floa
         q: start.
         steps: most steps to take.
         gap: that is small enough; no step is taken from there.
+        damping: over the largest number of Phi; above the singular values that inconsistent rows have beyond their rank.
 
     Returns:
         q with max |phi| <= 1e-12 in the mechanism's own units, or gap; more only as far as the rounding of large q asks.
@@ -64,7 +68,7 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: floa
         size = np.abs(phi).max(initial=0.0)
         if gap and size <= gap:
             break
-        step = least_step(Phi, phi)
+        step = least_step(Phi, phi, damping)
         step *= min(1.0, 0.5 / max(np.abs(step).max(initial=0.0), 1e-300))
         for _ in range(12):
             trial = unit(tree, q + np.array(N @ step).ravel())
@@ -83,7 +87,7 @@ def close(system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: floa
     return q
 
 
-def least_step(Phi: Matrix, phi: np.ndarray) -> np.ndarray:
+def least_step(Phi: Matrix, phi: np.ndarray, damping: float = DAMPING) -> np.ndarray:
     """Return the shortest s (nv) of least |Phi s + phi|.
 
     For a sparse Phi by one sparse factorisation:  d s + Phi' r = 0,  Phi s - d r = -phi,  with a small damping d.
@@ -91,7 +95,7 @@ def least_step(Phi: Matrix, phi: np.ndarray) -> np.ndarray:
     if isinstance(Phi, np.ndarray):
         return -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
     rows, nv = Phi.shape
-    d = DAMPING * (np.abs(Phi.nonzeros()).max(initial=0.0) or 1.0)
+    d = damping * (np.abs(Phi.nonzeros()).max(initial=0.0) or 1.0)
     A = ca.blockcat([[d * ca.DM.eye(nv), Phi.T], [Phi, -d * ca.DM.eye(rows)]])
     return np.array(ca.solve(A, ca.vertcat(ca.DM.zeros(nv), -phi), "qr")[:nv]).ravel()
 
@@ -104,13 +108,16 @@ def unit(tree: Tree, q: np.ndarray) -> np.ndarray:
     return q
 
 
-def neighbours(system: System, tree: Tree, q: np.ndarray, gap: float = 0.0) -> list[np.ndarray]:
+def neighbours(
+    system: System, tree: Tree, q: np.ndarray, gap: float = 0.0, damping: float = DAMPING
+) -> list[np.ndarray]:
     """Return configurations near q (fixed seed), closed but for a gap, as many of the attempts as close."""
     random = np.random.default_rng(20100)
     found = []
     for _ in range(NEIGHBOURS):
         try:
-            found.append(close(system, tree, q + SPREAD * tree.units * random.standard_normal(q.size), gap=gap))
+            start = q + SPREAD * tree.units * random.standard_normal(q.size)
+            found.append(close(system, tree, start, gap=gap, damping=damping))
         except OpenLoopsError:
             continue
     return found

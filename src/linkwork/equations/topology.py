@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from linkwork.equations.algebra import present
 from linkwork.mechanism import GROUND, FixedJoint, Frame, FreeJoint, Mechanism, PairJoint, RodJoint, ScrewJoint
@@ -52,6 +53,11 @@ class Topology:
     @property
     def loops(self) -> int:
         return len(self.closing) - len(self.added)
+
+    @cached_property
+    def by_body(self) -> dict[str, Branch]:
+        """The branches by their body."""
+        return {branch.body: branch for branch in self.branches}
 
 
 def span(mechanism: Mechanism) -> Topology:
