@@ -154,10 +154,10 @@ def test_where_rates_tell_nothing_an_angle_takes_the_short_way(bennett):
     """From -3 rad at 0 rad/s to 3 rad at 20 rad/s in 1 s: it turned, or went back by 0.28 rad, which is taken."""
     place = bennett.coordinates.index("hinge_3")
     q, rates = np.zeros((2, 4)), np.zeros((2, 4))
-    q[:, place], rates[:, place] = [-3.0, 3.0], [0.0, 20.0]
-    assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(3.0 - TURN)
-    rates[:, place] = [5.0, 9.0]
-    assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(3.0)
+    q[:, place] = [-3.0, 3.0]
+    for ends, expected in (([0.0, 20.0], 3.0 - TURN), ([3.0, 11.0], 3.0 - TURN), ([5.0, 9.0], 3.0), ([4.0, 10.0], 3.0)):
+        rates[:, place] = ends
+        assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(expected)
 
 
 def levels(robot: lw.Robot, name: str, step: float, count: int) -> list[Event]:

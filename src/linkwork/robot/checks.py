@@ -183,7 +183,7 @@ def require_consistent(
         sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
         given[..., places] *= sign / length
     error = given - closed
-    error = np.where(labels.angular & ~labels.counted, wrapped(error), error) / labels.sizes
+    error = np.where(labels.free, wrapped(error), error) / labels.sizes
     if not (np.abs(error) > 10 * tolerance).any():
         return
     index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])

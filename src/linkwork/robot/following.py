@@ -32,7 +32,7 @@ DENSE, NEAR = (
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Hold a run's motion at increasing times (K,) [s]: coordinates that are read off the tree's, rates of all joints."""
+    """Hold the motion of a run, or of many, at times (..., K) [s]: coordinates read off the tree's, rates of all joints."""
 
     time: np.ndarray
     read: np.ndarray
@@ -47,13 +47,17 @@ class Course:
         )
 
     def windings(self, labels: Labels, first: np.ndarray) -> np.ndarray:
-        """Return the whole turns of joints' coordinates (K, m), from those at the first time (m,) on."""
-        return labels.windings(labels.unwrapped(self.time, labels.turned(self.read, first), self.rates), self.read)
+        """Return the whole turns of joints' coordinates (..., K, m), from those at the first time (..., m) on."""
+        begun = labels.turned(self.read, np.broadcast_to(first[..., None, :], self.read.shape))
+        return labels.windings(labels.unwrapped(self.time, begun, self.rates), self.read)
 
-    def sure(self, labels: Labels, steps: float) -> bool:
-        """Tell whether these times are so dense that nothing turns unseen: more than steps, and less than NEAR apart."""
-        fastest = np.abs(self.rates[:, labels.turning]).max(initial=0.0)
-        return len(self.time) > DENSE * steps and fastest * np.diff(self.time).max(initial=0.0) < NEAR
+    def sure(self, labels: Labels, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Tell of runs (N,) whether their times are so dense that nothing turns unseen.
+
+        steps, times: how many each took and has (N,)
+        """
+        fastest = np.abs(self.rates[..., labels.turning]).max(axis=(-2, -1), initial=0.0)
+        return (times > DENSE * steps) & (fastest * np.diff(self.time).max(axis=-1, initial=0.0) < NEAR)
 
 
 def windings(robot: Robot, state: State, segments: Sequence[Segment], every: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -130,23 +134,22 @@ def of_members(
     begun, start, *_ = chart.kernel("joints_motion")(crew.q, state.rates, 0 * state.rates, p)
     begun, start = (np.broadcast_to(part, (len(crew), part.shape[-1])) for part in (begun, start))
     first = labels.windings(np.broadcast_to(state.positions, begun.shape), begun)
-    found = np.repeat(first[:, None], time.shape[1], axis=1)
     if not labels.may_jump:
-        return found
-    courses = []
-    for i in range(len(crew)):
-        kept = ~np.isnan(rates[i]).any(axis=-1)
-        saved = Course(time[i, kept], read[i, kept], rates[i, kept])
-        courses.append(Course.joined([Course(np.zeros(1), begun[i : i + 1], start[i : i + 1]), saved]))
+        return np.repeat(first[:, None], time.shape[1], axis=1)
+    reached = np.concatenate([np.ones((len(crew), 1), bool), ~np.isnan(rates).any(axis=-1)], axis=1)
+    last = np.maximum.accumulate(
+        np.where(reached, np.arange(reached.shape[1]), 0), axis=1
+    )  # where a run did not get: before
 
-    def put(i: int, course: Course) -> None:
-        kept = ~np.isnan(rates[i]).any(axis=-1)
-        found[i, kept] = course.windings(labels, first[i])[np.searchsorted(course.time, time[i, kept])]
+    def along(values: np.ndarray, at_start: np.ndarray) -> np.ndarray:
+        whole = np.concatenate([at_start[:, None], values], axis=1)
+        return np.take_along_axis(whole, last.reshape(*last.shape, *(1 for _ in whole.shape[2:])), axis=1)
 
-    unsure = [i for i, course in enumerate(courses) if not course.sure(labels, float(steps[i]))]
-    for i in sorted({*range(len(crew))} - {*unsure}):
-        put(i, courses[i])
-    for one, every in again(unsure):
-        parts = [part for segment in one.segments for part in passed(segment, every)]
-        put(one.member, Course.joined([courses[one.member], *parts]))
-    return found
+    course = Course(along(time, np.zeros(len(crew))), along(read, begun), along(rates, start))
+    found = course.windings(labels, first)
+    unsure = np.flatnonzero(~course.sure(labels, steps, reached.sum(axis=1)))
+    for one, every in again(unsure.tolist()):
+        i, parts = one.member, [part for segment in one.segments for part in passed(segment, every)]
+        own = Course.joined([Course(course.time[i], course.read[i], course.rates[i]), *parts])
+        found[i] = own.windings(labels, first[i])[np.searchsorted(own.time, course.time[i])]
+    return found[:, 1:]

@@ -89,6 +89,11 @@ class Labels:
         return np.array([any(i in places for places in self.quaternions) for i in range(self.angular.size)], bool)
 
     @cached_property
+    def free(self) -> np.ndarray:
+        """Which coordinates (m) are angles whose whole turns act on nothing."""
+        return np.logical_and(self.angular, ~self.counted)
+
+    @cached_property
     def may_wind(self) -> bool:
         """Whether the tree's coordinates leave whole turns of any coordinate open."""
         return bool(self.wound.any() or self.quaternions)
@@ -125,26 +130,27 @@ class Labels:
 
     def nearest(self, read: np.ndarray, positions: np.ndarray) -> np.ndarray:
         """Return coordinates (..., m) that are read off the tree's with the whole turns of others."""
-        return self.turned(read, self.windings(positions, read)) if self.may_wind else read
+        near = not self.may_wind or (not self.quaternions and np.abs(positions - read).max(initial=0.0) < np.pi)
+        return read if near else self.turned(read, self.windings(positions, read))
 
     def unwrapped(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return coordinates of all joints over time (K, m) without the jumps that those of loop-closing joints may have.
+        """Return coordinates of all joints over time (..., K, m) without the jumps that loop-closing joints may have.
 
-        Angles that are read by the arc tangent jump by 2 pi, quaternions between p and -p. The rates (K, all joints' rates)
+        Angles that are read by the arc tangent jump by 2 pi, quaternions between p and -p. The rates of all joints (..., K, m)
         [rad/s] tell how far an angle has turned from one sample to the next; where they change so much that they do not, it
         is taken to have turned by less than half a turn.
         """
         mechanism, positions = self.equations.mechanism, positions.copy()
-        h = np.diff(time)
+        h = np.diff(time, axis=-1)
         for label in self.jumping:
-            q, w = positions[:, mechanism.coordinates.index(label)], rates[:, mechanism.rates.index(label)]
-            told = h * np.abs(np.diff(w)) / 2 < np.pi
-            ahead = np.where(told, h * (w[1:] + w[:-1]) / 2, 0.0)
-            q[1:] += 2 * np.pi * np.cumsum(np.round((ahead - np.diff(q)) / (2 * np.pi)))
+            q, w = positions[..., mechanism.coordinates.index(label)], rates[..., mechanism.rates.index(label)]
+            told = h * np.abs(np.diff(w, axis=-1)) / 2 < np.pi
+            ahead = np.where(told, h * (w[..., 1:] + w[..., :-1]) / 2, 0.0)
+            q[..., 1:] += 2 * np.pi * np.cumsum(np.round((ahead - np.diff(q, axis=-1)) / (2 * np.pi)), axis=-1)
         for places in self.quaternions:
-            p = positions[:, places]
-            flips = np.sign(np.einsum("ki,ki->k", p[1:], p[:-1]))
-            positions[1:, places] *= np.cumprod(np.where(flips == 0, 1, flips))[:, None]
+            p = positions[..., places]
+            flips = np.sign(np.sum(p[..., 1:, :] * p[..., :-1, :], axis=-1))
+            positions[..., 1:, places] *= np.cumprod(np.where(flips == 0, 1, flips), axis=-1)[..., None]
         return positions
 
     def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:

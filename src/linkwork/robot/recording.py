@@ -360,11 +360,11 @@ class Record:
     @cached_property
     def positions(self) -> np.ndarray:
         """The coordinates of all joints at the saved times, with their whole turns."""
-        read = self.of["positions"]
-        if not self.robot.labels.may_wind:
+        read, labels = self.of["positions"], self.robot.labels
+        if not labels.may_wind:
             return read
         times, windings = self.windings
-        return self.robot.labels.turned(read, windings[np.minimum(np.searchsorted(times, self.time), len(times) - 1)])
+        return labels.turned(read, windings[np.searchsorted(times, self.time)] if labels.may_jump else windings)
 
     def final_windings(self) -> dict[str, object]:
         """Return the whole turns of joints' coordinates at the end that the tree's do not tell, if there are any."""
