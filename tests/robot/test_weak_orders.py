@@ -128,3 +128,17 @@ def test_a_state_whose_rates_do_not_determine_the_motion_is_refused_in_every_ord
             ask(state, FORCES)
     with pytest.raises(lw.LinkworkError, match="singular"):
         stewart.mass_matrix(state)
+
+
+# Singular poses that were stepped over
+
+
+@pytest.mark.parametrize("seed", [8, 12])
+def test_only_poses_where_rank_is_lost_are_told_as_singular(seed):
+    """Near singular poses weak orders are stepped over as well: with seed 8 there is nothing else to tell."""
+    robot = built("delta")
+    start, options = moving(robot, seed), {"duration": 0.9, "on_singular": "step_over"}
+    told = robot.simulate(start, **options).singular_times
+    assert len(told) == (seed == 12)
+    run = robot.simulate(start, **options, save_at=[0.0, *told])
+    assert all(least(robot, q) < 1e-9 for q in run.dataset["joint_position"].values[1:])

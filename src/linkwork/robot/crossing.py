@@ -21,6 +21,7 @@ from math import isfinite
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from linkwork.equations.equations import smallest_singular
 from linkwork.kernels import Kernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.system import System
@@ -40,7 +41,7 @@ class Crossed:
     """Hold what is known of a crossing at its K nodes, the start and the end among them: all of them are regular.
 
     t: their times (K,) [s]; y: states (q, v, z) there (K, n); u: inputs (K, nu); pivots: of the chart's blocks (K, blocks)
-    evaluations: of the equations of motion that it took
+    evaluations: of the equations of motion that it took; chart: that it was made in
     """
 
     t: np.ndarray
@@ -48,6 +49,7 @@ class Crossed:
     u: np.ndarray
     pivots: np.ndarray
     evaluations: int
+    chart: CompiledChart
 
     def weights(self, t: np.ndarray) -> np.ndarray:
         """Return what of each node counts at times t (S, K)."""
@@ -69,14 +71,22 @@ class Crossed:
 
     @cached_property
     def singular(self) -> float | None:
-        """When the weakest pivot vanishes [s], changing its sign or not; None where that is not on the way."""
+        """When rank is lost [s], the weakest pivot vanishes, changing its sign or not; None where that is not on the way."""
         values = self.pivots[:, int(np.argmin(np.abs(self.pivots).min(axis=0)))]
         polynomial = Polynomial.fit(self.t, values, self.t.size - 1)
         roots = np.concatenate([polynomial.roots(), polynomial.deriv().roots()]).real
         roots = roots[(self.t[0] <= roots) & (roots <= self.t[-1])]
         if not roots.size or np.abs(polynomial(roots)).min() > VANISHED * np.abs(values).max():
             return None
-        return float(roots[np.argmin(np.abs(polynomial(roots)))])
+        pose = float(roots[np.argmin(np.abs(polynomial(roots)))])
+        there, *nodes = self._least(np.concatenate([self.through(self.y, np.array([pose])), self.y])).tolist()
+        return pose if there <= VANISHED * max(nodes) else None
+
+    def _least(self, y: np.ndarray) -> np.ndarray:
+        """Return the least singular value of the constraints, over their sizes, at states (S, n)."""
+        equations = self.chart.equations
+        Phi = self.chart.constraint_jacobian(np.ascontiguousarray(y[:, : equations.nq]))
+        return smallest_singular(equations.scaled(Phi), len(equations.chart.rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +123,9 @@ class Crossing:
             state[: q.size], _ = self._closed(state[: q.size])
         times = t + h * nodes(NODES[1])
         pivots = np.array([self.chart.kernel("pivots").flat(state[: q.size], self.chart.p) for state in states])
-        return Crossed(times, states, self.system.inputs(times), pivots, 1 + fine.evaluations + coarse.evaluations)
+        return Crossed(
+            times, states, self.system.inputs(times), pivots, 1 + fine.evaluations + coarse.evaluations, self.chart
+        )
 
     def _error(self, fine: Collocation, coarse: Collocation) -> float:
         """Return the difference of two collocations at the end and at all nodes of the finer one, in tolerances."""
