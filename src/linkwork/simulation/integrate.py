@@ -240,8 +240,7 @@ def integrate(
     facts = np.empty(len(loop.Outcome._fields))
     rows = native.integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
-        _vector("the parameters", parameters), signal.knots, signal.coefficients, signal.breaks,
-        seen.knots, seen.coefficients, seen.bends, watch.strict if watch else 0,
+        _vector("the parameters", parameters), signal.table, seen.table, watch.strict if watch else 0,
         *method.plan.arguments,
         tolerances(rtol, atol, y.size), pivot_bound, closure_tol, stability(method, leave_stiff),
         q.size, y, times, save_at is None, start, stop, max_step, pace, max_steps,

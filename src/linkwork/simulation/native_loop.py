@@ -23,17 +23,9 @@ from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
-from linkwork.simulation.native_events import (
-    LOOKS,
-    MOST,
-    NEVER,
-    ROOT,
-    earliest,
-    locate,
-    look,
-    quiet,
-    state_within,
-)  # fmt: skip
+from linkwork.simulation.native_between import ROUNDING, Schedule, act, due, next_end, resized
+from linkwork.simulation.native_events import LOOKS, MOST
+from linkwork.simulation.native_occurrences import Scene, Span, happenings, take_samples
 from linkwork.simulation.native_pace import (
     LARGEST_FACTOR,
     SAFETY,
@@ -50,16 +42,16 @@ from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
     SINGULAR,
-    Inputs,
     Kernels,
     Limits,
     Room,
     Turns,
     add_turns,
     copy,
-    evaluate,
+    evaluate_first,
     first_fault,
     force,
+    inputs_of,
     method_of,
     padded,
     project,
@@ -67,8 +59,8 @@ from linkwork.simulation.native_parts import (
     settle,
     stiffness,
 )
-from linkwork.simulation.native_watch import Watch, free_until, next_bend, peaked, unseen
-from linkwork.simulation.pointers import call, combine, pointer
+from linkwork.simulation.native_watch import free_until, look_into, next_bend, watch_of
+from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
 
 STEP_UNDERFLOW = int(Status.STEP_UNDERFLOW)
@@ -77,7 +69,6 @@ EVENT = int(Status.EVENT)
 STIFF = int(Status.STIFF)
 
 NEAR = 1.25  # a pivot this close to its bound, relative to it, is at it
-ROUNDING = 1e-9
 SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 FIRST_ROWS = 64
 LOOK = 1024  # accepted steps from one look for stiffness to the next, and more than a stiff run ends with
@@ -122,38 +113,34 @@ class Outcome(NamedTuple):
 COUNTS = 7  # numbers of an outcome that count something
 
 
-@njit(**OPTIONS)
-def evaluate_first(kernels, limits, room):
-    """Evaluate k_0, from which no step can retreat, and look at all of its numbers."""
-    ailment, pivot = evaluate(kernels.motion, room, 0, limits.pivot_bound)
-    if ailment == OK and first_fault(room, 1) < room.n:
-        ailment = NON_FINITE
-    return ailment, pivot
+@njit(forceinline=True, **OPTIONS)
+def memory_for(n, nq, parameters, inputs, events, stages, degree, stiff):
+    """Return zeros for all that `furnish` deals out."""
+    states, ends = (4 + stages) * padded(n + 1), max(padded(n + 1), padded(stages))
+    size = states + (MOST + 4) * (events + 1) + n + inputs + 2 * parameters + 2 * nq + 1 + degree + stages + ends
+    return np.zeros(size + (n * (2 * n + inputs + 2) if stiff else 0))
 
 
-@njit(**OPTIONS)
-def extend(kernels, inputs, method, limits, room, t, step, piece):
-    """Evaluate the stages that only the dense output needs; return OK or why the equations fail there."""
-    for i in range(method.computed, method.stages):
-        combine(method.a + i * method.stages, i, step, room.y, room.k, room.width, room.n, room.x)
-        force(inputs, t + method.c[i] * step, True, piece, room.x + room.n)
-        ailment, _ = evaluate(kernels.motion, room, i, limits.pivot_bound)
-        if ailment != OK:
-            return ailment
-    return OK
-
-
-@njit(**OPTIONS)
-def resized(rows, size):
-    """Return the rows in a table of another length."""
-    table = np.empty((size, rows.shape[1]))
-    table[: rows.shape[0]] = rows
-    return table
+@njit(forceinline=True, **OPTIONS)
+def furnish(y, n, nq, parameters, inputs, conditions, events, stages, degree):
+    """Return where a run computes, and where its events are looked at, in the memory from y on."""
+    width = padded(n + 1)
+    k = y + 3 * width
+    g = k + (stages + 1) * width
+    x = g + (MOST + 4) * (events + 1)
+    z = x + n + inputs + parameters
+    z_next = z + nq + parameters
+    powers = z_next + nq + 1
+    weights = powers + degree
+    zeros = weights + stages
+    work = zeros + max(width, padded(stages))
+    room = Room(y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, work, n, nq, width, inputs)
+    thetas, within, crossings = g + (MOST + 4) * events, g + (MOST + 2) * events, g + (MOST + 3) * events
+    return room, Scene(conditions, events, g, thetas, within, crossings)
 
 
 def run(
-    motion, closure, jacobian, events, control, p, knots, coefficients, breaks,
-    watched_knots, watched_coefficients, bends, strict,
+    motion, closure, jacobian, events, control, p, signal, seen, strict,
     plan, stages, degree, estimates, solution, computed, exponent, blur,
     tolerance, pivot_bound, closure_tol, stability,
     nq, y_end, save_at, every_step, start, stop, max_step, pace, max_steps,
@@ -162,54 +149,38 @@ def run(
     """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the last row of counted
     (spans, wraps, turns) and the `Outcome` in facts; return the rows, of angles with their turns.
 
-    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. pace (4,): the numbers of a `Rhythm`;
-    a step <= 0 asks for a guess of the first. `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the
-    length given there. tolerance (2, n): rtol, atol.
-    `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
+    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. signal, seen: the inputs and what is to be
+    watched, as of `Signal.table`. pace (4,): the numbers of a `Rhythm`; a step <= 0 asks for a guess of the first.
+    `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length given there. tolerance (2, n): rtol,
+    atol. `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
     """
-    n, signals, width = y_end.size, coefficients.shape[2], padded(y_end.size + 1)
-    inputs_all, watched, most = signals + held.size, conditions.shape[0], max(width, padded(stages))
-    stiff = n * (2 * n + inputs_all + 2) if jacobian != 0 else 0
-    sizes = (
-        (4 + stages) * width + (MOST + 4) * (watched + 1) + n + inputs_all + 2 * p.size + 2 * nq + 1 + degree + stages
-    )
-    memory = np.zeros(sizes + most + stiff)
-    y = pointer(memory)
-    k = y + 3 * width
-    g = k + (stages + 1) * width
-    x = g + (MOST + 4) * (watched + 1)
-    z = x + n + inputs_all + p.size
-    z_next = z + nq + p.size
-    powers = z_next + nq + 1
-    weights = powers + degree
-    zeros = weights + stages
+    n, watched = y_end.size, conditions.shape[0]
+    inputs, breaks = inputs_of(pointer(signal))
+    given, inputs_all = inputs.columns, inputs.columns + held.size
+    memory = memory_for(n, nq, p.size, inputs_all, watched, stages, degree, jacobian != 0)
     kernels = Kernels(motion, closure, jacobian, events, control)
-    inputs = Inputs(pointer(knots), pointer(coefficients), coefficients.shape[0], signals)
     method = method_of(plan, stages, degree, estimates, solution, computed, exponent, blur)
     turns = Turns(pointer(counted), pointer(counted) + nq, pointer(counted) + 2 * nq)
-    room = Room(
-        y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, zeros + most,
-        n, nq, width, inputs_all,
+    room, scene = furnish(
+        pointer(memory), n, nq, p.size, inputs_all, pointer(conditions), watched, stages, degree
     )  # fmt: skip
-    watch = Watch(
-        pointer(watched_knots), pointer(watched_coefficients), watched_coefficients.shape[0], watched_coefficients.shape[2],
-        pointer(bends), bends.shape[0] - 1, strict,
-    )  # fmt: skip
-    new, sample, g_within, crossings = room.new, room.sample, g + (MOST + 2) * watched, g + (MOST + 3) * watched
-    thetas = g + (MOST + 4) * watched
+    watch = watch_of(pointer(seen), strict)
+    y, x, new, sample = room.y, room.x, room.new, room.sample
     copy(pointer(y_end), y, n)
     loose = closure_tol * settle(y, turns, nq)
     limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, loose)
-    copy(pointer(held), x + n + signals, held.size)
+    copy(pointer(held), x + n + given, held.size)
     copy(pointer(p), x + n + inputs_all, p.size)
-    copy(pointer(p), z + nq, p.size)
+    copy(pointer(p), room.z + nq, p.size)
     columns = n + inputs_all + 3
     rows = np.empty((FIRST_ROWS if every_step else save_at.size + MOST * watched, columns))
     table = pointer(rows)
     saved = taken = bend = next_break = evaluations = accepted = rejected = projections = 0
     closure_error = rejected_residual = 0.0
     rhythm = Rhythm(pace[0], min(pace[1], LARGEST_FACTOR), pace[2], pace[3])
-    fixed, length, fault = exponent == 0, rhythm.step, -1
+    fixed, fault = exponent == 0, -1
+    length = rhythm.step if fixed else 0.0
+    schedule = Schedule(start, stop, breaks, int(signal[2]), period if control != 0 else 0.0, length)
     grid = int(start / length) if fixed else 0
     t, cause, status = start, STEP_UNDERFLOW, OK
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
@@ -220,7 +191,7 @@ def run(
         rejected_residual = closure_error
         if not closure_error <= loose:
             status = CLOSURE_LOST
-    residual, arrived, piece = closure_error, True, 0
+    residual, arrived, piece, target = closure_error, True, 0, stop
     pivot, pivot_time, first_pivot, rejected_pivot = math.inf, t, 0.0, 0.0
     halted, stale, votes = False, True, 0
 
@@ -233,17 +204,12 @@ def run(
             copy(y, x, n)
             piece = force(inputs, t, False, piece, x + n)
             goes_on = status == OK and t < stop and not halted and accepted + rejected < max_steps
-            if control != 0 and goes_on and next_sample * period <= t + ROUNDING * period:
-                add_turns(x, turns, nq)
-                call(control, x, pointer(held))
-                copy(y, x, nq)
-                copy(pointer(held), x + n + signals, held.size)
+            if goes_on and due(schedule, t, next_sample):
+                row = table + (saved - 1) * columns
+                unset = act(kernels, room, turns, given, pointer(held), held.size, row, saved > 0 and row[0] == t)
                 next_sample, stale = next_sample + 1, True
-                for i in range(held.size):
-                    if saved > 0 and table[(saved - 1) * columns] == t:
-                        table[(saved - 1) * columns + 1 + n + signals + i] = held[i]
-                    if not math.isfinite(held[i]) and status == OK:
-                        status, fault = NON_FINITE, n + 1 + i
+                if unset >= 0:
+                    status, fault = NON_FINITE, n + 1 + unset
             if stale and (goes_on or accepted == 0) and status == OK:
                 status, first_pivot = evaluate_first(kernels, limits, room)
                 evaluations += 1
@@ -254,23 +220,12 @@ def run(
                     fault = first_fault(room, 1)
             if accepted == 0 and events != 0:
                 add_turns(x, turns, nq)
-                call(events, x, g)
+                call(events, x, scene.g)
             if every_step or (accepted == 0 and save_at.size > 0 and save_at[0] == t):
                 record(table + saved * columns, t, y, residual, -1.0, inputs, piece, room, turns)
                 saved += 1
-                if not every_step:
-                    taken += 1
-            while next_break < breaks.size and breaks[next_break] <= t + ROUNDING * (t - start):
-                next_break += 1
-            while fixed and grid * length <= t + ROUNDING * length:
-                grid += 1
-            target = stop
-            if next_break < breaks.size:
-                target = min(target, breaks[next_break])
-            if control != 0:
-                target = min(target, next_sample * period)
-            if fixed:
-                target = min(target, grid * length)
+                taken += 0 if every_step else 1
+            target, next_break, grid = next_end(schedule, t, next_break, grid, next_sample)
             if not goes_on or status != OK:
                 if status == OK and halted:
                     status = EVENT
@@ -303,105 +258,38 @@ def run(
         accepts = ailment == OK and (fixed or error <= 1)
         if ailment == NON_FINITE:
             fault = first_fault(room, stages)
-        extended = computed == stages
-        row, reached, sampled = saved, taken, residual
+        row, sampled, ends, pending = saved, residual, LOOKS, stages - computed
 
-        # What varies within the step, and its stages may not have seen.
+        # What the stages may not have seen within the step, its events and its samples.
         bend = next_bend(watch, t, bend)
-        bends_within, peaks = free_until(watch, bend) < arrival, fallen(h, rhythm.longest)
-        if accepts and not fixed and (bends_within or peaks):
-            if not extended:
-                ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
-                evaluations += stages - computed
-                extended = True
-            if ailment == OK and peaks:
-                hidden, ailment = peaked(kernels, inputs, method, limits, room, t, step, piece)
-                error, evaluations = max(error, hidden), evaluations + 1
-            if ailment == OK and bends_within and error <= 1:
-                hidden, ailment, calls = unseen(kernels, inputs, watch, method, limits, room, t, step, piece, bend)
-                evaluations += calls
-                error, least = max(error, hidden), free_until(watch, bend) - t
+        if accepts and not fixed and (free_until(watch, bend) < arrival or fallen(h, rhythm.longest)):
+            error, ailment, least, calls = look_into(
+                kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error
+            )
+            evaluations, pending = evaluations + calls, 0
             accepts = ailment == OK and error <= 1
-
-        # The events within the step, in the order of their times, up to the first that ends the run.
-        ends = LOOKS
         if accepts and events != 0:
-            copy(new, x, n)
-            add_turns(x, turns, nq)
-            force(inputs, arrival, True, piece, x + n)
-            call(events, x, g + ends * watched)
-            if not quiet(
-                kernels, inputs, method, room, turns, t, step, piece, watched, g, g + ends * watched, g_within
-            ):
-                if not extended:
-                    ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
-                    evaluations += stages - computed
-                    extended, accepts = True, ailment == OK
-                if accepts:
-                    ends, calls = look(kernels, inputs, method, limits, room, turns, t, step, piece, watched, thetas, g)
-                    projections += calls
-                for i in range(ends * watched if accepts else 0):
-                    if math.isnan(g[watched + i]):
-                        accepts, ailment, fault = False, NON_FINITE, n + 1 + held.size + i % watched
-                j = 0
-                while accepts and not halted and j < ends:
-                    before, after, due = g + j * watched, g + (j + 1) * watched, 0
-                    for i in range(watched):
-                        rises, falls = before[i] < 0 <= after[i], before[i] > 0 >= after[i]
-                        crossings[i] = NEVER
-                        if (rises and conditions[i, 0] >= 0) or (falls and conditions[i, 0] <= 0):
-                            crossings[i], calls = locate(
-                                kernels, inputs, method, limits, room, turns, t, step, piece, i,
-                                thetas[j], before[i], thetas[j + 1], after[i], g_within,
-                            )  # fmt: skip
-                            projections += calls
-                            due += 1
-                    last, j = NEVER, j + 1
-                    while accepts and due > 0:
-                        first = earliest(crossings, watched)
-                        theta = crossings[first]
-                        if halted and theta - last > 4 * ROOT * max(1.0, abs(t / step)):
-                            break
-                        crossings[first] = NEVER
-                        due -= 1
-                        time, remainder, calls = arrival, residual, 0
-                        if (
-                            halted or theta == 1
-                        ):  # at the end of the step, or at the instant of the event that ends the run
-                            copy(new, sample, n)
-                        else:
-                            time = t + theta * step
-                            remainder, calls = state_within(kernels, method, limits, room, theta, step)
-                        projections += calls
-                        if not remainder <= loose:
-                            accepts, ailment, residual = False, CLOSURE_LOST, remainder
-                        record(table + row * columns, time, sample, remainder, float(first), inputs, piece, room, turns)
-                        row += 1
-                        if conditions[first, 1] != 0 and not halted:
-                            halted, last, arrival, residual = True, theta, time, remainder
-                            copy(sample, new, n)
-                halted = halted and accepts
-
-        # The samples that lie within the step; they count once the step is accepted.
-        while accepts and reached < save_at.size and save_at[reached] <= arrival:
-            time, remainder, calls = save_at[reached], 0.0, 0
-            if time == arrival:
-                copy(new, sample, n)
-                if closure != 0:
-                    remainder, calls = project(closure, loose, True, sample, room)
-            else:
-                if not extended:
-                    ailment = extend(kernels, inputs, method, limits, room, t, step, piece)
-                    evaluations += stages - computed
-                    extended, accepts = True, ailment == OK
-                theta = (time - t) / step
-                remainder, calls = state_within(kernels, method, limits, room, theta, step)
-            projections += calls
-            if not remainder <= loose:
-                accepts, ailment, residual = False, CLOSURE_LOST, remainder
-            record(table + row * columns, time, sample, remainder, -1.0, inputs, piece, room, turns)
-            sampled = max(sampled, remainder)
-            row, reached = row + 1, reached + 1
+            span = Span(t, step, arrival, piece)
+            kept = happenings(
+                kernels, inputs, method, limits, room, turns, scene, span, residual, pending, table + row * columns
+            )
+            ailment, halted, arrival, residual, ends = kept.ailment, kept.halted, kept.arrival, kept.residual, kept.ends
+            fault = kept.fault if kept.fault >= 0 else fault
+            sampled, row, accepts = residual, row + kept.rows, ailment == OK
+            evaluations, projections = evaluations + kept.evaluations, projections + kept.projections
+            pending = 0 if kept.evaluations > 0 else pending
+        wanted = 0
+        while accepts and taken + wanted < save_at.size and save_at[taken + wanted] <= arrival:
+            wanted += 1
+        if wanted > 0:
+            span = Span(t, step, arrival, piece)
+            kept = take_samples(
+                kernels, inputs, method, limits, room, turns, span, residual, pointer(save_at) + taken, wanted, pending,
+                table + row * columns,
+            )  # fmt: skip
+            ailment, residual, sampled = kept.ailment, kept.residual, max(sampled, kept.largest)
+            row, accepts = row + wanted, ailment == OK
+            evaluations, projections = evaluations + kept.evaluations, projections + kept.projections
 
         if accepts:
             accepted += 1
@@ -411,9 +299,10 @@ def run(
                     status = STIFF
             # A slope is the next step's first unless the inputs may jump here.
             stale = fixed or arrival == target
-            t, saved, taken, arrived = arrival, row, reached, True
+            t, saved, arrived = arrival, row, True
+            taken += wanted
             copy(new, y, n)
-            copy(g + ends * watched, g, watched)
+            copy(scene.g + ends * watched, scene.g, watched)
             loose = closure_tol * settle(y, turns, nq)
             limits = Limits(limits.rtol, limits.atol, pivot_bound, loose)
             closure_error = max(closure_error, sampled)
@@ -421,7 +310,7 @@ def run(
                 pivot, pivot_time = trial.pivot, trial.pivot_time
             if not fixed:
                 first_pivot = trial.last_pivot
-                copy(k + solution * width, k, n)
+                copy(room.k + solution * room.width, room.k, n)
                 rhythm = after_success(rhythm, step, error, exponent, max_step)
         else:
             rejected += 1
@@ -454,12 +343,11 @@ def run(
     return rows[:saved]
 
 
-_array, _table, _tables = (types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2, 3))
+_array, _table = (types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2))
 _state = types.Array(types.float64, 1, "C")
 _number, _whole = types.float64, types.intp
 _SIGNATURE = (
-    *(_whole, _whole, _whole, _whole, _whole, _array, _array, _tables, _array),
-    *(_array, _tables, _table, _whole),
+    *(_whole, _whole, _whole, _whole, _whole, _array, _array, _array, _whole),
     *(_array, _whole, _whole, _whole, _whole, _whole, _number, _number),
     *(_table, _number, _number, _number),
     *(_whole, _state, _array, types.boolean, _number, _number, _number, _array, _whole),

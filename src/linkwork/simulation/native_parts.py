@@ -52,6 +52,14 @@ class Inputs(NamedTuple):
     columns: int
 
 
+@njit(forceinline=True, **OPTIONS)
+def inputs_of(table):
+    """Return the signals that a `Signal.table` holds, and what follows them there."""
+    pieces, columns = int(table[0]), int(table[1])
+    coefficients = table + pieces + 5
+    return Inputs(table + 4, coefficients, pieces, columns), coefficients + 4 * pieces * columns
+
+
 class Method(NamedTuple):
     """A method as in `tableaus.Plan`: `stages`, how many rows k has; `degree` of the dense output; `estimates`, rows of e."""
 
@@ -210,6 +218,15 @@ def first_fault(room, rows):
 
 
 @njit(**OPTIONS)
+def evaluate_first(kernels, limits, room):
+    """Evaluate k_0, from which no step can retreat, and look at all of its numbers."""
+    ailment, pivot = evaluate(kernels.motion, room, 0, limits.pivot_bound)
+    if ailment == OK and first_fault(room, 1) < room.n:
+        ailment = NON_FINITE
+    return ailment, pivot
+
+
+@njit(**OPTIONS)
 def unclosed(residual, room, rows):
     """Return why a state cannot be closed: the slopes that lead to it, the first rows of k, are not finite, or its loops."""
     return NON_FINITE if math.isnan(residual) and first_fault(room, rows) < room.n else CLOSURE_LOST
@@ -300,3 +317,15 @@ def interpolate(method, theta, h, room):
         powers[m] = power
     combine(powers, method.degree, 1.0, room.zeros, method.dense, padded(stages), stages, weights)
     combine(weights, stages, h, room.y, room.k, room.width, room.n, room.sample)
+
+
+@njit(**OPTIONS)
+def extend(kernels, inputs, method, limits, room, t, step, piece):
+    """Evaluate the stages that only the dense output needs; return OK or why the equations fail there."""
+    for i in range(method.computed, method.stages):
+        combine(method.a + i * method.stages, i, step, room.y, room.k, room.width, room.n, room.x)
+        force(inputs, t + method.c[i] * step, True, piece, room.x + room.n)
+        ailment, _ = evaluate(kernels.motion, room, i, limits.pivot_bound)
+        if ailment != OK:
+            return ailment
+    return OK

@@ -20,7 +20,19 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.native_parts import NON_FINITE, OK, copy, error_norm, evaluate, force, interpolate, padded
+from linkwork.simulation.native_pace import fallen
+from linkwork.simulation.native_parts import (
+    NON_FINITE,
+    OK,
+    copy,
+    error_norm,
+    evaluate,
+    extend,
+    force,
+    inputs_of,
+    interpolate,
+    padded,
+)
 from linkwork.simulation.pointers import combine
 from linkwork.simulation.signals import FREE
 
@@ -42,6 +54,14 @@ class Watch(NamedTuple):
     bends: Any
     count: int
     strict: int
+
+
+@njit(forceinline=True, **OPTIONS)
+def watch_of(table, strict):
+    """Return what is to be watched of the signals that a `Signal.table` holds."""
+    signals, behind = inputs_of(table)
+    bends, count = behind + int(table[2]), int(table[3])
+    return Watch(signals.knots, signals.coefficients, signals.pieces, signals.columns, bends, count, strict)
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -150,3 +170,26 @@ def unseen(kernels, inputs, watch, method, limits, room, t, h, piece, bend):
                 defect, ailment = defect_within(kernels, inputs, method, limits, room, t, h, piece, theta)
                 error, evaluations = max(error, defect), evaluations + 1
     return error, ailment, evaluations
+
+
+class Look(NamedTuple):
+    """What a look into a step says: its error, what ails it, how short it may be tried again, and the evaluations made."""
+
+    error: float
+    ailment: int
+    least: float
+    evaluations: int
+
+
+@njit(**OPTIONS)
+def look_into(kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error):
+    """Look into a step with a small error for what its stages may not have seen: at a peak, or at bends."""
+    ailment, evaluations, least = extend(kernels, inputs, method, limits, room, t, step, piece), 0, 0.0
+    if ailment == OK and fallen(rhythm.step, rhythm.longest):
+        hidden, ailment = peaked(kernels, inputs, method, limits, room, t, step, piece)
+        error, evaluations = max(error, hidden), 1
+    if ailment == OK and error <= 1 and free_until(watch, bend) < arrival:
+        hidden, ailment, calls = unseen(kernels, inputs, watch, method, limits, room, t, step, piece, bend)
+        error, least = max(error, hidden), free_until(watch, bend) - t
+        evaluations += calls
+    return Look(error, ailment, least, method.stages - method.computed + evaluations)

@@ -115,6 +115,14 @@ class Signal:
         return bends(self.knots, self.coefficients)
 
     @cached_property
+    def table(self) -> np.ndarray:
+        """All of it in one list, as compiled loops take it: the numbers of pieces, inputs, breaks and bends, then knots,
+        coefficients, breaks and bends.
+        """
+        counts = *self.coefficients.shape[::2], self.breaks.size, len(self.bends) - 1
+        return np.concatenate((counts, self.knots, self.coefficients.ravel(), self.breaks, self.bends.ravel()))
+
+    @cached_property
     def _derivative(self) -> "Signal":
         factors = np.array([1.0, 2.0, 3.0])[:, None]
         slopes = np.concatenate([self.coefficients[:, 1:] * factors, 0 * self.coefficients[:, :1]], axis=1)
@@ -125,7 +133,7 @@ class Signal:
         return self._derivative
 
     def _locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        piece = np.searchsorted(self.knots[1 : len(self.coefficients)], t, side="right")
+        piece = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
         return piece, t - self.knots[piece]
 
 
