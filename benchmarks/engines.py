@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 import linkwork as lw
-from linkwork.engines.mujoco import MujocoEngine, mj
-from linkwork.engines.pinocchio import PinocchioEngine, pin
+from linkwork.lab.engines.mujoco import MujocoEngine, mj
+from linkwork.lab.engines.pinocchio import PinocchioEngine, pin
 
 from benchmarks.timing import Contender
 

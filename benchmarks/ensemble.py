@@ -11,8 +11,8 @@ import numpy as np
 from mujoco import rollout
 
 import linkwork as lw
-from linkwork.engines.mujoco import MujocoEngine, mj
-from linkwork.engines.pinocchio import PinocchioEngine
+from linkwork.lab.engines.mujoco import MujocoEngine, mj
+from linkwork.lab.engines.pinocchio import PinocchioEngine
 from linkwork.robot.ensemble import Ensemble
 from linkwork.robots import prr3
 from linkwork.simulation.threads import usable_processors

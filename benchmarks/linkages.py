@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 import linkwork as lw
-from linkwork.engines.exudyn import ExudynEngine
+from linkwork.lab.engines.exudyn import ExudynEngine
 from linkwork.robots import andrews as squeezer
 from linkwork.robots import bricard
 from linkwork.robots.andrews import ANGLES

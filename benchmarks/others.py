@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import linkwork as lw
+from linkwork.lab.textbook import Textbook
 from linkwork.robots import prr3
-from linkwork.textbook import Textbook
 
 from benchmarks import by_hand, engines, native
 from benchmarks.kernel import inputs

@@ -11,8 +11,8 @@ from time import monotonic, perf_counter
 import numpy as np
 
 import linkwork as lw
+from linkwork.lab import reproduction
 from linkwork.robots import stewart
-from linkwork.views import reproduction
 from linkwork.views.viewer.session import Session
 from linkwork.views.viewer.viewer import FRAME, Viewer
 

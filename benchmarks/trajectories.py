@@ -15,12 +15,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import linkwork as lw
-from linkwork.engines.exudyn import ExudynEngine
-from linkwork.engines.mujoco import MujocoEngine
+from linkwork.lab.engines.exudyn import ExudynEngine
+from linkwork.lab.engines.mujoco import MujocoEngine
+from linkwork.lab.precision import plot_work_precision
 from linkwork.robots import andrews as squeezer
 from linkwork.robots import prr3, stewart
 from linkwork.robots.andrews import ANGLES
-from linkwork.views import plot_work_precision, style
+from linkwork.views import style
 
 from benchmarks import by_hand, engines, runs, scipy_runs
 from benchmarks.table import Figure, Listing, Section, quantity

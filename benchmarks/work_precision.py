@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 import linkwork as lw
-from linkwork.engines.exudyn import ExudynEngine
+from linkwork.lab.engines.exudyn import ExudynEngine
 from linkwork.robots import prr3
 from linkwork.views import style
 

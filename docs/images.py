@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from linkwork import Robot, analysis, robots
+from linkwork.lab.overlays import summary_figure
+from linkwork.lab.reproduction import robot_figure, study
 from linkwork.views import plot_mechanism, plot_workspace, save_figure
-from linkwork.views.overlays import summary_figure
-from linkwork.views.reproduction import robot_figure, study
 from linkwork.views.style import svg
 
 FOLDER = Path(__file__).parent / "images"

@@ -16,17 +16,16 @@ if TYPE_CHECKING:
     from linkwork import (
         analysis,
         control,
-        engines,
         equations,
         formats,
         kernels,
+        lab,
         math,
         mechanism,
         paths,
         robots,
         simulation,
         sweeps,
-        textbook,
         views,
     )
     from linkwork.errors import LinkworkError
@@ -105,17 +104,16 @@ __all__ = [
     "__version__",
     "analysis",
     "control",
-    "engines",
     "equations",
     "formats",
     "kernels",
+    "lab",
     "math",
     "mechanism",
     "paths",
     "robots",
     "simulation",
     "sweeps",
-    "textbook",
     "views",
 ]
 
@@ -152,6 +150,7 @@ _HOMES = {
     "robot": ("Ensemble", "Motion", "Reactions", "Robot", "SingularError", "State", "UnreachableError"),
     "simulation": ("Run", "Sampled", "Signal", "Status"),
 }
+_MOVED = ("engines", "textbook")  # to `lab`
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 
@@ -160,7 +159,7 @@ def __getattr__(name: str) -> Any:
         value = version("linkwork")
     elif name in _HOME:
         value = getattr(import_module(f"linkwork.{_HOME[name]}"), name)
-    elif name in __all__:
+    elif name in __all__ or name in _MOVED:
         value = import_module(f"linkwork.{name}")
     else:
         raise AttributeError(f"module 'linkwork' has no attribute {name!r}")

@@ -151,7 +151,7 @@ def test_a_drag_keeps_the_loops_closed():
 
 def test_the_report_is_weighed(monkeypatch):
     seeing = pytest.importorskip("benchmarks.seeing", reason="the viewer or the engines are not installed")
-    from linkwork.views import comparison
+    from linkwork.lab import comparison
 
     def short():
         robot = lw.Robot(prr3())

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.lab.textbook import Textbook
 from linkwork.robot import Robot
 from linkwork.robots import prr3
-from linkwork.textbook import Textbook
 
 
 @pytest.fixture(scope="module")

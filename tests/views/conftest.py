@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork import engines
 from linkwork.mechanism import (
     Body,
     CylindricalJoint,
@@ -26,8 +25,6 @@ from linkwork.mechanism import (
     Tool,
     UniversalJoint,
 )
-from linkwork.views import reproduction
-from linkwork.views.comparison import compare
 
 from tests.catalogue import built
 
@@ -35,13 +32,6 @@ from tests.catalogue import built
 @pytest.fixture(scope="session")
 def robot():
     return built("prr3")
-
-
-@pytest.fixture(scope="session")
-def comparison(robot):
-    """Return the paper's study with 501 samples of force and engine steps of 1 ms, by all engines that are installed."""
-    asked = [name for name in reproduction.ORDER if name in engines.available()]
-    return compare(robot, reproduction.prescribed_motion(robot, samples=1001), asked, step=1e-3)
 
 
 @pytest.fixture(scope="session")

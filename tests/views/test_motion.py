@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.views import plot_motion, plot_phase, plot_run, plot_work_precision, save_figure
+from linkwork.lab.precision import plot_work_precision
+from linkwork.views import plot_motion, plot_phase, plot_run, save_figure
 from linkwork.views.motion import spaced
 from linkwork.views.style import BLUE, svg
 

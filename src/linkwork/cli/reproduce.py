@@ -12,7 +12,7 @@ def reproduce(folder: Path) -> None:
     """Carry out the study, write it into a folder, print a summary and where the files are."""
     refuse_file(folder)
     with patience("loading"):
-        from linkwork.views import reproduction
+        from linkwork.lab import reproduction
     with patience("simulating the robot by Linkwork and by the installed engines"):
         comparison = reproduction.study()
     with patience("drawing and writing"):

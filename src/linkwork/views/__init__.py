@@ -1,11 +1,11 @@
-"""Stage 7, see: plots of runs, pictures of mechanisms, comparisons and reports."""
+"""Stage 7, see: plots of runs, pictures of mechanisms and reports."""
 
+from linkwork.moved import leading_to
 from linkwork.views.drawing import plot_mechanism
 from linkwork.views.maps import plot_workspace
 from linkwork.views.motion import plot_motion
 from linkwork.views.phase import plot_phase
 from linkwork.views.plots import plot_run
-from linkwork.views.precision import plot_work_precision
 from linkwork.views.run_report import write_report
 from linkwork.views.style import save_figure
 
@@ -14,8 +14,9 @@ __all__ = [
     "plot_motion",
     "plot_phase",
     "plot_run",
-    "plot_work_precision",
     "plot_workspace",
     "save_figure",
     "write_report",
 ]
+
+__getattr__ = leading_to(__name__, "linkwork.lab.precision", ("plot_work_precision",))

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
+VIEWS = "linkwork.views"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -50,17 +51,18 @@ def picture(name: str, caption: str, drawing: str) -> Picture:
     return Picture(name, caption, Markup(drawing))
 
 
-def page(template: str, **content: Any) -> str:
-    """Return a page from a template in `linkwork/views/templates`."""
-    return environment().get_template(template).render(**content)
+def page(template: str, package: str = VIEWS, **content: Any) -> str:
+    """Return a page from a template in the folder `templates` of a package."""
+    return environment(package).get_template(template).render(**content)
 
 
 @lru_cache
-def environment() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def environment(package: str = VIEWS) -> Environment:
+    """Return what renders the templates of a package, which may build on those here."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     made = Environment(
-        loader=PackageLoader("linkwork.views"),
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader(VIEWS)]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

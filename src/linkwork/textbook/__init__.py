@@ -1,5 +1,0 @@
-"""The paper's formulation line by line: plain NumPy, slow, readable, and a check of the compiled one."""
-
-from linkwork.textbook.formulation import Textbook
-
-__all__ = ["Textbook"]

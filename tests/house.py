@@ -1,0 +1,66 @@
+"""How large the house is: `python -m tests.house` counts the lines of code of each package, without docstrings and blanks."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
+CORE = ("mechanism", "equations", "kernels", "simulation", "robot")
+"""What a reader must know: from a description to a state and a run. CONTRIBUTING.md says so, too."""
+
+
+@cache
+def modules() -> tuple[tuple[Path, ast.Module], ...]:
+    """Return all source files with their syntax trees."""
+    return tuple((path, ast.parse(path.read_text(encoding="utf-8"))) for path in sorted(SOURCE.rglob("*.py")))
+
+
+def package(path: Path) -> str:
+    """Return the name of the package, or of the module beside the packages, that a source file belongs to."""
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def code_lines(path: Path, tree: ast.Module) -> int:
+    """Return how many lines of a file are code: not blank, no comment, no string that stands alone."""
+    told = {
+        line
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    lines = enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+    return sum(
+        number not in told and not line.lstrip().startswith("#") and bool(line.strip()) for number, line in lines
+    )
+
+
+def sizes() -> Counter[str]:
+    """Return the lines of code by package."""
+    found: Counter[str] = Counter()
+    for path, tree in modules():
+        found[package(path)] += code_lines(path, tree)
+    return found
+
+
+@cache
+def imports() -> dict[Path, set[str]]:
+    """Return the modules that each file imports, at once or later, with the names taken from packages."""
+    found: dict[Path, set[str]] = {}
+    for path, tree in modules():
+        own = found.setdefault(path, set())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                own |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                own |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+if __name__ == "__main__":
+    counted = sizes()
+    for name, lines in counted.most_common():
+        print(f"{name:12} {lines:6}{'  core' if name in CORE else ''}")
+    print(f"{'core':12} {sum(counted[name] for name in CORE):6}\n{'all':12} {counted.total():6}")

@@ -1,0 +1,59 @@
+"""What may ask what: the laboratory asks the library, nothing of the library but the command line asks the laboratory."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+
+import pytest
+
+import linkwork as lw
+
+from tests.house import CORE, SOURCE, code_lines, imports, package
+
+LAB = "linkwork.lab"
+
+
+def test_only_the_command_line_asks_the_laboratory():
+    asking = {
+        package(path) for path, names in imports().items() if any(f"{name}.".startswith(f"{LAB}.") for name in names)
+    }
+    assert asking - {"__init__"} == {"lab", "cli"}
+
+
+def test_the_laboratory_does_not_ask_the_command_line():
+    asked = {name for path, names in imports().items() if package(path) == "lab" for name in names}
+    assert not any(name.startswith("linkwork.cli") for name in asked)
+
+
+@pytest.mark.parametrize(("former", "name"), [("engines", "available"), ("textbook", "Textbook")])
+def test_former_names_lead_to_the_laboratory_and_warn(former, name):
+    here = getattr(importlib.import_module(f"{LAB}.{former}"), name)
+    with pytest.warns(DeprecationWarning, match=rf"linkwork\.{former} is linkwork\.lab\.{former} now") as told:
+        assert getattr(getattr(lw, former), name) is here
+    assert told[0].filename == __file__
+    with pytest.warns(DeprecationWarning), pytest.raises(ImportError, match="nothing"):
+        exec(f"from linkwork.{former} import {name}, nothing")
+
+
+def test_modules_of_the_engines_are_still_found_by_their_former_name():
+    with pytest.warns(DeprecationWarning):
+        interface = importlib.import_module("linkwork.engines.interface")
+    assert issubclass(interface.EngineError, lw.LinkworkError)
+
+
+def test_the_former_place_of_work_precision_diagrams_warns():
+    from linkwork.lab.precision import plot_work_precision
+
+    with pytest.warns(DeprecationWarning, match=r"linkwork\.lab\.precision now"):
+        assert lw.views.plot_work_precision is plot_work_precision
+    with pytest.raises(AttributeError, match=r"'linkwork\.views' has no attribute 'plot_nothing'"):
+        _ = lw.views.plot_nothing
+
+
+def test_lines_of_code_are_counted_without_docstrings_comments_and_blanks(tmp_path):
+    text = '"""Doc.\n\nMore."""\n\n# comment\nx = """a\nb"""\n\n\ndef f():\n    """Doc."""\n    return x  # why\n'
+    path = tmp_path / "module.py"
+    path.write_text(text)
+    assert code_lines(path, ast.parse(text)) == 4
+    assert all((SOURCE / name).is_dir() for name in CORE)
