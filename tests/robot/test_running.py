@@ -116,3 +116,19 @@ def test_a_resumed_run_keeps_the_parameters_of_the_robot(tmp_path):
         np.testing.assert_allclose(rest.dataset.kinetic_energy.values[-1], whole, rtol=1e-6)
         light = robot.resume(before, duration=0.2, parameters={mass: 0.5 * heavy})
         np.testing.assert_allclose(light.dataset.kinetic_energy.values[-1], 0.5 * whole, rtol=1e-6)
+
+
+def test_a_run_without_actuators_is_saved_loaded_and_resumed(tmp_path):
+    """NetCDF 3 reads a dimension of length zero as one without end."""
+    mechanism = lw.robots.double_pendulum().model_copy(update={"actuators": ()})
+    robot = lw.Robot(mechanism)
+    run = robot.simulate(robot.home, duration=0.2)
+    run.save(tmp_path / "run.nc")
+    loaded = lw.Run.load(tmp_path / "run.nc")
+    assert loaded.dataset["actuator_force"].shape == run.dataset["actuator_force"].shape
+    assert loaded.dataset.sizes == run.dataset.sizes
+    assert "without_elements" not in loaded.dataset.attrs
+    whole = robot.simulate(robot.home, duration=0.4, rtol=1e-10)
+    resumed = robot.resume(loaded, duration=0.2, rtol=1e-10)
+    last = [one.dataset["joint_position"].values[-1] for one in (resumed, whole)]
+    np.testing.assert_allclose(*last, atol=1e-5)

@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import io
+import json
 import os
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TIME, DESCRIPTION, SINGULAR_TIMES = "time", "description", "singular_times"
+EMPTY = "without_elements"  # attribute of a file: what has no element, which NetCDF 3 cannot hold
 Value = TypeVar("Value")
 
 
@@ -279,7 +281,13 @@ class Run:
             raise LinkworkError(
                 f"cannot read a run from '{path}': its attribute {error} is missing or unknown"
             ) from error
-        return cls(_variables(dataset.data_vars), _variables(dataset.coords), attrs, status, message, statistics)
+        variables, coords = _variables(dataset.data_vars), _variables(dataset.coords)
+        for name, (dims, own) in json.loads(attrs.pop(EMPTY, "{}")).items():
+            shape, labels = [dataset.sizes.get(dim, 0) for dim in dims], name in dims
+            (coords if labels else variables)[name] = Variable(
+                tuple(dims), np.empty(shape, str if labels else float), own
+            )
+        return cls(variables, coords, attrs, status, message, statistics)
 
 
 def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
@@ -290,9 +298,14 @@ def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
 
 
 def _write_netcdf(run: Run, path: Path) -> None:
-    described = {DESCRIPTION: run.description} if run.description else {}
+    told, whole = {DESCRIPTION: run.description} if run.description else {}, run.dataset
+    empty = {
+        str(name): (variable.dims, variable.attrs) for name, variable in whole.variables.items() if not variable.size
+    }
+    if empty:
+        told[EMPTY] = json.dumps(empty)
     try:
-        run.dataset.assign_attrs(described).to_netcdf(path, engine="scipy")
+        whole.drop_vars(list(empty)).assign_attrs(told).to_netcdf(path, engine="scipy")
     except (TypeError, ValueError) as error:
         raise LinkworkError(f"NetCDF cannot hold what the run holds: {error}") from error
 
