@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
+import subprocess
+import sys
 
 import pytest
 
@@ -57,3 +59,15 @@ def test_lines_of_code_are_counted_without_docstrings_comments_and_blanks(tmp_pa
     path.write_text(text)
     assert code_lines(path, ast.parse(text)) == 4
     assert all((SOURCE / name).is_dir() for name in CORE)
+
+
+def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():
+    asking = (
+        "import linkwork as lw; print(sorted(lw.lab.__all__)); print(lw.lab.precision.plot_work_precision.__name__)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", asking], capture_output=True, text=True, check=True, timeout=120
+    ).stdout
+    assert told.split("\n")[1] == "plot_work_precision"
+    with pytest.raises(AttributeError, match=r"'linkwork\.lab' has no attribute 'attic'"):
+        _ = lw.lab.attic

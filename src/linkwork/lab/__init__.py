@@ -12,3 +12,21 @@ and one search finds both; the engines themselves are the extra `linkwork[engine
     precision      work-precision diagrams
     reproduction   the paper's study, as `linkwork reproduce` carries it out
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from linkwork.lab import comparison, engines, overlays, precision, reproduction, textbook
+
+__all__ = ["comparison", "engines", "overlays", "precision", "reproduction", "textbook"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
