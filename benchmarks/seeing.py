@@ -13,8 +13,8 @@ import numpy as np
 import linkwork as lw
 from linkwork.lab import reproduction
 from linkwork.robots import stewart
-from linkwork.views.viewer.session import Session
-from linkwork.views.viewer.viewer import FRAME, Viewer
+from linkwork.viewer.session import Session
+from linkwork.viewer.viewer import FRAME, Viewer
 
 from benchmarks.table import Figure, Section
 from benchmarks.timing import summary

@@ -8,7 +8,7 @@ import numpy as np
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from linkwork import Robot, robots
-from linkwork.views.viewer import Viewer
+from linkwork.viewer import Viewer
 
 FOLDER = Path(__file__).parent / "images"
 SIZE = {"width": 1120, "height": 680}

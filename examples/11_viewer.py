@@ -9,7 +9,7 @@ import sys
 import numpy as np
 
 import linkwork as lw
-from linkwork.views.viewer import Viewer
+from linkwork.viewer import Viewer
 
 robot = lw.Robot(lw.robots.stewart())
 hold = np.asarray(robot.inverse_dynamics(robot.home, np.zeros(6)))

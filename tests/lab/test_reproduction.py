@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from linkwork.cli import app
 from linkwork.lab import engines, reproduction
 from linkwork.lab.comparison import NOC, PRESCRIBED
-from linkwork.views.report import Table, duration, environment, picture, short
+from linkwork.views.report import PageTable, duration, environment, picture, short
 from linkwork.views.style import svg
 
 from tests.views.pages import Reader
@@ -70,7 +70,9 @@ def test_tables_and_captions_are_escaped(drawn):
     template = environment().from_string(
         '{% from "parts.html" import show_table, show_picture %}{{ show_table(table) }}{{ show_picture(picture) }}'
     )
-    page = template.render(table=Table("<b>", ("<i> [m]",), [("<u>",)]), picture=picture("p", "<s>", drawn["robot"]))
+    page = template.render(
+        table=PageTable("<b>", ("<i> [m]",), [("<u>",)]), picture=picture("p", "<s>", drawn["robot"])
+    )
     assert not {"b", "i", "u", "s"} & set(Reader(page).tags)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from linkwork import Robot, robots
 from linkwork.mechanism import GROUND, Body, Frame, Inertia, Mechanism, SphericalJoint, UniversalJoint
-from linkwork.views.viewer.arrows import Field, Vectors, arc_about, drawn
+from linkwork.viewer.arrows import ArrowField, Arrows, arc_about, drawn
 
 
 def on_a(joint, *actuators: str) -> Robot:
@@ -41,7 +41,7 @@ def test_actuators_work_on_their_joints_as_the_actuated_rates_do(name):
 
 def require_power(robot: Robot) -> None:
     """Sum over the actuators of f . (v of the outer body - v of the inner one), or m . (omega - omega), is u . q'."""
-    field = Field.of(robot, 1.0)
+    field = ArrowField.of(robot, 1.0)
     random = np.random.default_rng(4)
     state = robot.home.with_rates(random.standard_normal(robot.mobility))
     u = random.standard_normal(len(robot.actuators))
@@ -72,7 +72,7 @@ def test_velocities_are_those_of_small_motions():
     state = robot.home.with_rates(v)
     targets = {name: float(robot.home[name]) + h * x for name, x in zip(robot.actuators, v, strict=True)}
     later = robot.assemble(targets)
-    found = Field.of(robot, 1.0).velocities(state)
+    found = ArrowField.of(robot, 1.0).velocities(state)
     moved = (robot.tool_pose(later) - robot.tool_pose(robot.home)) / h
     assert found.values[-1][:2] == pytest.approx(moved[:2], abs=1e-5)
     assert found.places[-1][:2] == pytest.approx(robot.tool_pose(robot.home)[:2])
@@ -81,14 +81,14 @@ def test_velocities_are_those_of_small_motions():
 def test_reactions_are_the_robot_s():
     robot = Robot(robots.five_bar())
     u = np.array([1.0, -2.0])
-    vectors, reactions = Field.of(robot, 1.0).reactions(robot.home, u), robot.reactions(robot.home, u)
+    vectors, reactions = ArrowField.of(robot, 1.0).reactions(robot.home, u), robot.reactions(robot.home, u)
     assert vectors.values == pytest.approx(reactions.wrenches[:, 3:])
     motors = [robot.mechanism.joints[name].frames[0].position for name in robot.actuators]
     assert vectors.places[[reactions.joints.index(name) for name in robot.actuators]] == pytest.approx(np.array(motors))
 
 
 def test_lengths_are_in_proportion_and_what_is_negligible_is_left_out():
-    vectors = Vectors.of([(np.zeros(3), np.array([0, 0, s]), False) for s in (4.0, -2.0, 0.01)])
+    vectors = Arrows.of([(np.zeros(3), np.array([0, 0, s]), False) for s in (4.0, -2.0, 0.01)])
     arrows = drawn(vectors, vectors.largest(), 10.0).arrows
     assert arrows.shape == (2, 2, 3)
     lengths = arrows[:, 1, 2] - arrows[:, 0, 2]
@@ -100,7 +100,7 @@ def test_a_moment_turns_by_the_right_hand_rule():
     points = arc_about(np.array([1.0, 2.0, 3.0]), np.array([0, 0, 1.0]), 0.5, 1.0) - (1, 2, 3)
     assert np.linalg.norm(points, axis=1) == pytest.approx(0.5)
     assert (np.cross(points[:-1], points[1:])[:, 2] > 0).all()
-    vectors = Vectors.of([(np.zeros(3), np.array([0, 0, -3.0]), True)])
+    vectors = Arrows.of([(np.zeros(3), np.array([0, 0, -3.0]), True)])
     found = drawn(vectors, vectors.largest(), 1.0)
     start, end = found.arcs[0]
     assert np.cross(start, end)[2] < 0
@@ -108,5 +108,5 @@ def test_a_moment_turns_by_the_right_hand_rule():
 
 
 def test_nothing_is_drawn_of_nothing():
-    found = drawn(Vectors.of(()), (0.0, 0.0), 1.0)
+    found = drawn(Arrows.of(()), (0.0, 0.0), 1.0)
     assert found.arrows.shape == found.arcs.shape == (0, 2, 3)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from linkwork import Robot, robots
-from linkwork.views.viewer.conditioning import colour, conditioning
-from linkwork.views.viewer.parts import parts_of
-from linkwork.views.viewer.pursuit import Pursuit
+from linkwork.viewer.conditioning import colour, conditioning
+from linkwork.viewer.fixtures import fixtures_of
+from linkwork.viewer.pursuit import Pursuit
 
 
 def of(robot: Robot, state=None) -> tuple[float, Pursuit]:
-    pursuit = Pursuit(robot, parts_of(robot).size)
+    pursuit = Pursuit(robot, fixtures_of(robot).size)
     return conditioning(pursuit, pursuit.assembler.still((state or robot.home).q)), pursuit
 
 

@@ -8,7 +8,7 @@ from playwright.sync_api import sync_playwright
 
 from linkwork import Robot, robots
 from linkwork.mechanism import Mechanism
-from linkwork.views.viewer import Viewer
+from linkwork.viewer import Viewer
 
 from tests.viewer.browser import launch, on_screen, until
 

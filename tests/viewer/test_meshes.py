@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from linkwork.views.viewer import meshes
-from linkwork.views.viewer.meshes import BALL, BLOCK, POST, Mesh
+from linkwork.mechanism import Capsule
+from linkwork.scene import meshes
+from linkwork.scene.meshes import BALL, BLOCK, POST, Mesh
 
 FOUR = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
 
@@ -32,7 +33,7 @@ def prism(sides: int) -> float:
         (POST, prism(meshes.SIDES), 1e-12),
         (BALL, 4 / 3 * np.pi, 0.06),
         (BLOCK, 1.0, 1e-12),
-        (meshes.capsule(3.0), (3 + 4 / 3) * np.pi, 0.03),
+        (meshes.piece_of(Capsule(radius=1.0, length=3.0)).mesh, (3 + 4 / 3) * np.pi, 0.03),
         (meshes.solid(FOUR), 1 / 6, 1e-12),
         (meshes.plate(np.array([(0, 0, 2), (3, 0, 2), (3, 1, 2), (0, 1, 2), (1, 0.5, 2.0)]), 0.1), 0.3, 1e-12),
         (meshes.tube(np.array([(0, 0, 0), (0, 0, 1), (0, 0, 3.0)]), 0.1), 3 * prism(meshes.TUBE_SIDES) * 0.01, 1e-12),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from linkwork.views.viewer.player import SPEEDS, Player
+from linkwork.viewer.player import SPEEDS, Player
 
 
 def test_it_plays_to_the_end_and_stops_there():

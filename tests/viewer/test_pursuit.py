@@ -5,9 +5,9 @@ import pytest
 
 from linkwork import Robot, robots
 from linkwork.mechanism import Body, Frame, Inertia, Limits, Mechanism, SphericalJoint, Tool
-from linkwork.views.viewer.bounds import bounds_of
-from linkwork.views.viewer.parts import parts_of
-from linkwork.views.viewer.pursuit import Pursuit, listed
+from linkwork.viewer.bounds import bounds_of
+from linkwork.viewer.fixtures import fixtures_of
+from linkwork.viewer.pursuit import Pursuit, listed
 
 from tests.oracle.scaling import Scale
 
@@ -15,7 +15,7 @@ from tests.oracle.scaling import Scale
 @pytest.fixture(scope="module")
 def pursuits() -> dict[str, Pursuit]:
     made = {name: Robot(getattr(robots, name)()) for name in ("prr3", "five_bar", "stewart", "delta", "pendulum")}
-    return {name: Pursuit(robot, parts_of(robot).size) for name, robot in made.items()}
+    return {name: Pursuit(robot, fixtures_of(robot).size) for name, robot in made.items()}
 
 
 def tool(pursuit: Pursuit, state) -> tuple[np.ndarray, np.ndarray]:
@@ -43,7 +43,7 @@ def test_a_pose_within_reach_is_that_of_assembling(pursuits, name, shift):
 def test_the_way_to_a_pose_is_the_same_in_micrometres_and_in_megametres(pursuits, L, M):
     plain, scale = pursuits["prr3"], Scale(robots.prr3(), L, M)
     robot = Robot(scale.mechanism)
-    pursuit = Pursuit(robot, parts_of(robot).size)
+    pursuit = Pursuit(robot, fixtures_of(robot).size)
     position, R = tool(plain, plain.robot.home)
     for shift in ([0.05, -0.03, 0.0], [0.0, 3.0, 0.0]):  # within reach, and out of it
         expected = plain.lead(plain.robot.home, plain.tool_goal(position + shift, R))
@@ -117,7 +117,7 @@ def limited(lower: float, upper: float) -> Pursuit:
     plain = robots.prr3()
     slide = plain.joints["slide_1"].model_copy(update={"limits": Limits(lower=lower, upper=upper)})
     robot = Robot(Mechanism(**{**dict(plain), "joints": {**plain.joints, "slide_1": slide}}))
-    return Pursuit(robot, parts_of(robot).size)
+    return Pursuit(robot, fixtures_of(robot).size)
 
 
 def test_limits_hold_and_are_named():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from linkwork import LinkworkError, Robot, Run, robots
-from linkwork.views.viewer.parts import parts_of
-from linkwork.views.viewer.pursuit import Pursuit
-from linkwork.views.viewer.replay import replay_of
-from linkwork.views.viewer.traces import quantities, traces
+from linkwork.viewer.fixtures import fixtures_of
+from linkwork.viewer.pursuit import Pursuit
+from linkwork.viewer.replay import replay_of
+from linkwork.viewer.traces import quantities, traces
 
 TIMES = np.linspace(0, 0.5, 11)
 BETWEEN = np.linspace(0.01, 0.49, 13)
@@ -15,7 +15,7 @@ BETWEEN = np.linspace(0.01, 0.49, 13)
 
 def simulated(name: str, save_at=TIMES) -> tuple[Pursuit, Run]:
     robot = Robot(getattr(robots, name)())
-    pursuit = Pursuit(robot, parts_of(robot).size)
+    pursuit = Pursuit(robot, fixtures_of(robot).size)
     return pursuit, robot.simulate(robot.home, duration=0.5, save_at=save_at)
 
 

@@ -16,9 +16,9 @@ from websockets.sync.client import connect
 
 from linkwork import LinkworkError, Robot, robots
 from linkwork.cli import app
-from linkwork.views.viewer import Viewer
-from linkwork.views.viewer.door import LOOPBACK, Door, free_port, shown_host
-from linkwork.views.viewer.mailbox import Mailbox
+from linkwork.viewer import Viewer
+from linkwork.viewer.door import LOOPBACK, Door, free_port, shown_host
+from linkwork.viewer.mailbox import Mailbox
 
 from tests.processes import PATIENCE, python
 from tests.viewer.browser import until
@@ -152,7 +152,7 @@ def test_a_websocket_of_another_origin_or_without_the_token_is_not_let_in(robot)
 
 
 def test_a_viser_that_lets_everybody_in_is_refused(robot, monkeypatch):
-    monkeypatch.setattr("linkwork.views.viewer.door.kept", lambda door, used: nullcontext())
+    monkeypatch.setattr("linkwork.viewer.door.kept", lambda door, used: nullcontext())
     with pytest.raises(LinkworkError, match="cannot be kept from strangers' pages"):
         Viewer(robot)
 

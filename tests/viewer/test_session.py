@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linkwork import LinkworkError, Robot, robots
-from linkwork.views.viewer.session import KINDS, Session
+from linkwork.viewer.session import KINDS, Session
 
 
 @pytest.fixture(scope="module")

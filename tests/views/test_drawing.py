@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.scene.colours import EDGE, ORANGE
+from linkwork.scene.skeleton import skeleton
 from linkwork.views import plot_mechanism
 from linkwork.views.names import placed
-from linkwork.views.skeleton import skeleton
 from linkwork.views.space import on_screen, viewpoint, written_box
-from linkwork.views.style import EDGE, ORANGE, new_figure, svg
+from linkwork.views.style import new_figure, svg
 
 from tests.catalogue import built
 

@@ -5,9 +5,10 @@ import pytest
 
 import linkwork as lw
 from linkwork.lab.precision import plot_work_precision
+from linkwork.scene.colours import BLUE
 from linkwork.views import plot_motion, plot_phase, plot_run, save_figure
 from linkwork.views.motion import spaced
-from linkwork.views.style import BLUE, svg
+from linkwork.views.style import svg
 
 from tests.catalogue import built
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.views.skeleton import skeleton
+from linkwork.scene.skeleton import skeleton
 
 from tests.catalogue import built
 

@@ -8,10 +8,10 @@ from scipy.spatial import ConvexHull
 
 import linkwork as lw
 from linkwork.mechanism import Body, Box, Capsule, Cylinder, Frame, Inertia, Polygon, Sphere
+from linkwork.scene.colours import LINK
+from linkwork.scene.meshes import brightness, piece_of
+from linkwork.scene.skeleton import skeleton
 from linkwork.views import plot_mechanism
-from linkwork.views.skeleton import skeleton
-from linkwork.views.solids import brightness, solid_of
-from linkwork.views.style import LINK
 
 RED = (0.75, 0.25, 0.25)
 PLACED = Frame(position=(0.3, -0.2, 0.5), rotation=(0.3, 0.7, -0.4))
@@ -45,7 +45,7 @@ def pendulum(*shapes, planar=False):
 @pytest.mark.parametrize("kind", SHAPES)
 def test_faces_enclose_the_shape(kind):
     shape, volume, shadow, less = SHAPES[kind]
-    solid = solid_of(shape)
+    solid = piece_of(shape)
     around = ConvexHull(solid.corners)
     assert volume * (1 - less) <= around.volume <= volume * (1 + 1e-12)
     assert sum(map(face_area, solid.faces)) == pytest.approx(around.area, rel=1e-9)
@@ -60,7 +60,7 @@ def face_area(face):
 
 def test_faces_are_bright_where_they_look_to_the_light():
     for kind, expected in {"box": [0, 0, 0, 0, 0, 1], "polygon": [0, 1, 0, 0, 0, 0]}.items():
-        solid = solid_of(SHAPES[kind][0])
+        solid = piece_of(SHAPES[kind][0])
         lit = brightness(solid.faces, np.array([0.0, 0.0, 1.0]))
         assert sorted(lit) == pytest.approx(sorted(expected), abs=1e-12)
         top = solid.faces[int(np.argmax(lit))]

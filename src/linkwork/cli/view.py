@@ -22,7 +22,7 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
     if run is None and of is not None:
         raise LinkworkError(f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})")
     with patience("preparing the robot"):
-        from linkwork.views.viewer import Viewer
+        from linkwork.viewer import Viewer
 
         robot = built(source) if run is None else robot_of(run, name, of, source.reference)
         viewer = Viewer(robot, run, host=host, port=port)

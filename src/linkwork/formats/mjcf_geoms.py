@@ -7,7 +7,6 @@ of an ellipsoid or box. It is shown where MuJoCo shows it when it opens a model:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import assert_never
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from linkwork.formats.masses import Solid, principal, volume
 from linkwork.formats.mjcf_document import Document, flag
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Box, Capsule, Cylinder, Polygon, Shape, Sphere
+from linkwork.mechanism import Box, Capsule, Cylinder, Shape, Sphere
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 SHAPES = ("box", "cylinder", "sphere", "capsule")
@@ -89,7 +88,7 @@ def shown(
 
 
 def size_of(shape: Shape) -> tuple[float, ...] | None:
-    """Return the size of a shape as a geom; None for a polygon, which is none."""
+    """Return the size of a shape as a geom; None for one that is none, such as a polygon."""
     match shape:
         case Box():
             x, y, z = shape.size
@@ -98,9 +97,7 @@ def size_of(shape: Shape) -> tuple[float, ...] | None:
             return (shape.radius,)
         case Cylinder() | Capsule():
             return shape.radius, shape.length / 2
-        case Polygon():
-            return None
-    assert_never(shape)
+    return None
 
 
 def is_shown(element: Element) -> bool:

@@ -7,19 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linkwork.lab.comparison import NOC, PRESCRIBED, Comparison, Curve, tool_differences
-from linkwork.views.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PALE,
-    PINK,
-    label_time,
-    new_figure,
-    styled,
-)
+from linkwork.scene.colours import BLUE, GREEN, GREY, INK, ORANGE, PALE, PINK
+from linkwork.views.style import COLOURS, label_time, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

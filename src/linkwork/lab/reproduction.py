@@ -25,10 +25,11 @@ from linkwork.lab.comparison import NOC, PRESCRIBED, RTOL, TITLES, Comparison, C
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Motion, Robot, State
 from linkwork.robots import prr3
+from linkwork.scene.colours import BLUE
 from linkwork.views.drawing import plot_mechanism
 from linkwork.views.film import film
-from linkwork.views.report import Table, duration, page, picture, short
-from linkwork.views.style import BLUE, new_figure, styled, svg
+from linkwork.views.report import PageTable, duration, page, picture, short
+from linkwork.views.style import new_figure, styled, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,7 +158,7 @@ def render(comparison: Comparison, drawn: dict[str, str]) -> str:
     )
 
 
-def bodies_table(mechanism: Mechanism) -> Table:
+def bodies_table(mechanism: Mechanism) -> PageTable:
     """Return masses and inertias; bodies alike share a row."""
     alike: dict[tuple[float, float], list[str]] = {}
     for name, body in mechanism.bodies.items():
@@ -166,10 +167,10 @@ def bodies_table(mechanism: Mechanism) -> Table:
     caption = (
         "Bodies: mass, and moment of inertia about the mass centre (the middle of a link, the centre of the platform)."
     )
-    return Table(caption, ("bodies", "mass [kg]", "inertia [kg m²]"), rows)
+    return PageTable(caption, ("bodies", "mass [kg]", "inertia [kg m²]"), rows)
 
 
-def differences_table(comparison: Comparison) -> Table:
+def differences_table(comparison: Comparison) -> PageTable:
     """Return the largest differences of all sources from Linkwork's forward dynamics."""
     aside = {PRESCRIBED: "Prescribed motion (forward after inverse dynamics)"}
     found = {
@@ -183,10 +184,10 @@ def differences_table(comparison: Comparison) -> Table:
         "Largest differences from Linkwork's forward dynamics over the run. The first row is how well forward dynamics "
         "undoes inverse dynamics; joint positions are those of all nine joints, accelerations those of the actuated ones."
     )
-    return Table(caption, ("source", *(f"{quantity} [{unit}]" for quantity, unit in keys)), rows)
+    return PageTable(caption, ("source", *(f"{quantity} [{unit}]" for quantity, unit in keys)), rows)
 
 
-def runs_table(comparison: Comparison) -> Table:
+def runs_table(comparison: Comparison) -> PageTable:
     """Return how each source computed the run, what it took and how well its loops stayed closed."""
     rows = []
     for curve in comparison.curves[1:]:
@@ -204,7 +205,7 @@ def runs_table(comparison: Comparison) -> Table:
         "The runs. The largest gap of any loop is the closure error. Times are of this machine: Linkwork's from call to "
         "result, the engines' of the integration alone, with the calls of the function that gives them the forces."
     )
-    return Table(caption, ("run", "steps", "mean step [ms]", "wall time", "closure error [m]"), rows)
+    return PageTable(caption, ("run", "steps", "mean step [ms]", "wall time", "closure error [m]"), rows)
 
 
 def summary(comparison: Comparison) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

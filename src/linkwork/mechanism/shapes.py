@@ -1,12 +1,13 @@
 """Shapes of bodies: what a body looks like in drawings. They have no mass and take no part in the motion.
 
-Every shape is convex and stands about the origin of its own frame; what is not convex is made of several.
+Every shape is convex and stands about the origin of its own frame; what is not convex is made of several. All that draws
+a shape knows it by its `outline` alone.
 """
 
 from __future__ import annotations
 
-from math import atan2, pi
-from typing import Annotated, Literal, Self
+from math import atan2, cos, pi, sin
+from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -15,16 +16,44 @@ from linkwork.mechanism.record import MechanismError, Positive, Real, Record
 
 ROUND = 1e-9  # how far the angles at the corners of a polygon may be from one full turn [rad]
 
-Part = Annotated[float, Field(ge=0, le=1)]
-Colour = tuple[Part, Part, Part]
+Share = Annotated[float, Field(ge=0, le=1)]
+Colour = tuple[Share, Share, Share]
+
+STEPS = 6  # of a quarter circle
+QUARTER = (*((cos(pi / 2 * k / STEPS), sin(pi / 2 * k / STEPS)) for k in range(STEPS)), (0.0, 1.0))
+SQUARE = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
+
+
+class Outline(NamedTuple):
+    """Outline a solid about the origin, before it is scaled along x, y and z.
+
+    points: the corners (x, y) of a convex polygon, which is a plate half a unit to either side; or, `turned`, a profile
+    (radius, height) that goes round z, from below to above
+    """
+
+    points: tuple[tuple[float, float], ...]
+    scale: tuple[float, float, float]
+    turned: bool = False
+
+
+def rounded(half: float) -> tuple[tuple[float, float], ...]:
+    """Return the profile of a cylinder of radius 1 from -half to half, with half balls on its ends."""
+    above = tuple((radius, height + half) for radius, height in QUARTER)
+    below = tuple((radius, -height) for radius, height in reversed(above))
+    return below + above[0 if half else 1 :]
 
 
 class ShapeBase(Record):
-    """Say what all shapes share: where they stand in the body, and their colour."""
+    """Say what all shapes share: where they stand in the body, their colour, and what they look like."""
 
     type: str
     frame: Frame = Field(default=Frame(), description="the shape's frame in the body's frame")
     colour: Colour | None = Field(default=None, description="red, green and blue, each from 0 to 1")
+
+    @property
+    def outline(self) -> Outline:
+        """Return the outline of the solid."""
+        raise NotImplementedError
 
 
 class Box(ShapeBase):
@@ -32,6 +61,11 @@ class Box(ShapeBase):
 
     type: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="lengths along x, y and z [m]")
+
+    @property
+    def outline(self) -> Outline:
+        """Return a square plate, scaled."""
+        return Outline(SQUARE, self.size)
 
 
 class Cylinder(ShapeBase):
@@ -41,12 +75,22 @@ class Cylinder(ShapeBase):
     radius: Positive = Field(description="radius [m]")
     length: Positive = Field(description="length along z [m]")
 
+    @property
+    def outline(self) -> Outline:
+        """Return a line along z that goes round it."""
+        return Outline(((1.0, -0.5), (1.0, 0.5)), (self.radius, self.radius, self.length), turned=True)
+
 
 class Sphere(ShapeBase):
     """Show a ball about the origin."""
 
     type: Literal["sphere"] = "sphere"
     radius: Positive = Field(description="radius [m]")
+
+    @property
+    def outline(self) -> Outline:
+        """Return half a circle that goes round z."""
+        return Outline(rounded(0.0), (self.radius, self.radius, self.radius), turned=True)
 
 
 class Capsule(ShapeBase):
@@ -55,6 +99,11 @@ class Capsule(ShapeBase):
     type: Literal["capsule"] = "capsule"
     radius: Positive = Field(description="radius [m]")
     length: Positive = Field(description="length along z between the middles of the round ends [m]")
+
+    @property
+    def outline(self) -> Outline:
+        """Return a line with quarter circles at its ends that goes round z."""
+        return Outline(rounded(self.length / self.radius / 2), (self.radius, self.radius, self.radius), turned=True)
 
 
 class Polygon(ShapeBase):
@@ -65,6 +114,11 @@ class Polygon(ShapeBase):
         min_length=3, description="corners (x, y) of a convex polygon, one after the other [m]"
     )
     thickness: Positive = Field(description="thickness along z [m]")
+
+    @property
+    def outline(self) -> Outline:
+        """Return the polygon itself."""
+        return Outline(self.points, (1.0, 1.0, self.thickness))
 
     @model_validator(mode="after")
     def _convex(self) -> Self:

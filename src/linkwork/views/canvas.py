@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.views.solids import RGB, Solid, brightness
-from linkwork.views.style import EDGE
+from linkwork.scene.colours import EDGE, Colour
+from linkwork.scene.meshes import PlacedMesh, brightness
 
+POINTS = 382  # width of a bar as thick as the mechanism is large [pt]
 BAR_IN_SPACE = 0.7  # width of bars in space, relative to those in the plane
 OUTLINE = 2.3  # what a bar's dark edges add to its width [pt]
 SHADOW = 0.35  # how much darker the faces of solids are where no light falls
@@ -68,7 +69,11 @@ class Canvas:
         depth = (points.reshape(-1, 3).mean(axis=0) - self.points.mean(axis=0)) @ self.towards / self.size
         return self.level + level + 0.05 * float(np.clip(depth, -1, 1))
 
-    def mixed(self, colour: RGB | str, dark: float = 0.0) -> tuple[float, ...]:
+    def width(self, radius: float) -> float:
+        """Return the width of what is round by its radius [m], the same in small pictures [pt]."""
+        return POINTS * radius / self.size
+
+    def mixed(self, colour: Colour, dark: float = 0.0) -> tuple[float, ...]:
         """Return a colour, darkened by a part of itself, mixed with white."""
         from matplotlib.colors import to_rgb
 
@@ -83,13 +88,13 @@ class Canvas:
         look["color"] = self.mixed(look["color"])
         self.axes.plot(*self.seen(points), zorder=self.order(points[np.isfinite(points[:, 0])], level), **look)
 
-    def bar(self, points: np.ndarray, width: float, colour: str, gid: str | None = None) -> None:
+    def bar(self, points: np.ndarray, width: float, colour: Colour, gid: str | None = None) -> None:
         """Draw a polyline as a bar with dark edges."""
         width *= 1 if self.flat else BAR_IN_SPACE
         self.line(points, 0, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE))
         self.line(points, 0, color=colour, lw=width, gid=gid)
 
-    def faces(self, faces: Sequence[np.ndarray], inside: RGB | str, edge: str, level: float, **look: Any) -> None:
+    def faces(self, faces: Sequence[np.ndarray], inside: Colour, edge: Colour, level: float, **look: Any) -> None:
         """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a solid in space."""
         look |= {"fc": self.mixed(inside), "ec": self.mixed(edge), "zorder": self.order(np.concatenate(faces), level)}
         if self.flat:
@@ -101,20 +106,20 @@ class Canvas:
 
             self.axes.add_collection3d(Poly3DCollection(faces, **look))
 
-    def solid(self, solid: Solid, level: float) -> None:
+    def piece(self, piece: PlacedMesh, colour: Colour, level: float, gid: str | None = None) -> None:
         """Draw a solid: its outline in the plane; in space its faces, shaded, with dark edges of the flat ones."""
         if self.flat:
-            self.faces([solid.shadow], solid.colour, EDGE, level, lw=1.3)
+            self.faces([piece.shadow], colour, EDGE, level, lw=1.3, gid=gid)
             return
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         light = self.towards + LAMP @ self.screen
-        shadows = 1 - brightness(solid.faces, light / np.linalg.norm(light))
-        inside = [self.mixed(solid.colour, SHADOW * dark) for dark in shadows]
-        edges = [self.mixed(EDGE)] * len(solid.flat) + inside[len(solid.flat) :]
-        widths = [0.8] * len(solid.flat) + [0.3] * len(solid.round)
-        order = self.order(solid.corners, level)
-        self.axes.add_collection3d(Poly3DCollection(solid.faces, fc=inside, ec=edges, lw=widths, zorder=order))
+        faces, flat = piece.faces, len(piece.mesh.flat)
+        shadows = 1 - brightness(faces, light / np.linalg.norm(light))
+        inside = [self.mixed(colour, SHADOW * dark) for dark in shadows]
+        look = {"ec": [self.mixed(EDGE)] * flat + inside[flat:], "lw": [0.8] * flat + [0.3] * (len(faces) - flat)}
+        order = self.order(piece.corners, level)
+        self.axes.add_collection3d(Poly3DCollection(alike(faces), fc=inside, zorder=order, gid=gid, **look))
 
     def dot(self, point: np.ndarray, level: float, marker: str = "o", **look: Any) -> None:
         """Draw a marker at a point."""
@@ -129,6 +134,12 @@ class Canvas:
         self.axes.text(*self.seen(middle), words, bbox=ground, **style)
         if self.flat:
             self.axes.update_datalim([middle[:2] - half, middle[:2] + half])
+
+
+def alike(faces: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return polygons with as many corners each, for what fills them up otherwise is not set: the last ones are repeated."""
+    most = max(map(len, faces))
+    return [np.concatenate([face, np.repeat(face[-1:], most - len(face), axis=0)]) for face in faces]
 
 
 def direction(elevation: float, azimuth: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Draw a mechanism in a pose: ground, bodies as their shapes or between their joints, joints by kind, springs, tools.
+"""Draw a mechanism in a pose: all parts of its scene, by their form and role.
 
 A planar mechanism is drawn in the xy plane (`plane`), a spatial one in three dimensions (`space`). A stack of states is
 drawn as a stroboscopic picture: the last pose in full, the earlier ones the paler the longer ago. Driven joints are orange.
@@ -13,21 +13,23 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
+from linkwork.scene.colours import EDGE, GREY
+from linkwork.scene.curves import zigzag
+from linkwork.scene.meshes import BLOCK, PlacedMesh
+from linkwork.scene.parts import Bar, Coil, Hull, ScenePart
+from linkwork.scene.scene import Scene, scene_of
 from linkwork.views import plane, space
 from linkwork.views.canvas import Canvas
 from linkwork.views.names import write_names
-from linkwork.views.shapes import hull, zigzag
-from linkwork.views.skeleton import Skeleton, skeleton
-from linkwork.views.style import EDGE, GREY, INK, LINK, ORANGE, PLATE, new_figure, styled
+from linkwork.views.style import new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SIDE = 5.0  # of the picture [in]
 OLDEST, LAST_BUT_ONE = 0.12, 0.45  # how strong earlier poses are drawn
-BAR, ROD, TUBE = 4.2, 2.0, 6.5  # widths [pt]
-COIL = 0.05  # width of a spring, relative to the mechanism
-TUBED = 0.55  # part of a telescope's length that is its tube
+BOXED, DOTTED = -0.2, 0.2  # levels of joints that are boxes, below what may turn in them, and that are dots
+BARS = ("member", "rod", "tube")
 
 
 def plot_mechanism(robot: Robot, state: State, ax: Axes | None = None, *, names: bool | Sequence[str] = False) -> Axes:
@@ -50,11 +52,10 @@ def plot_mechanism(robot: Robot, state: State, ax: Axes | None = None, *, names:
     if ax is not None and hasattr(ax, "get_zlim") == robot.planar:
         raise LinkworkError(f"this robot is drawn in {'two' if robot.planar else 'three'} dimensions; give such axes")
     shown = named(robot, names)
-    poses = [skeleton(robot, state)] if not state.batch else [skeleton(robot, state.at(k)) for k in range(*state.batch)]
-    points = np.concatenate([pose.points for pose in poses])
+    scene = scene_of(robot, state.at(-1) if state.batch else state, state)
     with styled():
-        axes: Any = new_axes(points, robot.planar) if ax is None else ax
-        draw(Canvas.on(axes, points), poses, shown)
+        axes: Any = new_axes(scene.points, robot.planar) if ax is None else ax
+        draw(Canvas.on(axes, scene.points), scene, shown)
         if ax is None and not robot.planar:
             space.fit(axes)
     return axes
@@ -79,29 +80,15 @@ def named(robot: Robot, names: bool | Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def draw(canvas: Canvas, poses: Sequence[Skeleton], names: Sequence[str] = ()) -> None:
-    """Draw a mechanism in poses in the order of time; the joints only in the last one."""
-    symbols = plane if canvas.flat else space
-    last = poses[-1]
-    symbols.draw_base(canvas, last.joints)
-    for places in zip(*(pose.joints for pose in poses), strict=True):
-        if places[-1].grounded:
-            symbols.draw_ground(canvas, places)
-    for place in last.anchors:
-        symbols.draw_stand(canvas, place)
-    for level, (pose, strength) in enumerate(zip(poses, strengths(len(poses)), strict=True)):
-        draw_members(canvas.at(strength, 2 + level / len(poses)), pose)
-    for joints in last.gears.values():
-        canvas.line(np.stack([joint.far for joint in joints]), 3.2, color=GREY, lw=1.2, linestyle=(0, (3, 2)))
-    for place in last.masses.values():
-        canvas.dot(place, 3.4, ms=15, mfc=EDGE, mec=EDGE)
-    for joint in last.joints:
-        if joint.type != "rod" and not joint.tubed:
-            symbols.draw_joint(canvas, joint)
-    for tool in last.tools.values():
-        symbols.draw_frame(canvas, *tool)
-    write_names(canvas, last, names)
-    symbols.finish(canvas)
+def draw(canvas: Canvas, scene: Scene, names: Sequence[str] = ()) -> None:
+    """Draw a scene in its poses in the order of time; all but its bodies only in the last one."""
+    earlier = list(enumerate(strengths(scene.count)))[:-1]
+    for part in scene.parts:
+        for k, strength in earlier if part.look.bodily else ():
+            paint(canvas.at(strength, k / scene.count), part.at(scene.moves_to(k)))
+        paint(canvas.at(1.0, len(earlier) / scene.count if part.look.bodily else 0.0), part)
+    write_names(canvas, scene.pose, names)
+    (plane if canvas.flat else space).finish(canvas)
 
 
 def strengths(count: int) -> list[float]:
@@ -109,32 +96,47 @@ def strengths(count: int) -> list[float]:
     return [*np.linspace(OLDEST, LAST_BUT_ONE, count - 1), 1.0] if count > 1 else [1.0]
 
 
-# Members
+def paint(canvas: Canvas, part: ScenePart) -> None:
+    """Draw a part by its form and role."""
+    match part.form:
+        case PlacedMesh() as piece:
+            paint_piece(canvas, part, piece)
+        case Bar() as line:
+            paint_line(canvas, part, line)
+        case Hull() as hull:
+            edge, alpha = (GREY, 0.35) if part.role == "base" else (EDGE, 0.6)
+            look = {"lw": 1.3} if canvas.flat else {"lw": 0.8, "alpha": alpha}
+            canvas.faces(hull.faces, part.colour, edge, part.look.level, **look)
+        case Coil() as coil:
+            start, end = coil.points
+            aside = np.cross((0.0, 0.0, 1.0) if canvas.flat else canvas.towards, end - start)
+            points = zigzag(start, end, 2 * coil.radius, aside)
+            canvas.line(points, part.look.level, color=part.colour, lw=1.2, solid_joinstyle="round")
 
 
-def draw_members(canvas: Canvas, pose: Skeleton) -> None:
-    """Draw bodies as their shapes, or as plates, bars or arcs (one point is shown by its joint); rods, telescopes, springs."""
-    for solids in pose.solids.values():
-        for solid in solids:
-            canvas.solid(solid, 0.01)
-    for points in (points for name, points in pose.bodies.items() if name not in pose.solids):
-        faces = hull(points * (1, 1, 0) if canvas.flat else points)
-        if len(faces[0]) > 2:
-            look = {"lw": 1.3} if canvas.flat else {"lw": 0.8, "alpha": 0.6}
-            canvas.faces(faces, PLATE, EDGE, 0.01, **look)
-        elif len(faces[0]) == 2:
-            canvas.bar(faces[0], BAR, LINK)
-    for points in pose.arcs.values():
-        canvas.bar(points, BAR, LINK)
-    for joint in pose.joints:
-        if joint.type == "rod":
-            canvas.bar(np.stack([joint.near, joint.far]), ROD, LINK, gid=joint.name)
-            for end in (joint.near, joint.far):
-                canvas.dot(end, 0.5, ms=4, mfc="white", mec=EDGE, mew=1.0)
-        elif joint.tubed:
-            middle = joint.near + TUBED * (joint.far - joint.near)
-            canvas.bar(np.stack([middle, joint.far]), ROD + 0.8, LINK)
-            canvas.bar(np.stack([joint.near, middle]), TUBE, ORANGE if joint.driven else LINK, gid=joint.name)
-    for start, end in pose.springs.values():
-        aside = np.cross((0.0, 0.0, 1.0) if canvas.flat else canvas.towards, end - start)
-        canvas.line(zigzag(start, end, COIL * canvas.size, aside), 0.6, color=INK, lw=1.2, solid_joinstyle="round")
+def paint_piece(canvas: Canvas, part: ScenePart, piece: PlacedMesh) -> None:
+    """Draw a solid; a pad as ground, and balls and what is seen along its axis as dots, but for the shapes of bodies."""
+    level, gid = part.look.level, part.name if part.standing else None
+    if part.role == "stand":
+        (plane if canvas.flat else space).draw_stand(canvas, piece.position)
+    elif part.role != "member" and piece.is_disc(canvas.flat):
+        look = {"ms": canvas.width(piece.scale[0]), "mfc": part.colour, "mec": EDGE, "mew": 1.2, "gid": gid}
+        canvas.dot(piece.position, level + DOTTED, **look)
+    else:
+        boxed = part.role == "joint" and piece.mesh is BLOCK
+        canvas.piece(piece, part.colour, level + BOXED if boxed else level, gid)
+
+
+def paint_line(canvas: Canvas, part: ScenePart, line: Bar) -> None:
+    """Draw a line: a rail as ground, an arrow of a tool, a bar with dark edges, or a thin line, dashed between gears."""
+    symbols, gid = plane if canvas.flat else space, part.name if part.standing else None
+    if part.role == "rail":
+        symbols.draw_rail(canvas, line.points)
+    elif part.role == "tool":
+        symbols.draw_arrow(canvas, line.points, str(part.colour))
+    elif part.role in BARS:
+        canvas.bar(line.shown, canvas.width(line.radius), part.colour, gid)
+    else:
+        dashes = {"linestyle": (0, (3, 2))} if part.role == "gear" else {}
+        look = {"color": part.colour, "lw": canvas.width(line.radius)}
+        canvas.line(line.shown, part.look.level, **look, **dashes)

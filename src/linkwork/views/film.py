@@ -8,36 +8,37 @@ may be turned.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from linkwork.robot import Robot, State
-from linkwork.views import space
-from linkwork.views.plane import fixed_side
-from linkwork.views.shapes import hull
-from linkwork.views.skeleton import SLIDING, Skeleton, skeleton
-from linkwork.views.style import BLUE, EDGE, GREEN, GREY, INK, LINK, ORANGE, PLATE, VERMILION
+from linkwork.scene.colours import BLUE, GREY, rgb
+from linkwork.scene.meshes import PlacedMesh
+from linkwork.scene.parts import Bar, Coil, Hull, ScenePart, moved
+from linkwork.scene.scene import Scene, scene_of
+from linkwork.views import plane, space
 
 FRAMES = 160  # at most
 UNIT = 10_000  # parts of the mechanism's size
-TRIAD = 0.08  # length of a tool's axes, relative to the mechanism
-OVERHANG = 0.05  # of a rail beyond what its slider uses, relative to the mechanism
-BASE = "#e3e8ec"
+WIDE = 545  # width of a bar as thick as the mechanism is large [px]
+LINES = {"member": "bar", "rod": "bar", "tube": "bar", "gear": "dashes"}  # what other lines are not
+OUTLINE, WIRE = 1.2, 1.4  # widths of the edges of solids, and of springs [px]
+CUBE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
 ALONG = 400  # points of the tool's path, at most
 SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
 SHORTEST = 3.0  # how long a film should last as it begins to play [s]
 
 
 @dataclass(frozen=True)
-class Part:
+class Stroke:
     """Hold what is drawn through some points: a face, solid, bar, line, spring, dot or box, its colour and width [px].
 
     points: places in a frame; or of what stands still, in space (k, 3) [m]
-    corners: of a solid, in the frame that its four points span: its origin and the tips of its axes
+    corners: of a solid or box, in the frame that its four points span: its origin and the tips of its axes
     """
 
     kind: str
@@ -56,8 +57,8 @@ class Film:
 
     time: np.ndarray
     points: np.ndarray
-    parts: tuple[Part, ...]
-    fixed: tuple[Part, ...]
+    parts: tuple[Stroke, ...]
+    fixed: tuple[Stroke, ...]
     planar: bool
 
     @cached_property
@@ -104,7 +105,7 @@ class Film:
         moving = (self.drawn(part).reshape(-1, 3) for part in self.parts)
         return np.concatenate([*moving, *(part.points for part in self.fixed)])
 
-    def drawn(self, part: Part) -> np.ndarray:
+    def drawn(self, part: Stroke) -> np.ndarray:
         """Return the points (F, k, 3) of what is drawn, of a solid its corners [m]."""
         points = self.points[:, list(part.points)]
         if not part.corners:
@@ -120,109 +121,76 @@ def film(robot: Robot, time: np.ndarray, states: State, frames: int = FRAMES) ->
         robot: the robot; time: of the samples (K,) [s], increasing; states: at these times (K,).
     """
     shown = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], min(frames, len(time))) - 1e-12))
-    poses = [skeleton(robot, states.at(int(k))) for k in shown]
-    size = float(np.ptp(np.concatenate([pose.points for pose in poses]), axis=0).max()) or 1.0
-    placed = robot.body_poses(states.at(shown))
-    layouts = [
-        layout(pose, size)
-        | {("frame", name): tips(placed[name][0][k], placed[name][1][k], size) for name in pose.solids}
-        for k, pose in enumerate(poses)
-    ]
-    points = np.stack([np.concatenate([*named.values()]) for named in layouts])
-    return Film(
-        time[shown],
-        points,
-        tuple(parts(poses[0], layouts[0], robot.planar)),
-        tuple(fixed(robot, states, poses, size)),
-        robot.planar,
-    )
+    scene = scene_of(robot, states.at(int(shown[0])), states.at(shown))
+    parts, shelf = sorted(scene.parts, key=lambda part: part.look.level), Shelf(scene)
+    strokes = tuple(stroke for part in parts if not part.look.grounded for stroke in shelf.strokes(part))
+    still = [stroke_of_ground(scene, part) for part in parts if part.look.grounded]
+    return Film(time[shown], shelf.all, strokes, (*still, *path(robot, states)), robot.planar)
 
 
-Layout = dict[tuple[str, str], np.ndarray]
+class Shelf:
+    """Put away the points (F, k, 3) [m] of a scene's parts in all frames, one after the other; each body's frame once."""
 
+    def __init__(self, scene: Scene):
+        self.scene, self.count = scene, 0
+        self.points: list[np.ndarray] = []
+        self.frames: dict[str, range] = {}
 
-def layout(pose: Skeleton, size: float) -> Layout:
-    """Return the points (k, 3) [m] of a pose by what they belong to, in one order for all poses."""
-    found: Layout = {("body", name): points for name, points in pose.bodies.items()}
-    found |= {("arc", name): points for name, points in pose.arcs.items()}
-    found |= {("joint", joint.name): np.stack([joint.near, joint.far]) for joint in pose.joints}
-    found |= {("spring", name): points for name, points in pose.springs.items()}
-    found |= {("mass", name): place[None] for name, place in pose.masses.items()}
-    return found | {("tool", name): tips(origin, axes, TRIAD * size) for name, (origin, axes) in pose.tools.items()}
+    @property
+    def all(self) -> np.ndarray:
+        """Return all points (F, N, 3)."""
+        return np.concatenate(self.points, axis=1)
 
+    def add(self, points: np.ndarray) -> range:
+        """Put points (F, k, 3) away and return their places."""
+        self.points.append(points)
+        self.count += points.shape[1]
+        return range(self.count - points.shape[1], self.count)
 
-def tips(origin: np.ndarray, axes: np.ndarray, length: float) -> np.ndarray:
-    """Return the origin of a frame and the tips of its axes (4, 3)."""
-    return np.stack([origin, *(origin + length * axes.T)])
+    def frame(self, body: str) -> range:
+        """Return the places of a corner and its neighbours of a cube that moves with a body from the ground's axes."""
+        if body not in self.frames:
+            self.frames[body] = self.add(moved(self.scene.size * CUBE, (body,), self.scene.moves))
+        return self.frames[body]
 
-
-def parts(pose: Skeleton, named: Layout, planar: bool) -> Iterator[Part]:
-    """Yield what is drawn, what lies below first."""
-    from matplotlib.colors import to_hex
-
-    starts = dict(zip(named, np.cumsum([0, *(len(points) for points in named.values())]).tolist(), strict=False))
-
-    def at(kind: str, name: str, *indices: int) -> tuple[int, ...]:
-        return tuple(starts[kind, name] + index for index in indices)
-
-    for name, solids in pose.solids.items():
-        frame = named["frame", name]
-        axes = frame[1:] - frame[0]  # in rows, of one length
-        for solid in solids:
-            corners = (np.unique(solid.corners, axis=0) - frame[0]) @ axes.T / (axes[0] @ axes[0])
-            yield Part(
-                "solid",
-                at("frame", name, 0, 1, 2, 3),
-                to_hex(solid.colour),
-                1.2,
-                tuple(corners.round(5).ravel().tolist()),
-            )
-    for name, points in ((name, points) for name, points in pose.bodies.items() if name not in pose.solids):
-        corners = points * (1, 1, 0) if planar else points
-        for face in hull(corners):
-            indices = [int(np.linalg.norm(corners - corner, axis=1).argmin()) for corner in face]
-            if len(indices) > 1:
-                kind, colour = ("face", PLATE) if len(indices) > 2 else ("bar", LINK)
-                yield Part(kind, at("body", name, *indices), colour, 6.0)
-    for name, points in pose.arcs.items():
-        yield Part("bar", at("arc", name, *range(len(points))), LINK, 6.0)
-    for joint in pose.joints:
-        if joint.type == "rod":
-            yield Part("bar", at("joint", joint.name, 0, 1), LINK, 2.5)
-        elif joint.tubed:
-            yield Part("bar", at("joint", joint.name, 0, 1), ORANGE if joint.driven else LINK, 7.0)
-    for name in pose.springs:
-        yield Part("spring", at("spring", name, 0, 1), INK, 1.4)
-    for joints in pose.gears.values():
-        yield Part("dashes", tuple(at("joint", joint.name, 1)[0] for joint in joints), GREY, 1.4)
-    for name in pose.masses:
-        yield Part("dot", at("mass", name, 0), EDGE, 8.0)
-    for joint in pose.joints:
-        if joint.type != "rod" and not joint.tubed:
-            kind, width = ("box", 6.5) if joint.type in SLIDING else ("dot", 4.5)
-            yield Part(kind, at("joint", joint.name, 1), ORANGE if joint.driven else "#ffffff", width)
-    for name in pose.tools:
-        for axis, colour in ((1, VERMILION), (2, GREEN)) if planar else ((1, VERMILION), (2, GREEN), (3, BLUE)):
-            yield Part("line", at("tool", name, 0, axis), colour, 2.2)
-
-
-def fixed(robot: Robot, states: State, poses: Sequence[Skeleton], size: float) -> Iterator[Part]:
-    """Yield what stands still: the base, rails and bearings on the ground, the path of the tool."""
-    grounded = [places for places in zip(*(pose.joints for pose in poses), strict=True) if places[-1].grounded]
-    anchors = [fixed_side(places)[0][0] for places in grounded]
-    if not robot.planar and len(anchors) > 2:
-        for face in hull(np.array(anchors)):
-            yield Part("ground", face, BASE)
-    for places, anchor in zip(grounded, anchors, strict=True):
-        if places[-1].type in SLIDING:
-            travel = fixed_side(places)[1]
-            ends = [min(0.0, *travel) - OVERHANG * size, max(0.0, *travel) + OVERHANG * size]
-            yield Part("line", anchor + np.outer(ends, places[-1].axes[0]), GREY, 2.0)
+    def strokes(self, part: ScenePart) -> Iterator[Stroke]:
+        """Yield what draws a part."""
+        scene, form, colour = self.scene, part.form, "#{:02x}{:02x}{:02x}".format(*rgb(part.colour))
+        if isinstance(form, PlacedMesh) and part.role != "member" and form.is_disc(scene.flat):
+            at = self.add(moved(form.position[None], part.bodies, scene.moves))
+            yield Stroke("dot", tuple(at), colour, WIDE / 2 * form.scale[0] / scene.size)
+        elif isinstance(form, PlacedMesh):
+            corners = np.unique((form.corners / scene.size).round(5), axis=0)
+            kind = "solid" if part.role == "member" else "box"
+            yield Stroke(kind, tuple(self.frame(part.bodies[0])), colour, OUTLINE, tuple(corners.ravel().tolist()))
         else:
-            yield Part("pad", anchor[None], GREY, 7.0)
-    for end in poses[0].anchors:
-        yield Part("pad", end[None], GREY, 7.0)
+            points = moved(form.points, part.bodies, scene.moves)
+            at = self.add(replace(form, points=points).shown if isinstance(form, Bar) else points)
+            if isinstance(form, Hull):
+                yield from (Stroke("face", tuple(at[k] for k in face), colour) for face in form.around)
+            elif isinstance(form, Coil):
+                yield Stroke("spring", tuple(at), colour, WIRE)
+            else:
+                yield Stroke(LINES.get(part.role, "line"), tuple(at), colour, WIDE * form.radius / scene.size)
+
+
+def stroke_of_ground(scene: Scene, part: ScenePart) -> Stroke:
+    """Return what draws a rail, a stand or the base."""
+    match part.form:
+        case Bar() as rail:
+            ends = plane.floor_of(rail.points, scene.size) if scene.flat else rail.points
+            return Stroke("line", ends, GREY, 2.0)
+        case PlacedMesh() as pad if scene.flat:
+            return Stroke("line", plane.bearing(pad.position, scene.size), GREY, 1.5)
+        case PlacedMesh() as pad:
+            return Stroke("ground", pad.corners, str(part.colour))
+        case form:
+            return Stroke("ground", form.points, str(part.colour))
+
+
+def path(robot: Robot, states: State) -> Iterator[Stroke]:
+    """Yield the path of the tool."""
     if robot.mechanism.tools:
         path = robot.tool_pose(states)[:: -(-len(states.q) // ALONG)]
         in_space = np.pad(path[:, :2], ((0, 0), (0, 1))) if robot.planar else path[:, :3]
-        yield Part("line", in_space, BLUE, 1.5)
+        yield Stroke("line", in_space, BLUE, 1.5)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linkwork.errors import LinkworkError
-from linkwork.views.style import INK, VERMILION, new_figure, styled
+from linkwork.scene.colours import INK, VERMILION
+from linkwork.views.style import new_figure, styled
 
 if TYPE_CHECKING:
     import xarray

@@ -8,9 +8,10 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
+from linkwork.scene.colours import BLUE
 from linkwork.simulation import Run
 from linkwork.views.drawing import plot_mechanism
-from linkwork.views.style import BLUE, styled
+from linkwork.views.style import styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,8 +11,8 @@ from itertools import product
 
 import numpy as np
 
+from linkwork.scene.skeleton import Skeleton
 from linkwork.views.canvas import Canvas
-from linkwork.views.skeleton import Skeleton
 
 ASIDE = 0.055  # distance of a name from its joint, relative to the mechanism
 CLOSE = 0.045  # distance of joints in the picture below which their names stand together
@@ -40,7 +40,7 @@ def grouped(canvas: Canvas, pose: Skeleton, shown: Sequence[str]) -> list[tuple[
     for joint in pose.joints:
         if joint.name not in shown:
             continue
-        place = (joint.near + joint.far) / 2 if joint.type == "rod" or joint.tubed else joint.far
+        place = (joint.near + joint.far) / 2 if joint.rod or joint.tubed else joint.far
         for other, names in groups:
             if np.linalg.norm(canvas.screen @ (place - other)) < CLOSE * canvas.size:
                 names.append(joint.name)

@@ -20,7 +20,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Hold a table: its columns' titles with units, rows of text, and a caption; all but the first column are numbers
     where `numbers` says so."""
 

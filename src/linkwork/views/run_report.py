@@ -21,7 +21,7 @@ from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states
 from linkwork.views.plots import plot_run, units_of
-from linkwork.views.report import Picture, Table, page, picture, short
+from linkwork.views.report import PageTable, Picture, page, picture, short
 from linkwork.views.style import svg
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def driven(data: xarray.Dataset, name: str) -> xarray.Dataset:
 # Tables
 
 
-def bodies_table(mechanism: Mechanism) -> Table:
+def bodies_table(mechanism: Mechanism) -> PageTable:
     """Return masses, mass centres and inertias of the bodies; bodies alike share a row."""
     alike: dict[tuple[str, ...], list[str]] = {}
     for name, body in mechanism.bodies.items():
@@ -157,10 +157,10 @@ def bodies_table(mechanism: Mechanism) -> Table:
         "xy, xz, yz."
     )
     header = ("bodies", "mass [kg]", "mass centre [m]", "moments [kg m²]", "products [kg m²]")
-    return Table(caption, header, [(", ".join(names), *entries) for entries, names in alike.items()])
+    return PageTable(caption, header, [(", ".join(names), *entries) for entries, names in alike.items()])
 
 
-def joints_table(robot: Robot) -> Table:
+def joints_table(robot: Robot) -> PageTable:
     """Return the joints: type, bodies, what is driven, and limits."""
     rows = []
     for name, joint in robot.mechanism.joints.items():
@@ -171,7 +171,7 @@ def joints_table(robot: Robot) -> Table:
             f"{label} {bound(limits)}" for label, (_, _, limits, _) in joint.effects().items() if limits != Limits()
         ]
         rows.append((name, joint.type, between, ", ".join(driven) or "–", "; ".join(bounds) or "–"))
-    return Table("Joints.", ("joint", "type", "connects", "driven", "limits [m, rad]"), rows, numbers=False)
+    return PageTable("Joints.", ("joint", "type", "connects", "driven", "limits [m, rad]"), rows, numbers=False)
 
 
 def bound(limits: Limits) -> str:
@@ -180,7 +180,7 @@ def bound(limits: Limits) -> str:
     return ", ".join(f"{sign} {end:g}" for sign, end in ends)
 
 
-def peaks_table(data: xarray.Dataset, name: str) -> Table | None:
+def peaks_table(data: xarray.Dataset, name: str) -> PageTable | None:
     """Return smallest and largest values of a quantity with their times, its root mean square and its last value."""
     if name not in data or not data[name].size:
         return None
@@ -194,10 +194,10 @@ def peaks_table(data: xarray.Dataset, name: str) -> Table | None:
         entries = (values[low], time[low], values[high], time[high], np.sqrt(np.mean(values**2)), values[-1])
         rows.append((f"{label} [{unit}]", *(short(float(entry), 4) for entry in entries)))
     header = (name.replace("_", " "), "least", "at [s]", "most", "at [s]", "root mean square", "at the end")
-    return Table(f"Peaks of the {name.replace('_', ' ')} at the saved times.", header, rows)
+    return PageTable(f"Peaks of the {name.replace('_', ' ')} at the saved times.", header, rows)
 
 
-def energy_table(data: xarray.Dataset) -> Table | None:
+def energy_table(data: xarray.Dataset) -> PageTable | None:
     """Return the energy balance at the start, at the end, and its extremes."""
     names = [name for name in ENERGIES if name in data and data[name].size]
     if not names:
@@ -212,10 +212,10 @@ def energy_table(data: xarray.Dataset) -> Table | None:
         "friction, dampers and external wrenches: zero for the exact motion."
     )
     header = ("energy", "at the start [J]", "at the end [J]", "change [J]", "least [J]", "most [J]")
-    return Table(caption, header, rows)
+    return PageTable(caption, header, rows)
 
 
-def closure_table(run: Run) -> Table:
+def closure_table(run: Run) -> PageTable:
     """Return how well the loops stayed closed and how well posed the equations were."""
     saved = run.variables["closure_error"].values if "closure_error" in run.variables else np.empty(0)
     pivot = run.statistics.pivot
@@ -224,12 +224,12 @@ def closure_table(run: Run) -> Table:
         ("largest gap at the saved times [m, rad]", short(float(saved.max())) if saved.size else "–"),
         ("smallest relative pivot", f"{short(pivot, 3)} at {short(run.statistics.pivot_time, 4)} s"),
     ]
-    return Table(
+    return PageTable(
         "Closure of the loops, and the weakest pivot of the equations (1 well posed, 0 singular).", ("", ""), rows
     )
 
 
-def computed_table(robot: Robot, run: Run) -> Table:
+def computed_table(robot: Robot, run: Run) -> PageTable:
     """Return how the run was computed."""
     told, statistics = run.attrs, run.statistics
     method = str(told.get("method", "Dormand-Prince 5(4)"))
@@ -252,14 +252,9 @@ def computed_table(robot: Robot, run: Run) -> Table:
     ]
     if told.get("parameters"):
         rows.append(("parameters", str(told["parameters"])))
-    return Table("How the run was computed.", ("", ""), rows, numbers=False)
+    return PageTable("How the run was computed.", ("", ""), rows, numbers=False)
 
 
 def largest(data: xarray.Dataset, name: str) -> float | None:
     """Return the largest magnitude of a quantity; nothing if the run does not hold it."""
     return float(np.abs(data[name].values).max()) if name in data and data[name].size else None
-
-
-def described(run: Run) -> Mechanism | None:
-    """Return the mechanism that a run holds, if any."""
-    return Mechanism.parse(run.description) if run.description else None

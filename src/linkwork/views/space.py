@@ -1,93 +1,39 @@
-"""Joints, ground and frames of a spatial mechanism, in three dimensions.
+"""What is drawn of a spatial mechanism in its own way, in three dimensions: ground, tools, axes, and from where it is seen.
 
-revolute short cylinder about its axis, cylindrical a longer one, screw a thread about it; prismatic box on its axis;
-universal cross of its two axes; spherical ball; planar plate across its normal; fixed cube. Ground is hatched: a level
-pad, or a rail as long as the slider needs.
+Ground is hatched: a level pad for what stands on it, a rail for what slides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
 import numpy as np
 
+from linkwork.scene.colours import GREY, PALE
+from linkwork.scene.curves import across
 from linkwork.views.canvas import Canvas, direction
-from linkwork.views.plane import TRIAD, fixed_side, hatched
-from linkwork.views.shapes import across, helix, hull, prism
-from linkwork.views.skeleton import SLIDING, JointPlace
-from linkwork.views.style import BLUE, EDGE, GREEN, GREY, LINK, ORANGE, PALE, VERMILION
+from linkwork.views.plane import hatched
 
 ELEVATIONS, AZIMUTHS = (24, 34), (-56, -68, -40, -24, 22, 36)  # of the viewer [deg]; the first ones where they serve
 BETTER = 0.1  # by how much another must be better
 CLOSE = 0.02  # distance in the picture that counts as none, relative to the mechanism
-BOXED = 3.8  # level of boxes, below that of what may turn in them
-SHADE = {False: "#98a4b0", True: "#b97d00"}  # sides of round solids: passive, driven
-SOLIDS = {  # circumradius, length relative to the mechanism, and sides
-    "revolute": (0.02, 0.065, 12),
-    "cylindrical": (0.017, 0.085, 12),
-    "screw": (0.012, 0.085, 12),
-    "prismatic": (0.045, 0.06, 4),
-    "planar": (0.06, 0.012, 4),
-    "fixed": (0.022, 0.03, 4),
-}
-PIN = 0.032  # half the length of a universal joint's axes, relative to the mechanism
-LEVEL = 1e-6  # difference of heights that is none, relative to the mechanism
 PAD = 0.045  # half the side of a pad, relative to the mechanism
 ROOM = 0.56  # half the axes' length over the extent of what is drawn
 THIN = 0.16  # least of it, relative to the mechanism
-OVERHANG = 0.12  # of a rail beyond what the slider uses, relative to the mechanism
 STROKE = 0.025  # distance of the strokes at a rail, relative to the mechanism
 ZOOM, FILLED = 0.86, 0.94  # of axes beside others, leaving room for labels; part of a figure for themselves
 LABEL = 9  # distance of the axes' names from their numbers [pt]
 TICKS = 6
 
 
-def draw_joint(canvas: Canvas, joint: JointPlace) -> None:
-    """Draw a joint as its kind."""
-    size, colour = canvas.size, ORANGE if joint.driven else "white"
-    if joint.type == "universal":
-        for axis in joint.axes:
-            ends = np.stack([joint.far - PIN * size * axis, joint.far + PIN * size * axis])
-            canvas.line(ends, 4, color=EDGE, lw=2.6)
-        canvas.dot(joint.far, 4.2, ms=3.5, mfc=colour, mec=EDGE, mew=0.9, gid=joint.name)
-        return
-    if joint.type not in SOLIDS:
-        canvas.dot(joint.far, 4.2, ms=6.5, mfc=colour, mec=EDGE, mew=1.2, gid=joint.name)
-        return
-    radius, length, sides = SOLIDS[joint.type]
-    axis = joint.axes[0] if len(joint.axes) else np.array([0.0, 0.0, 1.0])
-    wall, *ends = prism(joint.far, axis, radius * size, length * size, sides)
-    if sides == 4:
-        look = {"inside": ORANGE if joint.driven else LINK, "edge": EDGE, "alpha": 1.0, "lw": 0.8}
-        canvas.faces([*wall, *ends], level=BOXED, gid=joint.name, **look)
-    else:
-        ends.sort(key=lambda end: float(end.mean(axis=0) @ canvas.towards))
-        shade = SHADE[joint.driven]
-        canvas.faces([*wall], inside=shade, edge=shade, level=4.0, alpha=1.0, lw=0.5, gid=joint.name)
-        for end, level in zip(ends, (3.98, 4.02), strict=True):
-            canvas.faces([end], inside=colour, edge=EDGE, level=level, alpha=1.0, lw=0.8)
-    if joint.type == "screw":
-        canvas.line(helix(joint.far, axis, 1.6 * radius * size, length * size), 4.1, color=EDGE, lw=0.9)
-    if joint.type in SLIDING and not joint.grounded:
-        canvas.line(np.stack([joint.near, joint.far]), 3.5, color=GREY, lw=1.6)
-
-
-def draw_ground(canvas: Canvas, joint: Sequence[JointPlace]) -> None:
-    """Draw what is fixed of a joint to the ground, over all poses: a rail, or a pad."""
-    size = canvas.size
-    anchors, travel = fixed_side(joint)
-    if joint[-1].type in SLIDING:
-        axis = joint[-1].axes[0]
-        low, high = min(0.0, *travel) - OVERHANG * size, max(0.0, *travel) + OVERHANG * size
-        start, stop = anchors[0] + low * axis, anchors[0] + high * axis
-        canvas.line(np.stack([start, stop]), 1, color=GREY, lw=2.2, solid_capstyle="butt")
-        below = -across(axis)[1]
-        places = start + np.arange(STROKE * size, high - low, STROKE * size)[:, None] * axis
-        canvas.line(hatched(places, 0.7 * STROKE * size * (below - axis)), 1, color=GREY, lw=0.8)
-        return
-    draw_stand(canvas, anchors[0])
+def draw_rail(canvas: Canvas, ends: np.ndarray) -> None:
+    """Draw a rail, hatched below."""
+    canvas.line(ends, 1, color=GREY, lw=2.2, solid_capstyle="butt")
+    length, stroke = float(np.linalg.norm(ends[1] - ends[0])), STROKE * canvas.size
+    axis = (ends[1] - ends[0]) / length
+    places = ends[0] + np.arange(stroke, length, stroke)[:, None] * axis
+    canvas.line(hatched(places, -0.7 * stroke * (across(axis)[1] + axis)), 1, color=GREY, lw=0.8)
 
 
 def draw_stand(canvas: Canvas, place: np.ndarray) -> None:
@@ -102,22 +48,9 @@ def draw_stand(canvas: Canvas, place: np.ndarray) -> None:
     canvas.line(place + half * lines, 1.02, color=GREY, lw=0.7)
 
 
-def draw_base(canvas: Canvas, joints: Sequence[JointPlace]) -> None:
-    """Draw the plate between three or more joints that stand on ground at one height."""
-    standing = [joint for joint in joints if joint.grounded and joint.type not in SLIDING]
-    if len(standing) < 3:
-        return
-    anchors = np.array([fixed_side([joint])[0][0] for joint in standing])
-    plate = hull(anchors)
-    if np.ptp(anchors[:, 2]) < LEVEL * canvas.size and len(plate[0]) > 2:
-        canvas.faces(plate, PALE, GREY, 0.9, alpha=0.35, lw=0.8)
-
-
-def draw_frame(canvas: Canvas, origin: np.ndarray, directions: np.ndarray) -> None:
-    """Draw a tool's axes: x vermilion, y green, z blue."""
-    for column, colour in ((0, VERMILION), (1, GREEN), (2, BLUE)):
-        arrow = TRIAD * canvas.size * directions[:, column]
-        canvas.axes.quiver(*origin, *arrow, color=colour, lw=1.6, arrow_length_ratio=0.3, zorder=6)
+def draw_arrow(canvas: Canvas, ends: np.ndarray, colour: str) -> None:
+    """Draw an arrow from one point to another."""
+    canvas.axes.quiver(*ends[0], *(ends[1] - ends[0]), color=colour, lw=1.6, arrow_length_ratio=0.3, zorder=6)
 
 
 def finish(canvas: Canvas) -> None:

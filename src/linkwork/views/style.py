@@ -11,24 +11,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from linkwork.errors import LinkworkError
+from linkwork.scene.colours import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW = (
-    "#0072b2",
-    "#e69f00",
-    "#009e73",
-    "#cc79a7",
-    "#56b4e9",
-    "#d55e00",
-    "#f0e442",
-)
-INK, GREY, PALE = "#1f2933", "#7b8794", "#d5dbe1"
-EDGE, LINK, PLATE = INK, "#aab4be", "#8fc1e3"  # of bodies: their edges, bars, plates
-COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, INK)
-"""The colours of Okabe and Ito (2008), the darker ones first."""
+COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, INK)  # of curves, the darker ones first
 DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
 
 STYLE: dict[Any, Any] = {

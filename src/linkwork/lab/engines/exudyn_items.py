@@ -32,7 +32,7 @@ Seat = tuple[Any, np.ndarray]  # Exudyn's number of a body, and the pose of our 
 
 
 @dataclass(frozen=True)
-class Scene:
+class BuiltSystem:
     """Hold a system while it is being built.
 
     Attributes:
@@ -60,7 +60,7 @@ def scene(
     rates: np.ndarray,
     rows: Mapping[str, tuple[int, ...]],
     forces: Forces,
-) -> Scene:
+) -> BuiltSystem:
     """Return a mechanism at a state with all but its sensors.
 
     Args:
@@ -73,7 +73,7 @@ def scene(
     system = exu.SystemContainer().AddSystem()
     seats = bodies(system, mechanism, tree, start)
     edges = {name: edge(name, joint) for name, joint in mechanism.pairs.items()}
-    built = Scene(
+    built = BuiltSystem(
         system=system,
         mechanism=mechanism,
         positions=dict(zip(mechanism.coordinates, positions, strict=True)),
@@ -139,7 +139,7 @@ def marker(system: Any, seat: Seat, frame: np.ndarray) -> Any:
     )
 
 
-def sensors(built: Scene, names: tuple[str, ...]) -> list[list[Any]]:
+def sensors(built: BuiltSystem, names: tuple[str, ...]) -> list[list[Any]]:
     """Add sensors for pose, twist and its derivative at these bodies' origins."""
     kinds = exu.OutputVariableType
     pose, twist = (kinds.Position, kinds.RotationMatrix), (kinds.AngularVelocity, kinds.Velocity)
@@ -160,7 +160,7 @@ def sensors(built: Scene, names: tuple[str, ...]) -> list[list[Any]]:
     return [[sensor(name, kind) for kind in wanted] for name in names]
 
 
-def recorded(built: Scene, names: tuple[str, ...], numbers: list[list[Any]]) -> BodyMotion:
+def recorded(built: BuiltSystem, names: tuple[str, ...], numbers: list[list[Any]]) -> BodyMotion:
     """Return the recorded motion of these bodies."""
     data = built.system.GetSensorStoredData
     table = np.stack([np.hstack([data(number)[:, 1:] for number in own]) for own in numbers], axis=1)
@@ -175,7 +175,7 @@ def recorded(built: Scene, names: tuple[str, ...], numbers: list[list[Any]]) -> 
 # Joints
 
 
-def add_joint(built: Scene, item: Edge, rows: tuple[int, ...]) -> None:
+def add_joint(built: BuiltSystem, item: Edge, rows: tuple[int, ...]) -> None:
     """Hold these rows of a joint."""
     system, markers = built.system, list(built.markers[item.joint])
     if item.kind == "rod":
@@ -192,19 +192,19 @@ def add_joint(built: Scene, item: Edge, rows: tuple[int, ...]) -> None:
         tie(built, slide_marker(built, item), turn_marker(built, item), item.size, 0.0)
 
 
-def tie(built: Scene, first: Any, second: Any, factor: float, offset: float) -> None:
+def tie(built: BuiltSystem, first: Any, second: Any, factor: float, offset: float) -> None:
     """Keep the first coordinate at `factor` times the second plus `offset`."""
     built.system.AddObject(items.CoordinateConstraint(markerNumbers=[first, second], factor1=factor, offset=-offset))
 
 
-def add_gear(built: Scene, gear: GearJoint) -> None:
+def add_gear(built: BuiltSystem, gear: GearJoint) -> None:
     """Couple two joint coordinates: a = (offset - r_b b) / r_a."""
     (a, r_a), (b, r_b) = ((label, ratio) for label, ratio in gear.ratios.items() if ratio)
     owner = {label: item for item in built.edges.values() for step in item.steps for label in step.coordinates}
     tie(built, coordinate_marker(built, owner[a]), coordinate_marker(built, owner[b]), -r_b / r_a, gear.offset / r_a)
 
 
-def add_rotor(built: Scene, item: Edge, inertia: float) -> None:
+def add_rotor(built: BuiltSystem, item: Edge, inertia: float) -> None:
     """Add a mass of one freedom that moves with a joint's coordinate."""
     system, label = built.system, item.steps[0].coordinates[0]
     node = system.AddNode(
@@ -215,24 +215,24 @@ def add_rotor(built: Scene, item: Edge, inertia: float) -> None:
     tie(built, own, coordinate_marker(built, item), 1.0, 0.0)
 
 
-def coordinate_marker(built: Scene, item: Edge) -> Any:
+def coordinate_marker(built: BuiltSystem, item: Edge) -> Any:
     """Add a marker of the coordinate of a joint of one freedom."""
     return slide_marker(built, item) if item.kind == "prismatic" else turn_marker(built, item)
 
 
-def slide_marker(built: Scene, item: Edge) -> Any:
+def slide_marker(built: BuiltSystem, item: Edge) -> Any:
     """Add a marker of the distance along a joint's axis."""
     return built.system.AddMarker(items.MarkerBodiesRelativeTranslationCoordinate(**between(built, item)))
 
 
-def turn_marker(built: Scene, item: Edge) -> Any:
+def turn_marker(built: BuiltSystem, item: Edge) -> Any:
     """Add a marker of the angle about a joint's axis, whole turns included."""
     return built.system.AddMarker(
         items.MarkerBodiesRelativeRotationCoordinate(nodeNumber=turns(built, item), **between(built, item))
     )
 
 
-def between(built: Scene, item: Edge) -> dict[str, Any]:
+def between(built: BuiltSystem, item: Edge) -> dict[str, Any]:
     """Return the fields of markers between a joint's bodies, about or along its axis."""
     numbers, poses = zip(*(built.seats[body] for body in item.bodies), strict=True)
     near, far = (pose @ frame for pose, frame in zip(poses, item.frames, strict=True))
@@ -244,7 +244,7 @@ def between(built: Scene, item: Edge) -> dict[str, Any]:
     }
 
 
-def turns(built: Scene, item: Edge) -> Any:
+def turns(built: BuiltSystem, item: Edge) -> Any:
     """Add a node that remembers a joint's last angle, so that whole turns count."""
     angle = built.positions[item.steps[0].coordinates[0]]
     return built.system.AddNode(items.NodeGenericData(initialCoordinates=[angle], numberOfDataCoordinates=1))
@@ -253,7 +253,7 @@ def turns(built: Scene, item: Edge) -> Any:
 # Forces
 
 
-def add_joint_forces(built: Scene, item: Edge, step: Step, friction: Friction, spring: Spring) -> None:
+def add_joint_forces(built: BuiltSystem, item: Edge, step: Step, friction: Friction, spring: Spring) -> None:
     """Add the spring, damper and friction of a freedom."""
     damping = friction.viscous + spring.damping
     if not (spring.stiffness or damping or friction.coulomb):
@@ -300,7 +300,7 @@ def smoothed(friction: Friction, square: float) -> float:
     return friction.coulomb / np.sqrt(square + friction.coulomb_rate**2)
 
 
-def add_point_spring(built: Scene, spring: PointSpring) -> None:
+def add_point_spring(built: BuiltSystem, spring: PointSpring) -> None:
     """Add a spring and damper between two points."""
     ends = []
     for body, point in zip(spring.connects, spring.points, strict=True):
@@ -317,7 +317,7 @@ def add_point_spring(built: Scene, spring: PointSpring) -> None:
     )
 
 
-def add_actuators(built: Scene, forces: Forces) -> None:
+def add_actuators(built: BuiltSystem, forces: Forces) -> None:
     """Add for each actuator a pair of loads on the two bodies, in the axes of the joint's first frame."""
     asked = lru_cache(maxsize=1)(forces) if callable(forces) else forces
     for place, name in enumerate(built.mechanism.actuators):

@@ -1,6 +1,6 @@
 "use strict";
 // Plays the films of a page. A film's data: points in 1/10000 of its size about its middle, one list for each frame;
-// parts [kind, indices of points, colour, width, corners of a solid in the frame of its points]; fixed polylines. Seen from (elevation, azimuth); depth orders the parts.
+// parts [kind, indices of points, colour, width, corners of a solid or box in the frame of its points]; fixed polylines. Seen from (elevation, azimuth); depth orders the parts.
 for (const box of document.querySelectorAll(".film")) {
   const film = JSON.parse(box.querySelector("script").textContent);
   const canvas = box.querySelector("canvas"), pen = canvas.getContext("2d");
@@ -90,11 +90,13 @@ for (const box of document.querySelectorAll(".film")) {
       [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [colour, "#1f2933", 1.5];
       pen.fill(); pen.stroke();
     },
-    ground(line, colour) { stroke([...line, line[0]], colour, 1); pen.fillStyle = colour; pen.fill(); },
-    pad([[x, y]], colour, width) { pen.fillStyle = colour; pen.fillRect(x - width, y - width, 2 * width, 2 * width); },
-    box([[x, y]], colour, width) {
-      [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [colour, "#1f2933", 1.5];
-      for (const paint of ["fillRect", "strokeRect"]) pen[paint](x - 1.4 * width, y - 1.4 * width, 2.8 * width, 2.8 * width);
+    box(spots, colour, width) { draw.solid(spots, colour, width); },
+    ground(spots, colour) {
+      const line = outline(spots);
+      stroke([...line, line[0]], "#7b8794", 0.8);
+      [pen.fillStyle, pen.globalAlpha] = [colour, 0.5];
+      pen.fill();
+      pen.globalAlpha = 1;
     },
   };
 

@@ -3,7 +3,7 @@
 `session` is what happens, without a browser; `stage` and `panels` show it by viser, the optional extra `viewer`.
 """
 
-from linkwork.views.viewer.session import Session, View
-from linkwork.views.viewer.viewer import Viewer
+from linkwork.viewer.session import Session, View
+from linkwork.viewer.viewer import Viewer
 
 __all__ = ["Session", "View", "Viewer"]

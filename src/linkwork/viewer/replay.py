@@ -14,7 +14,7 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 from linkwork.simulation.run import Variable
-from linkwork.views.viewer.pursuit import Pursuit
+from linkwork.viewer.pursuit import Pursuit
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ from linkwork.equations.reference import unit
 from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import Assembler
-from linkwork.views.viewer.bounds import Bound, bounds_of
-from linkwork.views.viewer.goals import Goal, JointGoal, Outputs, ToolGoal
+from linkwork.viewer.bounds import Bound, bounds_of
+from linkwork.viewer.goals import HandGoal, JointGoal, Outputs, ToolGoal
 
 CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robot's size
 CLOSING, HALVED = 12, 0.5  # Newton steps that close the loops; part of the gap that each has to leave at most
@@ -117,7 +117,7 @@ class Pursuit:
 
     # Pursuit
 
-    def step(self, state: State, goal: Goal, pieces: int = PIECES) -> Reached:
+    def step(self, state: State, goal: HandGoal, pieces: int = PIECES) -> Reached:
         """Walk some pieces of the way to a goal.
 
         Args:
@@ -143,7 +143,7 @@ class Pursuit:
                 return Reached(self.at(q), False, self.obstacle(out, goal, held))
         return Reached(self.at(q), off(out, goal) <= ARRIVED * self.size)
 
-    def lead(self, state: State, goal: Goal, steps: int = 200) -> Reached:
+    def lead(self, state: State, goal: HandGoal, steps: int = 200) -> Reached:
         """Walk the whole way to a goal, as far as there is one."""
         reached = Reached(state, False)
         for _ in range(steps):
@@ -155,7 +155,7 @@ class Pursuit:
     def at(self, q: np.ndarray) -> State:
         return self.robot.make_state(q, np.zeros(self.robot.mobility))
 
-    def piece(self, q: np.ndarray, out: Outputs, goal: Goal, part: float) -> tuple[np.ndarray, Outputs, Held]:
+    def piece(self, q: np.ndarray, out: Outputs, goal: HandGoal, part: float) -> tuple[np.ndarray, Outputs, Held]:
         """Walk one piece; return q, the outputs there, and the limits that were kept."""
         aim, held = goal.towards(out, part), Held()
         for _ in range(1 + len(self.bounds)):
@@ -180,7 +180,7 @@ class Pursuit:
                 found.append((bound, kept))
         return found
 
-    def nearest(self, q: np.ndarray, out: Outputs, aim: Goal, held: Held) -> tuple[np.ndarray, Outputs]:
+    def nearest(self, q: np.ndarray, out: Outputs, aim: HandGoal, held: Held) -> tuple[np.ndarray, Outputs]:
         """Return q nearest to an aim with the loops closed and limits kept, and the outputs there."""
         e, J = aim.rows(out)
         damping, fresh, H_inverse, N = FIRST_DAMPING, True, np.empty(0), np.empty(0)
@@ -256,7 +256,7 @@ class Pursuit:
 
     # Obstacles
 
-    def obstacle(self, out: Outputs, goal: Goal, held: Held) -> str:
+    def obstacle(self, out: Outputs, goal: HandGoal, held: Held) -> str:
         """Say what keeps the robot from a goal: limits, joints that are stretched or folded, or too few freedoms.
 
         Where the goal has as many rows as there are freedoms, no way on means that J N is singular; its null space are
@@ -277,7 +277,7 @@ class Pursuit:
         return f"the edge of the workspace: stretched out or folded at {listed(names)}"
 
 
-def off(out: Outputs, goal: Goal) -> float:
+def off(out: Outputs, goal: HandGoal) -> float:
     """Return the distance from a goal [m]."""
     return float(np.linalg.norm(goal.rows(out)[0]))
 

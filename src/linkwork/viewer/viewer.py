@@ -16,9 +16,9 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
-from linkwork.views.viewer.door import LOOPBACK, serve
-from linkwork.views.viewer.mailbox import Mailbox
-from linkwork.views.viewer.session import Session
+from linkwork.viewer.door import LOOPBACK, serve
+from linkwork.viewer.mailbox import Mailbox
+from linkwork.viewer.session import Session
 
 FRAME, IDLE = 1 / 30, 0.25  # between two pictures, and how long to wait for a wish while nothing moves [s]
 LONGEST = 0.2  # time that may pass in one picture [s]
@@ -63,14 +63,14 @@ class Viewer:
         self._thread.start()
 
     def _build(self, run: Run | None) -> None:
-        from linkwork.views.viewer.panels import Panels
-        from linkwork.views.viewer.stage import Stage
+        from linkwork.viewer.panels import Panels
+        from linkwork.viewer.stage import BrowserStage
 
         session = self.session
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self.server.gui.set_panel_label("Linkwork")
         self.server.gui.main_panel.dock_right()
-        self.stage = Stage(self.server, session)
+        self.stage = BrowserStage(self.server, session)
         self.panels = Panels(self.server, self)
         if run is not None:
             self.panels.show_run(run)
@@ -108,7 +108,7 @@ class Viewer:
         self.post(lambda: self._work(f"looking for all configurations with the same {same}", self._branches_of(same)))
 
     def _branches_of(self, same: str) -> Callable[[], Callable[[], None]]:
-        from linkwork.views.viewer.branches import branches
+        from linkwork.viewer.branches import branches
 
         robot, state = self.session.robot, self.session.state
 
@@ -132,7 +132,7 @@ class Viewer:
         self.post(lambda: self._work("simulating", self._run_of(controller, forces, duration)))
 
     def _run_of(self, controller: str, forces: dict[str, float], duration: float) -> Callable[[], Callable[[], None]]:
-        from linkwork.views.viewer.simulating import simulate
+        from linkwork.viewer.simulating import simulate
 
         robot, state = self.session.robot, self.session.state.with_rates(np.zeros(self.session.robot.mobility))
 

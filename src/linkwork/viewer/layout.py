@@ -12,7 +12,7 @@ import numpy as np
 
 from linkwork.mechanism import GROUND
 from linkwork.robot import Robot, State
-from linkwork.views.viewer.parts import Part, Parts
+from linkwork.viewer.fixtures import Fixture, Fixtures
 
 SHORTEST = 1e-9  # length of a span that still has a direction [m]
 
@@ -26,10 +26,10 @@ class Placement:
     scales: np.ndarray
 
 
-class Scene:
+class Layout:
     """Place the parts of one robot; `moving`: which of them (k) move at all."""
 
-    def __init__(self, robot: Robot, parts: Parts):
+    def __init__(self, robot: Robot, parts: Fixtures):
         self.robot, self.spans = robot, parts.spans
         names = (GROUND, *robot.bodies)
         carriers = {name: k for k, name in enumerate(names)}
@@ -65,7 +65,7 @@ class Scene:
         )
 
 
-def of_mesh(parts: Sequence[Part], chosen: np.ndarray) -> list[np.ndarray]:
+def of_mesh(parts: Sequence[Fixture], chosen: np.ndarray) -> list[np.ndarray]:
     """Return the numbers of the chosen parts (k), in groups of one mesh."""
     groups: dict[int, list[int]] = {}
     for k in np.flatnonzero(chosen).tolist():

@@ -1,4 +1,4 @@
-"""Points of simple shapes: convex hulls, arcs, springs, prisms, circles."""
+"""Points of simple curves and outlines: convex hulls, arcs, springs, threads."""
 
 from __future__ import annotations
 
@@ -67,14 +67,3 @@ def helix(centre: np.ndarray, axis: np.ndarray, radius: float, length: float) ->
     t = np.linspace(-1, 1, TURNS * PER_TURN + 1)[:, None]
     angle = np.pi * TURNS * t
     return centre + length / 2 * t * axis + radius * (np.cos(angle) * e + np.sin(angle) * f)
-
-
-def prism(
-    centre: np.ndarray, axis: np.ndarray, radius: float, length: float, sides: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the faces of a regular prism along an axis: its sides (sides, 4, 3), its lower and its upper end (sides, 3)."""
-    e, f = across(axis)
-    angles = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    ring = centre + radius * (np.cos(angles)[:, None] * e + np.sin(angles)[:, None] * f)
-    low, high = ring - length / 2 * axis, ring + length / 2 * axis
-    return np.stack([low, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0), high], axis=1), low, high

@@ -11,23 +11,15 @@ import viser
 
 from linkwork.mechanism import GROUND
 from linkwork.robot import Robot
-from linkwork.views.style import GREEN, GREY, INK, LINK, ORANGE, PALE, PLATE
-from linkwork.views.viewer.arrows import Drawn
-from linkwork.views.viewer.conditioning import colour, rgb
-from linkwork.views.viewer.parts import Part, Role
-from linkwork.views.viewer.scene import Placement, of_mesh, quaternions, turned_by
-from linkwork.views.viewer.session import Session
+from linkwork.scene.colours import GREEN, rgb
+from linkwork.viewer.arrows import ArrowLines
+from linkwork.viewer.conditioning import colour
+from linkwork.viewer.fixtures import Fixture
+from linkwork.viewer.layout import Placement, of_mesh, quaternions, turned_by
+from linkwork.viewer.session import Session
 
-COLOURS: dict[Role, tuple[int, int, int]] = {
-    "member": rgb(LINK),
-    "shell": rgb(PLATE),
-    "joint": rgb(GREY),
-    "driven": rgb(ORANGE),
-    "ground": rgb(PALE),
-    "mass": rgb(INK),
-    "rod": rgb("#5d6b78"),
-}
 ARROWS = {"actuator forces": rgb("#b35900"), "joint reactions": rgb("#a3437f"), "velocities": rgb(GREEN)}
+BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
 SHELL = 0.55  # opacity of solids that would hide joints
 SHAFT, HEAD, HEAD_LENGTH = 0.006, 0.016, 0.04  # radii and length of arrows, relative to the mechanism
 ARC = 0.008  # thickness of arcs
@@ -55,12 +47,12 @@ class Batch:
     stretched: bool
 
 
-class Stage:
+class BrowserStage:
     """Show one robot in the scene of a server."""
 
     def __init__(self, server: viser.ViserServer, session: Session):
         self.server, self.robot, self.parts = server, session.robot, session.parts
-        moving, placement = session.scene.moving, session.scene.place(session.state)
+        moving, placement = session.layout.moving, session.layout.place(session.state)
         self.batches = [self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)]
         for group in of_mesh(self.parts.parts, ~moving):
             self._add_batch(group, placement)
@@ -75,8 +67,8 @@ class Stage:
         """Add parts of one mesh, by their numbers, as one node."""
         parts = [self.parts.parts[k] for k in group]
         tools = [tool.body for tool in self.robot.mechanism.tools.values()][:1] or list(self.robot.bodies)
-        colours = np.array([colour_of(part) for part in parts], np.uint8)
-        coloured = np.array([part.role in ("member", "shell") and part.carrier in tools for part in parts])
+        colours = np.array([rgb(part.colour) for part in parts], np.uint8)
+        coloured = np.array([part.role in BODILY and part.carrier in tools for part in parts])
         name = "ground" if parts[0].carrier == GROUND else "robot"
         node = self.server.scene.add_batched_meshes_simple(
             f"/{name}/{group[0]}",
@@ -157,7 +149,7 @@ class Stage:
                 colours[batch.coloured] = colours[batch.coloured] if shade is None else shade
                 batch.node.batched_colors = colours
 
-    def draw(self, arrows: Mapping[str, Drawn]) -> None:
+    def draw(self, arrows: Mapping[str, ArrowLines]) -> None:
         """Show these arrows, by kind, and no others."""
         for kind in [kind for kind in self.arrows if kind not in arrows]:
             for node in self.arrows.pop(kind):
@@ -188,7 +180,7 @@ class Stage:
         return nodes, arcs
 
 
-def lowest(parts: Sequence[Part], placement: Placement) -> float:
+def lowest(parts: Sequence[Fixture], placement: Placement) -> float:
     """Return the height [m] of the lowest point of parts."""
     return min(
         float((position + turned_by(turn[None], part.mesh.vertices * scale))[:, 2].min())
@@ -196,14 +188,6 @@ def lowest(parts: Sequence[Part], placement: Placement) -> float:
             parts, placement.positions, placement.turns, placement.scales, strict=True
         )
     )
-
-
-def colour_of(part: Part) -> tuple[int, int, int]:
-    """Return the colour of a part, or else of its role."""
-    if part.colour is None:
-        return COLOURS[part.role]
-    red, green, blue = (round(255 * value) for value in part.colour)
-    return red, green, blue
 
 
 def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:

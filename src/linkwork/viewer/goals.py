@@ -17,7 +17,7 @@ from linkwork.equations.algebra import wrapped
 Outputs = Mapping[str, np.ndarray]
 
 
-class Goal(Protocol):
+class HandGoal(Protocol):
     """Measure how far configurations are from what is wanted, by the outputs of `functions.assembly`."""
 
     @property
@@ -29,7 +29,7 @@ class Goal(Protocol):
         """Return the error e (k) [m] and its Jacobian (k, nv)."""
         ...
 
-    def towards(self, out: Outputs, part: float) -> Goal:
+    def towards(self, out: Outputs, part: float) -> HandGoal:
         """Return the goal that lies on the way from a configuration to this one, at a part of it from 0 to 1."""
         ...
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.views.style import BLUE, VERMILION, YELLOW
-from linkwork.views.viewer.goals import Outputs
-from linkwork.views.viewer.pursuit import Pursuit, inverse
+from linkwork.scene.colours import BLUE, VERMILION, YELLOW, rgb
+from linkwork.viewer.goals import Outputs
+from linkwork.viewer.pursuit import Pursuit, inverse
 
 WORST, BEST = 1e-3, 0.5  # that are told apart by colour
 SMALL = 1e-12
@@ -42,8 +42,3 @@ def colour(value: float) -> tuple[int, int, int]:
     stops = np.array([rgb(VERMILION), rgb(YELLOW), rgb(BLUE)], float)
     red, green, blue = (round(float(np.interp(t, (0, 0.5, 1), stops[:, k]))) for k in range(3))
     return red, green, blue
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Return red, green, blue (0 to 255) of a colour such as '#0072b2'."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

@@ -16,14 +16,14 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
-from linkwork.views.viewer.arrows import NOTHING, Drawn, Field, Vectors, drawn
-from linkwork.views.viewer.conditioning import conditioning
-from linkwork.views.viewer.goals import Goal
-from linkwork.views.viewer.parts import Parts, parts_of
-from linkwork.views.viewer.player import Player
-from linkwork.views.viewer.pursuit import Pursuit
-from linkwork.views.viewer.replay import Replay, replay_of
-from linkwork.views.viewer.scene import Placement, Scene
+from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
+from linkwork.viewer.conditioning import conditioning
+from linkwork.viewer.fixtures import Fixtures, fixtures_of
+from linkwork.viewer.goals import HandGoal
+from linkwork.viewer.layout import Layout, Placement
+from linkwork.viewer.player import Player
+from linkwork.viewer.pursuit import Pursuit
+from linkwork.viewer.replay import Replay, replay_of
 
 KINDS = ("actuator forces", "joint reactions", "velocities")
 SAMPLED = 25  # states of a run at which the largest reactions and velocities are looked for
@@ -41,7 +41,7 @@ class View:
 
     placement: Placement
     tool: tuple[np.ndarray, np.ndarray] | None
-    arrows: Mapping[str, Drawn]
+    arrows: Mapping[str, ArrowLines]
     conditioning: float
     closure: float
     coordinates: Mapping[str, float]
@@ -61,7 +61,7 @@ class Session:
 
     robot: Robot
     state: State = field(init=False)
-    goal: Goal | None = None
+    goal: HandGoal | None = None
     replay: Replay | None = None
     player: Player = field(default_factory=Player)
     following: bool = False
@@ -75,20 +75,20 @@ class Session:
     # What never changes
 
     @cached_property
-    def parts(self) -> Parts:
-        return parts_of(self.robot)
+    def parts(self) -> Fixtures:
+        return fixtures_of(self.robot)
 
     @cached_property
-    def scene(self) -> Scene:
-        return Scene(self.robot, self.parts)
+    def layout(self) -> Layout:
+        return Layout(self.robot, self.parts)
 
     @cached_property
     def pursuit(self) -> Pursuit:
         return Pursuit(self.robot, self.parts.size)
 
     @cached_property
-    def vectors(self) -> Field:
-        return Field.of(self.robot, self.parts.size)
+    def vectors(self) -> ArrowField:
+        return ArrowField.of(self.robot, self.parts.size)
 
     @cached_property
     def sliders(self) -> dict[str, tuple[float, float]]:
@@ -212,7 +212,7 @@ class Session:
         tool = (out["position"], out["orientation"].reshape(3, 3)) if robot.mechanism.tools else None
         u = self.forces()
         return View(
-            placement=self.scene.place(state),
+            placement=self.layout.place(state),
             tool=tool,
             arrows={kind: self.arrows(kind, u) for kind in KINDS if kind in self.shown},
             conditioning=conditioning(self.pursuit, out),
@@ -234,13 +234,13 @@ class Session:
         except LinkworkError:
             return None
 
-    def arrows(self, kind: str, u: np.ndarray | None) -> Drawn:
+    def arrows(self, kind: str, u: np.ndarray | None) -> ArrowLines:
         """Return the arrows of one kind, the largest of the run (or, while posing, of the pose) drawn in full."""
         vectors = self.of_kind(kind, self.state, u)
         largest = self.largest[kind] if self.following else vectors.largest()
         return drawn(vectors, largest, self.parts.size)
 
-    def of_kind(self, kind: str, state: State, u: np.ndarray | None) -> Vectors:
+    def of_kind(self, kind: str, state: State, u: np.ndarray | None) -> Arrows:
         """Return the vectors of one kind; none where they are not defined (a singular configuration)."""
         try:
             if kind == "velocities":

@@ -13,19 +13,19 @@ from itertools import pairwise
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
+from linkwork.equations.joints import KINDS
 from linkwork.mechanism import GROUND, PairJoint
-from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
-from linkwork.views.shapes import across
+from linkwork.scene.curves import across
+from linkwork.scene.skeleton import after_turns
 
 LONGEST = 0.28  # arrow, relative to the mechanism
 RADIUS, FULL_ARC, STEPS = 0.06, 1.5 * np.pi, 24  # of arcs: radius relative to the mechanism, angle, pieces
 LEAST = 0.02  # part of the largest below which nothing is drawn
-COORDINATE_AXES = {"x": 0, "y": 1, "z": 2, "wx": 0, "wy": 1, "wz": 2}
 
 
 @dataclass(frozen=True, eq=False)
-class Vectors:
+class Arrows:
     """Hold vectors (k, 3) in the ground's axes at places (k, 3) [m], and which of them are moments or turn (k)."""
 
     places: np.ndarray
@@ -33,7 +33,7 @@ class Vectors:
     turning: np.ndarray
 
     @classmethod
-    def of(cls, rows: Iterable[tuple[np.ndarray, np.ndarray, bool]]) -> Vectors:
+    def of(cls, rows: Iterable[tuple[np.ndarray, np.ndarray, bool]]) -> Arrows:
         found = list(rows)
         places, values = (np.array([row[k] for row in found], float).reshape(-1, 3) for k in (0, 1))
         return cls(places, values, np.array([row[2] for row in found], bool))
@@ -44,18 +44,18 @@ class Vectors:
         return float(sizes[~self.turning].max(initial=0.0)), float(sizes[self.turning].max(initial=0.0))
 
 
-NOTHING = Vectors.of(())
+NOTHING = Arrows.of(())
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class ArrowLines:
     """Hold what is drawn: arrows (k, 2, 3) from start to tip, and segments of arcs (k, 2, 3) [m]."""
 
     arrows: np.ndarray
     arcs: np.ndarray
 
 
-def drawn(vectors: Vectors, largest: tuple[float, float], size: float) -> Drawn:
+def drawn(vectors: Arrows, largest: tuple[float, float], size: float) -> ArrowLines:
     """Return the arrows and arcs of vectors; `largest` are the magnitudes that are drawn in full."""
     arrows, arcs = [], []
     for place, value, turning in zip(vectors.places, vectors.values, vectors.turning, strict=True):
@@ -69,7 +69,7 @@ def drawn(vectors: Vectors, largest: tuple[float, float], size: float) -> Drawn:
             arrows.append((points[-2], points[-2] + 0.6 * RADIUS * size * unit(points[-1] - points[-2])))
         else:
             arrows.append((place, place + min(part, 1.0) * LONGEST * size * direction))
-    return Drawn(np.array(arrows).reshape(-1, 2, 3), np.array(arcs).reshape(-1, 2, 3))
+    return ArrowLines(np.array(arrows).reshape(-1, 2, 3), np.array(arcs).reshape(-1, 2, 3))
 
 
 def arc_about(place: np.ndarray, axis: np.ndarray, radius: float, angle: float) -> np.ndarray:
@@ -101,22 +101,18 @@ def actuators_of(robot: Robot) -> tuple[Actuator, ...]:
 
 
 def actuator(label: str, name: str, joint: PairJoint) -> Actuator:
-    freedom = label.removeprefix(name).removeprefix(".") or joint.freedoms[0]
+    """Place a rate by the motion that it belongs to; those of a free turn are about the axes of the first frame."""
+    motions = after_turns(KINDS[joint.type].motions(joint))
+    rates = [(motion, turned, k) for motion, turned in motions for k in range(motion.rates)]
+    motion, turned, k = rates[joint.rates(name).index(label)]
+    own = np.eye(3)[k] if motion.ball else motion.turn if motion.turns else motion.slide
     inner, outer = joint.frames
-    side = 1 if freedom == "angle_2" else 0
-    if freedom in COORDINATE_AXES:
-        own = np.eye(3)[COORDINATE_AXES[freedom]]
-    elif joint.type == "universal":
-        own = np.array(joint.axes[side])  # pyright: ignore[reportAttributeAccessIssue]
-    else:
-        own = np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)))
-    axis = rotation_matrix((inner, outer)[side].rotation) @ own
-    point = np.array(outer.position)
-    return Actuator(joint.connects[side], axis, joint.connects[1], point, freedom not in SLIDES)
+    axis = rotation_matrix((inner, outer)[turned].rotation) @ own
+    return Actuator(joint.connects[turned], axis, joint.connects[1], np.array(outer.position), motion.turns)
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class ArrowField:
     """Give the vectors of one robot in its states; `size`: largest extent of the mechanism [m]."""
 
     robot: Robot
@@ -124,13 +120,13 @@ class Field:
     actuators: tuple[Actuator, ...] = field(default=())
 
     @classmethod
-    def of(cls, robot: Robot, size: float) -> Field:
+    def of(cls, robot: Robot, size: float) -> ArrowField:
         return cls(robot, size, actuators_of(robot))
 
     def poses(self, state: State) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
         return {GROUND: (np.zeros(3), np.eye(3)), **self.robot.body_poses(state)}
 
-    def forces(self, state: State, u: np.ndarray) -> Vectors:
+    def forces(self, state: State, u: np.ndarray) -> Arrows:
         """Return the actuators' forces and moments u (actuators) [N, N m] on the outer bodies."""
         poses = self.poses(state)
 
@@ -139,9 +135,9 @@ class Field:
                 origin, R = poses[acting.body]
                 yield origin + R @ acting.point, value * (poses[acting.axis_body][1] @ acting.axis), acting.turning
 
-        return Vectors.of(rows())
+        return Arrows.of(rows())
 
-    def reactions(self, state: State, u: np.ndarray) -> Vectors:
+    def reactions(self, state: State, u: np.ndarray) -> Arrows:
         """Return the forces [N] that joints exert on their second bodies under actuator forces u."""
         poses, found = self.poses(state), self.robot.reactions(state, u)
         pairs = self.robot.mechanism.pairs
@@ -152,9 +148,9 @@ class Field:
                 origin, R = poses[joint.connects[0]]
                 yield origin + R @ np.array(joint.frames[0].position), found[name][3:], False
 
-        return Vectors.of(rows())
+        return Arrows.of(rows())
 
-    def velocities(self, state: State) -> Vectors:
+    def velocities(self, state: State) -> Arrows:
         """Return the velocities [m/s] of the bodies' mass centres and of the tool."""
         poses, robot = self.robot.body_poses(state), self.robot
 
@@ -172,4 +168,4 @@ class Field:
                 centre = origin + R @ np.array(robot.mechanism.bodies[tool.body].centre_of_mass)
                 yield place, twists[k, 3:] + np.cross(twists[k, :3], place - centre), False
 
-        return Vectors.of(rows())
+        return Arrows.of(rows())

@@ -18,25 +18,26 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Sphere,
 )
-from linkwork.views.solids import solid_of
-from linkwork.views.viewer.parts import Part, Span, parts_of
-from linkwork.views.viewer.pursuit import Pursuit
-from linkwork.views.viewer.scene import Scene, of_mesh, product, quaternions, turned_by
-from linkwork.views.viewer.stage import COLOURS, colour_of, lowest
+from linkwork.scene.colours import LOOKS, rgb
+from linkwork.scene.meshes import piece_of
+from linkwork.viewer.fixtures import Fixture, Stretch, fixtures_of
+from linkwork.viewer.layout import Layout, of_mesh, product, quaternions, turned_by
+from linkwork.viewer.pursuit import Pursuit
+from linkwork.viewer.stage import lowest
 
 SOME = ("stewart", "prr3", "delta", "andrews", "bennett", "flyball_governor", "agile_wrist", "rpr3")
 
 
 def elsewhere(robot: Robot):
     """Return another closed state, not far from home."""
-    pursuit = Pursuit(robot, parts_of(robot).size)
+    pursuit = Pursuit(robot, fixtures_of(robot).size)
     rates = np.random.default_rng(5).standard_normal(robot.mobility)
     w = robot.chart.tree_rates(robot.home.q, rates)
     out = pursuit.assembler.still(robot.home.q)
     return pursuit.at(pursuit.close(robot.home.q + out["derivatives"] @ (0.05 * w / np.abs(w).max())))
 
 
-def seen(part: Part, position, turn, scale) -> np.ndarray:
+def seen(part: Fixture, position, turn, scale) -> np.ndarray:
     """Return the vertices of a part where a placement puts it."""
     points = part.mesh.vertices * scale
     return position + turned_by(np.repeat(turn[None], len(points), axis=0), points)
@@ -45,10 +46,10 @@ def seen(part: Part, position, turn, scale) -> np.ndarray:
 @pytest.mark.parametrize("name", SOME)
 def test_parts_move_with_their_bodies(name):
     robot = Robot(getattr(robots, name)())
-    parts = parts_of(robot)
+    parts = fixtures_of(robot)
     state = elsewhere(robot)
     poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
-    placement = Scene(robot, parts).place(state)
+    placement = Layout(robot, parts).place(state)
     for k, part in enumerate(parts.parts):
         vertices = seen(part, placement.positions[k], placement.turns[k], placement.scales[k])
         if isinstance(part.carrier, str):
@@ -62,14 +63,14 @@ def test_parts_move_with_their_bodies(name):
             assert along.max() == pytest.approx(part.scale[2], rel=1e-12)
 
 
-def ends(span: Span, which: int, poses) -> np.ndarray:
+def ends(span: Stretch, which: int, poses) -> np.ndarray:
     p, R = poses[span.bodies[which]]
     return p + R @ span.points[which]
 
 
 def test_the_legs_of_a_hexapod_end_at_its_joints():
     robot = Robot(robots.stewart())
-    state, parts = elsewhere(robot), parts_of(robot)
+    state, parts = elsewhere(robot), fixtures_of(robot)
     poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
     lengths = [np.linalg.norm(ends(span, 1, poses) - ends(span, 0, poses)) for span in parts.spans]
     assert lengths == pytest.approx([float(state[name]) for name in robot.actuators], abs=1e-12)
@@ -81,14 +82,14 @@ def test_every_robot_has_something_to_show(name):
         robot = Robot(getattr(robots, name)())
     except TypeError:
         pytest.skip(f"{name} needs arguments")
-    parts = parts_of(robot)
+    parts = fixtures_of(robot)
     shown = {part.carrier for part in parts.parts}
     assert len(shown) > 1
     assert all(part.mesh.volume > 0 and (part.scale > 0).all() for part in parts.parts)
 
 
 def test_groups_of_one_mesh_hold_each_chosen_part_once():
-    parts = parts_of(Robot(robots.prr3())).parts
+    parts = fixtures_of(Robot(robots.prr3())).parts
     chosen = np.arange(len(parts)) % 2 == 0
     groups = of_mesh(parts, chosen)
     assert sorted(np.concatenate(groups)) == list(np.flatnonzero(chosen))
@@ -120,15 +121,15 @@ def test_shapes_are_shown_instead_of_bars_and_enclose_what_pictures_show():
     body = Body(mass=1.0, centre_of_mass=(0.5, 0.0, 0.0), shapes=shapes)
     joints = {"hinge": RevoluteJoint(connects=("ground", "arm"), axis=(1.0, 1.0, 0.0))}
     robot = Robot(Mechanism(bodies={"arm": body}, joints=joints))
-    members = [part for part in parts_of(robot).parts if part.role == "member"]
+    members = [part for part in fixtures_of(robot).parts if part.role == "member"]
     for part, shape in zip(members, shapes, strict=True):
         vertices = part.position + (part.mesh.vertices * part.scale) @ part.turn.T
-        picture = solid_of(shape).moved(np.array(shape.frame.position), rotation_matrix(shape.frame.rotation)).corners
+        picture = piece_of(shape).moved(np.array(shape.frame.position), rotation_matrix(shape.frame.rotation)).corners
         assert ConvexHull(vertices).volume == pytest.approx(ConvexHull(picture).volume, rel=0.03)
         assert vertices.min(axis=0) == pytest.approx(picture.min(axis=0), abs=0.01)
         assert vertices.max(axis=0) == pytest.approx(picture.max(axis=0), abs=0.01)
         assert part.mesh.volume > 0
-    assert [colour_of(part) for part in members] == [(255, 128, 0)] + [COLOURS["member"]] * 4
+    assert [rgb(part.colour) for part in members] == [(255, 128, 0)] + [rgb(LOOKS["member"].colour)] * 4
 
 
 def test_the_lowest_point_is_that_of_what_is_shown():
@@ -136,5 +137,5 @@ def test_the_lowest_point_is_that_of_what_is_shown():
     plate = Polygon(points=((0, 0), (0.1, 0), (0, 0.1)), thickness=0.1)  # its mesh is not scaled
     body = Body(mass=1.0, shapes=(block, plate))
     robot = Robot(Mechanism(bodies={"arm": body}, joints={"hinge": RevoluteJoint(connects=("ground", "arm"))}))
-    parts = parts_of(robot)
-    assert lowest(parts.parts, Scene(robot, parts).place(robot.home)) == pytest.approx(-2.0)
+    parts = fixtures_of(robot)
+    assert lowest(parts.parts, Layout(robot, parts).place(robot.home)) == pytest.approx(-2.0)

@@ -12,13 +12,14 @@ import numpy as np
 import viser
 from viser import uplot
 
+from linkwork.scene.colours import INK
 from linkwork.simulation import Run
-from linkwork.views.style import COLOURS, INK
-from linkwork.views.viewer.conditioning import colour
-from linkwork.views.viewer.player import SPEEDS
-from linkwork.views.viewer.session import KINDS, Session, View
-from linkwork.views.viewer.simulating import CONTROLLERS
-from linkwork.views.viewer.traces import Traces, quantities, traces
+from linkwork.viewer.conditioning import colour
+from linkwork.viewer.player import SPEEDS
+from linkwork.viewer.session import KINDS, Session, View
+from linkwork.viewer.simulating import CONTROLLERS
+from linkwork.viewer.traces import Traces, quantities, traces
+from linkwork.views.style import COLOURS
 
 STEPS = 1000  # of a slider
 UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]

@@ -18,25 +18,29 @@ from math import sqrt
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
+from linkwork.equations.joints import KINDS, Motion
 from linkwork.mechanism import GROUND, Body, Frame, Mechanism, PairJoint
+from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
-from linkwork.views.shapes import arc, hull
-from linkwork.views.solids import Solid, solid_of
+from linkwork.scene.curves import arc, hull
+from linkwork.scene.meshes import PlacedMesh, piece_of
 
-SLIDING = ("prismatic", "cylindrical", "screw")  # joint types that slide along their axis
 TOGETHER = 1e-9  # distance of points, relative to the mechanism, below which they are one
 APART = 0.1  # distance of points, relative to the mechanism, above which they are seen apart
 POINT_MASS = 0.2  # radius of gyration over the distance to the farthest joint, below which a mass is nearly a point
+HINGE, SLIDER = (1, 0, False), (0, 1, False)  # motions of a joint
+X = np.array([1.0, 0.0, 0.0])
 
-Pose = tuple[np.ndarray, np.ndarray]
+Placed = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
 class JointPlace:
-    """Place a joint: its type, its bodies, its frame's origins on the first and the second body (3) [m], its axes (k, 3).
+    """Place a joint: its bodies, its frame's origins on the first and the second body (3) [m], and its motions' axes.
 
-    axes: what it turns about or slides along: one, two of a universal joint, the normal of a planar one, else none
-    coordinates: their names; driven: whether one of its rates is actuated
+    turns, slides: axes (k, 3) that it turns about and slides along; ball: whether it turns freely
+    threaded: whether it slides as it turns; rod: whether it holds nothing but a distance
+    coordinates: their names; slide: that of the one that slides, if one does; driven: whether one of its rates is actuated
     tubed: whether it slides as a rod in a tube: between moving bodies, on one of which all joints stand at its end
     """
 
@@ -45,10 +49,30 @@ class JointPlace:
     connects: tuple[str, str]
     near: np.ndarray
     far: np.ndarray
-    axes: np.ndarray
+    turns: np.ndarray
+    slides: np.ndarray
+    ball: bool
+    threaded: bool
+    rod: bool
     coordinates: tuple[str, ...]
+    slide: str
     driven: bool
     tubed: bool = False
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Return the axes (k, 3) that it turns about, or those that it slides along where it turns about none."""
+        return self.turns if len(self.turns) else self.slides
+
+    @property
+    def rail(self) -> np.ndarray | None:
+        """Return the axis (3) of a joint that slides along one line."""
+        return self.slides[0] if len(self.slides) == 1 else None
+
+    @property
+    def motions(self) -> tuple[int, int, bool]:
+        """Return about how many axes it turns, along how many it slides, and whether it turns freely."""
+        return len(self.turns), len(self.slides), self.ball
 
     @property
     def grounded(self) -> bool:
@@ -66,9 +90,9 @@ class Skeleton:
     """Hold what is drawn of a mechanism in one pose, in the ground's axes [m].
 
     bodies: the points (k, 3) of each body
-    solids: the shapes of the bodies that have some
+    solids: the shapes of the bodies that have some, in their order
     arcs: the polylines of bodies that are arcs between two hinges
-    joints: all that connect bodies, but no free joints
+    joints: all that hold two bodies in some way
     gears: the two or more joints that a gear couples, by its name
     springs: their two ends (2, 3); anchors: those of them that are on the ground (k, 3)
     masses: the places (3) of masses that are nearly points, by body
@@ -76,14 +100,14 @@ class Skeleton:
     """
 
     bodies: dict[str, np.ndarray]
-    solids: dict[str, tuple[Solid, ...]]
+    solids: dict[str, tuple[PlacedMesh, ...]]
     arcs: dict[str, np.ndarray]
     joints: tuple[JointPlace, ...]
     gears: dict[str, tuple[JointPlace, ...]]
     springs: dict[str, np.ndarray]
     anchors: np.ndarray
     masses: dict[str, np.ndarray]
-    tools: dict[str, Pose]
+    tools: dict[str, Placed]
 
     @property
     def points(self) -> np.ndarray:
@@ -91,6 +115,13 @@ class Skeleton:
         ends = [np.stack([joint.near, joint.far]) for joint in self.joints]
         corners = [solid.corners for solids in self.solids.values() for solid in solids]
         return np.concatenate([*self.bodies.values(), *corners, *self.arcs.values(), *ends, *self.springs.values()])
+
+    @property
+    def by_body(self) -> dict[str, np.ndarray]:
+        """Return the points (k, 3) that move with each body."""
+        corners = {name: [solid.corners for solid in solids] for name, solids in self.solids.items()}
+        own = {name: [points, *corners.get(name, [])] for name, points in self.bodies.items()}
+        return {name: np.concatenate(points) for name, points in own.items()} | self.arcs
 
     @property
     def outline(self) -> np.ndarray:
@@ -145,55 +176,70 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     return Skeleton(bodies, solids, arcs, joints, gears, springs, anchors, masses, tools)
 
 
-def placed(pose: Pose, point: Sequence[float]) -> np.ndarray:
+def placed(pose: Placed, point: Sequence[float]) -> np.ndarray:
     """Return a body's point in the ground's axes."""
     return pose[0] + pose[1] @ np.asarray(point, float)
 
 
-def body_solids(body: Body, pose: Pose) -> tuple[Solid, ...]:
+def body_solids(body: Body, pose: Placed) -> tuple[PlacedMesh, ...]:
     """Return the shapes of a body in the ground's axes."""
-    return tuple(solid_of(shape).moved(*frame_pose(pose, shape.frame)) for shape in body.shapes)
+    return tuple(piece_of(shape).moved(*frame_pose(pose, shape.frame)) for shape in body.shapes)
 
 
-def frame_pose(pose: Pose, frame: Frame) -> Pose:
+def frame_pose(pose: Placed, frame: Frame) -> Placed:
     return placed(pose, frame.position), pose[1] @ rotation_matrix(frame.rotation)
 
 
 def joint_places(
-    robot: Robot, poses: Mapping[str, Pose], centres: Mapping[str, np.ndarray]
+    robot: Robot, poses: Mapping[str, Placed], centres: Mapping[str, np.ndarray]
 ) -> tuple[tuple[JointPlace, ...], dict[str, np.ndarray]]:
     """Return the joints' places, and the points where all hinges of a body meet, by body."""
     joints = [
         joint_place(name, joint, poses, not set(joint.rates(name)).isdisjoint(robot.actuators))
         for name, joint in robot.mechanism.pairs.items()
-        if joint.type != "free"
+        if KINDS[joint.type].rows(joint, X)
     ]
     meeting = meeting_points(joints, robot.bodies)
     moved = [moved_out(joint, meeting, centres) for joint in joints]
     return tuple(replace(joint, tubed=is_tubed(joint, moved)) for joint in moved), meeting
 
 
-def joint_place(name: str, joint: PairJoint, poses: Mapping[str, Pose], driven: bool) -> JointPlace:
+def joint_place(name: str, joint: PairJoint, poses: Mapping[str, Placed], driven: bool) -> JointPlace:
     """Place a joint by the poses of its two bodies."""
     (near, R_1), (far, R_2) = (
         frame_pose(poses[body], frame) for body, frame in zip(joint.connects, joint.frames, strict=True)
     )
-    if joint.type == "universal":
-        axes = [R_1 @ np.array(joint.axes[0]), R_2 @ np.array(joint.axes[1])]  # pyright: ignore
-    elif joint.type == "planar":
-        axes = [R_1[:, 2]]
-    else:
-        axes = [R_1 @ np.array(joint.axis)] if hasattr(joint, "axis") else []  # pyright: ignore
+    kind = KINDS[joint.type]
+    motions = [(motion, R_2 if turned else R_1) for motion, turned in after_turns(kind.motions(joint))]
     return JointPlace(
-        name, joint.type, joint.connects, near, far, np.array(axes).reshape(-1, 3), joint.coordinates(name), driven
+        name,
+        joint.type,
+        joint.connects,
+        near,
+        far,
+        turns=np.array([R @ m.turn for m, R in motions if m.turns and not m.ball]).reshape(-1, 3),
+        slides=np.array([R @ m.slide / np.linalg.norm(m.slide) for m, R in motions if m.slides]).reshape(-1, 3),
+        ball=any(motion.ball for motion, _ in motions),
+        threaded=any(motion.turns and motion.slides for motion, _ in motions),
+        rod=any(row.length is not None for row in kind.rows(joint, X)),
+        coordinates=joint.coordinates(name),
+        slide=next(
+            (own for own, what in zip(joint.coordinates(name), joint.freedoms, strict=False) if what in SLIDES), ""
+        ),
+        driven=driven,
     )
+
+
+def after_turns(motions: Sequence[Motion]) -> list[tuple[Motion, bool]]:
+    """Tell of each motion whether a turn comes before it: its axis then belongs to the second frame, else to the first."""
+    return [(motion, any(before.turns for before in motions[:k])) for k, motion in enumerate(motions)]
 
 
 def is_tubed(joint: JointPlace, joints: Sequence[JointPlace]) -> bool:
     """Tell whether a joint slides as a rod in a tube, far enough to be seen."""
     points = [p for other in joints for _, p in other.ends]
     size = float(np.ptp(points, axis=0).max())
-    if joint.type != "prismatic" or joint.grounded or np.linalg.norm(joint.far - joint.near) < APART * size:
+    if joint.motions != SLIDER or joint.grounded or np.linalg.norm(joint.far - joint.near) < APART * size:
         return False
     for body, end in joint.ends:
         own = np.array([p for other in joints for name, p in other.ends if name == body])
@@ -210,11 +256,11 @@ def meeting_points(joints: Sequence[JointPlace], bodies: Sequence[str]) -> dict[
     size = max((float(np.abs(p).max()) for joint in joints for p in (joint.near, joint.far)), default=0.0)
     found = {}
     for name in bodies:
-        own = [(joint.type, p) for joint in joints for body, p in joint.ends if body == name]
+        own = [(joint.motions, p) for joint in joints for body, p in joint.ends if body == name]
         places = np.array([p for _, p in own])
         if (
             len(own) > 1
-            and {kind for kind, _ in own} == {"revolute"}
+            and {motions for motions, _ in own} == {HINGE}
             and np.ptp(places, axis=0).max() <= TOGETHER * size
         ):
             found[name] = places[0]

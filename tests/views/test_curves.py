@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from linkwork.views.shapes import across, arc, helix, hull, prism, zigzag
+from linkwork.scene.curves import across, arc, helix, hull, zigzag
+from linkwork.scene.meshes import frame_along, turned
 
 
 def test_hulls_have_the_dimension_of_their_points():
@@ -53,7 +54,8 @@ def test_a_spring_runs_from_end_to_end_and_to_both_sides():
 
 def test_a_prism_and_a_thread_stand_about_their_axis():
     axis, centre = np.array([2.0, 3, 6]) / 7, np.array([1.0, 2, 3])
-    wall, low, high = prism(centre, axis, 0.5, 2.0, 12)
+    prism = turned(np.array([(0.5, -1.0), (0.5, 1.0)]), 12).moved(centre, frame_along(axis))
+    wall, (low, high) = prism.vertices[prism.facets], (prism.vertices[end] for end in prism.flat)
     for end, side in ((low, -1), (high, 1)):
         np.testing.assert_allclose((end - centre) @ axis, side)
         np.testing.assert_allclose(np.linalg.norm(np.cross(end - centre, axis), axis=1), 0.5)

@@ -1,0 +1,125 @@
+"""The scene: the one list of all that is drawn of a mechanism. It is made in one pose; in others its parts are moved.
+
+Whatever draws (figures in the plane and in space, films, the viewer) paints the list part by part, by form and role, and
+knows no kinds of joints or shapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from linkwork.mechanism import GROUND, Mechanism
+from linkwork.mechanism.limits import limited
+from linkwork.robot import Robot, State
+from linkwork.scene.colours import TRIAD
+from linkwork.scene.curves import hull
+from linkwork.scene.ground import ground
+from linkwork.scene.meshes import BALL, PlacedMesh
+from linkwork.scene.parts import Bar, Coil, Hull, Moves, ScenePart, moved
+from linkwork.scene.skeleton import Skeleton, skeleton
+from linkwork.scene.symbols import symbol
+
+# Lengths are relative to the mechanism
+BAR, AXIS, COUPLING = 0.011, 0.004, 0.003  # radii of bars, of a tool's axes, and of the lines between geared joints
+ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of masses and of springs
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Hold all that is drawn of a robot, in a pose, and how its bodies move from there in others.
+
+    pose: the points; moves: of the ground and of all bodies, to each of the poses that are shown (K)
+    shown: whether these are all that is shown; else the mechanism may be brought anywhere
+    """
+
+    robot: Robot
+    pose: Skeleton
+    moves: Moves
+    shown: bool
+
+    @property
+    def flat(self) -> bool:
+        """Tell whether the picture is in the plane, where heights are not seen."""
+        return self.shown and self.robot.planar
+
+    @property
+    def count(self) -> int:
+        """Return the number of poses that are shown."""
+        return len(self.moves[GROUND][1])
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """Return all points (N, 3) of all poses [m]."""
+        elsewhere = [moved(own, (name,), self.moves).reshape(-1, 3) for name, own in self.pose.by_body.items()]
+        return np.concatenate([self.pose.points, *elsewhere])
+
+    @cached_property
+    def size(self) -> float:
+        """Return the largest extent of the points [m]."""
+        return float(np.ptp(self.points, axis=0).max()) or 1.0
+
+    def moves_to(self, k: int) -> Moves:
+        """Return how the bodies move to the other pose of a number."""
+        return {name: (way[k], turn[k]) for name, (way, turn) in self.moves.items()}
+
+    @cached_property
+    def parts(self) -> tuple[ScenePart, ...]:
+        """Return all that is drawn; rails are as long as the poses that are shown need, or as is allowed."""
+        mechanism, pose, size, planar = self.robot.mechanism, self.pose, self.size, self.robot.planar
+        limits = None if self.shown else dict((label, own) for label, own, _ in limited(mechanism))
+        return (
+            *ground(pose, self.moves, limits, size, planar),
+            *bodies(mechanism, pose, size, self.flat),
+            *(part for joint in pose.joints for part in symbol(joint, size)),
+            *others(mechanism, pose, size, planar),
+        )
+
+
+def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
+    """Return the scene of a robot, made in one state.
+
+    shown: the one or more states that are drawn; left out: the robot may be brought to any
+    """
+    here = robot.body_poses(state)
+    there = here if shown is None else robot.body_poses(shown)
+    moves = {}
+    for name, (place, turn) in there.items():
+        way = turn.reshape(-1, 3, 3) @ here[name][1].T
+        moves[name] = (place.reshape(-1, 3) - way @ here[name][0], way)
+    count = len(next(iter(moves.values()))[1])
+    moves[GROUND] = (np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
+    return Scene(robot, skeleton(robot, state), moves, shown is not None)
+
+
+def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Iterator[ScenePart]:
+    """Yield bodies as their shapes, or as plates, bars or arcs; a single point is shown by its joint; masses as balls."""
+    for name, solids in pose.solids.items():
+        for solid, shape in zip(solids, mechanism.bodies[name].shapes, strict=True):
+            yield ScenePart(name, "member", (name,), solid, shape.colour)
+    for name, points in pose.bodies.items():
+        faces = [] if name in pose.solids else hull(points * (1, 1, 0) if flat else points)
+        if len(faces) and len(faces[0]) == 2:
+            yield ScenePart(name, "member", (name,), Bar(faces[0], BAR * size))
+        elif len(faces) and len(faces[0]) > 2:
+            yield ScenePart(name, "plate", (name,), Hull.of(faces))
+    for name, points in pose.arcs.items():
+        yield ScenePart(name, "member", (name,), Bar(points, BAR * size))
+    for name, place in pose.masses.items():
+        yield ScenePart(name, "mass", (name,), PlacedMesh(BALL, place, np.eye(3), np.full(3, MASS * size)))
+
+
+def others(mechanism: Mechanism, pose: Skeleton, size: float, planar: bool) -> Iterator[ScenePart]:
+    """Yield springs, a line through the joints that a gear couples, and the axes of tools: x, y, and in space z."""
+    for name, ends in pose.springs.items():
+        yield ScenePart(name, "spring", mechanism.springs[name].connects, Coil(ends, WINDING * size))
+    for name, joints in pose.gears.items():
+        line = Bar(np.stack([joint.far for joint in joints]), COUPLING * size)
+        yield ScenePart(name, "gear", tuple(joint.connects[1] for joint in joints), line)
+    for name, (origin, axes) in pose.tools.items():
+        for axis, colour in list(zip(axes.T, TRIAD, strict=True))[: 2 if planar else 3]:
+            line = Bar(np.stack([origin, origin + ARROW * size * axis]), AXIS * size)
+            yield ScenePart(name, "tool", (mechanism.tools[name].body,), line, colour)
