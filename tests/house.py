@@ -59,6 +59,11 @@ def imports() -> dict[Path, set[str]]:
     return found
 
 
+def strings(tree: ast.Module) -> set[str]:
+    """Return the strings that a file holds."""
+    return {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
 if __name__ == "__main__":
     counted = sizes()
     for name, lines in counted.most_common():

@@ -11,7 +11,7 @@ import pytest
 
 import linkwork as lw
 
-from tests.house import CORE, SOURCE, code_lines, imports, package
+from tests.house import CORE, SOURCE, code_lines, imports, modules, package, strings
 
 LAB = "linkwork.lab"
 
@@ -26,6 +26,12 @@ def test_only_the_command_line_asks_the_laboratory():
 def test_the_laboratory_does_not_ask_the_command_line():
     asked = {name for path, names in imports().items() if package(path) == "lab" for name in names}
     assert not any(name.startswith("linkwork.cli") for name in asked)
+
+
+def test_formats_alone_list_the_suffixes_of_model_files():
+    """A new format is a package in `formats` and a line in its list."""
+    listing = {path.relative_to(SOURCE).as_posix() for path, tree in modules() if strings(tree) & {*lw.formats.MODELS}}
+    assert listing == {"formats/models.py"}
 
 
 @pytest.mark.parametrize(("former", "name"), [("engines", "available"), ("textbook", "Textbook")])

@@ -13,8 +13,8 @@ import pytest
 
 import linkwork as lw
 from linkwork.formats import load, poses, save
-from linkwork.formats.mjcf_export import to_mjcf
-from linkwork.formats.mjcf_plan import Home
+from linkwork.formats.mjcf.plan import Home
+from linkwork.formats.mjcf.writer import to_mjcf
 from linkwork.mechanism import (
     Body,
     CylindricalJoint,

@@ -46,6 +46,15 @@ def test_suffixes_that_are_not_known(tmp_path):
         save(lw.robots.prr3(), tmp_path / "robot.obj")
 
 
+@pytest.mark.parametrize("name", ["arm.urdf", "arm.xml", "arm.yaml"])
+def test_a_mechanism_is_not_loaded_from_a_model_file_whatever_its_name(name, tmp_path):
+    (tmp_path / name).write_text(f"\n{samples.URDF}")
+    with pytest.raises(
+        MechanismError, match=r"is a model file, not a mechanism file; read it by linkwork\.formats\.load"
+    ):
+        lw.Mechanism.load(tmp_path / name)
+
+
 def test_a_file_that_cannot_be_written(tmp_path):
     with pytest.raises(MechanismError, match="cannot be written: no such file or directory"):
         save(lw.robots.four_bar(), tmp_path / "no-folder" / "robot.xml")

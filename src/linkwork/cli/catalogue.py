@@ -11,8 +11,6 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Robot
 
-SUFFIXES = (".yaml", ".yml")
-
 
 def find(source: Source) -> Mechanism:
     """Return the mechanism that is meant, about the reference that is asked for.
@@ -53,7 +51,7 @@ def named(name: str) -> Mechanism:
         return Mechanism.load(name)
     raise LinkworkError(
         f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file "
-        "(.yaml, .xml, .urdf)"
+        f"({', '.join((formats.NATIVE[0], *(form.suffixes[0] for form in formats.FORMATS)))})"
     )
 
 
@@ -72,7 +70,7 @@ def subject(text: str | None) -> str:
 def export(source: Source, file: Path, overwrite: bool) -> None:
     """Write a robot as a mechanism file."""
     mechanism = find(source)
-    if file.suffix.lower() not in SUFFIXES:
+    if file.suffix.lower() not in formats.NATIVE:
         raise LinkworkError(f"{file}: a mechanism file ends in .yaml, not {file.suffix!r}")
     refuse_existing(file, overwrite)
     mechanism.save(file)

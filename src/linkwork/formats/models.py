@@ -5,18 +5,54 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from linkwork.checks import file_path
 from linkwork.errors import ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import Mechanism, MechanismError
-from linkwork.mechanism.files import MODELS
 
+
+@dataclass(frozen=True)
+class Format:
+    """Describe a format of model files.
+
+    Attributes:
+        name: what it is called.
+        suffixes: of its files.
+        root: its root element, by which it is known.
+        module: the module that has `read(root, notes)` and, where files are written, `write(mechanism, path)`.
+        unwritten: why no files are written, and what to do instead.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    root: str
+    module: str
+    unwritten: str = ""
+
+    def opened(self) -> ModuleType:
+        """Import and return the module."""
+        return import_module(self.module)
+
+
+FORMATS = (
+    Format("MJCF", (".xml", ".mjcf"), "mujoco", "linkwork.formats.mjcf"),
+    Format(
+        "URDF",
+        (".urdf",),
+        "robot",
+        "linkwork.formats.urdf",
+        unwritten="URDF holds no closed loops and is not written; write .xml (MJCF) or .yaml",
+    ),
+)
 NATIVE = (".yaml", ".yml")
+MODELS = tuple(suffix for form in FORMATS for suffix in form.suffixes)
 READ = (*NATIVE, *MODELS)
-WRITTEN = (*NATIVE, ".xml", ".mjcf")
+WRITTEN = (*NATIVE, *(suffix for form in FORMATS if not form.unwritten for suffix in form.suffixes))
 
 
 @dataclass(frozen=True)
@@ -69,17 +105,12 @@ def read(path: str | Path) -> Imported:
     if suffix not in READ:
         raise MechanismError(f"{path}: a model file ends in {', '.join(READ)}, not {suffix!r}")
     root, notes = xml.read(path), Notes()
-    match root.tag:
-        case "mujoco":
-            from linkwork.formats.mjcf_import import read_mjcf
-
-            mechanism = read_mjcf(root, notes)
-        case "robot":
-            from linkwork.formats.urdf import read_urdf
-
-            mechanism = read_urdf(root, notes)
-        case _:
-            raise root.refusal("is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>")
+    form = next((form for form in FORMATS if form.root == root.tag), None)
+    if form is None:
+        first, *others = FORMATS
+        known = [f"{first.name} begins with <{first.root}>", *(f"{form.name} with <{form.root}>" for form in others)]
+        raise root.refusal(f"is not the root of a model known here; {', '.join(known)}")
+    mechanism = form.opened().read(root, notes)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 
@@ -101,10 +132,9 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
     if suffix in NATIVE:
         mechanism.save(path)
         return ()
-    if suffix == ".urdf":
-        raise MechanismError(f"{path}: URDF holds no closed loops and is not written; write .xml (MJCF) or .yaml")
-    if suffix not in WRITTEN:
+    form = next((form for form in FORMATS if suffix in form.suffixes), None)
+    if form is None:
         raise MechanismError(f"{path}: a model is written as {', '.join(WRITTEN)}, not {suffix!r}")
-    from linkwork.formats.mjcf_export import write_mjcf
-
-    return write_mjcf(mechanism, path)
+    if form.unwritten:
+        raise MechanismError(f"{path}: {form.unwritten}")
+    return form.opened().write(mechanism, path)

@@ -20,7 +20,6 @@ from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown
 
 MAX_BYTES = 20_000_000
-MODELS = (".xml", ".mjcf", ".urdf")
 
 Described = TypeVar("Described")
 
@@ -40,9 +39,9 @@ def read_yaml(path: Path) -> Mechanism:
     """Read a mechanism; every refusal begins with the file's name, and the line where there is one."""
     try:
         text = text_of(path)
-        if path.suffix.lower() in MODELS:
+        if text.lstrip().startswith("<"):
             raise MechanismError(
-                "is a model file by its name, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
+                "is a model file, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
                 "turn it into one by 'linkwork convert'"
             )
         return parsed(text)

@@ -18,7 +18,7 @@ from linkwork import robots
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.document import Node, read_document
-from linkwork.mechanism.files import MODELS, described, text_of
+from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
@@ -260,9 +260,9 @@ def _robot(name: Any, folder: Path) -> Mechanism:
             f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has {', '.join(known)}", ("robot",)
         )
     try:
-        if file.suffix.lower() in MODELS:
-            from linkwork import formats
+        from linkwork import formats
 
+        if file.suffix.lower() in formats.MODELS:
             return formats.load(file).mechanism
         return Mechanism.load(file)
     except LinkworkError as error:

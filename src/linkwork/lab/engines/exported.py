@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linkwork.formats.mjcf_export import home_of
-from linkwork.formats.mjcf_plan import ADVANCE, Home, Plan
+from linkwork.formats.mjcf.plan import ADVANCE, Home, Plan
+from linkwork.formats.mjcf.writer import home_of
 from linkwork.lab.engines.carried import Carried
 from linkwork.lab.engines.joints import Edge, Step, edge
 from linkwork.lab.engines.motion import BodyMotion, Moving, along_tree, applied, read_joints

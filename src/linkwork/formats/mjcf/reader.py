@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
-from linkwork.formats.mjcf_document import ACTUATORS, Document
-from linkwork.formats.mjcf_joints import Coupling, Drive, Joints, read_joints
-from linkwork.formats.mjcf_loops import LoopReader, Tie, Ties
-from linkwork.formats.mjcf_survey import survey
-from linkwork.formats.mjcf_tree import COORDINATES, Tree, read_tree
+from linkwork.formats.mjcf.document import ACTUATORS, Document
+from linkwork.formats.mjcf.joints import Coupling, Drive, Joints, read_joints
+from linkwork.formats.mjcf.loops import LoopReader, Tie, Ties
+from linkwork.formats.mjcf.survey import survey
+from linkwork.formats.mjcf.tree import COORDINATES, Tree, read_tree
 from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element

@@ -6,7 +6,7 @@ and all others, which are noted. The same holds for elements.
 
 from __future__ import annotations
 
-from linkwork.formats.mjcf_document import ACTUATORS, EQUALITIES, ORIENTATIONS, Document
+from linkwork.formats.mjcf.document import ACTUATORS, EQUALITIES, ORIENTATIONS, Document
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 

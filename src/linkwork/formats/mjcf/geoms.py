@@ -12,7 +12,7 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.masses import Solid, principal, volume
-from linkwork.formats.mjcf_document import Document, flag
+from linkwork.formats.mjcf.document import Document, flag
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import Box, Capsule, Cylinder, Shape, Sphere

@@ -17,8 +17,8 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
-from linkwork.formats.mjcf_document import MAIN, Document
-from linkwork.formats.mjcf_geoms import SHAPES, fromto, is_heavy, is_shown, kind_of, materials_of, shown, weighed
+from linkwork.formats.mjcf.document import MAIN, Document
+from linkwork.formats.mjcf.geoms import SHAPES, fromto, is_heavy, is_shown, kind_of, materials_of, shown, weighed
 from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element

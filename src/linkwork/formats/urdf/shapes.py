@@ -15,7 +15,7 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf_model import Model, origin
+from linkwork.formats.urdf.model import Model, origin
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, Shape, Sphere
 

@@ -17,9 +17,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from linkwork.formats import poses, xml
-from linkwork.formats.mjcf_geoms import BETWEEN, size_of
-from linkwork.formats.mjcf_plan import ADVANCE, Home, Move, Plan, Seat, Tie, plan
-from linkwork.formats.mjcf_tree import UNLIMITED, WORLD
+from linkwork.formats.mjcf.geoms import BETWEEN, size_of
+from linkwork.formats.mjcf.plan import ADVANCE, Home, Move, Plan, Seat, Tie, plan
+from linkwork.formats.mjcf.tree import UNLIMITED, WORLD
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import (
     GROUND,

@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf_tree import Kind, plane_normal
+from linkwork.formats.mjcf.tree import Kind, plane_normal
 from linkwork.mechanism import (
     GROUND,
     CylindricalJoint,

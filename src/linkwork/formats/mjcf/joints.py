@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf_tree import Node, Piece, Tree
+from linkwork.formats.mjcf.tree import Node, Piece, Tree
 from linkwork.formats.names import Names
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (

@@ -20,9 +20,9 @@ from itertools import combinations
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf_document import Document, flag
-from linkwork.formats.mjcf_joints import Coupling, Joints
-from linkwork.formats.mjcf_tree import Tree, plane_normal
+from linkwork.formats.mjcf.document import Document, flag
+from linkwork.formats.mjcf.joints import Coupling, Joints
+from linkwork.formats.mjcf.tree import Tree, plane_normal
 from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element

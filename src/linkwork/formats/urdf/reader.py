@@ -12,12 +12,13 @@ from math import inf
 
 import numpy as np
 
-from linkwork.formats import poses, sidecars, xml
+from linkwork.formats import poses, xml
 from linkwork.formats.masses import Solid, together, without_noise
 from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf_model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
-from linkwork.formats.urdf_shapes import shapes_of
+from linkwork.formats.urdf import sidecars
+from linkwork.formats.urdf.model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
+from linkwork.formats.urdf.shapes import shapes_of
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,

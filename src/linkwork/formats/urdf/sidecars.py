@@ -33,7 +33,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf_model import ONE_FREEDOM, Model, UrdfJoint, axis_of, origin, weight
+from linkwork.formats.urdf.model import ONE_FREEDOM, Model, UrdfJoint, axis_of, origin, weight
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     FixedJoint,

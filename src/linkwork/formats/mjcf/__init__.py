@@ -1,0 +1,10 @@
+"""MJCF, the model format of MuJoCo, read and written.
+
+read     document -> tree, geoms -> joints -> loops -> reader;  survey says what is left out
+write    plan (how MJCF holds a mechanism) -> writer
+"""
+
+from linkwork.formats.mjcf.reader import read_mjcf as read
+from linkwork.formats.mjcf.writer import write_mjcf as write
+
+__all__ = ["read", "write"]
