@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from linkwork.cli import app
 from linkwork.lab import engines, reproduction
 from linkwork.lab.comparison import NOC, PRESCRIBED
-from linkwork.views.report import PageTable, duration, environment, picture, short
+from linkwork.views.pages import PageTable, duration, environment, picture, short
 from linkwork.views.style import svg
 
 from tests.views.pages import Reader

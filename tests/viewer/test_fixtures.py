@@ -21,7 +21,7 @@ from linkwork.mechanism import (
 from linkwork.scene.colours import LOOKS, rgb
 from linkwork.scene.meshes import piece_of
 from linkwork.viewer.fixtures import Fixture, Stretch, fixtures_of
-from linkwork.viewer.layout import Layout, of_mesh, product, quaternions, turned_by
+from linkwork.viewer.layout import PartLayout, of_mesh, product, quaternions, turned_by
 from linkwork.viewer.pursuit import Pursuit
 from linkwork.viewer.stage import lowest
 
@@ -49,7 +49,7 @@ def test_parts_move_with_their_bodies(name):
     parts = fixtures_of(robot)
     state = elsewhere(robot)
     poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
-    placement = Layout(robot, parts).place(state)
+    placement = PartLayout(robot, parts).place(state)
     for k, part in enumerate(parts.parts):
         vertices = seen(part, placement.positions[k], placement.turns[k], placement.scales[k])
         if isinstance(part.carrier, str):
@@ -138,4 +138,4 @@ def test_the_lowest_point_is_that_of_what_is_shown():
     body = Body(mass=1.0, shapes=(block, plate))
     robot = Robot(Mechanism(bodies={"arm": body}, joints={"hinge": RevoluteJoint(connects=("ground", "arm"))}))
     parts = fixtures_of(robot)
-    assert lowest(parts.parts, Layout(robot, parts).place(robot.home)) == pytest.approx(-2.0)
+    assert lowest(parts.parts, PartLayout(robot, parts).place(robot.home)) == pytest.approx(-2.0)

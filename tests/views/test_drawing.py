@@ -7,7 +7,7 @@ import linkwork as lw
 from linkwork.scene.colours import EDGE, ORANGE
 from linkwork.scene.skeleton import skeleton
 from linkwork.views import plot_mechanism
-from linkwork.views.names import placed
+from linkwork.views.lettering import placed
 from linkwork.views.space import on_screen, viewpoint, written_box
 from linkwork.views.style import new_figure, svg
 

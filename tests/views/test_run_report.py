@@ -7,7 +7,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.views import write_report
-from linkwork.views.report import short
+from linkwork.views.pages import short
 from linkwork.views.run_report import bodies_table, energy_table, peaks_table, render
 
 from tests.catalogue import built

@@ -28,7 +28,7 @@ from linkwork.robots import prr3
 from linkwork.scene.colours import BLUE
 from linkwork.views.drawing import plot_mechanism
 from linkwork.views.film import film
-from linkwork.views.report import PageTable, duration, page, picture, short
+from linkwork.views.pages import PageTable, duration, page, picture, short
 from linkwork.views.style import new_figure, styled, svg
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ EDGE, LINK, PLATE = INK, "#aab4be", "#8fc1e3"  # of bodies: their edges, bars, p
 Colour = str | tuple[float, float, float]
 
 
-class Look(NamedTuple):
+class RoleLook(NamedTuple):
     """Tell how a part looks: its colour, and its level in pictures, where the higher covers the lower."""
 
     colour: str
@@ -33,21 +33,21 @@ class Look(NamedTuple):
 
 
 LOOKS = {
-    "base": Look(PALE, 0.9),  # plate between stands
-    "rail": Look(GREY, 1.0),  # on the ground
-    "stand": Look(PALE, 1.0),  # of what is fixed to the ground
-    "member": Look(LINK, 2.0),  # bar or shape of a body
-    "plate": Look(PLATE, 2.01),  # hull of a body's points
-    "rod": Look(LINK, 2.02),
-    "tube": Look(LINK, 2.03),  # in which a rod slides
-    "tip": Look(WHITE, 2.5),  # of a rod
-    "spring": Look(INK, 2.6),
-    "gear": Look(GREY, 3.2),  # line between geared joints
-    "mass": Look(EDGE, 3.4),  # that is nearly a point
-    "guide": Look(GREY, 3.5),  # on which a joint slides between moving bodies
-    "joint": Look(WHITE, 4.0),
-    "thread": Look(EDGE, 4.1),  # of a screw
-    "tool": Look(INK, 6.0),
+    "base": RoleLook(PALE, 0.9),  # plate between stands
+    "rail": RoleLook(GREY, 1.0),  # on the ground
+    "stand": RoleLook(PALE, 1.0),  # of what is fixed to the ground
+    "member": RoleLook(LINK, 2.0),  # bar or shape of a body
+    "plate": RoleLook(PLATE, 2.01),  # hull of a body's points
+    "rod": RoleLook(LINK, 2.02),
+    "tube": RoleLook(LINK, 2.03),  # in which a rod slides
+    "tip": RoleLook(WHITE, 2.5),  # of a rod
+    "spring": RoleLook(INK, 2.6),
+    "gear": RoleLook(GREY, 3.2),  # line between geared joints
+    "mass": RoleLook(EDGE, 3.4),  # that is nearly a point
+    "guide": RoleLook(GREY, 3.5),  # on which a joint slides between moving bodies
+    "joint": RoleLook(WHITE, 4.0),
+    "thread": RoleLook(EDGE, 4.1),  # of a screw
+    "tool": RoleLook(INK, 6.0),
 }
 DRIVEN = ORANGE
 TRIAD = (VERMILION, GREEN, BLUE)  # a tool's axes

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linkwork.scene.colours import LOOKS, Colour, Look
+from linkwork.scene.colours import LOOKS, Colour, RoleLook
 from linkwork.scene.meshes import PlacedMesh
 
 Moves = Mapping[str, tuple[np.ndarray, np.ndarray]]
@@ -83,7 +83,7 @@ class ScenePart:
         return self.own or self.look.colour
 
     @property
-    def look(self) -> Look:
+    def look(self) -> RoleLook:
         """Return how its role looks."""
         return LOOKS[self.role]
 

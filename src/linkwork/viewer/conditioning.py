@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.scene.colours import BLUE, VERMILION, YELLOW, rgb
-from linkwork.viewer.goals import Outputs
+from linkwork.viewer.hand_goals import Outputs
 from linkwork.viewer.pursuit import Pursuit, inverse
 
 WORST, BEST = 1e-3, 0.5  # that are told apart by colour

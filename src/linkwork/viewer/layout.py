@@ -26,7 +26,7 @@ class Placement:
     scales: np.ndarray
 
 
-class Layout:
+class PartLayout:
     """Place the parts of one robot; `moving`: which of them (k) move at all."""
 
     def __init__(self, robot: Robot, parts: Fixtures):

@@ -21,7 +21,7 @@ from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import Assembler
 from linkwork.viewer.bounds import Bound, bounds_of
-from linkwork.viewer.goals import HandGoal, JointGoal, Outputs, ToolGoal
+from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
 
 CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robot's size
 CLOSING, HALVED = 12, 0.5  # Newton steps that close the loops; part of the gap that each has to leave at most
@@ -41,7 +41,7 @@ FEW = 3  # names that are listed
 
 
 @dataclass(frozen=True)
-class Reached:
+class HandReached:
     """Tell where a pursuit stands: the state, whether the goal is reached, and if it cannot be, why (else empty)."""
 
     state: State
@@ -117,7 +117,7 @@ class Pursuit:
 
     # Pursuit
 
-    def step(self, state: State, goal: HandGoal, pieces: int = PIECES) -> Reached:
+    def step(self, state: State, goal: HandGoal, pieces: int = PIECES) -> HandReached:
         """Walk some pieces of the way to a goal.
 
         Args:
@@ -140,12 +140,12 @@ class Pursuit:
             if nearer:
                 q, out = q_next, out_next
             if not nearer or moved < STUCK * walk:
-                return Reached(self.at(q), False, self.obstacle(out, goal, held))
-        return Reached(self.at(q), off(out, goal) <= ARRIVED * self.size)
+                return HandReached(self.at(q), False, self.obstacle(out, goal, held))
+        return HandReached(self.at(q), off(out, goal) <= ARRIVED * self.size)
 
-    def lead(self, state: State, goal: HandGoal, steps: int = 200) -> Reached:
+    def lead(self, state: State, goal: HandGoal, steps: int = 200) -> HandReached:
         """Walk the whole way to a goal, as far as there is one."""
-        reached = Reached(state, False)
+        reached = HandReached(state, False)
         for _ in range(steps):
             reached = self.step(reached.state, goal)
             if reached.arrived or reached.obstacle:

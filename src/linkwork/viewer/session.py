@@ -19,8 +19,8 @@ from linkwork.simulation import Run
 from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
 from linkwork.viewer.conditioning import conditioning
 from linkwork.viewer.fixtures import Fixtures, fixtures_of
-from linkwork.viewer.goals import HandGoal
-from linkwork.viewer.layout import Layout, Placement
+from linkwork.viewer.hand_goals import HandGoal
+from linkwork.viewer.layout import PartLayout, Placement
 from linkwork.viewer.player import Player
 from linkwork.viewer.pursuit import Pursuit
 from linkwork.viewer.replay import Replay, replay_of
@@ -79,8 +79,8 @@ class Session:
         return fixtures_of(self.robot)
 
     @cached_property
-    def layout(self) -> Layout:
-        return Layout(self.robot, self.parts)
+    def layout(self) -> PartLayout:
+        return PartLayout(self.robot, self.parts)
 
     @cached_property
     def pursuit(self) -> Pursuit:

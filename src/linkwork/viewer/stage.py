@@ -20,7 +20,7 @@ from linkwork.viewer.session import Session
 
 ARROWS = {"actuator forces": rgb("#b35900"), "joint reactions": rgb("#a3437f"), "velocities": rgb(GREEN)}
 BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
-SHELL = 0.55  # opacity of solids that would hide joints
+OPACITY = {"shell": 0.55, "base": 0.5}  # of what would hide joints and ground
 SHAFT, HEAD, HEAD_LENGTH = 0.006, 0.016, 0.04  # radii and length of arrows, relative to the mechanism
 ARC = 0.008  # thickness of arcs
 HANDLE = 0.22  # of the tool's handle
@@ -78,7 +78,7 @@ class BrowserStage:
             placement.positions[group],
             batched_scales=placement.scales[group],
             batched_colors=colours,
-            opacity=SHELL if parts[0].role == "shell" else None,
+            opacity=OPACITY.get(parts[0].role),
             flat_shading=not parts[0].mesh.smooth,
             lod="off",
         )

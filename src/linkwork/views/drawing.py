@@ -20,7 +20,7 @@ from linkwork.scene.parts import Bar, Coil, Hull, ScenePart
 from linkwork.scene.scene import Scene, scene_of
 from linkwork.views import plane, space
 from linkwork.views.canvas import Canvas
-from linkwork.views.names import write_names
+from linkwork.views.lettering import write_names
 from linkwork.views.style import new_figure, styled
 
 if TYPE_CHECKING:

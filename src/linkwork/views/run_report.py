@@ -20,8 +20,8 @@ from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states
+from linkwork.views.pages import PageTable, Picture, page, picture, short
 from linkwork.views.plots import plot_run, units_of
-from linkwork.views.report import PageTable, Picture, page, picture, short
 from linkwork.views.style import svg
 
 if TYPE_CHECKING:
