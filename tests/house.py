@@ -10,6 +10,8 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
 CORE = ("mechanism", "equations", "kernels", "simulation", "robot")
 """What a reader must know: from a description to a state and a run. CONTRIBUTING.md says so, too."""
+MANY = ("alone", "ensemble", "lane_", "lanes", "many", "members", "rows", "vectors")
+"""How modules of the core begin that only runs of many members need; they are counted apart."""
 
 
 @cache
@@ -21,6 +23,12 @@ def modules() -> tuple[tuple[Path, ast.Module], ...]:
 def package(path: Path) -> str:
     """Return the name of the package, or of the module beside the packages, that a source file belongs to."""
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def part(path: Path) -> str:
+    """Return what a source file is counted for: its package, or the ensembles."""
+    of_many = package(path) in ("robot", "simulation") and path.name.startswith(MANY)
+    return "ensembles" if of_many else package(path)
 
 
 def code_lines(path: Path, tree: ast.Module) -> int:
@@ -38,10 +46,10 @@ def code_lines(path: Path, tree: ast.Module) -> int:
 
 
 def sizes() -> Counter[str]:
-    """Return the lines of code by package."""
+    """Return the lines of code by package, those of ensembles apart."""
     found: Counter[str] = Counter()
     for path, tree in modules():
-        found[package(path)] += code_lines(path, tree)
+        found[part(path)] += code_lines(path, tree)
     return found
 
 

@@ -16,9 +16,9 @@ from linkwork.formats import poses, xml
 from linkwork.formats.masses import Solid, together, without_noise
 from linkwork.formats.names import Names
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf import sidecars
 from linkwork.formats.urdf.model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
 from linkwork.formats.urdf.shapes import shapes_of
+from linkwork.formats.urdf.sidecars import read_closures
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
@@ -59,7 +59,7 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
     """
     _survey(root, notes)
     model = read_model(root, notes)
-    closures = sidecars.read(model, notes)
+    closures = read_closures(model, notes)
     model.find_frames()
     if model.base == GROUND:
         base = f"the root link {GROUND!r} is ground"

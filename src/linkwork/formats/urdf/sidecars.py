@@ -94,7 +94,7 @@ class Closures:
         return made | self.gears
 
 
-def read(model: Model, notes: Notes) -> Closures:
+def read_closures(model: Model, notes: Notes) -> Closures:
     """Read the loops in the file and those beside it; joints of the model change their type as the file beside says."""
     found = Closures()
     _read_urdf_plus(model, found)
