@@ -12,12 +12,15 @@ from linkwork.equations.joints.kind import Motion, slide, turn
 from linkwork.mechanism import Box
 from linkwork.mechanism.shapes import Outline, ShapeBase
 from linkwork.scene.colours import DRIVEN, LOOKS, WHITE, rgb
-from linkwork.scene.meshes import BALL, BLOCK, PIN, piece_of
+from linkwork.scene.meshes import BALL, BLOCK, PIN, PlacedMesh, piece_of
 from linkwork.scene.parts import Bar, Hull, moved
 from linkwork.scene.scene import scene_of
 from linkwork.viewer.fixtures import fixtures_of
+from linkwork.viewer.session import Session
 from linkwork.views import plot_mechanism
 from linkwork.views.film import film
+from linkwork.views.motion import run_states
+from linkwork.views.run_report import render
 
 X, Y, Z = np.eye(3)
 SYMBOLS = {  # what moves: the meshes that show it, and along or about what their own z is
@@ -95,6 +98,36 @@ def test_poses_move_the_parts_and_the_joints_of_the_moved_parts_meet():
     np.testing.assert_allclose(stack[0], scene.parts[-1].form.points, atol=1e-12)  # pyright: ignore
 
 
+def test_the_second_axis_of_a_universal_joint_turns_with_the_first_angle():
+    body = lw.Body(mass=1.0, centre_of_mass=(0, 0, 1), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"arm": body}, joints={"cross": lw.UniversalJoint(connects=("ground", "arm"))})
+    )
+    state = robot.state({"cross.angle_1": 0.4, "cross.angle_2": 0.7})
+    first, second = (part for part in scene_of(robot, state, state).parts if part.role == "joint")
+    assert (first.bodies, second.bodies) == (("ground",), ("arm",))
+    np.testing.assert_allclose(first.form.turn[:, 2], X, atol=1e-12)  # pyright: ignore
+    np.testing.assert_allclose(second.form.turn[:, 2], (0, np.cos(0.4), np.sin(0.4)), atol=1e-12)  # pyright: ignore
+
+
+@pytest.mark.parametrize("connects", [("ground", "cart"), ("cart", "ground")])
+def test_in_the_viewer_rails_reach_as_far_as_the_limits_let_the_slider_go(connects):
+    cart = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    limits = lw.Limits(lower=-0.5, upper=2.0)
+    drive = lw.PrismaticJoint(connects=connects, axis=(0.6, 0.8, 0), limits=limits)
+    tool = lw.Tool(body="cart", frame=lw.Frame(position=(0, 0, 1)))
+    robot = lw.Robot(lw.Mechanism(bodies={"cart": cart}, joints={"drive": drive}, tools={"top": tool}))
+    places = [robot.body_poses(robot.state({"drive": q}))["cart"][0] for q in (limits.lower, limits.upper)]
+    scene = scene_of(robot, robot.home)
+    (rail,) = (part.form for part in scene.parts if part.role == "rail")
+    (slider,) = (part.form for part in scene.parts if part.role == "joint")
+    along = np.array([0.6, 0.8, 0])
+    assert isinstance(rail, Bar) and isinstance(slider, PlacedMesh)
+    beyond = slider.scale[2] / 2
+    ends, reached = np.sort(rail.points @ along), np.sort(np.array(places) @ along)
+    assert ends == pytest.approx(reached + np.array([-beyond, beyond]))
+
+
 def test_a_film_in_which_the_mechanism_grows_shows_the_same_parts_throughout():
     """A small pendulum beside a slider that drives away: next to all of it, the pendulum's mass is no more seen apart."""
     ball = lw.Body(mass=1.0, centre_of_mass=(1.0, 0, 0))
@@ -109,6 +142,20 @@ def test_a_film_in_which_the_mechanism_grows_shows_the_same_parts_throughout():
     assert len(found.points) == 3
     rails = [stroke for stroke in found.fixed if np.ptp(stroke.points[:, 0]) > 30]
     assert len(rails) == 1 and rails[0].points[:, 0].max() > 40
+
+
+def test_a_body_that_flies_alone_is_seen_in_pictures_reports_and_the_viewer():
+    body = lw.Body(mass=1.0, centre_of_mass=(0, 0, 0.5), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    joints = {"flight": lw.FreeJoint(connects=("ground", "stone"))}
+    robot = lw.Robot(lw.Mechanism(bodies={"stone": body}, joints=joints, gravity=(0, 0, -9.81)))
+    run = robot.simulate(robot.home, duration=0.1, save_at=np.linspace(0, 0.1, 3))
+    made = film(robot, run.coords["time"].values, run_states(robot, run))
+    (dot,) = made.parts
+    heights = made.drawn(dot)[:, 0, 2]
+    assert heights == pytest.approx(0.5 - 9.81 / 2 * run.coords["time"].values ** 2, abs=1e-9)
+    assert "<canvas" in render(robot, run)
+    assert any(line.get_marker() == "o" for line in plot_mechanism(robot, robot.home).lines)
+    assert Session(robot).view().placement.positions == pytest.approx(np.array([(0, 0, 0.5)]))
 
 
 def test_a_shape_of_its_own_is_a_piece_by_its_outline():
@@ -128,7 +175,6 @@ def test_a_shape_of_its_own_is_a_piece_by_its_outline():
 
 def test_the_viewers_former_name_still_leads_to_it_and_says_so():
     from linkwork import viewer
-    from linkwork.viewer.session import Session
 
     with pytest.warns(DeprecationWarning, match=r"linkwork.views.viewer is linkwork.viewer now"):
         from linkwork.views.viewer import View, Viewer

@@ -96,19 +96,23 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
 
 
 def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Iterator[ScenePart]:
-    """Yield bodies as their shapes, or as plates, bars or arcs; a single point is shown by its joint; masses as balls."""
+    """Yield bodies as their shapes, or as plates, bars or arcs; masses as balls, and so single points that no joint shows."""
     for name, solids in pose.solids.items():
         for solid, shape in zip(solids, mechanism.bodies[name].shapes, strict=True):
             yield ScenePart(name, "member", (name,), solid, shape.colour)
-    for name, points in pose.bodies.items():
-        faces = [] if name in pose.solids else hull(points * (1, 1, 0) if flat else points)
-        if len(faces) and len(faces[0]) == 2:
-            yield ScenePart(name, "member", (name,), Bar(faces[0], BAR * size))
-        elif len(faces) and len(faces[0]) > 2:
+    held = {body for joint in pose.joints for body in joint.connects}
+    masses = dict(pose.masses)
+    for name, points in ((name, points) for name, points in pose.bodies.items() if name not in pose.solids):
+        faces = hull(points * (1, 1, 0) if flat else points)
+        if len(faces[0]) > 2:
             yield ScenePart(name, "plate", (name,), Hull.of(faces))
+        elif len(faces[0]) == 2:
+            yield ScenePart(name, "member", (name,), Bar(faces[0], BAR * size))
+        elif name not in held:
+            masses[name] = points[0]
     for name, points in pose.arcs.items():
         yield ScenePart(name, "member", (name,), Bar(points, BAR * size))
-    for name, place in pose.masses.items():
+    for name, place in masses.items():
         yield ScenePart(name, "mass", (name,), PlacedMesh(BALL, place, np.eye(3), np.full(3, MASS * size)))
 
 

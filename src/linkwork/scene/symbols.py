@@ -62,8 +62,8 @@ def parts(joint: JointPlace, size: float) -> Iterator[tuple[str, tuple[str, ...]
 def pieces(joint: JointPlace, size: float) -> Iterator[tuple[str, PlacedMesh]]:
     """Yield the solids of a joint, each with its body; what is about an axis of several stands on the body that bears it."""
     (first, second), place, turns, slides = joint.connects, joint.far, joint.turns, joint.slides
-    slid, normal = len(slides), np.cross(*slides[:2]) if len(slides) == 2 else None
-    along = slides[0] if slid == 1 else normal
+    slid = len(slides)
+    along = slides[0] if slid == 1 else across(*slides) if slid == 2 else None
     about = [turn for turn in turns if along is None or abs(turn @ along) < ALIGNED]
     if slid == 1 and len(about) < len(turns):
         yield second, pin(place, slides[0], SLEEVE, size)
@@ -79,6 +79,12 @@ def pieces(joint: JointPlace, size: float) -> Iterator[tuple[str, PlacedMesh]]:
         yield second, pin(place, about[-1], ARM, size)
     elif not slid:
         yield second, piece(BLOCK, place, np.eye(3), CUBE, size)
+
+
+def across(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the unit normal of two directions."""
+    normal = np.cross(first, second)
+    return normal / np.linalg.norm(normal)
 
 
 def pin(place: np.ndarray, axis: np.ndarray, form: tuple[float, float], size: float) -> PlacedMesh:
