@@ -6,7 +6,7 @@ All solids of revolution come from one function: a profile (radius, height) turn
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -153,9 +153,9 @@ class PlacedMesh:
     """Hold a mesh that is scaled along its axes by `scale` (3), turned by `turn` (3, 3) and moved by `position` (3) [m]."""
 
     mesh: Mesh
-    position: np.ndarray
-    turn: np.ndarray
-    scale: np.ndarray
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
+    scale: np.ndarray = field(default_factory=lambda: np.ones(3))
 
     @property
     def corners(self) -> np.ndarray:
@@ -185,7 +185,7 @@ class PlacedMesh:
 def piece_of(shape: Shape) -> PlacedMesh:
     """Return a shape of a body as a piece in the shape's own axes."""
     points, scale, swept = shape.outline
-    return PlacedMesh(outlined(points, swept), np.zeros(3), np.eye(3), np.array(scale))
+    return PlacedMesh(outlined(points, swept), scale=np.array(scale))
 
 
 def brightness(faces: Sequence[np.ndarray], light: np.ndarray) -> np.ndarray:

@@ -62,14 +62,15 @@ def parts(joint: JointPlace, size: float) -> Iterator[tuple[str, tuple[str, ...]
 def pieces(joint: JointPlace, size: float) -> Iterator[tuple[str, PlacedMesh]]:
     """Yield the solids of a joint, each with its body; what is about an axis of several stands on the body that bears it."""
     (first, second), place, turns, slides = joint.connects, joint.far, joint.turns, joint.slides
-    slid = len(slides)
-    along = slides[0] if slid == 1 else across(*slides) if slid == 2 else None
-    about = [turn for turn in turns if along is None or abs(turn @ along) < ALIGNED]
+    slid, frame = len(slides), np.eye(3)
+    if slid in (1, 2):
+        frame = frame_along(slides[0] if slid == 1 else np.cross(*slides))
+    about = [turn for turn in turns if slid not in (1, 2) or abs(turn @ frame[:, 2]) < ALIGNED]
     if slid == 1 and len(about) < len(turns):
         yield second, pin(place, slides[0], SLEEVE, size)
     elif slid:
         sides = SLIDER if slid == 1 else SHEET if slid == 2 else CUBE
-        yield second, piece(BLOCK, place, np.eye(3) if along is None else frame_along(along), sides, size)
+        yield second, piece(BLOCK, place, frame, sides, size)
     if joint.ball:
         yield second, piece(BALL, place, np.eye(3), [SEATED if slid else KNOB] * 3, size)
     elif len(about) == 1:
@@ -78,13 +79,7 @@ def pieces(joint: JointPlace, size: float) -> Iterator[tuple[str, PlacedMesh]]:
         yield first, pin(place, about[0], ARM, size)
         yield second, pin(place, about[-1], ARM, size)
     elif not slid:
-        yield second, piece(BLOCK, place, np.eye(3), CUBE, size)
-
-
-def across(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the unit normal of two directions."""
-    normal = np.cross(first, second)
-    return normal / np.linalg.norm(normal)
+        yield second, piece(BLOCK, place, frame, CUBE, size)
 
 
 def pin(place: np.ndarray, axis: np.ndarray, form: tuple[float, float], size: float) -> PlacedMesh:

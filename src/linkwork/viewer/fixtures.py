@@ -81,19 +81,19 @@ class Maker:
                 yield self.fixed(part, piece)
             case Coil() as coil:
                 mesh = meshes.coil(COILS, coil.radius, WIRE * self.size)
-                yield self.between(part, 0, PlacedMesh(mesh, np.zeros(3), np.eye(3), np.ones(3)))
+                yield self.between(part, 0, PlacedMesh(mesh))
             case Bar() as line if len(part.bodies) > 1:
                 scale = np.array([line.radius, line.radius, line.until])
                 for k in range(len(part.bodies) - 1):
-                    yield self.between(part, k, PlacedMesh(POST, np.zeros(3), np.eye(3), scale))
+                    yield self.between(part, k, PlacedMesh(POST, scale=scale))
             case Bar() as line:
                 yield self.fixed(part, bar(line.points, line.radius))
             case Hull() as hull if len(hull.around) > 1:
-                yield self.fixed(part, unscaled(meshes.solid(hull.points)), "shell")
+                yield self.fixed(part, PlacedMesh(meshes.solid(hull.points)), "shell")
                 for ends in edges(hull.faces):
                     yield self.fixed(replace(part, role="member"), bar(ends, EDGE * self.size))
             case Hull() as hull:
-                yield self.fixed(part, unscaled(meshes.plate(hull.points, PLATE * self.size)))
+                yield self.fixed(part, PlacedMesh(meshes.plate(hull.points, PLATE * self.size)))
 
     def fixed(self, part: ScenePart, piece: PlacedMesh, role: str = "") -> Fixture:
         """Fix a solid in the one body that its part moves with."""
@@ -111,14 +111,10 @@ class Maker:
         return Fixture(number, part.role, part.colour, piece.mesh, piece.position, piece.turn, piece.scale)
 
 
-def unscaled(mesh: Mesh) -> PlacedMesh:
-    return PlacedMesh(mesh, np.zeros(3), np.eye(3), np.ones(3))
-
-
 def bar(line: np.ndarray, radius: float) -> PlacedMesh:
     """Return a round bar along a polyline (k, 3)."""
     if len(line) > 2:
-        return unscaled(meshes.tube(line, radius))
+        return PlacedMesh(meshes.tube(line, radius))
     way = line[1] - line[0]
     return PlacedMesh(POST, line[0], frame_along(way), np.array([radius, radius, np.linalg.norm(way)]))
 
