@@ -10,7 +10,7 @@ computed in place, by the same instructions, and only if one of them may be too 
 from functools import reduce
 
 from linkwork.kernels import elementary
-from linkwork.kernels.lines import Lines, function_text
+from linkwork.kernels.lines import Lines, Table, function_text
 from linkwork.kernels.machine import Machine
 
 FUNCTION = "sines_and_cosines"
@@ -48,7 +48,7 @@ def by_call(lines: Lines, n: int, memory: str, first: int) -> None:
 
 def sines_and_cosines_text(machine: Machine) -> str:
     """Return the LLVM function for any number of angles."""
-    lines = Lines(machine.lanes, f"constants.{FUNCTION}" if machine.has_memory_operands else None)
+    lines = Lines(machine.lanes, Table.of(FUNCTION, machine))
     lines.do("br label %near")
     lines.label("near")
     lines.do("%k = phi i64 [ 0, %entry ], [ %k.next, %near ]")

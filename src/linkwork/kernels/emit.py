@@ -16,7 +16,7 @@ from typing import Literal
 
 from linkwork.kernels import angles
 from linkwork.kernels.body import LIBRARY, Body
-from linkwork.kernels.lines import Lines, function_text
+from linkwork.kernels.lines import Lines, Table, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
 from linkwork.kernels.rows import rows_text
@@ -49,7 +49,7 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
 
 
 def _one(program: Program, machine: Machine) -> list[str]:
-    lines = Lines(1, _table("one", machine))
+    lines = Lines(1, Table.of("one", machine))
     parts = _evaluation("one", lines, program, machine, 1)
     lines.do("ret void")
     head = f"void @one({_INOUT.format('%in', '%out')}) {machine.attributes}"
@@ -60,7 +60,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
     """Return `batch`, whose blocks lie one after the other, or `wide`, whose rows hold the vectors side by side."""
     wide = kind == "wide"
     count, abreast, steps = (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
-    lines = Lines(machine.lanes, _table(kind, machine))
+    lines = Lines(machine.lanes, Table.of(kind, machine))
     lines.do(f"%some = icmp sgt i64 {count}, 0")
     lines.do("br i1 %some, label %block, label %done")
     lines.label("block")
@@ -92,7 +92,7 @@ def _evaluation(name: str, lines: Lines, program: Program, machine: Machine, abr
         lines.text.insert(1, f"%kept = alloca [{plan.slots} x {lines.number}], align 64")
     if plan.apart:
         return _in_functions(name, lines, program, plan, machine, abreast)
-    wide = lines if lines.width > 1 else lines.of_width(machine.lanes, _table(f"{name}.angles", machine))
+    wide = lines if lines.width > 1 else lines.of_width(machine.lanes, Table.of(f"{name}.angles", machine))
     body = Body(lines, program, plan, "%kept", "%kept", abreast)
     for section in plan.sections:
         body.add(section)
@@ -106,7 +106,7 @@ def _in_functions(name: str, lines: Lines, program: Program, plan: Plan, machine
     wide = lines.of_width(machine.lanes)
     parts = []
     for k, section in enumerate(plan.sections):
-        part = Lines(lines.width, _table(f"{name}.{k}", machine))
+        part = Lines(lines.width, Table.of(f"{name}.{k}", machine))
         body = Body(part, program, plan, "%source", "%target", abreast)
         body.add(section)
         _keep_angles(body, section, machine)
@@ -139,10 +139,6 @@ def _turn(body: Body, section: Section, wide: Lines, machine: Machine) -> None:
         pairs = [pair for s, c in turned for pair in zip(wide.entries(s), wide.entries(c), strict=True)]
     for k, (sine, cosine) in zip(section.angles, pairs, strict=False):  # the last vector may not be full
         body.turn(k, sine, cosine)
-
-
-def _table(name: str, machine: Machine) -> str | None:
-    return f"constants.{name}" if machine.has_memory_operands else None
 
 
 def _lane_by_lane(name: str, machine: Machine) -> str:

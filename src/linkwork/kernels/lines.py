@@ -1,17 +1,36 @@
 """LLVM instructions written down for one number or for a vector of them: the same text with another type."""
 
+from __future__ import annotations
+
 import struct
+from dataclasses import dataclass
+
+from linkwork.kernels.machine import Machine
+
+
+@dataclass(frozen=True)
+class Table:
+    """Say where a function reads its constants: a table's name, and whether an entry is one number for all lanes."""
+
+    name: str
+    single: bool
+
+    @classmethod
+    def of(cls, function: str, machine: Machine) -> Table | None:
+        """Return the table of a function, None where instructions take no operands from memory."""
+        if not machine.has_memory_operands:
+            return None
+        return cls(f"constants.{function}", machine.has_broadcast_operands)
 
 
 class Lines:
     """Instructions of one function body whose numbers are `width` doubles wide.
 
     number, integer, truth: the LLVM types of a value, of its bits, and of a comparison.  text: the instructions so far.
-    block: the label of the block they are in.  table: the name of the table that constants are read from, if they are (see
-    `constant`).
+    block: the label of the block they are in.  table: that constants are read from, if they are (see `constant`).
     """
 
-    def __init__(self, width: int, table: str | None = None):
+    def __init__(self, width: int, table: Table | None = None):
         self.width = width
         self.table = table
         self._entries: list[str] = []
@@ -25,7 +44,7 @@ class Lines:
     def _typed(self, scalar: str) -> str:
         return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
 
-    def of_width(self, width: int, table: str | None = None) -> "Lines":
+    def of_width(self, width: int, table: Table | None = None) -> Lines:
         """Return the same instructions, to be continued with numbers of another width."""
         other = Lines(width, table)
         other.text, other.block = self.text, self.block
@@ -52,18 +71,30 @@ class Lines:
         With a table it is an entry of its own for each use, which the instruction that uses it can take from memory; an entry
         of several uses would occupy a register.
         """
-        number = self._spread("double", "0x" + struct.pack(">d", value).hex())
+        single = "0x" + struct.pack(">d", value).hex()
         if self.table is None:
-            return number
-        self._entries.append(f"{self.number} {number}")
-        return self.load(f"@{self.table}", len(self._entries) - 1)
+            return self._spread("double", single)
+        if self.width == 1 or not self.table.single:
+            self._entries.append(f"{self.number} {self._spread('double', single)}")
+            return self.load(f"@{self.table.name}", len(self._entries) - 1)
+        self._entries.append(f"double {single}")
+        return self._broadcast(f"@{self.table.name}", len(self._entries) - 1)
+
+    def _broadcast(self, pointer: str, k: int) -> str:
+        """Read single number k of those at `pointer` into all lanes."""
+        place = self.let(f"getelementptr inbounds double, ptr {pointer}, i64 {k}")
+        first = self.let(f"load double, ptr {place}, align 8")
+        vector = self.let(f"insertelement {self.number} poison, double {first}, i64 0")
+        lanes = f"<{self.width} x i32> zeroinitializer"
+        return self.let(f"shufflevector {self.number} {vector}, {self.number} poison, {lanes}")
 
     def table_text(self) -> str:
         """Return the definition of the table, if it has entries."""
-        if not self._entries:
+        if self.table is None or not self._entries:
             return ""
-        kind = f"[{len(self._entries)} x {self.number}]"
-        return f"@{self.table} = internal constant {kind} [{', '.join(self._entries)}], align 64\n\n"
+        number = "double" if self.table.single else self.number
+        kind = f"[{len(self._entries)} x {number}]"
+        return f"@{self.table.name} = internal constant {kind} [{', '.join(self._entries)}], align 64\n\n"
 
     def whole(self, value: int) -> str:
         """Return a constant integer for all lanes."""

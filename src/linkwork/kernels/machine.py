@@ -31,10 +31,20 @@ class Machine:
         return self.triple.startswith("x86")
 
     @property
+    def has_broadcast_operands(self) -> bool:
+        """Whether that operand may be one number for all lanes, as with AVX-512."""
+        return self.has_memory_operands and self._has("avx512f")
+
+    @property
     def attributes(self) -> str:
-        """Attributes of every LLVM function: LLVM is to use the whole width of AVX-512, not half of it as by default."""
+        """Attributes of every LLVM function.
+
+        LLVM is to use the whole width of AVX-512, not half of it as by default, and to align the stack to a vector register
+        before it spills any there: by default it aligns to 16 bytes, and longer vectors would cross cache lines.
+        """
         wide = ' "prefer-vector-width"="512" "min-legal-vector-width"="512"' if self.lanes == 8 else ""
-        return "nounwind" + wide
+        aligned = f" alignstack({8 * self.lanes})" if self.lanes > 2 else ""
+        return f"nounwind{aligned}{wide}"
 
     @property
     def identity(self) -> str:
