@@ -85,6 +85,7 @@ def inertias(draw):
         return Inertia(zz=draw(non_negative))
     points = np.array(draw(st.lists(st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 3), min_size=3, max_size=4)))
     tensor = np.sum([p @ p * np.eye(3) - np.outer(p, p) for p in points], axis=0)
+    tensor[np.abs(tensor) < np.finfo(float).tiny] = 0
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()
     return Inertia(xx=xx, yy=yy, zz=zz, xy=xy, xz=xz, yz=yz)
 

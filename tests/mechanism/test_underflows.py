@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from linkwork.formats import load
-from linkwork.mechanism import Box, Capsule, Cylinder, Mechanism, MechanismError, Polygon, Sphere
+from linkwork.mechanism import Box, Capsule, Cylinder, Frame, Mechanism, MechanismError, Polygon, Sphere
 from linkwork.robots import four_bar
 from linkwork.sweeps.designs import Values
 from linkwork.sweeps.study import Study
@@ -61,3 +61,12 @@ def test_sizes_of_shapes_are_refused_as_other_lengths_are(shape):
 def test_so_are_the_numbers_of_a_study():
     with pytest.raises(MechanismError, match="duration: 1e-310 is nearer to zero"):
         Study(robot=four_bar(), duration=1e-310, vary={"crank.mass": Values(values=(1,))}, outputs={"e": "last energy"})
+
+
+def test_what_follows_from_numbers_is_zero_where_it_is_nothing_beside_one(tmp_path):
+    """An axis of length 2 with a component of 3e-308 has one of 1.5e-308 at length 1, which no file may hold."""
+    arm = Mechanism.parse(ARM.format(mass=1, zz=1).replace("arm]}", "arm], axis: [3.0e-308, 0, 2]}"))
+    assert arm.joints["hinge"].axis == (0, 0, 1)
+    assert Frame.from_quaternion((0, 0, 0), (4, 3e-308, 0, 0)).rotation == (0, 0, 0)
+    arm.save(tmp_path / "arm.yaml")
+    assert Mechanism.load(tmp_path / "arm.yaml") == arm

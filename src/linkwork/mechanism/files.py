@@ -41,8 +41,9 @@ def read_yaml(path: Path) -> Mechanism:
         text = text_of(path)
         if text.lstrip().startswith("<"):
             raise MechanismError(
-                "is a model file, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
-                "turn it into one by 'linkwork convert'"
+                "this is a model file, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
+                "turn it into one by 'linkwork convert'",
+                place=f"line {text[: text.index('<')].count(chr(10)) + 1}",
             )
         return parsed(text)
     except MechanismError as error:

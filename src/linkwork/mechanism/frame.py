@@ -11,7 +11,7 @@ from math import atan2, cos, hypot, sin, sqrt
 from pydantic import Field
 
 from linkwork.checks import finite
-from linkwork.mechanism.record import MechanismError, Record, Vector3
+from linkwork.mechanism.record import MechanismError, Record, Vector3, followed
 
 
 class Frame(Record):
@@ -36,7 +36,7 @@ class Frame(Record):
             w, x, y, z = -w, -x, -y, -z
         vector = hypot(x, y, z)
         scale = 2 * atan2(vector, w) / vector if vector > 0 else 0.0
-        return cls(position=position, rotation=(scale * x, scale * y, scale * z))
+        return cls(position=position, rotation=(followed(scale * x), followed(scale * y), followed(scale * z)))
 
     @classmethod
     def from_rpy(cls, position: Vector3, roll: float, pitch: float, yaw: float) -> Frame:

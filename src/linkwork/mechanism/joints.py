@@ -20,7 +20,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from linkwork.mechanism.effects import Friction, Limits, Spring
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.record import Amount, MechanismError, Name, PathName, Positive, Real, Record, Vector3
+from linkwork.mechanism.record import Amount, MechanismError, Name, PathName, Positive, Real, Record, Vector3, followed
 
 TURN = "turn"
 SLIDES = ("slide", "x", "y", "z")
@@ -34,7 +34,7 @@ def unit_axis(axis: Vector3) -> Vector3:
     if length < 1e-12:
         raise ValueError(f"axis {list(axis)} has no length; give a direction such as [0, 0, 1]")
     x, y, z = axis
-    return axis if abs(length - 1) < 1e-15 else (x / length, y / length, z / length)
+    return axis if abs(length - 1) < 1e-15 else (followed(x / length), followed(y / length), followed(z / length))
 
 
 Axis = Annotated[Vector3, AfterValidator(unit_axis)]

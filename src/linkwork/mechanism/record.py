@@ -21,6 +21,11 @@ def held_in_full(number: float) -> float:
     return number
 
 
+def followed(number: float) -> float:
+    """Return a number that follows from others of size one: zero where a double does not hold it with all its digits."""
+    return 0.0 if abs(number) < sys.float_info.min else number
+
+
 Real = Annotated[float, Field(allow_inf_nan=False), AfterValidator(held_in_full)]
 Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
 Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
