@@ -7,8 +7,8 @@ import pytest
 
 import linkwork as lw
 from linkwork.control import LQR
-from linkwork.robot import linear, running
-from linkwork.simulation import RK4, RODAS, SymplecticEuler
+from linkwork.robot import linear
+from linkwork.simulation import RK4, RODAS, SymplecticEuler, methods
 
 
 @pytest.fixture(scope="module")
@@ -17,15 +17,15 @@ def robot():
 
 
 def test_every_method_has_its_name_once(robot):
-    assert get_args(running.Method) == running.METHODS == tuple(running.FACTORIES)
-    made = {name: running.integrator(name, 0.01 if name in running.FIXED else None) for name in running.METHODS}
+    assert get_args(methods.MethodName) == tuple(methods.METHODS)
+    made = {name: methods.integrator(name, 0.01 if name in methods.FIXED else None) for name in methods.METHODS}
     assert len({method.name for method in made.values()}) == len(made)
     assert (made["rk4"], made["symplectic_euler"], made["rodas"]) == (RK4(0.01), SymplecticEuler(0.01), RODAS)
 
 
-@pytest.mark.parametrize("method", running.METHODS)
+@pytest.mark.parametrize("method", methods.METHODS)
 def test_a_pendulum_swings_alike_by_all_methods(robot, method):
-    step = 2e-4 if method in running.FIXED else None
+    step = 2e-4 if method in methods.FIXED else None
     run = robot.simulate(robot.home, duration=0.5, save_at=[0.0, 0.5], method=method, step=step)
     best = robot.simulate(robot.home, duration=0.5, save_at=[0.0, 0.5], method="dop853", rtol=1e-12, atol=1e-13)
     bound = 2e-3 if method == "symplectic_euler" else 1e-6

@@ -20,8 +20,7 @@ import numpy as np
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.system import System
-from linkwork.simulation import RK4, Control, SymplecticEuler
-from linkwork.simulation.integrate import Method
+from linkwork.simulation import Control, FixedStep, Method
 from linkwork.simulation.turns import SPAN
 
 if TYPE_CHECKING:
@@ -136,7 +135,7 @@ def tightened(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a companion."""
     method, others = options["method"], {name: value for name, value in options.items() if name != "first_step"}
     others["max_steps"] = MOST
-    if isinstance(method, RK4 | SymplecticEuler):
+    if isinstance(method, FixedStep):
         return others | {"method": replace(method, step=FINER * method.step)}
     return others | {"rtol": TIGHTER * options["rtol"], "atol": TIGHTER * options["atol"]}
 

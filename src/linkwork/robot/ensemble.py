@@ -31,10 +31,10 @@ from linkwork.robot.passage import CLOSURE, SOFT, Segment
 from linkwork.robot.recording import ending, labels, singular_times
 from linkwork.robot.rereading import reread
 from linkwork.robot.rows import Rows, gathered, last, pieces
-from linkwork.robot.running import integrator, usual, watched
+from linkwork.robot.running import usual, watched
 from linkwork.robot.state import Reached, State
 from linkwork.robot.turning import turning
-from linkwork.simulation import Method, Rosenbrock, Status, Tableau, Trajectory, Variable
+from linkwork.simulation import Method, Status, Trajectory, Variable, integrator
 from linkwork.simulation.many import Outcomes, integrate_many
 from linkwork.simulation.turns import whole
 
@@ -249,7 +249,7 @@ def ensemble(
     options, chosen = checks.run_options(duration, rtol, atol, max_step, max_steps), integrator(method, step)
     step_over = checks.steps_over(on_singular)
     times = np.empty(0) if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
-    stiff = isinstance(chosen, Rosenbrock)
+    stiff = chosen is not None and chosen.stiff
     threads = None if threads is None else checks.count(threads, "threads")
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
     crew = members(robot, states, forces, parameters, drives, wrenches, watched(robot, events), duration, stiff)
@@ -274,7 +274,7 @@ def completed(crew: Members, course: Course, report: Progress) -> Ensemble:
 
 def in_lanes(crew: Members, method: Method) -> bool:
     """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled controllers."""
-    return isinstance(method, Tableau) and not crew.system.events and crew.system.sampler is None
+    return method.in_lanes and not crew.system.events and crew.system.sampler is None
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,6 @@ from linkwork.simulation import (
     RODAS,
     Control,
     Method,
-    Rosenbrock,
     Signal,
     Status,
     Trajectory,
@@ -260,7 +259,6 @@ class Passage:
         chart, t, system = stand.chart, stand.t, self.system
         held = system.tolerances(chart, self.options, stand.q.size + stand.v.size)
         options: dict[str, Any] = {**self.options, **held, "max_steps": stand.steps, "method": stand.method}
-        stiff = isinstance(stand.method, Rosenbrock)
         if t != self.start or stand.method is not self.options["method"]:
             options.pop("first_step", None)
         done = integrate(
@@ -275,7 +273,7 @@ class Passage:
             save_at=save_at,
             closure_tol=CLOSURE * self.robot.size,
             pivot_bound=stand.bound,
-            jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stiff else None,
+            jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stand.method.stiff else None,
             events=system.conditions(chart) if self.watching else None,
             control=stand.control,
             watch=self.watch,

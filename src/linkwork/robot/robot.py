@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
     from linkwork.robot.ensemble import Ensemble
     from linkwork.robot.reactions import Reactions
-    from linkwork.robot.running import Forces, Method
-    from linkwork.simulation import Run, Sampled, Signal
+    from linkwork.robot.running import Forces
+    from linkwork.simulation import MethodName, Run, Sampled, Signal
 
 Weights = ArrayLike | Mapping[str, float] | None
 
@@ -374,7 +374,7 @@ class Robot(Model):
         duration: float,
         drives: Mapping[str, Drive] | None = None,
         wrenches: Sequence[Wrench] = (),
-        method: Method | None = None,
+        method: MethodName | None = None,
         step: float | None = None,
         events: Sequence[Event | Callable[..., Any] | str] | str = (),
         parameters: Mapping[str, float] | None = None,
@@ -471,7 +471,7 @@ class Robot(Model):
         duration: float,
         drives: Mapping[str, Drive] | None = None,
         wrenches: Sequence[Wrench] = (),
-        method: Method | None = None,
+        method: MethodName | None = None,
         step: float | None = None,
         events: Sequence[Event | Callable[..., Any] | str] | str = (),
         save_at: ArrayLike | None = None,

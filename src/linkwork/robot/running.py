@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,33 +17,18 @@ from linkwork.robot.state import State
 from linkwork.robot.system import Forces, System, require_starts, system
 from linkwork.simulation import (
     DORMAND_PRINCE,
-    RK4,
-    RODAS,
     SHARP_SMART,
     Control,
+    Method,
     Pace,
-    Rosenbrock,
     Run,
     Signal,
-    SymplecticEuler,
-    dop853,
+    integrator,
 )
-from linkwork.simulation import Method as IntegrationMethod
 
 if TYPE_CHECKING:
     from linkwork.robot.robot import Robot
 
-Method = Literal["sharp_smart", "dormand_prince", "dop853", "rodas", "rk4", "symplectic_euler"]
-FACTORIES: dict[str, Callable[..., IntegrationMethod]] = {
-    "sharp_smart": lambda: SHARP_SMART,
-    "dormand_prince": lambda: DORMAND_PRINCE,
-    "dop853": dop853,
-    "rodas": lambda: RODAS,
-    "rk4": RK4,
-    "symplectic_euler": SymplecticEuler,
-}
-METHODS = tuple(FACTORIES)
-FIXED = tuple(name for name, make in FACTORIES.items() if isinstance(make, type))  # made with a step
 TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
 EXAMPLE = "{'kp': 10.0}"
 READY_EVENTS = {"limits": limit_events, "singular": singular_events}
@@ -88,7 +73,7 @@ def simulate(
     span = (start, start + duration)
     state = robot.own(state)
     runs = system(
-        robot, forces, drives, wrenches, watched(robot, events), given, span, isinstance(chosen, Rosenbrock), state
+        robot, forces, drives, wrenches, watched(robot, events), given, span, chosen is not None and chosen.stiff, state
     )
     if pace is None:
         require_starts(runs, state)
@@ -151,36 +136,13 @@ def recorded(run: Run) -> dict[str, float]:
     return {name: float(value) for name, _, value in (entry.partition(" = ") for entry in entries) if value}
 
 
-def usual(runs: System, inputs: Sequence[Signal], rtol: float) -> IntegrationMethod:
+def usual(runs: System, inputs: Sequence[Signal], rtol: float) -> Method:
     """Return the method where none is asked for: order 7 for smooth inputs and tight tolerances, else order 5.
 
     A method of higher order takes longer steps, in which the kinks of sampled inputs cost more of its accuracy.
     """
     smooth = runs.sampler is None and all(len(signal.coefficients) == 1 for signal in inputs)
     return SHARP_SMART if smooth and rtol <= TIGHT else DORMAND_PRINCE
-
-
-def integrator(method: str | None, step: float | None) -> IntegrationMethod | None:
-    """Return an integration method by its name, None where there is none; refuse names and steps that do not fit."""
-    if method is None and step is None:
-        return None
-    if step is not None:
-        checks.positive(step, "step")
-    if method is None:
-        raise LinkworkError(f"a step of {step:g} s needs a method that keeps to it: {' or '.join(map(repr, FIXED))}")
-    if not isinstance(method, str) or method not in METHODS:
-        raise LinkworkError(f"there is no method {shown(method)}; there are {', '.join(METHODS)}")
-    fixed = method in FIXED
-    if fixed != (step is not None):
-        need = (
-            f"{method} needs a step [s]"
-            if fixed
-            else f"{method} chooses its own steps; leave step out, or give max_step"
-        )
-        raise LinkworkError(need)
-    if step is None:
-        return FACTORIES[method]()
-    return FACTORIES[method](float(step))
 
 
 def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:

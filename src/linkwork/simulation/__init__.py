@@ -4,25 +4,38 @@ The package knows nothing of robots: it is given the machine addresses of the eq
 """
 
 from linkwork.simulation.events import Condition, Control, Events, Occurrences, Pace
-from linkwork.simulation.integrate import Method, Trajectory, integrate
+from linkwork.simulation.integrate import Trajectory, integrate
+from linkwork.simulation.methods import FIXED, METHODS, Method, MethodName, integrator
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.run import Run, Statistics, Variable
 from linkwork.simulation.sharp_smart import SHARP_SMART
 from linkwork.simulation.signals import Sampled, Signal, as_signal, clock, stack
 from linkwork.simulation.status import Status
-from linkwork.simulation.tableaus import BOGACKI_SHAMPINE, DORMAND_PRINCE, RK4, SymplecticEuler, Tableau, dop853
+from linkwork.simulation.tableaus import (
+    BOGACKI_SHAMPINE,
+    DORMAND_PRINCE,
+    RK4,
+    FixedStep,
+    SymplecticEuler,
+    Tableau,
+    dop853,
+)
 from linkwork.simulation.turns import Turning
 
 __all__ = [
     "BOGACKI_SHAMPINE",
     "DORMAND_PRINCE",
+    "FIXED",
+    "METHODS",
     "RK4",
     "RODAS",
     "SHARP_SMART",
     "Condition",
     "Control",
     "Events",
+    "FixedStep",
     "Method",
+    "MethodName",
     "Occurrences",
     "Pace",
     "Rosenbrock",
@@ -40,5 +53,6 @@ __all__ = [
     "clock",
     "dop853",
     "integrate",
+    "integrator",
     "stack",
 ]

@@ -11,16 +11,15 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation.events import Control, Events, Occurrences, Pace, Watch
-from linkwork.simulation.rosenbrock import Rosenbrock
+from linkwork.simulation.methods import Method
 from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
-from linkwork.simulation.tableaus import DORMAND_PRINCE, RK4, SymplecticEuler, Tableau
+from linkwork.simulation.tableaus import DORMAND_PRINCE
 from linkwork.simulation.turns import Turning
 
 if TYPE_CHECKING:
     from linkwork.simulation.native_loop import Outcome
 
-Method = Tableau | Rosenbrock | RK4 | SymplecticEuler
 NO_CONDITIONS = np.empty((0, 2))
 NEARLY = 0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
 
@@ -227,12 +226,11 @@ def integrate(
     if not y.size:
         raise LinkworkError("there is nothing to integrate: q and v are both empty")
     times = np.empty(0) if save_at is None else times_within(save_at, start, stop)
-    stiff = isinstance(method, Rosenbrock)
-    native, loop = _compiled(stiff)
+    native, loop = _compiled(method.stiff)
     pace = _pace(first_step if method.step is None else method.step)
     for name, value in ("max_step", max_step), ("pivot_bound", pivot_bound), ("closure_tol", closure_tol):
         _require_positive(name, value)
-    if stiff and not jacobian:
+    if method.stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
     held, period, next_sample, acts = _sampling(control, start)
     conditions = events.table if events else NO_CONDITIONS
@@ -257,7 +255,7 @@ def integrate(
     if status is Status.CLOSURE_LOST:
         closure_tol *= turning.looser(y[: q.size])
     bounds = {"pivot_bound": pivot_bound, "closure_tol": closure_tol, "max_steps": max_steps, "event": event}
-    if stiff:
+    if method.stiff:
         bounds["remedy"] = "or look for what acts too suddenly"
     return Trajectory(rows, found, y, counted[2], q.size, outcome, control, bounds, status)
 
@@ -276,7 +274,7 @@ def _compiled(stiff: bool) -> tuple[Any, Any]:
 
 def stability(method: Method, asked: bool) -> float:
     """Return h |lambda| at which stability bounds the steps of an embedded pair, 0 where that is not asked for."""
-    return NEARLY * method.stability if asked and isinstance(method, Tableau) else 0.0
+    return NEARLY * method.stability if asked else 0.0
 
 
 def _pace(first_step: float | Pace | None) -> np.ndarray:

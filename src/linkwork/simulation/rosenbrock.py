@@ -15,6 +15,7 @@ Numerical Mathematics 63 (2023) 27, table 3, in the form of eq. (IV.7.25).
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,11 +42,10 @@ class Rosenbrock:
     d: np.ndarray
     m: np.ndarray
     H: np.ndarray
-
-    @property
-    def step(self) -> None:
-        """Steps are chosen by the error."""
-        return None
+    step: ClassVar[None] = None
+    stiff: ClassVar[bool] = True
+    in_lanes: ClassVar[bool] = False
+    stability: ClassVar[float] = 0.0
 
     @cached_property
     def dense(self) -> np.ndarray:

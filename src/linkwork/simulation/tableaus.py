@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -64,6 +65,7 @@ class Plan:
 class Tableau:
     """Hold an explicit embedded pair whose stage s is the first of the next step.
 
+    `stiff`, `in_lanes`: whether a method takes stiff systems, and whether members of ensembles do it side by side;
     `name`: for people; `order`: of the solution that is carried on; `error_order`: of the one it is compared with;
     `a` (s, s): strictly lower triangular, its last row the weights b; `c` (s,): stage times; `e` (s,): error weights;
     `dense` (s + more, degree): P, the dense output's polynomials in theta, theta^2, ...;
@@ -82,11 +84,9 @@ class Tableau:
     second: np.ndarray | None = None
     more: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     more_c: np.ndarray = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def step(self) -> None:
-        """Steps are chosen by the error."""
-        return None
+    step: ClassVar[None] = None
+    stiff: ClassVar[bool] = False
+    in_lanes: ClassVar[bool] = True
 
     @property
     def plan(self) -> Plan:
@@ -108,52 +108,24 @@ class Tableau:
 
 
 @dataclass(frozen=True)
-class RK4:
-    """Take steps of one length by Kutta's method of order 4: four evaluations each, for real time.
+class FixedStep:
+    """Take steps of one length, for real time.
 
-    step: s; steps end at its multiples, and also where the forces jump, a sampled controller acts, or the run ends.
-    Dense output: Hermite's cubic.  Raises `LinkworkError` for a step that is not positive and finite.
+    `step`: s; steps end at its multiples, and also where the forces jump, a sampled controller acts, or the run ends.
+    `name`, `order`, `plan`: as of a `Tableau`.  Raises `LinkworkError` for a step that is not positive and finite.
     """
 
     step: float
-    name = "Runge-Kutta 4"
-    order = 4
+    name: ClassVar[str]
+    order: ClassVar[int]
+    plan: ClassVar[Plan]
+    stiff: ClassVar[bool] = False
+    in_lanes: ClassVar[bool] = False
+    stability: ClassVar[float] = 0.0
 
     def __post_init__(self):
-        _require_step(self.step)
-
-    @property
-    def plan(self) -> Plan:
-        """The method as the compiled loops take it."""
-        return _KUTTA
-
-
-@dataclass(frozen=True)
-class SymplecticEuler:
-    """Take steps of one length by the semi-implicit Euler method: the rates first, then q with the new rates.
-
-        v_1 = v_0 + h v'(q_0, v_0),    q_1 = q_0 + h L(q_0) v_1
-
-    Two evaluations a step, of order 1; its energy does not drift where M is constant. Extra states are stepped with the rates.
-    Dense output: straight lines. step: s, as in `RK4`.
-    """
-
-    step: float
-    name = "symplectic Euler"
-    order = 1
-
-    def __post_init__(self):
-        _require_step(self.step)
-
-    @property
-    def plan(self) -> Plan:
-        """The method as the compiled loops take it."""
-        return _EULER
-
-
-def _require_step(step: float) -> None:
-    if not 0 < step < np.inf:
-        raise LinkworkError(f"the step of a method of fixed step must be positive and finite, not {step} s")
+        if not 0 < self.step < np.inf:
+            raise LinkworkError(f"the step of a method of fixed step must be positive and finite, not {self.step} s")
 
 
 @cache
@@ -287,3 +259,28 @@ _EULER = Plan(
     computed=2,
     exponent=0.0,
 )
+
+
+class RK4(FixedStep):
+    """Take steps of one length by Kutta's method of order 4: four evaluations each.
+
+    Dense output: Hermite's cubic. step: s, as in `FixedStep`.
+    """
+
+    name = "Runge-Kutta 4"
+    order = 4
+    plan = _KUTTA
+
+
+class SymplecticEuler(FixedStep):
+    """Take steps of one length by the semi-implicit Euler method: the rates first, then q with the new rates.
+
+        v_1 = v_0 + h v'(q_0, v_0),    q_1 = q_0 + h L(q_0) v_1
+
+    Two evaluations a step, of order 1; its energy does not drift where M is constant. Extra states are stepped with the rates.
+    Dense output: straight lines. step: s, as in `FixedStep`.
+    """
+
+    name = "symplectic Euler"
+    order = 1
+    plan = _EULER

@@ -22,7 +22,7 @@ from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
-from linkwork.robot.running import METHODS, integrator
+from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController, drive
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
 from linkwork.sweeps.outputs import Output, require_quantity
