@@ -24,7 +24,7 @@ from linkwork.simulation import Control, FixedStep, Method
 from linkwork.simulation.turns import SPAN
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 TIGHTER, FINER = 0.1, 0.5  # tolerance, and step, of the companion, relative to the run's
 LEAST = 1e-15  # relative tolerance of a companion that rounding leaves a meaning
@@ -66,7 +66,7 @@ class Estimate(NamedTuple):
 class Compared:
     """Run a run again at a tighter tolerance: what led it, where it started, and what became of it."""
 
-    robot: Robot
+    robot: Model
     passage: Passage
     start: Start
     segments: Sequence[Segment]

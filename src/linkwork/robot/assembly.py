@@ -20,6 +20,7 @@ from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 
+OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
 EPS = np.finfo(float).eps
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +11,10 @@ from numpy.typing import ArrayLike
 from linkwork.checks import at as at
 from linkwork.checks import count, finite, positive, shown
 from linkwork.checks import number as number
-from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import TURN
 from linkwork.robot.state import State
-
-if TYPE_CHECKING:
-    from linkwork.robot.labels import Labels
 
 ON_SINGULAR = ("stop", "step_over")
 FINEST = 2.3e-14  # relative tolerance: a hundred times the rounding of doubles
@@ -168,29 +164,6 @@ def require_turns(given: np.ndarray, mechanism: Mechanism) -> None:
             raise LinkworkError(
                 f"the quaternion of joint {name!r} is zero; give one of any other length, such as 1, 0, 0, 0"
             )
-
-
-def require_consistent(
-    closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, labels: Labels, tolerance: float
-) -> None:
-    """Refuse coordinates that contradict the closed configuration.
-
-    Angles may differ by whole turns where these act on nothing. A quaternion may be given at any length and with either sign.
-    """
-    joints, given = mechanism.coordinates, given.copy()
-    for _, places in quaternions(mechanism):
-        length = np.linalg.norm(given[..., places], axis=-1, keepdims=True)
-        sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
-        given[..., places] *= sign / length
-    error = given - closed
-    error = np.where(labels.free, wrapped(error), error) / labels.sizes
-    if not (np.abs(error) > 10 * tolerance).any():
-        return
-    index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])
-    acting = ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
-    raise LinkworkError(
-        f"joint {joints[index[-1]]!r} is given as {given[index]:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
-    )
 
 
 def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:

@@ -17,7 +17,7 @@ from linkwork.equations.choosing import alike
 from linkwork.robot.charts import BUILDING, CompiledChart
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 BETTER = 2.0  # factor in strength for which a chart is changed near a singular pose
 REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
@@ -40,7 +40,7 @@ def lost(chart: CompiledChart, q: np.ndarray) -> bool:
     return bool(chart.equations.lost(chart.constraint_jacobian(q)))
 
 
-def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
+def choices(robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
     """Choose what is better than a chart at each of some configurations.
 
     Args:
@@ -67,7 +67,7 @@ def choices(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
 
 
 def kept_charts(
-    robot: Robot, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
+    robot: Model, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
 ) -> Iterator[tuple[list[int], CompiledChart]]:
     """Yield the charts to use for a chosen one, and the configurations that use them.
 

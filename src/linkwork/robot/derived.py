@@ -24,7 +24,7 @@ from linkwork.robot.reactions import Reactions, Samples, transmitted
 from linkwork.robot.system import System
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 NODES = 6  # of Gauss's quadrature in a step
 NARROW = 1e-13  # pieces of steps, relative to the time, in which no work is counted
@@ -39,7 +39,7 @@ Kept = Sequence[tuple[Segment, np.ndarray]]
 class Flow:
     """Evaluate a system in one chart at K samples: states y = (q, v, z), inputs r = (signals, held inputs)."""
 
-    robot: Robot
+    robot: Model
     system: System
     chart: CompiledChart
 
@@ -80,7 +80,7 @@ class Flow:
 
 
 def power_parts(
-    robot: Robot, system: System, chart: CompiledChart, q: np.ndarray, v: np.ndarray, force: np.ndarray, wrenches
+    robot: Model, system: System, chart: CompiledChart, q: np.ndarray, v: np.ndarray, force: np.ndarray, wrenches
 ) -> dict[str, np.ndarray]:
     """Return the powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of the dampers of springs
     between points (K, springs), and of external wrenches (K, wrenches).
@@ -95,7 +95,7 @@ def power_parts(
 
 
 def about_centres(
-    robot: Robot, system: System, chart: CompiledChart, q: np.ndarray, v: np.ndarray, wrenches: np.ndarray
+    robot: Model, system: System, chart: CompiledChart, q: np.ndarray, v: np.ndarray, wrenches: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the body's place and [moment about the mass centre; force] (K, 6) of each external wrench, ground's axes."""
     acting = system.acting
@@ -107,7 +107,7 @@ def about_centres(
         yield body, np.concatenate([moment + np.cross(axes[:, body] @ arm, force), force], axis=1)
 
 
-def power_quantities(robot: Robot, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
+def power_quantities(robot: Model, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
     """Return powers and conditioning over time: axes, values and unit by name.
 
     of: what was measured at the saved times, by name (`recording.measured`)
@@ -125,13 +125,13 @@ def power_quantities(robot: Robot, system: System, kept: Kept, of: Mapping[str, 
     return found | {"conditioning": ((), pivot, "1")}
 
 
-def balance_quantities(robot: Robot, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
+def balance_quantities(robot: Model, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
     """Return work and energy balance over time: axes, values and unit by name."""
     work, start = works(robot, system, kept)
     return {"work": ((), work, "J"), "energy_balance": ((), of["kinetic"] + of["potential"] - start - work, "J")}
 
 
-def works(robot: Robot, system: System, kept: Kept) -> tuple[np.ndarray, float]:
+def works(robot: Model, system: System, kept: Kept) -> tuple[np.ndarray, float]:
     """Return W (K,) [J] at the saved times, and the energy at the start.
 
     Over a singular pose that was stepped over the balance is taken to be kept.
@@ -195,7 +195,7 @@ def quadrature(flow: Flow, segment: Segment, t: np.ndarray, row: int) -> np.ndar
     return np.add.reduceat(work, np.searchsorted(edges, t[:-1])) if work.size else work
 
 
-def run_reactions(robot: Robot, system: System, kept: Kept, frame: str, length: float | None) -> Reactions:
+def run_reactions(robot: Model, system: System, kept: Kept, frame: str, length: float | None) -> Reactions:
     """Return the reactions at a run's saved times."""
     samples = []
     for segment, rows in kept:

@@ -41,10 +41,10 @@ from linkwork.simulation.turns import whole
 if TYPE_CHECKING:
     import xarray
 
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 AT_ONCE = 1000  # members that are run again together
-Again = Callable[[Sequence[int]], Iterator[tuple[Lone, bool]]]
+Again = Callable[[Sequence[int]], Iterator[tuple[int, Sequence[Segment], bool]]]
 STATISTICS = ("nfev", "steps", "rejected", "pivot", "closure_error")
 
 
@@ -225,7 +225,7 @@ class Ensemble:
 
 
 def ensemble(
-    robot: Robot,
+    robot: Model,
     states: State,
     forces: Any = None,
     parameters: Mapping[str, ArrayLike] | None = None,
@@ -329,7 +329,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
         parts.append(waiting(crew, course, np.flatnonzero(~crew.told)))
     if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
         ((first, _),) = faced(crew, able[:1])
-    groups, limits = [(first, able)], turning(crew.robot, crew.system)
+    groups, limits = [(first, able)], turning(crew.robot.turning, crew.robot.chart, crew.system.acting)
 
     def progress(ended: int, _: int) -> None:
         report(sum(len(part.members) for part in parts) + ended, len(crew))
@@ -470,15 +470,19 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
     )
 
 
-def again(crew: Members, course: Course, lone: Sequence[Lone], which: Sequence[int]) -> Iterator[tuple[Lone, bool]]:
-    """Yield members that ran by themselves, and others once more by themselves; tell whether every step was saved."""
+def again(
+    crew: Members, course: Course, lone: Sequence[Lone], which: Sequence[int]
+) -> Iterator[tuple[int, Sequence[Segment], bool]]:
+    """Yield members with their segments that ran by themselves, and others once more; tell whether every step was saved."""
     whole = {one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)}
-    yield from ((whole[member], False) for member in which if member in whole)
+    yield from ((member, whole[member].segments, False) for member in which if member in whole)
     left = [member for member in which if member not in whole]
     every = replace(course, times=None)  # pyright: ignore[reportArgumentType]
     for first in range(0, len(left), AT_ONCE):
         tasks = [Task(member) for member in left[first : first + AT_ONCE]]
-        yield from ((one, True) for one in by_themselves(crew, every, tasks, lambda done, total: None))
+        yield from (
+            (one.member, one.segments, True) for one in by_themselves(crew, every, tasks, lambda done, total: None)
+        )
 
 
 def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:

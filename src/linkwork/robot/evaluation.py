@@ -17,10 +17,10 @@ from linkwork.robot.rereading import chart_in, reread
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 
-def in_chart(robot: Robot, state: State, names: tuple[str, ...]) -> State:
+def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
     """Return the same state with the rates of these names as the independent ones: `Robot.in_chart`."""
     given, chart = robot.chart_of(robot.own(state)), None
     for q in state.q.reshape(-1, state.q.shape[-1]):
@@ -41,12 +41,12 @@ def in_chart(robot: Robot, state: State, names: tuple[str, ...]) -> State:
     return replace(state, rates=rates, independent=names)
 
 
-def outputs(robot: Robot, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
+def outputs(robot: Model, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good orders of elimination."""
     return evaluated(robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given)
 
 
-def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
+def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
     """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
     kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
     n = len(state.independent)
@@ -63,7 +63,7 @@ def dynamics(robot: Robot, name: str, state: State, values: np.ndarray, what: st
 
 
 def actuator_forces(
-    robot: Robot,
+    robot: Model,
     state: State,
     accelerations: ArrayLike | Mapping[str, ArrayLike],
     weights: ArrayLike | Mapping[str, float] | None,
@@ -87,14 +87,14 @@ def actuator_forces(
     return u / units.actuators
 
 
-def own_units(robot: Robot, state: State) -> actuation.Units:
+def own_units(robot: Model, state: State) -> actuation.Units:
     """Return the mechanism's own units of the actuated rates and of a state's independent ones, but for the time."""
     length = robot.equations.tree.length
     driven = np.array([length if robot.unit(name) == "m" else 1.0 for name in robot.actuators])
     return actuation.Units(driven, robot.chart_of(state).units[robot.equations.nq :])
 
 
-def actuator_weights(robot: Robot, weights: ArrayLike | Mapping[str, float]) -> np.ndarray:
+def actuator_weights(robot: Model, weights: ArrayLike | Mapping[str, float]) -> np.ndarray:
     """Return positive weights (actuators), given in their order or by name."""
     W = checks.values_by_name(weights, robot.actuators, "weights", "actuator")
     if not (W.ndim == 1 and (W > 0).all()):
@@ -102,7 +102,7 @@ def actuator_weights(robot: Robot, weights: ArrayLike | Mapping[str, float]) -> 
     return W
 
 
-def actuation_map(robot: Robot, state: State) -> np.ndarray:
+def actuation_map(robot: Model, state: State) -> np.ndarray:
     """Return S (..., actuators, n): `Robot.actuation`."""
     n = len(state.independent)
     if not robot.actuators:
@@ -113,7 +113,7 @@ def actuation_map(robot: Robot, state: State) -> np.ndarray:
     return S
 
 
-def internal_forces(robot: Robot, state: State, weights: np.ndarray | None = None) -> np.ndarray:
+def internal_forces(robot: Model, state: State, weights: np.ndarray | None = None) -> np.ndarray:
     """Return the actuator forces B (actuators, k) with S' B = 0 and B' W B = 1 at one state: `Robot.internal_forces`."""
     if robot.own(state).batch:
         raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
@@ -122,7 +122,7 @@ def internal_forces(robot: Robot, state: State, weights: np.ndarray | None = Non
     return B / units.actuators[:, None]
 
 
-def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def terms(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return M (..., n, n), C v, G and f (..., n)."""
     M, Cv, G, f, pivot = outputs(robot, "terms", robot.own(state), state.rates)
     require_regular(robot, state, pivot, Cv, state.rates, "rates")
@@ -130,7 +130,7 @@ def terms(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return M.reshape(*state.batch, n, n), Cv, G, f
 
 
-def maps(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
+def maps(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Return L (..., m, n) and T (..., 6r, n)."""
     L, T, pivot = outputs(robot, "maps", robot.own(state))
     require_regular(robot, state, pivot, L, state.rates, "rates")
@@ -139,7 +139,7 @@ def maps(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
     return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
 
 
-def joints_motion(robot: Robot, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
+def joints_motion(robot: Model, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
     """Return positions, rates and accelerations of all joints."""
     checks.together(state.batch, v_dot.shape[:-1])
     *motion, pivot = outputs(robot, "joints_motion", state, state.rates, v_dot)
@@ -148,7 +148,7 @@ def joints_motion(robot: Robot, state: State, v_dot: np.ndarray) -> Sequence[np.
 
 
 def require_regular(
-    robot: Robot, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
+    robot: Model, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
 ) -> None:
     """Refuse results where the rates of the state do not determine the motion, or that are not finite."""
     weakest = np.abs(pivot).min(initial=np.inf)

@@ -19,10 +19,9 @@ from linkwork.robot.state import State
 from linkwork.simulation import Status, Trajectory
 
 if TYPE_CHECKING:
-    from linkwork.robot.alone import Lone
     from linkwork.robot.labels import Labels
     from linkwork.robot.members import Members
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 DENSE, NEAR = (
     2.0,
@@ -60,7 +59,7 @@ class Course:
         return (times > DENSE * steps) & (fastest * np.diff(self.time).max(axis=-1, initial=0.0) < NEAR)
 
 
-def windings(robot: Robot, state: State, segments: Sequence[Segment], every: bool) -> tuple[np.ndarray, np.ndarray]:
+def windings(robot: Model, state: State, segments: Sequence[Segment], every: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return when whole turns of joints' coordinates were counted (K,) [s], and these (K, m).
 
     Args:
@@ -120,7 +119,7 @@ def of_members(
     read: np.ndarray,
     rates: np.ndarray,
     steps: np.ndarray,
-    again: Callable[[Sequence[int]], Iterable[tuple[Lone, bool]]],
+    again: Callable[[Sequence[int]], Iterable[tuple[int, Sequence[Segment], bool]]],
 ) -> np.ndarray:
     """Return the whole turns (N, K, m) of joints' coordinates along the runs of an ensemble's members.
 
@@ -148,8 +147,8 @@ def of_members(
     course = Course(along(time, np.zeros(len(crew))), along(read, begun), along(rates, start))
     found = course.windings(labels, first)
     unsure = np.flatnonzero(~course.sure(labels, steps, reached.sum(axis=1)))
-    for one, every in again(unsure.tolist()):
-        i, parts = one.member, [part for segment in one.segments for part in passed(segment, every)]
+    for i, segments, every in again(unsure.tolist()):
+        parts = [part for segment in segments for part in passed(segment, every)]
         own = Course.joined([Course(course.time[i], course.read[i], course.rates[i]), *parts])
         found[i] = own.windings(labels, first[i])[np.searchsorted(own.time, course.time[i])]
     return found[:, 1:]

@@ -14,18 +14,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
-from linkwork.robot.assembly import MATRICES, UnreachableError
+from linkwork.kernels import Kernel
+from linkwork.mechanism import Mechanism
+from linkwork.robot.assembly import MATRICES, Assembler, UnreachableError
 from linkwork.robot.modes import Modes, same
-
-if TYPE_CHECKING:
-    from linkwork.robot.model import Model
 
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
 NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
@@ -82,16 +80,24 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Leader:
-    """Lead the tool of one robot; modes: what has to keep its signs; twist: rows of the tool's twist that poses name."""
+    """Lead the tool of one robot.
 
-    robot: Model
+    kernel: of `functions.assembly`, with the robot's own numbers; assembler: solves for single poses
+    home: coordinates of all joints at home (m); modes: what has to keep its signs
+    twist: rows of the tool's twist that poses name
+    """
+
+    kernel: Kernel
+    assembler: Assembler
+    mechanism: Mechanism
+    home: np.ndarray
     modes: Modes
     twist: list[int]
 
     def lead(self, start: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return q (N, nq) with the tool at poses (N, size), from a closed configuration (nq)."""
         out = self.outputs(start[None])
-        way, mode = Way.of(self.robot.planar, out, poses), self.modes.signs(self.matrix(out))[0]
+        way, mode = Way.of(self.assembler.planar, out, poses), self.modes.signs(self.matrix(out))[0]
         q, part = self.walked(start, way, mode, len(poses))
         for k in np.flatnonzero(part < 1):
             q[k] = self.otherwise(start, q[k], poses[k], mode)
@@ -142,7 +148,7 @@ class Leader:
         refusal, elsewhere = None, False
         for begin in self.begins(start, near, pose):
             try:
-                q = self.robot.assembler.at_pose(pose, begin)
+                q = self.assembler.at_pose(pose, begin)
             except UnreachableError as error:
                 refusal = refusal or error
                 continue
@@ -171,7 +177,7 @@ class Leader:
         for places, _ in tree.quaternions:
             q[:, list(places)] = random.standard_normal((STARTS, 4))
         q, every, end = unit(tree, q), np.arange(STARTS), np.ones(STARTS)
-        way = Way.of(self.robot.planar, self.outputs(start[None]), np.tile(pose, (STARTS, 1)))
+        way = Way.of(self.assembler.planar, self.outputs(start[None]), np.tile(pose, (STARTS, 1)))
         for _ in range(ITERATIONS):
             residual, A, out = self.rows(q, way, every, end)
             s = np.nan_to_num(least_step(A, residual))
@@ -179,7 +185,7 @@ class Leader:
             q = unit(tree, q + np.einsum("kij,kj->ki", out["derivatives"], tree.rate_units * s))
         residual, A, out = self.rows(q, way, every, end)
         q = q[(np.abs(residual).max(axis=1) <= MET) & (out["alignment"][:, 0] >= 0)]
-        for place, rate in tree.single if not self.robot.mechanism.gears else ():
+        for place, rate in tree.single if not self.mechanism.gears else ():
             q[:, place] -= 0 if self.slides[rate] else 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
         return q[np.argsort(np.linalg.norm((q - start) / tree.units, axis=1))]
 
@@ -201,7 +207,7 @@ class Leader:
 
         p: free parameters (K, np); the robot's own if left out
         """
-        kernel, still = self.robot.kernel("assembly"), self.still
+        kernel, still = self.kernel, self.still
         if len(q) == 1 and p is None:  # one state takes the shortest way
             values = [value[None] for value in kernel(q[0], still)]
         else:
@@ -214,7 +220,7 @@ class Leader:
     @cached_property
     def still(self) -> np.ndarray:
         """Rates w (nv) at rest."""
-        return np.zeros(self.robot.equations.nv)
+        return np.zeros(len(self.tree.rates))
 
     def rows(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray
@@ -233,14 +239,12 @@ class Leader:
 
     @property
     def tree(self) -> Tree:
-        return self.robot.equations.tree
+        return self.assembler.tree
 
     @cached_property
     def heights(self) -> np.ndarray:
         """The mechanism's own units of the closure rows and of the tool's coordinates (rows)."""
-        return np.concatenate(
-            [self.robot.equations.rows.units, np.where(np.array(self.twist) < 3, 1.0, self.tree.length)]
-        )
+        return np.concatenate([self.assembler.units, np.where(np.array(self.twist) < 3, 1.0, self.tree.length)])
 
     @cached_property
     def factors(self) -> np.ndarray:
@@ -250,10 +254,9 @@ class Leader:
     @cached_property
     def length(self) -> float:
         """How far slides may be from the guess [m]: the largest distance that joints' frames and slides have at home."""
-        robot = self.robot
-        frames = [frame.position for joint in robot.mechanism.pairs.values() for frame in joint.frames]
+        frames = [frame.position for joint in self.mechanism.pairs.values() for frame in joint.frames]
         lengths = [float(np.linalg.norm(position)) for position in frames]
-        return max([self.tree.length, *lengths, *np.abs(robot.home.positions[~robot.labels.angular]).tolist()])
+        return max([self.tree.length, *lengths, *np.abs(self.home[~self.assembler.angular]).tolist()])
 
     @cached_property
     def slides(self) -> np.ndarray:

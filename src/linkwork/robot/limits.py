@@ -13,14 +13,14 @@ from linkwork.mechanism.joints import TURN
 from linkwork.mechanism.limits import limited
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 ROUNDING = (
     1e-12  # how far behind a limit a coordinate is still at it, over the mechanism's own length or 1 rad, or the limit
 )
 
 
-def passed(robot: Robot, positions: np.ndarray, time: np.ndarray | None = None) -> tuple[str, ...]:
+def passed(robot: Model, positions: np.ndarray, time: np.ndarray | None = None) -> tuple[str, ...]:
     """Return one sentence for each limit that coordinates (..., m) pass, with the time (K,) [s] where it first happens."""
     flat = positions.reshape(-1, positions.shape[-1])
     found = []

@@ -18,19 +18,19 @@ from linkwork.robot.reordering import ordered
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 HELD = 1e-9  # force that may be missing at an equilibrium, relative
 
 
-def linearised(robot: Robot, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def linearised(robot: Model, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives."""
     n = robot.mobility
     A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
     return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
 
 
-def evaluated(robot: Robot, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
+def evaluated(robot: Model, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return the derivatives at one state and force, by name; refuse stacks, and where the accelerations are undefined."""
     q, v = one_state(robot, state)
     function = kept(ordered(robot, robot.chart_of(state), q))
@@ -50,7 +50,7 @@ def kept(chart: CompiledChart) -> ca.Function:
     return derivatives(chart.equations)
 
 
-def holding(robot: Robot, state: State) -> np.ndarray:
+def holding(robot: Model, state: State) -> np.ndarray:
     """Return the least actuator forces (actuators) that hold a pose at rest, none without actuators: S' u = G - f.
 
     Raises:
@@ -60,7 +60,7 @@ def holding(robot: Robot, state: State) -> np.ndarray:
     one_state(robot, still)
     if not robot.actuators:
         return np.zeros(0)
-    S, G, f = robot.actuation(still), robot.gravity(still), robot.passive_forces(still)
+    S, (_, _, G, f) = evaluation.actuation_map(robot, still), evaluation.terms(robot, still)
     units = evaluation.own_units(robot, still)
     u = actuation.least_forces(units.map(S), (G - f) * units.rates, 1 / units.actuators**2) / units.actuators
     missed, own = np.abs(G - f - S.T @ u), units.rates
@@ -72,7 +72,7 @@ def holding(robot: Robot, state: State) -> np.ndarray:
     return u
 
 
-def own_rates(robot: Robot, state: State) -> np.ndarray:
+def own_rates(robot: Model, state: State) -> np.ndarray:
     """Return the mechanism's own units of a state's independent rates (n) but for the time: its length, or 1 rad.
 
     Forces times these are energies.
@@ -80,7 +80,7 @@ def own_rates(robot: Robot, state: State) -> np.ndarray:
     return robot.chart_of(state).units[robot.equations.nq :]
 
 
-def weight(robot: Robot) -> float:
+def weight(robot: Model) -> float:
     """Return the energy [J] that raises all bodies by the mechanism's own length."""
     mass = sum(body.mass for body in robot.mechanism.bodies.values())
     return mass * float(np.linalg.norm(robot.mechanism.gravity)) * robot.equations.tree.length
@@ -96,14 +96,14 @@ def at_rest(state: State) -> State:
     return state.with_rates(0 * state.rates)
 
 
-def one_state(robot: Robot, state: State) -> tuple[np.ndarray, np.ndarray]:
+def one_state(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Return q and v of one state; refuse a stack."""
     if robot.own(state).batch:
         raise LinkworkError("this needs one state, not a stack; take one by state.at(index)")
     return state.q, state.rates
 
 
-def actuator_forces(robot: Robot, forces: ArrayLike | Mapping[str, float] | None) -> np.ndarray:
+def actuator_forces(robot: Model, forces: ArrayLike | Mapping[str, float] | None) -> np.ndarray:
     """Return u (actuators) from numbers, by name (others zero), or zero."""
     if forces is None:
         return np.zeros(len(robot.actuators))

@@ -15,15 +15,16 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.refusal import MechanismError
 from linkwork.robot import checks
+from linkwork.robot.assembly import OPEN_LOOPS
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.posing import OPEN_LOOPS
+from linkwork.robot.parameters import with_parameters
 from linkwork.robot.rereading import reread
 from linkwork.robot.state import State
 from linkwork.robot.system import System, as_input, require_starts, system
 from linkwork.simulation import Sampled, Signal
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Members:
     varied: values of parameters that vary, by name (N,); own: which of them are the robot's
     """
 
-    robot: Robot
+    robot: Model
     system: System
     forces: np.ndarray | Sequence[Signal] | None
     chart: CompiledChart
@@ -118,10 +119,10 @@ class Members:
             return None
         return [own.signal if own else system.inputs for own, system in zip(seen, systems, strict=True)]
 
-    def alone(self, member: int) -> tuple[Robot, System]:
+    def alone(self, member: int) -> tuple[Model, System]:
         """Return the robot and the system of one member."""
         values = {name: float(given[member]) for name, given in self.varied.items() if name in self.robot.parameters}
-        robot = self.robot.with_parameters(values) if values else self.robot
+        robot = with_parameters(self.robot, values) if values else self.robot
         p = self.p[member if len(self.p) > 1 else 0]
         return robot, replace(self.system, inputs=self.signal(member), parameters=p[robot.p.size :], faults=[])
 
@@ -134,7 +135,7 @@ def constant(values: np.ndarray) -> Signal:
 
 
 def members(
-    robot: Robot,
+    robot: Model,
     states: State,
     forces: Any,
     parameters: Mapping[str, ArrayLike],
@@ -189,7 +190,7 @@ def members(
     return Members(robot, runs, each, chart, state, told, q, v, p, varied)
 
 
-def require_possible(robot: Robot, own: Mapping[str, np.ndarray], q: np.ndarray, p: np.ndarray) -> None:
+def require_possible(robot: Model, own: Mapping[str, np.ndarray], q: np.ndarray, p: np.ndarray) -> None:
     """Refuse members with numbers that no description may hold, or whose loops are open.
 
     What descriptions may hold is convex: the corners of the box about all members stand for them, where they are fewer.
@@ -215,7 +216,7 @@ def require_possible(robot: Robot, own: Mapping[str, np.ndarray], q: np.ndarray,
         )
 
 
-def allowed(robot: Robot, values: Mapping[str, float]) -> bool:
+def allowed(robot: Model, values: Mapping[str, float]) -> bool:
     """Tell whether a description may hold some numbers."""
     try:
         edited(robot.mechanism, {name: float(value) for name, value in values.items()})
@@ -224,7 +225,7 @@ def allowed(robot: Robot, values: Mapping[str, float]) -> bool:
     return True
 
 
-def forces_of_each(robot: Robot, forces: Any) -> tuple[np.ndarray | list[Signal] | None, Any]:
+def forces_of_each(robot: Model, forces: Any) -> tuple[np.ndarray | list[Signal] | None, Any]:
     """Return the forces of each member, numbers (N, nu) or N signals, or None; and those that all share."""
     if isinstance(forces, Mapping) and any(np.ndim(values) for values in forces.values()):
         forces = checks.actuator_forces(forces, robot.actuators)

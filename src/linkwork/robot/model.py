@@ -12,12 +12,11 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.robot import checks
-from linkwork.robot.assembly import Assembler, AssemblyKernel
+from linkwork.robot.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
 from linkwork.robot.leading import Leader
 from linkwork.robot.modes import Modes, modes_of
-from linkwork.robot.posing import OPEN_LOOPS
 from linkwork.robot.state import State
 from linkwork.robot.turning import own_turning
 from linkwork.simulation import Turning
@@ -68,6 +67,10 @@ class Model:
         """Return the closed reference configuration, at rest."""
         return self.make_state(self.equations.reference, np.zeros(self.mobility))
 
+    def unit(self, label: str) -> str:
+        """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a part of a quaternion."""
+        return self.labels.unit(label)
+
     def chart_of(self, state: State) -> CompiledChart:
         return self.charts[state.independent]
 
@@ -111,7 +114,8 @@ class Model:
         if (size, kept) not in self._leaders:
             twist = self.assembler.pose_indices(size)
             modes = modes_of(self.equations, self.p, twist) if kept else Modes()
-            self._leaders[size, kept] = Leader(self, modes, twist)
+            kernel, positions = self._assembly.kernel, self.home.positions
+            self._leaders[size, kept] = Leader(kernel, self.assembler, self.mechanism, positions, modes, twist)
         return self._leaders[size, kept]
 
     @cached_property

@@ -17,7 +17,7 @@ from linkwork.robot.reordering import ordered
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 JOINTS = ("position", "rate")
 
@@ -76,7 +76,7 @@ def quantity_function(equations: Equations, key: Quantity) -> ca.Function:
     return functions.function("observation", equations, inputs, {"quantity": expression(equations, key)})
 
 
-def observed(robot: Robot, state: State) -> Observation:
+def observed(robot: Model, state: State) -> Observation:
     """Return one state as controllers see it, as numbers: `Robot.observe`."""
     if robot.own(state).batch:
         raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")

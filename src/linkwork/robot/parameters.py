@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,12 +17,12 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.numbers import edited
 from linkwork.robot import checks
+from linkwork.robot.model import Model
 
-if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+Known = TypeVar("Known", bound=Model)
 
 
-def with_parameters(robot: Robot, values: Mapping[str, float]) -> Robot:
+def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
     """Return the robot with other values of its free numbers; see `Robot.with_parameters`."""
     if not isinstance(values, Mapping):
         raise LinkworkError(f"the parameters are {values!r}; give values by path, such as {{'platform.mass': 2.0}}")
@@ -48,7 +48,7 @@ def with_parameters(robot: Robot, values: Mapping[str, float]) -> Robot:
     return other
 
 
-def reference(robot: Robot, mechanism: Mechanism) -> np.ndarray:
+def reference(robot: Model, mechanism: Mechanism) -> np.ndarray:
     """Return the closed reference configuration of the robot with its own p: the one it has where that is still closed."""
     equations, kept = robot.equations, robot.equations.reference
     gap = robot.chart.kernel("closure_step")(kept)[1][0]

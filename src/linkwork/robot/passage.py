@@ -38,7 +38,7 @@ from linkwork.simulation.events import Watch
 from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 CLOSURE = 1e-13
 SOFT = 0.05  # relative pivot at which a better chart is looked for
@@ -114,7 +114,7 @@ class Passage:
         taken from where they are stiff if `leave_stiff`
     """
 
-    robot: Robot
+    robot: Model
     system: System
     start: float
     end: float
@@ -164,7 +164,7 @@ class Passage:
     @property
     def turning(self) -> Turning:
         """How large coordinates may grow, and which angles are wrapped."""
-        return turning(self.robot, self.system)
+        return turning(self.robot.turning, self.robot.chart, self.system.acting)
 
     @cached_property
     def watch(self) -> Watch | None:

@@ -10,18 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
+from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import tree_coordinates, unit
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
 from linkwork.robot import checks
-from linkwork.robot.assembly import UnreachableError
+from linkwork.robot.assembly import OPEN_LOOPS, UnreachableError
+from linkwork.robot.labels import Labels
 from linkwork.robot.state import Motion, State
 from linkwork.robot.turning import turnable, turned
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
-OPEN_LOOPS = 1e-6
 CLOSED = 1e-12
 ROUNDS = 12
 MOST_SAMPLES = 10_000_000
@@ -30,7 +32,7 @@ BRANCHES = ("guess", "any")
 Rates = ArrayLike | Mapping[str, ArrayLike] | None
 
 
-def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float) -> State:
+def state(robot: Model, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float) -> State:
     """Make a state from the coordinates of all joints: `Robot.state`."""
     given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     checks.positive(tolerance, "the tolerance")
@@ -49,11 +51,34 @@ def state(robot: Robot, positions: ArrayLike | Mapping[str, ArrayLike], rates: R
     require_closing(robot, q, gap[..., 0])
     made = stacked(robot, q, rates)
     given = np.broadcast_to(given, (*made.batch, given.shape[-1]))
-    checks.require_consistent(made.positions, given, robot.mechanism, robot.labels, tolerance)
+    require_consistent(made.positions, given, robot.mechanism, robot.labels, tolerance)
     return replace(made, positions=robot.labels.nearest(made.positions, given))
 
 
-def require_closing(robot: Robot, q: np.ndarray, gap: np.ndarray) -> None:
+def require_consistent(
+    closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, labels: Labels, tolerance: float
+) -> None:
+    """Refuse coordinates that contradict the closed configuration.
+
+    Angles may differ by whole turns where these act on nothing. A quaternion may be given at any length and with either sign.
+    """
+    joints, given = mechanism.coordinates, given.copy()
+    for _, places in checks.quaternions(mechanism):
+        length = np.linalg.norm(given[..., places], axis=-1, keepdims=True)
+        sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
+        given[..., places] *= sign / length
+    error = given - closed
+    error = np.where(labels.free, wrapped(error), error) / labels.sizes
+    if not (np.abs(error) > 10 * tolerance).any():
+        return
+    index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])
+    acting = ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
+    raise LinkworkError(
+        f"joint {joints[index[-1]]!r} is given as {given[index]:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
+    )
+
+
+def require_closing(robot: Model, q: np.ndarray, gap: np.ndarray) -> None:
     """Refuse configurations that Newton's method does not close."""
     if not (gap <= OPEN_LOOPS).all():
         index = tuple(int(i) for i in np.argwhere(~(gap <= OPEN_LOOPS))[0])
@@ -64,7 +89,7 @@ def require_closing(robot: Robot, q: np.ndarray, gap: np.ndarray) -> None:
 
 
 def assemble(
-    robot: Robot,
+    robot: Model,
     joints: Mapping[str, float] | None,
     tool: ArrayLike | None,
     rates: Rates,
@@ -103,7 +128,7 @@ def assemble(
     return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
 
 
-def wound(robot: Robot, made: State, guess: State, asked: Mapping[int, float]) -> State:
+def wound(robot: Model, made: State, guess: State, asked: Mapping[int, float]) -> State:
     """Return states with the whole turns of joints that close loops as near as they come to what is asked, by place.
 
     Others keep those of the guess: as many where they are read without a jump, else as near as they come to it.
@@ -120,7 +145,7 @@ def wound(robot: Robot, made: State, guess: State, asked: Mapping[int, float]) -
     return replace(made, positions=labels.nearest(made.positions, goal))
 
 
-def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
+def follow(robot: Model, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
     """Lead the tool along a path: `Robot.follow`."""
     checks.positive(duration, "the duration")
     if not isinstance(samples, int) or samples < 2:
@@ -160,14 +185,14 @@ def follow(robot: Robot, path: Path, duration: float, samples: int, guess: State
     return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses)
 
 
-def stacked(robot: Robot, q: np.ndarray, rates: Rates) -> State:
+def stacked(robot: Model, q: np.ndarray, rates: Rates) -> State:
     """Return the states of configurations q (..., nq) with rates, their leading dimensions brought together."""
     v = independent_rates(robot, rates, q)
     batch = checks.together(q.shape[:-1], v.shape[:-1])
     return robot.make_state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, robot.mobility)))
 
 
-def start_of(robot: Robot, guess: State | None) -> np.ndarray:
+def start_of(robot: Model, guess: State | None) -> np.ndarray:
     """Return q (nq) of a guess, of `home` where there is none."""
     q = (robot.home if guess is None else robot.own(guess)).q
     if q.ndim != 1:
@@ -175,7 +200,7 @@ def start_of(robot: Robot, guess: State | None) -> np.ndarray:
     return q
 
 
-def independent_rates(robot: Robot, rates: Rates, q: np.ndarray) -> np.ndarray:
+def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
     """Return v (..., n) from an array, from the independent rates by name, or from n rates of any joints by name."""
     if rates is None:
         return np.zeros(robot.mobility)
@@ -196,7 +221,7 @@ def independent_rates(robot: Robot, rates: Rates, q: np.ndarray) -> np.ndarray:
     return np.linalg.solve(A, given[..., None])[..., 0]
 
 
-def of_tree(robot: Robot, positions: np.ndarray) -> np.ndarray:
+def of_tree(robot: Model, positions: np.ndarray) -> np.ndarray:
     """Return q (..., nq) from the coordinates of all joints (..., m)."""
     tree, topology = robot.equations.tree, robot.equations.topology
     if not topology.added:
@@ -207,13 +232,13 @@ def of_tree(robot: Robot, positions: np.ndarray) -> np.ndarray:
     return np.array(q).reshape(*positions.shape[:-1], -1)
 
 
-def open_row(robot: Robot, q: np.ndarray) -> str:
+def open_row(robot: Model, q: np.ndarray) -> str:
     """Name the closure row that is open most."""
     rows = robot.equations.rows
     return rows.names[int(np.argmax(np.abs(robot.chart.residuals(q) / rows.units)))]
 
 
-def require_full_pose(robot: Robot, size: int) -> None:
+def require_full_pose(robot: Model, size: int) -> None:
     robot.assembler.pose_names(size)
     needed = robot.mobility - len(robot.spins)
     if size != needed:

@@ -21,7 +21,7 @@ from linkwork.robot.reordering import evaluated
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 FRAMES = ("ground", "first", "second")
 COMPONENTS = ("moment_x", "moment_y", "moment_z", "force_x", "force_y", "force_z")
@@ -82,7 +82,7 @@ class Samples:
 
 
 def reactions(
-    robot: Robot,
+    robot: Model,
     state: State,
     forces: ArrayLike | Mapping[str, ArrayLike],
     frame: str,
@@ -99,7 +99,7 @@ def reactions(
 
 
 def transmitted(
-    robot: Robot, samples: list[Samples], batch: tuple[int, ...], frame: str = "ground", length: float | None = None
+    robot: Model, samples: list[Samples], batch: tuple[int, ...], frame: str = "ground", length: float | None = None
 ) -> Reactions:
     """Return the reactions over samples of a motion, chart after chart; `batch` are the leading dimensions of the result."""
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -128,7 +128,7 @@ def transmitted(
 
 
 def balanced_part(
-    robot: Robot, network: Network, samples: Samples, frame: str, length: float
+    robot: Model, network: Network, samples: Samples, frame: str, length: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and which are open (J, 6)."""
     unit = np.repeat([length, 1.0], 3)
@@ -174,7 +174,7 @@ def shown(wrenches: np.ndarray, origins: np.ndarray, axes: np.ndarray | None, fr
     return np.concatenate([*parts], axis=-1)
 
 
-def spread(robot: Robot) -> float:
+def spread(robot: Model) -> float:
     """Return the root mean square distance of the joints from their middle at home [m], or 1 m if that is zero."""
     home = robot.home
     origins = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates)[2].reshape(-1, 3)

@@ -29,7 +29,7 @@ from linkwork.simulation.run import SINGULAR_TIMES, Deferred
 from linkwork.simulation.signals import require_increasing
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 STATES = (
     *("joint_position", "joint_rate", "joint_acceleration", "actuator_force", "kinetic_energy", "potential_energy"),
@@ -50,7 +50,7 @@ ERROR = ("error_estimate", "error_estimate_until")
 
 
 def simulate(
-    robot: Robot,
+    robot: Model,
     state: State,
     system: System,
     duration: float,
@@ -95,7 +95,7 @@ def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
     return np.append(start, times[(times > start) & (times < end)])
 
 
-def asked(robot: Robot, system: System, options: Mapping[str, Any]) -> dict[str, object]:
+def asked(robot: Model, system: System, options: Mapping[str, Any]) -> dict[str, object]:
     """Return what a run was asked for: whose it is, tolerances or step, and values of parameters."""
     method = options["method"]
     found: dict[str, object] = {"mechanism": robot.mechanism.name}
@@ -297,7 +297,7 @@ class Record:
     start: the state that the run went out from; every: whether every step was saved
     """
 
-    robot: Robot
+    robot: Model
     system: System
     segments: Sequence[Segment]
     besides: np.ndarray
@@ -440,7 +440,7 @@ def moving(chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray) -
     return found | {"kinetic": kinetic[:, 0], "potential": potential[:, 0]}
 
 
-def passed_limits(robot: Robot, run: Run) -> tuple[str, ...]:
+def passed_limits(robot: Model, run: Run) -> tuple[str, ...]:
     """Return one sentence for each joint limit that is passed at a run's saved times."""
     positions = run.variables["joint_position"].values
     return limits.passed(robot, positions, run.coords["time"].values)

@@ -19,10 +19,10 @@ from linkwork.robot import checks
 from linkwork.robot.charts import BUILDING, CompiledChart
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 
-def ordered(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> CompiledChart:
+def ordered(robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> CompiledChart:
     """Return a chart, or the one of its rates in a good order at q (nq) if its own is weak there and they have one.
 
     p: values of the robot's free parameters (np), its own if left out
@@ -37,7 +37,7 @@ def ordered(robot: Robot, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
 
 
 def evaluated(
-    robot: Robot, chart: CompiledChart, kernel: Callable[[CompiledChart], Kernel], *given: np.ndarray
+    robot: Model, chart: CompiledChart, kernel: Callable[[CompiledChart], Kernel], *given: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Return what a chart's kernel gives (..., size), its last output the pivot (..., 1), in good orders where its own is weak.
 

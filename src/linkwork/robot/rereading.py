@@ -19,13 +19,13 @@ from linkwork.robot.reordering import evaluated
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 KEPT = 1e-6  # change of the kinetic energy that is none, relative to it
 
 
 def reread(
-    robot: Robot, given: CompiledChart, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray | None = None
+    robot: Model, given: CompiledChart, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the rates (..., n) of a chart at states given in those of another, and whether they tell the same motion (...).
 
@@ -47,7 +47,7 @@ def reread(
 
 
 def told(
-    robot: Robot, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray
+    robot: Model, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return w = L v (..., nv) and the weakest relative pivot (...), in a good order where the chart's own is weak."""
     w, pivot = chart.weighed(q, v, p)
@@ -57,7 +57,7 @@ def told(
     return w, pivot[..., 0]
 
 
-def chart_in(robot: Robot, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED) -> CompiledChart | None:
+def chart_in(robot: Model, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED) -> CompiledChart | None:
     """Return the known chart in the rates of these names where it is regular at q, else one that is chosen there.
 
     None where these rates do not determine the motion (`choosing.chart_in`).
@@ -69,7 +69,7 @@ def chart_in(robot: Robot, names: tuple[str, ...], q: np.ndarray, least: float =
     return robot.chart.anew(q, tuple(tree.index(name) for name in names), least)
 
 
-def start(robot: Robot, state: State) -> tuple[CompiledChart, np.ndarray]:
+def start(robot: Model, state: State) -> tuple[CompiledChart, np.ndarray]:
     """Return the chart in which a run from one state starts, and its rates there.
 
     A state in the home chart may start in a shorter one, if nothing is lost by that; any other keeps its own.

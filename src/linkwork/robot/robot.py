@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 from linkwork.paths import Path
 from linkwork.robot import checks, evaluation, limits, linear, posing
+from linkwork.robot.assembly import OPEN_LOOPS
 from linkwork.robot.model import Model
 from linkwork.robot.state import Motion, State
 
@@ -107,7 +108,7 @@ class Robot(Model):
         positions: ArrayLike | Mapping[str, ArrayLike],
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
         *,
-        tolerance: float = posing.OPEN_LOOPS,
+        tolerance: float = OPEN_LOOPS,
     ) -> State:
         """Make a state from the coordinates of all joints.
 
@@ -350,10 +351,6 @@ class Robot(Model):
     def tool_pose(self, state: State) -> np.ndarray:
         """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector (..., 6) in space [m, rad]."""
         return self.tool_poses(self.own(state).q)
-
-    def unit(self, label: str) -> str:
-        """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a part of a quaternion."""
-        return self.labels.unit(label)
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the own length, and rad."""

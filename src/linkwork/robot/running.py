@@ -12,6 +12,7 @@ from linkwork.checks import by_name, several, shown
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.errors import LinkworkError
 from linkwork.robot import checks, recording
+from linkwork.robot.parameters import with_parameters
 from linkwork.robot.rereading import chart_in
 from linkwork.robot.state import State
 from linkwork.robot.system import Forces, System, require_starts, system
@@ -27,7 +28,7 @@ from linkwork.simulation import (
 )
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
 
 TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
 EXAMPLE = "{'kp': 10.0}"
@@ -35,7 +36,7 @@ READY_EVENTS = {"limits": limit_events, "singular": singular_events}
 
 
 def simulate(
-    robot: Robot,
+    robot: Model,
     state: State,
     forces: Forces = None,
     *,
@@ -66,7 +67,7 @@ def simulate(
     options = checks.run_options(duration, rtol, atol, max_step, max_steps)
     given = dict(by_name(parameters, "parameters", EXAMPLE))
     own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
-    robot = robot.with_parameters(own) if own else robot
+    robot = with_parameters(robot, own) if own else robot
     chosen = integrator(method, step)
     if pace is not None and step is None:
         options["first_step"] = pace
@@ -95,7 +96,7 @@ def simulate(
     )
 
 
-def resume(robot: Robot, run: Run, forces: Forces = None, **options: Any) -> Run:
+def resume(robot: Model, run: Run, forces: Forces = None, **options: Any) -> Run:
     """Go on from the end of a run: see `Robot.resume`."""
     if not isinstance(run, Run):
         raise LinkworkError(f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load returns")
@@ -145,7 +146,7 @@ def usual(runs: System, inputs: Sequence[Signal], rtol: float) -> Method:
     return SHARP_SMART if smooth and rtol <= TIGHT else DORMAND_PRINCE
 
 
-def watched(robot: Robot, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:
+def watched(robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:
     """Return events as such: names stand for ready ones, and plain functions are watched without ending the run."""
     given: Sequence[Any] = (
         [events] if isinstance(events, str | Event) or callable(events) else several(events, object, "events")

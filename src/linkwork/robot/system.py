@@ -35,7 +35,7 @@ from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_
 from linkwork.simulation.events import Watch
 
 if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
+    from linkwork.robot.model import Model
     from linkwork.robot.state import State
 
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
@@ -78,7 +78,7 @@ class System:
         """The sampled controller, if there is one."""
         return self.acting.sampler if self.acting else None
 
-    def start(self, robot: Robot, positions: np.ndarray, q: np.ndarray, extras: ArrayLike | None = None) -> np.ndarray:
+    def start(self, robot: Model, positions: np.ndarray, q: np.ndarray, extras: ArrayLike | None = None) -> np.ndarray:
         """Return z (..., nz) where runs start.
 
         Args:
@@ -212,7 +212,7 @@ class Callback:
 
 
 def system(
-    robot: Robot,
+    robot: Model,
     forces: Forces,
     drives: Mapping[str, Drive] | None,
     wrenches: Sequence[Wrench],
@@ -254,7 +254,7 @@ def system(
     return System(acting.inputs(commands), acting, np.array([float(value) for value in values.values()]))
 
 
-def followed_by(robot: Robot, acting: Acting, state: State | None) -> Followed:
+def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
     """Return the coordinates whose turns runs follow for what acts: of those that it reads, those that jump or begin turned.
 
     What a Python function reads is not known beforehand.
@@ -275,7 +275,7 @@ def followed_by(robot: Robot, acting: Acting, state: State | None) -> Followed:
     return (*angles, *(own for own in quaternions if read & set(own)))
 
 
-def with_jacobian(robot: Robot, runs: System, span: tuple[float, float]) -> System:
+def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> System:
     """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and parameters are the same."""
     if runs.acting:
         return runs
@@ -308,7 +308,7 @@ def require_cover(references: Sequence[Reference], span: tuple[float, float]) ->
             )
 
 
-def as_input(robot: Robot, forces: Any) -> Signal:
+def as_input(robot: Model, forces: Any) -> Signal:
     """Return actuator forces as a signal: zero, constant, by name, or sampled."""
     n = len(robot.actuators)
     if forces is None:

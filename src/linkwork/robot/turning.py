@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -26,17 +25,15 @@ from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot.charts import CompiledChart
 from linkwork.simulation.turns import SPAN, Turning
 
-if TYPE_CHECKING:
-    from linkwork.robot.robot import Robot
-    from linkwork.robot.system import System
-
 ACTS = ("command", "force", "extra_rates", "wrenches")
 Shares = dict[int, float]  # a_i by i
 
 
-def turning(robot: Robot, system: System) -> Turning:
-    """Return how large the coordinates of a run may grow, and which angles may be wrapped."""
-    chart, acting, own = robot.chart, system.acting, robot.turning
+def turning(own: Turning, chart: CompiledChart, acting: Acting | None) -> Turning:
+    """Return how large the coordinates of a run may grow, and which angles may be wrapped.
+
+    own: the same where nothing but forces over time acts; acting: what acts on the robot in this run, traced
+    """
     if acting is None:
         return own
     return replace(own, wraps=own.wraps * chart.kept(f"{acting.key} wraps", lambda: unread(acting, chart.equations)))
