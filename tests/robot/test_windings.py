@@ -248,3 +248,32 @@ def test_a_sampled_function_sees_the_turns(bennett):
     turned = np.array(seen) - state.positions[[0, 2]]
     assert len(seen) > 30 and turned[-1, 0] > 4 * TURN
     close(turned[:, 1], -turned[:, 0], 1e-5)
+
+
+def test_states_of_a_stack_are_those_made_alone(stewart):
+    """Quaternions of any length and sign, angles whole turns away, states at rest and moving: bit for bit the same."""
+    labels, home = stewart.labels, stewart.home.positions
+    given = np.repeat(home[None], 11, axis=0)
+    places = list(labels.all_quaternions.values())
+    for row in range(len(given)):
+        given[row, places[row % len(places)]] *= (-1) ** row * (1 + row)
+    given[:, labels.free] += TURN * np.arange(11)[:, None]
+    rates = np.random.default_rng(4).normal(size=(11, stewart.mobility))
+    stack = stewart.state(given, rates)
+    for row in range(len(given)):
+        alone = stewart.state(given[row], rates[row])
+        np.testing.assert_array_equal(stack.at(row).positions, alone.positions)
+        np.testing.assert_array_equal(stack.at(row).q, alone.q)
+
+
+def test_what_contradicts_in_a_stack_is_named(stewart):
+    for name, places in stewart.labels.all_quaternions.items():
+        given = np.repeat(stewart.home.positions[None], 11, axis=0)
+        given[7, places] = 0.0
+        with pytest.raises(lw.LinkworkError, match=f"quaternion of joint '{name}' is zero"):
+            stewart.state(given)
+    place = stewart.labels.quaternions[0][1]
+    given = np.repeat(stewart.home.positions[None], 11, axis=0)
+    given[9, place] += 0.1
+    with pytest.raises(lw.LinkworkError, match=r"joint 'ball_1.q[wxyz]' is given as (\S+), .* make it (?!\1)"):
+        stewart.state(given)

@@ -44,7 +44,7 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
         parts += [_lane_by_lane(name, machine) for name in sorted(called - {"sin", "cos"})]
         parts += _vectors(program, machine, kind)
     if kind == "batch":
-        parts.append(rows_text(program, machine.lanes))
+        parts.append(rows_text(program, machine))
     return "\n\n".join(parts) + "\n"
 
 

@@ -3,107 +3,76 @@
     void rows(int64_t states, const double** in, const int64_t* strides, double** out, double* x, double* y)
 
 in[i] is the first row of input i, strides[i] the doubles from one row to the next (0: the same row for all states); out[i]
-is the first row of output i, rows without gaps. x and y have room for one block. The last state fills up the last block.
+is the first row of output i, rows without gaps. x and y have room for one block. The last state fills up the last block, so
+that its row is written several times with the same numbers.
 """
 
-from linkwork.kernels.lines import function_text
+from linkwork.kernels.lines import Lines, function_text
+from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
 
-_COPY = """define internal void @copy(i64 %n, ptr %from, i64 %from.step, ptr %to, i64 %to.step) nounwind {
-entry:
-  br label %test
-test:
-  %k = phi i64 [ 0, %entry ], [ %k.next, %step ]
-  %more = icmp slt i64 %k, %n
-  br i1 %more, label %step, label %done
-step:
-  %i = mul i64 %k, %from.step
-  %j = mul i64 %k, %to.step
-  %source = getelementptr inbounds double, ptr %from, i64 %i
-  %target = getelementptr inbounds double, ptr %to, i64 %j
-  %x = load double, ptr %source
-  store double %x, ptr %target
-  %k.next = add i64 %k, 1
-  br label %test
-done:
-  ret void
-}"""
 
-
-def rows_text(program: Program, lanes: int) -> str:
+def rows_text(program: Program, machine: Machine) -> str:
     """Return the LLVM function `rows` of a program; the module has to define `batch` as well."""
-    text = [
-        "entry:",
-        "%some = icmp sgt i64 %states, 0",
-        "br i1 %some, label %block, label %done",
-        "block:",
-        "%first = phi i64 [ 0, %entry ], [ %first.next, %stored ]",
-        "%remaining = sub i64 %states, %first",
-        "%last = add i64 %states, -1",
-        "br label %load",
-        "load:",
-        "%i = phi i64 [ 0, %block ], [ %i.next, %load ]",
-        "%i.row = add i64 %first, %i",
-        "%i.in = icmp slt i64 %i.row, %states",
-        "%row = select i1 %i.in, i64 %i.row, i64 %last",
-        *_loads(program, lanes),
-        "%i.next = add i64 %i, 1",
-        f"%i.more = icmp slt i64 %i.next, {lanes}",
-        "br i1 %i.more, label %load, label %evaluate",
-        "evaluate:",
-        "call void @batch(i64 1, ptr %x, ptr %y)",
-        "br label %store",
-        "store:",
-        "%j = phi i64 [ 0, %evaluate ], [ %j.next, %store ]",
-        "%j.row = add i64 %first, %j",
-        *_stores(program, lanes),
-        "%j.next = add i64 %j, 1",
-        f"%j.in = icmp slt i64 %j.next, {lanes}",
-        "%j.left = icmp slt i64 %j.next, %remaining",
-        "%j.more = and i1 %j.in, %j.left",
-        "br i1 %j.more, label %store, label %stored",
-        "stored:",
-        f"%first.next = add i64 %first, {lanes}",
-        "%more = icmp slt i64 %first.next, %states",
-        "br i1 %more, label %block, label %done",
-        "done:",
-        "ret void",
-    ]
-    head = "void @rows(i64 %states, ptr %in, ptr %strides, ptr %out, ptr noalias %x, ptr noalias %y) nounwind"
-    return f"{_COPY}\n\n{function_text(head, text)}"
+    lines = Lines(machine.lanes)
+    lines.do("%last = add i64 %states, -1")
+    lines.do("%some = icmp sgt i64 %states, 0")
+    lines.do("br i1 %some, label %block, label %done")
+    lines.label("block")
+    lines.do("%first = phi i64 [ 0, %entry ], [ %first.next, %block ]")
+    _moves(lines, "gather", "%in", "%x", [(size, None) for _, size in program.inputs])
+    lines.do("call void @batch(i64 1, ptr %x, ptr %y)")
+    _moves(lines, "scatter", "%out", "%y", [(size, size) for _, size in program.outputs])
+    lines.do(f"%first.next = add i64 %first, {machine.lanes}")
+    lines.do("%more = icmp slt i64 %first.next, %states")
+    lines.do("br i1 %more, label %block, label %done")
+    lines.label("done")
+    lines.do("ret void")
+    pointers = "ptr %in, ptr %strides, ptr %out, ptr noalias %x, ptr noalias %y"
+    head = f"void @rows(i64 %states, {pointers}) {machine.attributes}"
+    return "\n\n".join((_move_text("gather", machine), _move_text("scatter", machine), function_text(head, lines.text)))
 
 
-def _loads(program: Program, lanes: int) -> list[str]:
-    """Copy row %row of each input into lane %i of the block %x."""
-    text, start = [], 0
-    for k, (_, size) in enumerate(program.inputs):
-        text += [
-            f"%in.{k} = getelementptr ptr, ptr %in, i64 {k}",
-            f"%rows.{k} = load ptr, ptr %in.{k}",
-            f"%strides.{k} = getelementptr i64, ptr %strides, i64 {k}",
-            f"%stride.{k} = load i64, ptr %strides.{k}",
-            f"%skip.{k} = mul i64 %row, %stride.{k}",
-            f"%from.{k} = getelementptr double, ptr %rows.{k}, i64 %skip.{k}",
-            f"%place.{k} = add i64 %i, {start * lanes}",
-            f"%to.{k} = getelementptr double, ptr %x, i64 %place.{k}",
-            f"call void @copy(i64 {size}, ptr %from.{k}, i64 1, ptr %to.{k}, i64 {lanes})",
-        ]
+def _moves(lines: Lines, move: str, arrays: str, block: str, sizes: list[tuple[int, int | None]]) -> None:
+    """Append the moves between the rows of all arrays and a block; sizes: of a row, and its stride if that is known."""
+    start = 0
+    for k, (size, stride) in enumerate(sizes):
+        rows = lines.let(f"getelementptr inbounds ptr, ptr {arrays}, i64 {k}")
+        first = lines.let(f"load ptr, ptr {rows}")
+        step = str(stride)
+        if stride is None:
+            step = lines.let(f"load i64, ptr {lines.let(f'getelementptr inbounds i64, ptr %strides, i64 {k}')}")
+        place = lines.at(block, start)
+        lines.do(f"call void @{move}(i64 {size}, ptr {first}, i64 {step}, i64 %first, i64 %last, ptr {place})")
         start += size
-    return text
 
 
-def _stores(program: Program, lanes: int) -> list[str]:
-    """Copy lane %j of the block %y into row %j.row of each output."""
-    text, start = [], 0
-    for k, (_, size) in enumerate(program.outputs):
-        text += [
-            f"%out.{k} = getelementptr ptr, ptr %out, i64 {k}",
-            f"%results.{k} = load ptr, ptr %out.{k}",
-            f"%skipped.{k} = mul i64 %j.row, {size}",
-            f"%target.{k} = getelementptr double, ptr %results.{k}, i64 %skipped.{k}",
-            f"%lane.{k} = add i64 %j, {start * lanes}",
-            f"%source.{k} = getelementptr double, ptr %y, i64 %lane.{k}",
-            f"call void @copy(i64 {size}, ptr %source.{k}, i64 {lanes}, ptr %target.{k}, i64 1)",
-        ]
-        start += size
-    return text
+def _move_text(name: str, machine: Machine) -> str:
+    """Return the function that gathers as many rows as there are lanes, or the last one, into vectors, or scatters these."""
+    lines = Lines(machine.lanes)
+    rows = [_row(lines, lane) for lane in range(machine.lanes)]
+    lines.do("%some = icmp sgt i64 %n, 0")
+    lines.do("br i1 %some, label %number, label %done")
+    lines.label("number")
+    lines.do("%k = phi i64 [ 0, %entry ], [ %k.next, %number ]")
+    places = [lines.let(f"getelementptr inbounds double, ptr {row}, i64 %k") for row in rows]
+    if name == "gather":
+        lines.store(lines.vector([lines.let(f"load double, ptr {place}") for place in places]), "%block", "%k")
+    else:
+        for entry, place in zip(lines.entries(lines.load("%block", "%k")), places, strict=True):
+            lines.do(f"store double {entry}, ptr {place}")
+    lines.do("%k.next = add nuw nsw i64 %k, 1")
+    lines.do("%more = icmp slt i64 %k.next, %n")
+    lines.do("br i1 %more, label %number, label %done")
+    lines.label("done")
+    lines.do("ret void")
+    head = f"internal void @{name}(i64 %n, ptr %rows, i64 %stride, i64 %first, i64 %last, ptr %block) noinline"
+    return function_text(f"{head} {machine.attributes}", lines.text)
+
+
+def _row(lines: Lines, lane: int) -> str:
+    """Return where the row of a lane begins, the last one's for lanes beyond it."""
+    own = lines.let(f"add i64 %first, {lane}")
+    within = lines.let(f"icmp slt i64 {own}, %last")
+    row = lines.let(f"select i1 {within}, i64 {own}, i64 %last")
+    return lines.let(f"getelementptr inbounds double, ptr %rows, i64 {lines.let(f'mul i64 {row}, %stride')}")

@@ -15,13 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from linkwork.equations.algebra import skew, wrapped
-from linkwork.equations.reference import OpenLoopsError, close, unit
+from linkwork.equations.reference import CLOSED, OpenLoopsError, close, unit
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 
 OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
+NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
+LONGEST = 0.5  # Newton's step, in the mechanism's own units
 EPS = np.finfo(float).eps
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
 
@@ -94,6 +96,11 @@ class Assembler:
             return "with " + ", ".join(f"{name} = {value:g}" for name, value in targets.items())
 
         return self._solve(system, self.sizes[indices], guess, names, asked)
+
+    def proper(self, q: np.ndarray) -> bool:
+        """Tell whether closed loops are closed in the rows that are not held, too, with frames that face each other."""
+        out = self.still(q)
+        return not out.get("excess", 0.0) > 0 and bool(out["alignment"][0] >= 0)
 
     def at_pose(self, pose: np.ndarray, guess: np.ndarray) -> np.ndarray:
         """Return q with the tool at a pose: (x, y[, angle]) in the plane, (x, y, z[, rotation vector]) in space."""
@@ -223,6 +230,23 @@ class Assembler:
                 f"the configuration is leg-singular: the mechanism can move with the tool's {held} held still, so these do "
                 "not determine the joints' motion; lead the path around it"
             )
+
+
+def contracted(closure_step: Kernel, tree: Tree, q: np.ndarray) -> np.ndarray | None:
+    """Return q (nq) with closed loops where Newton's steps of the dependent coordinates contract at once, else None.
+
+    closure_step: the kernel of that name of a chart, whose independent coordinates stay.
+    """
+    last = LONGEST / CONTRACTS
+    for _ in range(NEWTON + 1):
+        after, (gap,) = closure_step(q)
+        length = np.abs((after - q) / tree.units).max(initial=0.0)
+        if not (gap <= CLOSED or length <= CONTRACTS * last):
+            return None
+        if gap <= CLOSED:
+            return after
+        q, last = after, length
+    return None
 
 
 def turning(r: np.ndarray, dr: np.ndarray, ddr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -12,8 +12,6 @@ from linkwork.checks import at as at
 from linkwork.checks import count, finite, positive, shown
 from linkwork.checks import number as number
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
-from linkwork.mechanism.joints import TURN
 from linkwork.robot.state import State
 
 ON_SINGULAR = ("stop", "step_over")
@@ -147,23 +145,6 @@ def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, 
         f"the loops{which} are open by {gap[index]:.3g} ({row(index)}), more than the tolerance {tolerance:g}; "
         "close them by robot.assemble, or raise the tolerance"
     )
-
-
-def quaternions(mechanism: Mechanism) -> Iterator[tuple[str, list[int]]]:
-    """Yield the joints that turn freely, and the places of their quaternions among the joint coordinates."""
-    places = {label: index for index, label in enumerate(mechanism.coordinates)}
-    for name, joint in mechanism.joints.items():
-        if TURN in joint.freedoms:
-            yield name, [places[label] for label in joint.coordinates(name)[-4:]]
-
-
-def require_turns(given: np.ndarray, mechanism: Mechanism) -> None:
-    """Refuse quaternions of length zero."""
-    for name, places in quaternions(mechanism):
-        if not np.linalg.norm(given[..., places], axis=-1).min(initial=np.inf) > 0:
-            raise LinkworkError(
-                f"the quaternion of joint {name!r} is zero; give one of any other length, such as 1, 0, 0, 0"
-            )
 
 
 def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:

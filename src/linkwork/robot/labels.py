@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations, readings
@@ -16,6 +17,7 @@ from linkwork.equations.topology import counting
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
+from linkwork.robot.charts import CompiledChart
 
 POSES = {True: ("x", "y", "angle"), False: ("x", "y", "z", "rx", "ry", "rz")}  # of a tool, by planar
 POSE_ANGLES = ("angle", "rx", "ry", "rz")
@@ -26,7 +28,11 @@ UNITS = {slide: "m" for slide in SLIDES} | {TURN: "1"}
 class Labels:
     """Tell the unit of every coordinate and rate of a mechanism's joints, and which coordinates may jump over time."""
 
-    equations: Equations
+    chart: CompiledChart
+
+    @property
+    def equations(self) -> Equations:
+        return self.chart.equations
 
     @cached_property
     def units(self) -> dict[str, str]:
@@ -60,11 +66,23 @@ class Labels:
         return np.where(lengths, self.equations.tree.length, 1.0)
 
     @cached_property
+    def all_quaternions(self) -> dict[str, list[int]]:
+        """Places among the coordinates of the quaternions of all joints that turn freely, by joint."""
+        mechanism = self.equations.mechanism
+        places = {label: i for i, label in enumerate(mechanism.coordinates)}
+        free = {name: joint for name, joint in mechanism.joints.items() if TURN in joint.freedoms}
+        return {name: [places[x] for x in joint.coordinates(name)[-4:]] for name, joint in free.items()}
+
+    @cached_property
     def quaternions(self) -> list[list[int]]:
         """Places among the coordinates of the quaternions of joints that close loops."""
-        tree, mechanism = self.equations.tree.coordinates, self.equations.mechanism
-        parts = [i for i, label in enumerate(mechanism.coordinates) if self.units[label] == "1" and label not in tree]
-        return [parts[k : k + 4] for k in range(0, len(parts), 4)]
+        names, tree = self.equations.mechanism.coordinates, self.equations.tree.coordinates
+        return [places for places in self.all_quaternions.values() if names[places[0]] not in tree]
+
+    @cached_property
+    def of_tree(self) -> np.ndarray:
+        """Places among the coordinates of those of the tree (nq), where no joints were added to it."""
+        return np.array([self.equations.mechanism.coordinates.index(x) for x in self.equations.tree.coordinates])
 
     @cached_property
     def jumping(self) -> list[str]:
@@ -82,6 +100,11 @@ class Labels:
         """Which coordinates (m) are angles of loop-closing joints whose turns act on nothing: they are the state's own."""
         every = self._among([x for cut in self.equations.cuts for x in self._angles(cut.joint)])
         return np.logical_and(every, ~self.counted)
+
+    @cached_property
+    def jumps(self) -> np.ndarray:
+        """Which coordinates (m) may jump over time: angles read by the arc tangent, and quaternions."""
+        return np.logical_or(self._among(self.jumping), self.signed)
 
     @cached_property
     def signed(self) -> np.ndarray:
@@ -112,21 +135,46 @@ class Labels:
         """Tell of each coordinate (m) whether it is among some labels."""
         return np.array([label in labels for label in self.equations.mechanism.coordinates], bool)
 
+    def compared(self, given: np.ndarray, read: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return `windings` and by how much coordinates contradict those that are read off the tree's (..., m each).
+
+        The latter is positive, in the mechanism's own units, and leaves out whole turns that act on nothing. A quaternion
+        may have any length and either sign.
+        """
+        compared = self.chart.compiled("compared", lambda _: self._comparison())
+        windings, mismatch = compared(given, read)
+        return windings, mismatch
+
+    def _comparison(self) -> ca.Function:
+        """Return (given, read) -> windings, mismatch."""
+        given, read = (ca.SX.sym(name, self.angular.size) for name in ("given", "read"))
+        meant, windings = ca.SX(given), ca.SX.zeros(self.angular.size)
+        for places in self.all_quaternions.values():
+            other = ca.dot(given[places], read[places]) < 0
+            meant[places] = given[places] * ca.if_else(other, -1, 1) / ca.norm_2(given[places])
+            if self.signed[places[0]]:
+                windings[places] = other
+        error = meant - read
+        turns = error / (2 * np.pi)
+        turns = ca.copysign(ca.ceil(ca.fabs(turns) - 0.5), turns)
+        windings += turns * ca.DM(self.wound)
+        error -= 2 * np.pi * turns * ca.DM(self.free)
+        mismatch = ca.fabs(error) * ca.DM(1 / self.sizes)
+        return ca.Function("compared", [given, read], [ca.densify(windings), ca.densify(mismatch)])
+
     def windings(self, positions: np.ndarray, read: np.ndarray) -> np.ndarray:
         """Return the whole turns (..., m) by which coordinates are ahead of those that are read off the tree's.
 
         They are those of loop-closing joints; a quaternion of the other sign is one turn ahead.
         """
-        turns = np.where(self.wound, np.round((positions - read) / (2 * np.pi)), 0.0)
-        for places in self.quaternions:
-            turns[..., places] = (np.sum(positions[..., places] * read[..., places], axis=-1, keepdims=True) < 0) * 1.0
-        return turns
+        return self.compared(positions, read)[0]
 
     def turned(self, read: np.ndarray, windings: np.ndarray) -> np.ndarray:
         """Return coordinates (..., m) that are read off the tree's with whole turns added."""
         if not self.may_wind or not windings.any():
             return read
-        return np.where(self.signed, read * (-1.0) ** windings, read + 2 * np.pi * windings)
+        ahead = read + 2 * np.pi * windings
+        return np.where(self.signed, read * (-1.0) ** windings, ahead) if self.quaternions else ahead
 
     def nearest(self, read: np.ndarray, positions: np.ndarray) -> np.ndarray:
         """Return coordinates (..., m) that are read off the tree's with the whole turns of others."""

@@ -22,12 +22,10 @@ from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
-from linkwork.robot.assembly import MATRICES, Assembler, UnreachableError
+from linkwork.robot.assembly import CONTRACTS, LONGEST, MATRICES, NEWTON, Assembler, UnreachableError
 from linkwork.robot.modes import Modes, same
 
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
-NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
-LONGEST = 0.5  # Newton's step, in the mechanism's own units
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
 MET = 1e-6  # distance from a pose, in the mechanism's own units, from which Newton's method is sure to reach it
 DAMPING = 1e-12  # of the normal equations, relative to their trace

@@ -39,7 +39,7 @@ class Model:
         self.parameters: dict[str, float] = dict(self.equations.parameters)
         self.p = np.array(list(self.parameters.values()))
         self.chart = CompiledChart(self.equations, self.p)
-        self.labels = Labels(self.equations)
+        self.labels = Labels(self.chart)
         checks.known(wanted, self.equations.tree.rates, "rate of the tree")
         self.independent: tuple[str, ...] = self.equations.independent
         self.coordinates: tuple[str, ...] = mechanism.coordinates

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
-from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import tree_coordinates, unit
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
 from linkwork.paths import Path
 from linkwork.robot import checks
-from linkwork.robot.assembly import OPEN_LOOPS, UnreachableError
+from linkwork.robot.assembly import LONGEST, OPEN_LOOPS, UnreachableError, contracted
 from linkwork.robot.labels import Labels
-from linkwork.robot.state import Motion, State
+from linkwork.robot.state import Motion, State, with_positions
 from linkwork.robot.turning import turnable, turned
 
 if TYPE_CHECKING:
@@ -36,45 +33,56 @@ def state(robot: Model, positions: ArrayLike | Mapping[str, ArrayLike], rates: R
     """Make a state from the coordinates of all joints: `Robot.state`."""
     given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     checks.positive(tolerance, "the tolerance")
-    checks.require_turns(given, robot.mechanism)
-    q = unit(robot.equations.tree, of_tree(robot, given))
+    q = of_tree(robot, given)
     closure_step = robot.kernel("closure_step")
     next_q, gap = closure_step(q)
-    checks.require_closed(gap[..., 0], tolerance, lambda index: open_row(robot, q[index]))
+    if not (widest := gap.max(initial=0.0)) <= tolerance:
+        require_turns(given, robot.labels)
+        checks.require_closed(gap[..., 0], tolerance, lambda index: open_row(robot, q[index]))
     for _ in range(ROUNDS):
-        if not gap.max(initial=0.0) > CLOSED or not np.isfinite(next_q).all():
+        if not widest > CLOSED or not np.isfinite(next_q).all():
             break
         after = closure_step(next_q)
         if not np.isfinite(after[1]).all():
             break
         q, (next_q, gap) = next_q, after
-    require_closing(robot, q, gap[..., 0])
-    made = stacked(robot, q, rates)
-    given = np.broadcast_to(given, (*made.batch, given.shape[-1]))
-    require_consistent(made.positions, given, robot.mechanism, robot.labels, tolerance)
-    return replace(made, positions=robot.labels.nearest(made.positions, given))
+        widest = gap.max(initial=0.0)
+    if not widest <= OPEN_LOOPS:
+        require_closing(robot, q, gap[..., 0])
+    made, labels = stacked(robot, q, rates), robot.labels
+    windings, mismatch = labels.compared(given, made.positions)
+    if not mismatch.max(initial=0.0) <= 10 * tolerance:
+        require_turns(given, labels)
+        require_consistent(made.positions, given, labels, mismatch > 10 * tolerance)
+    return with_positions(made, labels.turned(made.positions, windings))
 
 
-def require_consistent(
-    closed: np.ndarray, given: np.ndarray, mechanism: Mechanism, labels: Labels, tolerance: float
-) -> None:
-    """Refuse coordinates that contradict the closed configuration.
+def require_turns(given: np.ndarray, labels: Labels) -> None:
+    """Refuse quaternions of length zero."""
+    for name, places in labels.all_quaternions.items():
+        if not np.linalg.norm(given[..., places], axis=-1).min(initial=np.inf) > 0:
+            raise LinkworkError(
+                f"the quaternion of joint {name!r} is zero; give one of any other length, such as 1, 0, 0, 0"
+            )
+
+
+def require_consistent(closed: np.ndarray, given: np.ndarray, labels: Labels, wrong: np.ndarray) -> None:
+    """Refuse coordinates that contradict the closed configuration; wrong: which do (..., m).
 
     Angles may differ by whole turns where these act on nothing. A quaternion may be given at any length and with either sign.
     """
-    joints, given = mechanism.coordinates, given.copy()
-    for _, places in checks.quaternions(mechanism):
-        length = np.linalg.norm(given[..., places], axis=-1, keepdims=True)
-        sign = np.where(np.sum(given[..., places] * closed[..., places], axis=-1, keepdims=True) < 0, -1, 1)
-        given[..., places] *= sign / length
-    error = given - closed
-    error = np.where(labels.free, wrapped(error), error) / labels.sizes
-    if not (np.abs(error) > 10 * tolerance).any():
+    if not wrong.any():
         return
-    index = tuple(int(i) for i in np.argwhere(np.abs(error) > 10 * tolerance)[0])
+    index = tuple(int(i) for i in np.argwhere(wrong)[0])
+    name, there = labels.equations.mechanism.coordinates[index[-1]], np.broadcast_to(given, wrong.shape)[index[:-1]]
+    value = there[index[-1]]
+    for places in labels.all_quaternions.values():
+        if index[-1] in places:
+            p = there[places]
+            value *= np.copysign(1 / np.linalg.norm(p), p @ closed[index[:-1]][places])
     acting = ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
     raise LinkworkError(
-        f"joint {joints[index[-1]]!r} is given as {given[index]:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
+        f"joint {name!r} is given as {value:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
     )
 
 
@@ -103,21 +111,10 @@ def assemble(
     if isinstance(joints, Mapping) and tool is None:
         targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
         checks.known(targets, robot.coordinates, "joint")
-        places = [robot.coordinates.index(name) for name in targets]
-        angular = robot.labels.angular[places]
-        angles, wraps = np.array(places, int)[angular].tolist(), angular.copy()
-        wraps[angular] = turnable(robot.chart, angles)
-        try:
-            q = robot.assembler.at_joints(targets, start, wraps)
-        except UnreachableError as error:
-            if len(targets) <= robot.mobility:
-                raise
-            raise UnreachableError(
-                f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave some out, or give values "
-                f"that fit together: {error}"
-            ) from None
-        asked = dict(zip(places, targets.values(), strict=True))
-        q = turned(robot.chart, q, angles, np.array(list(asked.values()))[angular])
+        asked = {robot.coordinates.index(name): value for name, value in targets.items()}
+        q = closed_near(robot, targets, start)
+        if q is None:
+            q = at_joints(robot, targets, start)
     elif tool is not None and joints is None:
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
@@ -126,6 +123,40 @@ def assemble(
     else:
         raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
     return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
+
+
+def closed_near(robot: Model, targets: Mapping[str, float], start: np.ndarray) -> np.ndarray | None:
+    """Return q (nq) at values of the independent coordinates that are so near to a start that Newton's method contracts.
+
+    None where others are given, or it does not.
+    """
+    tree = robot.equations.tree
+    if targets.keys() != set(robot.independent) or not targets.keys() <= set(tree.coordinates):
+        return None
+    q = start.copy()
+    q[[tree.coordinates.index(name) for name in targets]] = list(targets.values())
+    if np.abs((q - start) / tree.units).max() > LONGEST:
+        return None
+    q = contracted(robot.kernel("closure_step"), tree, q)
+    return q if q is not None and robot.assembler.proper(q) else None
+
+
+def at_joints(robot: Model, targets: dict[str, float], start: np.ndarray) -> np.ndarray:
+    """Return q (nq) at any joint coordinates that a start leads to, with the whole turns of what is asked."""
+    places = [robot.coordinates.index(name) for name in targets]
+    angular = robot.labels.angular[places]
+    angles, wraps = np.array(places, int)[angular].tolist(), angular.copy()
+    wraps[angular] = turnable(robot.chart, angles)
+    try:
+        q = robot.assembler.at_joints(targets, start, wraps)
+    except UnreachableError as error:
+        if len(targets) <= robot.mobility:
+            raise
+        raise UnreachableError(
+            f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave some out, or give values "
+            f"that fit together: {error}"
+        ) from None
+    return turned(robot.chart, q, angles, np.array(list(targets.values()))[angular])
 
 
 def wound(robot: Model, made: State, guess: State, asked: Mapping[int, float]) -> State:
@@ -138,11 +169,10 @@ def wound(robot: Model, made: State, guess: State, asked: Mapping[int, float]) -
         return made
     turns = robot.windings(guess)
     kept = labels.turned(made.positions, np.broadcast_to(turns, made.positions.shape))
-    jumps = np.isin(robot.coordinates, labels.jumping) | labels.signed
-    goal = np.where(jumps, guess.positions, kept)
+    goal = np.where(labels.jumps, guess.positions, kept)
     for place, value in asked.items():
         goal[..., place] = value
-    return replace(made, positions=labels.nearest(made.positions, goal))
+    return with_positions(made, labels.nearest(made.positions, goal))
 
 
 def follow(robot: Model, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
@@ -181,7 +211,7 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     positions = robot.labels.unwrapped(time, positions, joint_rates)
     first = wound(robot, made.at(0), robot.home if guess is None else guess, {})
     turns = robot.labels.windings(first.positions, positions[0])
-    made = replace(made, positions=robot.labels.turned(positions, turns))
+    made = with_positions(made, robot.labels.turned(positions, turns))
     return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses)
 
 
@@ -222,14 +252,20 @@ def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
 
 
 def of_tree(robot: Model, positions: np.ndarray) -> np.ndarray:
-    """Return q (..., nq) from the coordinates of all joints (..., m)."""
+    """Return q (..., nq) from the coordinates of all joints (..., m), its quaternions at length 1."""
     tree, topology = robot.equations.tree, robot.equations.topology
     if not topology.added:
-        return positions[..., [robot.coordinates.index(label) for label in tree.coordinates]]
-    flat = positions.reshape(-1, positions.shape[-1])
-    values = (dict(zip(robot.coordinates, row, strict=True)) for row in flat)
-    q = [tree_coordinates(robot.mechanism, topology, tree, value) for value in values]
-    return np.array(q).reshape(*positions.shape[:-1], -1)
+        q = positions.take(robot.labels.of_tree, axis=-1)
+    else:
+        require_turns(positions, robot.labels)
+        flat = positions.reshape(-1, positions.shape[-1])
+        values = (dict(zip(robot.coordinates, row, strict=True)) for row in flat)
+        found = [tree_coordinates(robot.mechanism, topology, tree, value) for value in values]
+        q = np.array(found).reshape(*positions.shape[:-1], -1)
+    if not tree.quaternions:
+        return q
+    with np.errstate(invalid="ignore"):
+        return unit(tree, q)
 
 
 def open_row(robot: Model, q: np.ndarray) -> str:

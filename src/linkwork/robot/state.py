@@ -93,6 +93,11 @@ class State:
         return f"State({positions}; rates: {rates})"
 
 
+def with_positions(state: State, positions: np.ndarray) -> State:
+    """Return the same states told with other positions (..., m), such as with whole turns of joints that close loops."""
+    return State(positions, state.rates, state.q, state.coordinates, state.independent)
+
+
 class Reached(State):
     """Hold states whose positions are given, or found when they are first asked for."""
 

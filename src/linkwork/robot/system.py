@@ -166,7 +166,7 @@ class Callback:
 
     @cached_property
     def labels(self) -> Labels:
-        return Labels(self.chart.equations)
+        return Labels(self.chart)
 
     @cached_property
     def _function(self) -> Any:
