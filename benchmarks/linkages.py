@@ -16,7 +16,7 @@ import linkwork as lw
 from linkwork.lab.engines.exudyn import ExudynEngine
 from linkwork.robots import andrews as squeezer
 from linkwork.robots import bricard
-from linkwork.robots.andrews import ANGLES
+from linkwork.robots._andrews import ANGLES
 from linkwork.simulation import Run
 
 from benchmarks.table import Figure, Listing, Section, quantity

@@ -20,7 +20,7 @@ from linkwork.lab.engines.mujoco import MujocoEngine
 from linkwork.lab.precision import plot_work_precision
 from linkwork.robots import andrews as squeezer
 from linkwork.robots import prr3, stewart
-from linkwork.robots.andrews import ANGLES
+from linkwork.robots._andrews import ANGLES
 from linkwork.views import style
 
 from benchmarks import by_hand, engines, runs, scipy_runs

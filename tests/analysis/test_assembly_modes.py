@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.analysis import assembly_modes, working_modes
-from linkwork.analysis.assembly_modes import tool_kernel
+from linkwork.analysis._assembly_modes import tool_kernel
 
 from tests.analysis.mechanisms import dietmaier, postures, rpr
 from tests.catalogue import built

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.lab.textbook import Textbook
 from linkwork.mechanism import Mechanism
-from linkwork.robots.prr3 import prr3
+from linkwork.robots._prr3 import prr3
 
 from tests.oracle import LagrangeOracle, OracleError, open_tree, planar_loops, random_state, spatial_loops
 from tests.oracle.closed_forms import DOWN, DoublePendulum, Pendulum, SliderCrank

@@ -5,7 +5,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.robots import andrews
-from linkwork.robots.andrews import ANGLES
+from linkwork.robots._andrews import ANGLES
 
 from tests.oracle import andrews as equations
 from tests.oracle.published import ANDREWS_END, ANDREWS_START

@@ -7,8 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import linkwork as lw
-from linkwork.simulation.bends import FREE
-from linkwork.simulation.signals import Sampled, as_signal
+from linkwork.simulation.signals import FREE, Sampled, as_signal
 
 from tests.control.plants import cart
 

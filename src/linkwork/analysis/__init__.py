@@ -1,11 +1,12 @@
 """Study a robot: its branches, singularities and workspace, small motions, parameters from measurements, statics."""
 
-from linkwork.analysis.assembly_modes import Modes, assembly_modes, working_modes
-from linkwork.analysis.base_parameters import Base, base_parameters
-from linkwork.analysis.equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
+from linkwork.analysis._assembly_modes import Modes, assembly_modes, working_modes
+from linkwork.analysis._base_parameters import Base, base_parameters
+from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
+from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
+from linkwork.analysis._workspace import content, inscribed, workspace
 from linkwork.analysis.excitation import Excitation, exciting_trajectory
 from linkwork.analysis.identification import Identification, Measured, identify, periodic
-from linkwork.analysis.jacobians import Jacobians, input_output, jacobians
 from linkwork.analysis.linearisation import (
     LinearModel,
     NaturalModes,
@@ -15,7 +16,6 @@ from linkwork.analysis.linearisation import (
     tool_stiffness,
 )
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
-from linkwork.analysis.workspace import content, inscribed, workspace
 from linkwork.robot.linear import holding
 
 __all__ = [

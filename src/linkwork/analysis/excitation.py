@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.analysis.base_parameters import Base, base_parameters
+from linkwork.analysis._base_parameters import Base, base_parameters
+from linkwork.analysis._workspace import positive
 from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
-from linkwork.analysis.workspace import positive
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, checks
 from linkwork.robot.linear import own_rates

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.analysis.base_parameters import Base, base_parameters
+from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis.newton import solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from linkwork.analysis.jacobians import Jacobians, jacobians, of_actuators, stacked_rows
+from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
 from linkwork.analysis.newton import extent
 from linkwork.analysis.singular_values import singular_values
 from linkwork.analysis.square import led_coordinates, pose_names, twist_rows

@@ -1,5 +1,5 @@
 """Stage 7, use from a terminal: the command `linkwork`."""
 
-from linkwork.cli.app import app, main
+from linkwork.cli.commands import app, main
 
 __all__ = ["app", "main"]

@@ -2,7 +2,7 @@
 
 from linkwork.equations import functions
 from linkwork.equations.choosing import chart_in, charts_at
-from linkwork.equations.derive import derive
+from linkwork.equations.derivation import derive
 from linkwork.equations.equations import Equations
 
 __all__ = ["Equations", "chart_in", "charts_at", "derive", "functions"]

@@ -149,9 +149,19 @@ class Mechanism(Record):
             inertia: about the payload's mass centre, in the tool's axes [kg m^2]; a point mass if left out.
             tool: name of the tool; the first if left out.
         """
-        from linkwork.mechanism.payload import loaded
+        from linkwork.mechanism.payload import together
 
-        return loaded(self, mass, centre_of_mass, inertia, tool)
+        if not self.tools:
+            raise MechanismError("there is no tool to carry a payload; add one", ("tools",))
+        name = next(iter(self.tools)) if tool is None else tool
+        if name not in self.tools:
+            raise MechanismError(f"there is no tool {name!r}; the tools are {', '.join(self.tools)}", ("tools",))
+        held = self.tools[name]
+        if held.body not in self.bodies:
+            raise MechanismError(f"the tool is on {held.body!r}, which does not move; choose another", ("tools", name))
+        payload = Body(mass=mass, centre_of_mass=centre_of_mass, inertia=inertia or Inertia(xx=0.0, yy=0.0, zz=0.0))
+        body = together(self.bodies[held.body], payload, held.frame)
+        return self.model_copy(update={"bodies": {**self.bodies, held.body: body}})
 
     def with_reference(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the others stay."""

@@ -7,33 +7,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.record import MechanismError, Vector3
-
-if TYPE_CHECKING:
-    from linkwork.mechanism.mechanism import Mechanism
-
-
-def loaded(
-    mechanism: Mechanism, mass: float, centre_of_mass: Vector3, inertia: Inertia | None, tool: str | None
-) -> Mechanism:
-    """Return a mechanism with a payload on a tool: `Mechanism.with_payload`."""
-    if not mechanism.tools:
-        raise MechanismError("there is no tool to carry a payload; add one", ("tools",))
-    name = next(iter(mechanism.tools)) if tool is None else tool
-    if name not in mechanism.tools:
-        raise MechanismError(f"there is no tool {name!r}; the tools are {', '.join(mechanism.tools)}", ("tools",))
-    held = mechanism.tools[name]
-    if held.body not in mechanism.bodies:
-        raise MechanismError(f"the tool is on {held.body!r}, which does not move; choose another", ("tools", name))
-    payload = Body(mass=mass, centre_of_mass=centre_of_mass, inertia=inertia or Inertia(xx=0.0, yy=0.0, zz=0.0))
-    body = together(mechanism.bodies[held.body], payload, held.frame)
-    return mechanism.model_copy(update={"bodies": {**mechanism.bodies, held.body: body}})
+from linkwork.mechanism.record import MechanismError
 
 
 def together(body: Body, payload: Body, frame: Frame) -> Body:

@@ -4,7 +4,7 @@ The package knows nothing of robots: it is given the machine addresses of the eq
 """
 
 from linkwork.simulation.events import Condition, Control, Events, Occurrences, Pace
-from linkwork.simulation.integrate import Trajectory, integrate
+from linkwork.simulation.integration import Trajectory, integrate
 from linkwork.simulation.methods import FIXED, METHODS, Method, MethodName, integrator
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.run import Run, Statistics, Variable

@@ -1,8 +1,9 @@
 """Bends of a signal: where its third derivative turns round, by which a step tells whether it may have passed something by.
 
-A step sees its inputs at the times of its stages only. Over times in which u''' of no input bends more than `FREE` times u is
-as smooth as a polynomial of degree six or so: whatever it does, the stages see. A pulse makes u''' bend three times at least,
-a burst or noise more often. Whoever passes more bends than that has to look what happens at them (`native_watch`).
+A step sees its inputs at the times of its stages only. Over times in which u''' of no input bends more than
+`signals.FREE` times u is as smooth as a polynomial of degree six or so: whatever it does, the stages see. A pulse makes
+u''' bend three times at least, a burst or noise more often. Whoever passes more bends than that has to look what happens
+at them (`native_watch`).
 
 The test is of no scale: a pulse of 5 N is found on 0 N as on 1000 N, and of any width down to that of a sample. Only bends
 within the rounding of the samples do not count.
@@ -12,21 +13,24 @@ import numpy as np
 from numba import types
 
 from linkwork.simulation.compiled import compiled_once
-from linkwork.simulation.signals import FREE
 
 SMALLEST = 2.0**-40  # differences of values that count, relative to the largest value
 ROUNDING = 16 * 2.0**-52  # of times, relative to the last
 
-_SIGNATURE = (types.Array(types.float64, 1, "C", readonly=True), types.Array(types.float64, 3, "C", readonly=True))
+_SIGNATURE = (
+    types.Array(types.float64, 1, "C", readonly=True),
+    types.Array(types.float64, 3, "C", readonly=True),
+    types.int64,
+)
 
 
 @compiled_once("the search for bends of signals", _SIGNATURE)
-def bends(knots, coefficients):
+def bends(knots, coefficients, most):
     """Return the bends of a signal in the order of their times, rows (time, number of the input, free), the last one infinite.
 
-    free: the time before which no input bends more than FREE times from this bend on, itself included.
+    free: the time before which no input bends more than `most` times from this bend on, itself included.
 
-    knots (pieces + 1,), coefficients (pieces, 4, columns): as of a `Signal`.
+    knots (pieces + 1,), coefficients (pieces, 4, columns): as of a `Signal`; most: `signals.FREE`.
     """
     pieces, columns = coefficients.shape[0], coefficients.shape[2]
     bent, count = np.zeros((pieces, columns), np.bool_), 0
@@ -55,15 +59,15 @@ def bends(knots, coefficients):
             place, farthest, slack_there = i, third, slack
     table = np.full((count + 1, 3), np.inf)
     table[count, 1] = 0.0
-    ahead = np.full((columns, FREE + 1), np.inf)
+    ahead = np.full((columns, most + 1), np.inf)
     for i in range(pieces - 1, -1, -1):
         for j in range(columns - 1, -1, -1):
             if bent[i, j]:
                 count -= 1
-                for m in range(FREE, 0, -1):
+                for m in range(most, 0, -1):
                     ahead[j, m] = ahead[j, m - 1]
                 ahead[j, 0] = 0.5 * (knots[i] + knots[i + 1])
                 table[count, 0], table[count, 1] = ahead[j, 0], j
                 for other in range(columns):
-                    table[count, 2] = min(table[count, 2], ahead[other, FREE])
+                    table[count, 2] = min(table[count, 2], ahead[other, most])
     return table

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_rows as rows
-from linkwork.simulation.integrate import require_cover, require_run, stability, times_within, tolerances
+from linkwork.simulation.integration import require_cover, require_run, stability, times_within, tolerances
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau

@@ -112,7 +112,7 @@ class Signal:
             return NO_BENDS
         from linkwork.simulation.bends import bends
 
-        return bends(self.knots, self.coefficients)
+        return bends(self.knots, self.coefficients, FREE)
 
     @cached_property
     def table(self) -> np.ndarray:

@@ -20,12 +20,11 @@ from linkwork.robot.labels import POSES
 from linkwork.robot.network import Network
 from linkwork.robot.reactions import spread
 from linkwork.simulation import Signal, Status
-from linkwork.sweeps import starts
 from linkwork.sweeps.cases import Case, controlled, pushed, reached
 from linkwork.sweeps.controllers import drive
+from linkwork.sweeps.home import REFUSED, UNREACHABLE, home, same_start, several_in_an_inertia
 from linkwork.sweeps.outputs import Output
 from linkwork.sweeps.quantities import QUANTITIES, REACTIONS
-from linkwork.sweeps.starts import REFUSED, UNREACHABLE, home
 from linkwork.sweeps.study import Study, StudyError
 
 STATUSES = {status.value: status.name for status in Status} | {UNREACHABLE: "UNREACHABLE", REFUSED: "REFUSED"}
@@ -164,12 +163,12 @@ class Bench:
     @cached_property
     def same_start(self) -> bool:
         """Whether all members start at the same coordinates."""
-        return starts.same_start(self.study, self.robot)
+        return same_start(self.study, self.robot)
 
     @cached_property
     def several_in_an_inertia(self) -> bool:
         """Whether several elements of one inertia vary."""
-        return starts.several_in_an_inertia(self.study)
+        return several_in_an_inertia(self.study)
 
     # What varies
 

@@ -11,8 +11,10 @@ import numpy as np
 
 from linkwork.simulation import Status
 from linkwork.sweeps.bench import Bench
-from linkwork.sweeps.quantities import QUANTITIES, measured
-from linkwork.sweeps.starts import REFUSED, starts
+from linkwork.sweeps.home import REFUSED
+from linkwork.sweeps.measuring import measured
+from linkwork.sweeps.quantities import QUANTITIES
+from linkwork.sweeps.starts import starts
 from linkwork.sweeps.study import Study
 
 Results = dict[str, np.ndarray]

@@ -9,27 +9,21 @@ working mode, are assembled one by one, with shorter steps.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.equations import functions
 from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.numbers import edited, located
+from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.record import MechanismError
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import MATRICES
 from linkwork.robot.labels import POSES
 from linkwork.robot.modes import same
-from linkwork.sweeps.study import Study, StudyError
+from linkwork.sweeps.bench import Bench
+from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
 
-if TYPE_CHECKING:
-    from linkwork.sweeps.bench import Bench
-
-UNREACHABLE, REFUSED = -1, -2
-TOOL, JOINTS, RATES = "start.tool.", "start.joints.", "start.rates."
 TURNS_LAST = {True: [3, 4, 2], False: [3, 4, 5, 0, 1, 2]}
 ROUNDS = 30
 DAMPING = 1e-12  # of the normal equations, relative to their trace
@@ -57,27 +51,6 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
     q[status != 0] = bench.start.q
     (positions,) = robot.kernel("positions")(q, p)
     return State(positions, v, q, robot.coordinates, robot.independent), status
-
-
-def same_start(study: Study, robot: Robot) -> bool:
-    """Tell whether all members start at the same coordinates: nothing that varies is part of the loops or of the start."""
-    if any(name.startswith((TOOL, JOINTS)) for name in study.varied):
-        return False
-    function = functions.assembly(robot.equations)
-    outputs = [
-        "phi",
-        *(("position", "orientation") if study.start.tool else ()),
-        *(("coordinates",) if study.start.joints else ()),
-    ]
-    p = function.index_in("p")
-    return not any(function.jac_sparsity(function.index_out(name), p).nnz() for name in outputs)
-
-
-def several_in_an_inertia(study: Study) -> bool:
-    """Tell whether several elements of one inertia vary, so that each may be possible and all together not."""
-    places = [located(study.robot, path)[0] for path in study.paths]
-    bodies = [where[:2] for where in places if "inertia" in where]
-    return len(set(bodies)) < len(bodies)
 
 
 def closed_together(bench: Bench, q: np.ndarray, p: np.ndarray, of: Values) -> tuple[np.ndarray, np.ndarray]:
@@ -188,36 +161,3 @@ def closed_alone(bench: Bench, values: Mapping[str, float], q: np.ndarray) -> tu
         return REFUSED, q
     except LinkworkError:
         return UNREACHABLE, q
-
-
-def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) -> State:
-    """Return where a member starts, at rest; near: a state on its branch."""
-    pose, joints = study.start.tool, dict(study.start.joints)
-    joints |= {name.removeprefix(JOINTS): value for name, value in values.items() if name.startswith(JOINTS)}
-    guess = State(near.positions, near.rates, near.q, robot.coordinates, robot.independent)
-    if not joints and pose is None:
-        joints = {name: float(near[name]) for name in robot.independent if name in robot.coordinates}
-    if joints:
-        guess = robot.assemble(joints, guess=guess)
-    if pose is None:
-        return guess
-    names = POSES[robot.planar]
-    return robot.assemble(
-        tool=[values.get(f"{TOOL}{name}", given) for name, given in zip(names, pose, strict=False)], guess=guess
-    )
-
-
-def home(study: Study, robot: Robot) -> State:
-    """Return where runs start if nothing of it varies.
-
-    Raises:
-        StudyError: a start out of reach, or that the robot does not have.
-    """
-    try:
-        state = posed(study, robot, {}, robot.home) if study.start.tool or study.start.joints else robot.home
-        if not study.start.rates:
-            return state
-        rates, rest = dict(study.start.rates), dict.fromkeys(robot.independent, 0.0)
-        return robot.state(state.positions, rest | rates if set(rates) <= set(rest) else rates)
-    except LinkworkError as error:
-        raise StudyError(str(error), ("start",)) from None

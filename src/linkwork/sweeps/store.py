@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -110,9 +111,7 @@ def create(path: Path, bench: Bench) -> None:
     with written(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            from linkwork import __version__
-
-            about = {STUDY: study.text, "name": study.name, "linkwork": __version__}
+            about = {STUDY: study.text, "name": study.name, "linkwork": version("linkwork")}
             if study.robot.caveats:
                 about["caveats"] = "\n".join(study.robot.caveats)
             group = zarr.create_group(part, attributes=about)

@@ -18,7 +18,7 @@ def branches(robot: Robot, state: State, same: str) -> tuple[list[State], int]:
     Raises:
         LinkworkError: the actuators, or the tool, do not determine the configuration.
     """
-    from linkwork.analysis.assembly_modes import actuated, assembly_modes, working_modes
+    from linkwork.analysis._assembly_modes import actuated, assembly_modes, working_modes
     from linkwork.analysis.square import of_tool, pose_names
 
     if same == "actuators":

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from linkwork.errors import LinkworkError
 from linkwork.lab.textbook import Textbook
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, SphericalJoint
-from linkwork.robots.prr3 import prr3
+from linkwork.robots._prr3 import prr3
 
 from tests.oracle import LagrangeOracle, open_tree, planar_loops, random_state, spatial_loops
 from tests.oracle.closed_forms import DoublePendulum, Pendulum, SliderCrank

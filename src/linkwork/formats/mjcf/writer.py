@@ -63,12 +63,16 @@ def write_mjcf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
 
 def home_of(mechanism: Mechanism) -> Home:
     """Close the loops of a mechanism from its reference."""
-    from linkwork.robot import Robot
+    from linkwork.equations import derive, functions
+    from linkwork.kernels import compile_function
 
-    robot = Robot(mechanism)
-    placed = {body: poses.pose(p, R) for body, (p, R) in robot.body_poses(robot.home).items()}
-    coordinates = dict(zip(robot.home.coordinates, map(float, robot.home.positions), strict=True))
-    return Home({GROUND: np.eye(4), **placed}, coordinates)
+    equations = derive(mechanism)
+    q, still, p = equations.reference, np.zeros(equations.mobility), np.zeros(0)
+    (positions,) = compile_function(functions.positions(equations))(q, p)
+    origins, orientations, *_ = compile_function(functions.bodies_motion(equations))(q, still, p)
+    places = zip(mechanism.bodies, origins.reshape(-1, 3), orientations.reshape(-1, 3, 3), strict=True)
+    placed = {body: poses.pose(origin, R) for body, origin, R in places}
+    return Home({GROUND: np.eye(4), **placed}, dict(zip(mechanism.coordinates, map(float, positions), strict=True)))
 
 
 def to_mjcf(mechanism: Mechanism, home: Home, held: Plan | None = None) -> tuple[str, tuple[str, ...]]:

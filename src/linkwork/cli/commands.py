@@ -86,9 +86,9 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a file tha
 
 def print_version(wanted: bool) -> None:
     if wanted:
-        from linkwork import __version__
+        from importlib.metadata import version
 
-        print(f"linkwork {__version__}")
+        print(f"linkwork {version('linkwork')}")
         raise typer.Exit()
 
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.analysis.jacobians import Jacobians, jacobians
+from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
 from linkwork.equations.algebra import wrapped

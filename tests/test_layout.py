@@ -1,0 +1,128 @@
+"""How the house stands: later stages ask earlier ones, no module asks itself by way of others, and names are told once."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from collections.abc import Iterator
+from functools import cache
+from itertools import accumulate, pairwise
+from pathlib import Path
+
+import networkx as nx
+import pytest
+
+import linkwork as lw
+
+from tests.house import SOURCE, modules
+
+STAGES = (
+    "errors moved",
+    "checks",
+    "math paths mechanism kernels",
+    "equations robots",
+    "simulation formats",
+    "control",
+    "robot",
+    "analysis scene",
+    "views",
+    "sweeps viewer lab",
+    "cli",
+)
+"""The packages, and modules beside them, from the lowest stage to the highest; those of one stage do not ask each other."""
+FORMER = ("engines", "textbook")
+"""Names of the root that lead to where things are now."""
+LATER = {
+    ("linkwork.mechanism.mechanism", "linkwork.mechanism.files"),
+    ("linkwork.simulation.run", "linkwork.views.plots"),
+}
+"""What may ask a later module, in a function: a class its own file format; a run its plot."""
+STILL = {(f"linkwork.control.{name}", "linkwork.robot") for name in ("controllers", "lqr", "model")}
+"""What asks a later module and should not."""
+
+
+def name_of(path: Path) -> str:
+    """Return the name of a module of the library."""
+    return ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
+    """Yield the modules that a module imports: at once, in functions, for its types, or later by their name."""
+    former = {
+        id(argument)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "leading_to"
+        for argument in node.args
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in names else node.module
+        elif isinstance(node, ast.Constant) and id(node) not in former:
+            yield from {str(node.value)} - {".".join(parts) for parts in accumulate([each] for each in name.split("."))}
+
+
+@cache
+def graph() -> nx.DiGraph:
+    """Return which module of the library asks which."""
+    trees = {name_of(path): tree for path, tree in modules()}
+    found = nx.DiGraph()
+    found.add_nodes_from(trees)
+    for name, tree in trees.items():
+        found.add_edges_from((name, other) for other in asked(tree, name, {*trees}) if other in trees and other != name)
+    return found
+
+
+def package(name: str) -> str:
+    """Return the package, or the module beside the packages, that a module belongs to."""
+    return (*name.split("."), "")[1]
+
+
+def test_no_module_asks_itself_by_way_of_others():
+    """Imports in functions and those for types count; `LATER` and `STILL` alone are left out."""
+    one_way = nx.restricted_view(graph(), (), LATER | STILL)
+    circles = [sorted(circle) for circle in nx.strongly_connected_components(one_way) if len(circle) > 1]
+    assert not circles
+
+
+def test_what_may_ask_a_later_module_does():
+    assert {*graph().edges} >= LATER
+
+
+def test_lower_stages_never_ask_higher_ones():
+    stage = {name: number for number, names in enumerate(STAGES) for name in names.split()}
+    packages = {package(name) for name in graph()} - {"", "__main__", *FORMER}
+    assert packages == {*stage}
+    upward = [
+        (name, other)
+        for name, other in {*graph().edges} - LATER - STILL
+        for ours, theirs in [(package(name), package(other))]
+        if ours in stage and theirs != ours and not stage.get(theirs, len(STAGES)) < stage[ours]
+    ]
+    assert not sorted(upward)
+
+
+def test_a_robot_is_above_what_works_on_it():
+    """Modules below the facade are typed by what they use."""
+    assert {package(name) for name in graph().predecessors("linkwork.robot.facade")} == {"robot"}
+    assert [*graph().predecessors("linkwork.robot.facade")] == ["linkwork.robot"]
+
+
+PACKAGES = sorted(name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir() and "." in name)
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_no_name_of_a_package_shadows_a_module_of_it(name):
+    """`linkwork.package.module` is the module, whatever the package exports."""
+    package = importlib.import_module(name)
+    own = [other.rpartition(".")[2] for other in graph() if other.rpartition(".")[0] == name]
+    assert not [each for each in own if each in vars(package) and vars(package)[each].__class__ is not type(package)]
+
+
+def test_the_library_shows_its_public_names_only():
+    assert dir(lw) == sorted(lw.__all__)
+    assert all(first != second for first, second in pairwise(dir(lw)))
+    assert not [name for name in dir(lw) if name.startswith("_") and name != "__version__"]
