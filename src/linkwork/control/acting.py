@@ -79,6 +79,12 @@ class Acting:
                         replace(drive, **{number: float(value)})
 
     @cached_property
+    def bounded(self) -> tuple[tuple[str, Drive], ...]:
+        """The drives that cannot start everywhere, with their actuators."""
+        driven = zip(self.names.actuators, self.drives, strict=True)
+        return tuple((name, drive) for name, drive in driven if type(drive).require_start is not Drive.require_start)
+
+    @cached_property
     def key(self) -> str:
         """What tells kernels of different systems apart."""
         places = [(wrench.body, tuple(wrench.point), wrench.frame) for wrench in self.wrenches]

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from linkwork.control.observation import Names
 from linkwork.equations import Equations, derive, measures, mobility
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
@@ -61,6 +62,11 @@ class Model:
     def __repr__(self) -> str:
         size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
         return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
+
+    @cached_property
+    def names(self) -> Names:
+        """Return the names by which controllers read."""
+        return Names.of(self.mechanism, self.planar)
 
     @cached_property
     def home(self) -> State:

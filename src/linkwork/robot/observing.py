@@ -80,7 +80,5 @@ def observed(robot: Model, state: State) -> Observation:
     """Return one state as controllers see it, as numbers: `Robot.observe`."""
     if robot.own(state).batch:
         raise LinkworkError("a controller sees one state, not a stack; take one by state.at(index)")
-    names = Names.of(robot.mechanism, robot.planar)
-    return observation(
-        ordered(robot, robot.chart_of(state), state.q), names, state.q, state.rates, turned=lambda _: state.positions
-    )
+    chart, names = ordered(robot, robot.chart_of(state), state.q), robot.names
+    return observation(chart, names, state.q, state.rates, turned=lambda _: state.positions)

@@ -20,7 +20,6 @@ from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.events import Event
 from linkwork.control.joined import Joined
-from linkwork.control.observation import Names
 from linkwork.control.sampler import Sampler
 from linkwork.control.settled import acting_once
 from linkwork.control.tracing import CONTROLLER, Reference, ordered
@@ -241,7 +240,7 @@ def system(
         checks.known(parameters, (), "parameter")
         return System(as_input(robot, forces))
     commands = as_input(robot, forces) if given is None else None
-    names = Names.of(robot.mechanism, robot.planar)
+    names = robot.names
     with BUILDING:
         acting = acting_once(names, given, drives, wrenches, tuple(events), span)
     followed = followed_by(robot, acting, state)
@@ -280,15 +279,16 @@ def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> Syst
     if runs.acting:
         return runs
     with BUILDING:
-        return replace(runs, acting=acting_once(Names.of(robot.mechanism, robot.planar), None, {}, (), (), span))
+        return replace(runs, acting=acting_once(robot.names, None, {}, (), (), span))
 
 
 def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> None:
     """Refuse states in which a drive cannot start; drives of which parameters vary are not looked at."""
-    if runs.acting is None:
+    acting = runs.acting
+    if acting is None or not acting.bounded:
         return
-    values = dict(zip(runs.acting.parameters, runs.parameters.tolist(), strict=True))
-    for name, drive in zip(runs.acting.names.actuators, runs.acting.drives, strict=True):
+    values = dict(zip(acting.parameters, runs.parameters.tolist(), strict=True))
+    for name, drive in acting.bounded:
         if name in state.coordinates and not any(other.startswith(f"{name}.") for other in varied):
             own = replace(drive, **{number: values[f"{name}.{number}"] for number in drive.numbers})
             with checks.at(f"the drive of {name!r}: "):

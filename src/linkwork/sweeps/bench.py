@@ -12,7 +12,6 @@ import numpy as np
 from linkwork.control import Drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
-from linkwork.control.observation import Names
 from linkwork.equations.algebra import wrapped
 from linkwork.mechanism.numbers import located
 from linkwork.robot import Motion, Robot, State
@@ -273,7 +272,7 @@ class Bench:
 
     @cached_property
     def _wanted(self) -> tuple[Signal, ...]:
-        names = Names.of(self.robot.mechanism, self.robot.planar)
+        names = self.robot.names
         return tuple(target(case.goal, names).positions for case in self.cases if case.goal is not None)
 
     def tool_error(self, case: int, times: np.ndarray, poses: np.ndarray) -> np.ndarray:
