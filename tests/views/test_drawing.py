@@ -32,6 +32,14 @@ def test_every_joint_of_every_robot_of_the_catalogue_is_drawn(name):
     assert sorted(drawn) == sorted(pairs)
 
 
+@pytest.mark.parametrize("name", ["prr3", "five_bar", "andrews", "n_four_bar"])
+def test_nothing_of_a_robot_lies_under_the_grid(name):
+    axes = plot_mechanism(built(name), built(name).home)
+    drawn = [*axes.lines, *axes.patches, *axes.collections]
+    assert min(artist.get_zorder() for artist in drawn) > axes.xaxis.get_zorder()
+    assert len({line.get_zorder() for line in axes.lines}) > 1  # bars lie below joints
+
+
 @pytest.mark.parametrize("name", ["zoo", "flat"])
 def test_every_kind_of_joint_is_drawn(name, request):
     robot = request.getfixturevalue(name)

@@ -88,11 +88,11 @@ class Canvas:
         look["color"] = self.mixed(look["color"])
         self.axes.plot(*self.seen(points), zorder=self.order(points[np.isfinite(points[:, 0])], level), **look)
 
-    def bar(self, points: np.ndarray, width: float, colour: Colour, gid: str | None = None) -> None:
+    def bar(self, points: np.ndarray, level: float, width: float, colour: Colour, gid: str | None = None) -> None:
         """Draw a polyline as a bar with dark edges."""
         width *= 1 if self.flat else BAR_IN_SPACE
-        self.line(points, 0, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE))
-        self.line(points, 0, color=colour, lw=width, gid=gid)
+        self.line(points, level, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE))
+        self.line(points, level, color=colour, lw=width, gid=gid)
 
     def faces(self, faces: Sequence[np.ndarray], inside: Colour, edge: Colour, level: float, **look: Any) -> None:
         """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a solid in space."""

@@ -135,7 +135,7 @@ def paint_line(canvas: Canvas, part: ScenePart, line: Bar) -> None:
     elif part.role == "tool":
         symbols.draw_arrow(canvas, line.points, str(part.colour))
     elif part.role in BARS:
-        canvas.bar(line.shown, canvas.width(line.radius), part.colour, gid)
+        canvas.bar(line.shown, part.look.level, canvas.width(line.radius), part.colour, gid)
     else:
         dashes = {"linestyle": (0, (3, 2))} if part.role == "gear" else {}
         look = {"color": part.colour, "lw": canvas.width(line.radius)}
