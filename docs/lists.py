@@ -1,11 +1,18 @@
-"""Docstrings of classes name fields by lines "name: meaning" or "name, name: meaning"; the site shows these as lists."""
+"""Docstrings of classes name fields by lines "name: meaning" or "name, name: meaning"; the site shows these as lists.
 
+Controllers and drives describe their numbers themselves: their docstrings are taken as the running classes have them.
+"""
+
+import inspect
+import pydoc
 import re
 from typing import Any
 
 import griffe
 
-FIELDS = re.compile(r"^(?!Source:|Note:)((?:`?\w+`?(?:, )?)+): (?=\S)", re.M)
+from linkwork.control.records import ActingPart
+
+FIELDS = re.compile(r"^(?!Sources?:|Note:)((?:`?\w+`?(?:, )?)+): (?=\S)", re.M)
 
 
 class Lists(griffe.Extension):
@@ -13,6 +20,9 @@ class Lists(griffe.Extension):
 
     def on_class(self, *, cls: griffe.Class, **kwargs: Any) -> None:
         if cls.docstring:
+            kind = pydoc.locate(cls.path)
+            if isinstance(kind, type) and issubclass(kind, ActingPart):
+                cls.docstring.value = inspect.cleandoc(kind.__doc__ or "")
             cls.docstring.value = listed(cls.docstring.value)
 
 

@@ -77,3 +77,9 @@ def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():
     assert told.split("\n")[1] == "plot_work_precision"
     with pytest.raises(AttributeError, match=r"'linkwork\.lab' has no attribute 'attic'"):
         _ = lw.lab.attic
+
+
+def test_controllers_never_ask_for_the_robot_that_they_control():
+    """Not for its type either: they ask what `control.plant` says, of whatever it is."""
+    asked = {name for path, names in imports().items() if package(path) == "control" for name in names}
+    assert not any(f"{name}.".startswith("linkwork.robot.") for name in asked)

@@ -5,7 +5,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.control import LQR, PD, PID, ComputedTorque, Sampler, SlidingMode, Wrench
-from linkwork.control.model import Model
+from linkwork.control.inverse_dynamics import InverseDynamics as Model
 
 from tests.control.plants import cart, circle_motion, pendulum
 

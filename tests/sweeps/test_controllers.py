@@ -147,6 +147,36 @@ def test_a_robot_without_a_tool_holds_where_it_starts():
     np.testing.assert_allclose(found["end"], 0.4, atol=1e-12)
 
 
+def test_gains_are_given_by_freedom_of_a_joint_that_has_several():
+    """A body that slides along an axis and turns about it: m x'' = u, J q'' = u, each with its own gains."""
+    given = study(
+        robot=lw.Mechanism(
+            name="rod",
+            gravity=(0, 0, 0),
+            bodies={"rod": {"mass": 2.0, "inertia": {"zz": 0.5}}},
+            joints={"guide": {"type": "cylindrical", "connects": ("ground", "rod")}},
+            actuators=("guide.slide", "guide.angle"),
+        ),
+        forces={},
+        start={"joints": {"guide.slide": 0.3, "guide.angle": 0.5}},
+        controllers={
+            "pd": {
+                "type": "pd",
+                "kp": {"guide.slide": 50, "guide.angle": 20},
+                "kd": {"guide.slide": 4, "guide.angle": 1},
+                "goal": {"type": "pose", "joints": {"guide.slide": 0.0, "guide.angle": 0.0}},
+            }
+        },
+        vary={"controllers.pd.kp.guide.slide": {"type": "values", "values": (50, 80)}},
+        design={"type": "grid"},
+        outputs={"x": "final joint_position.guide.slide", "angle": "final joint_position.guide.angle"},
+        rtol=1e-10,
+    )
+    found = whole(given)
+    np.testing.assert_allclose(found["x"], [held(2.0, k, 4, 0.3, 0)[0] for k in (50, 80)], atol=1e-8)
+    np.testing.assert_allclose(found["angle"], held(0.5, 20, 1, 0.5, 0)[0], atol=1e-8)
+
+
 @pytest.mark.parametrize(("delay", "quantise"), [(0.0, None), (0.02, None), (0.01, 0.001)])
 def test_a_sampled_controller_acts_in_steps(delay, quantise):
     """Between two calls of a sampled controller the force on the cart is constant, and its motion known."""

@@ -5,6 +5,8 @@ def law(t, state):                          # an ordinary function, traced once 
     return {"slide_1": kp * (0.2 - state["slide_1"]) - 40 * state.rate("slide_1")}
 
 robot.simulate(robot.home, law, duration=1.0, parameters={"kp": 500.0})
+
+The classes imported here are the one list of them: studies build theirs from `LAWS` and `DRIVES`.
 """
 
 from linkwork.control.controllers import PD, PID, ComputedTorque, SlidingMode
@@ -15,6 +17,9 @@ from linkwork.control.lqr import LQR
 from linkwork.control.observation import Observation
 from linkwork.control.sampler import Sampler
 from linkwork.control.wrenches import Wrench
+
+LAWS = (PD, PID, ComputedTorque, SlidingMode, LQR)
+DRIVES = (Ideal, Saturated, Lag, DCMotor, HydraulicCylinder, PneumaticCylinder)
 
 __all__ = [
     "LQR",

@@ -17,33 +17,72 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from linkwork import math
 from linkwork.control.drives import Extra
-from linkwork.control.goals import Goal, Target, target
-from linkwork.control.model import Model
+from linkwork.control.goals import DesiredMotion, Goal, target
+from linkwork.control.inverse_dynamics import InverseDynamics
 from linkwork.control.observation import Names, Observation, require
+from linkwork.control.plant import Plant
+from linkwork.control.records import ActingPart, Number, described, number
 from linkwork.errors import LinkworkError
 
-if TYPE_CHECKING:
-    from linkwork.robot import Robot
-
 Gain = float | Mapping[str, float]
+EACH = "actuator"
+
+
+class Form(NamedTuple):
+    """Say how study files give a controller.
+
+    type: its name there; said: what it does, in a line; title: its name in schemas
+    takes: its numbers in their order, and "model" if it has one; defaults: of numbers that may be left out
+    """
+
+    type: str
+    said: str
+    title: str
+    takes: tuple[str, ...]
+    defaults: Mapping[str, float] = {}
 
 
 @dataclass(frozen=True, eq=False)
-class Follower(ABC):
-    """Lead the actuated joints to a goal: a state, a motion (`robot.follow`), coordinates by name, or a signal of them."""
+class Controller(ActingPart, ABC):
+    """Lead a robot to a goal.
 
-    goal: Goal
-    _targets: dict[Names, Target] = field(default_factory=dict, init=False, repr=False)
+    forms: of study files; still: whether the goal is a pose
+    """
+
+    forms: ClassVar[tuple[Form, ...]] = ()
+    still: ClassVar[bool] = False
 
     @abstractmethod
     def __call__(self, t: Any, state: Observation) -> Any:
         """Return the forces of the actuators, in their order."""
+
+    @classmethod
+    def described_numbers(cls) -> Mapping[str, Number]:
+        """Return the numbers that `led` takes, by name."""
+        return described(cls)
+
+    @classmethod
+    @abstractmethod
+    def led(cls, goal: Any, **given: Any) -> Self:
+        """Return the controller to a goal with what one of its forms takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Follower(Controller):
+    """Lead the actuated joints to a goal: a state, a motion (`robot.follow`), coordinates by name, or a signal of them."""
+
+    goal: Goal
+    _targets: dict[Names, DesiredMotion] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def led(cls, goal: Goal, **given: Any) -> Self:
+        return cls(goal, **given)
 
     def errors(self, t: Any, state: Observation) -> tuple[Any, Any, Any]:
         """Return e, e' and x_d'' (na each)."""
@@ -72,13 +111,22 @@ def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
 class PD(Follower):
     """Pull each actuated joint to its goal: u = kp e + kd e', with a model plus what holds its weight and springs.
 
-    kp: [N/m, N m/rad]; kd: [N s/m, N m s/rad]; one number or one by actuator
     model: a robot with the same joints, whose weight and springs at the present pose are added
     """
 
-    kp: Gain
-    kd: Gain
-    model: Robot | None = None
+    kp: Gain = number("", "N/m, N m/rad", by=EACH)
+    kd: Gain = number("", "N s/m, N m s/rad", by=EACH)
+    model: Plant | None = None
+
+    forms: ClassVar = (
+        Form("pd", "u = kp e + kd e'", "PD", ("kp", "kd")),
+        Form(
+            "pd_with_gravity",
+            "u = kp e + kd e' + g(q) with the model's weight and springs",
+            "WeightlessPD",
+            ("model", "kp", "kd"),
+        ),
+    )
 
     def __call__(self, t, state):
         e, de, _ = self.errors(t, state)
@@ -91,20 +139,21 @@ class PD(Follower):
         return self._model.forces(state, np.zeros(len(state.names.actuators)), still=True)
 
     @cached_property
-    def _model(self) -> Model | None:
-        return None if self.model is None else Model(self.model)
+    def _model(self) -> InverseDynamics | None:
+        return None if self.model is None else InverseDynamics(self.model)
 
 
 @dataclass(frozen=True, eq=False)
 class PID(PD):
     """Add the integral of the error to `PD`: u = kp e + ki z + kd e', z' = e.
 
-    ki: [N/(m s), N m/(rad s)]; joints: actuators whose errors are integrated, all if left out; the integrals are extra
-    states "integral.joint"
+    joints: actuators whose errors are integrated, all if left out; the integrals are extra states "integral.joint"
     """
 
-    ki: Gain = 0.0
+    ki: Gain = number("", "N/(m s), N m/(rad s)", default=0.0, by=EACH)
     joints: Sequence[str] | None = None
+
+    forms: ClassVar = (Form("pid", "u = kp e + ki z + kd e', z' = e", "PID", ("kp", "ki", "kd")),)
 
     def extras(self, actuators: tuple[str, ...]) -> tuple[Extra, ...]:
         """Return the integrals of the errors of a robot with these actuators."""
@@ -130,12 +179,21 @@ class PID(PD):
 class ComputedTorque(Follower):
     """Linearise the motion by a model's inverse dynamics; with an exact model e'' + kd e' + kp e = 0.
 
-    model: a robot with the same joints, which may be wrong; kp: [1/s^2]; kd: [1/s]
+    model: a robot with the same joints, which may be wrong
     """
 
-    model: Robot
-    kp: Gain
-    kd: Gain
+    model: Plant
+    kp: Gain = number("", "1/s^2", by=EACH)
+    kd: Gain = number("", "1/s", by=EACH)
+
+    forms: ClassVar = (
+        Form(
+            "computed_torque",
+            "u = inverse dynamics of a model",
+            "ComputedTorque",
+            ("model", "kp", "kd"),
+        ),
+    )
 
     def __call__(self, t, state):
         e, de, ddx_d = self.errors(t, state)
@@ -143,22 +201,32 @@ class ComputedTorque(Follower):
         return self._model.forces(state, a)
 
     @cached_property
-    def _model(self) -> Model:
-        return Model(self.model)
+    def _model(self) -> InverseDynamics:
+        return InverseDynamics(self.model)
 
 
 @dataclass(frozen=True, eq=False)
 class SlidingMode(Follower):
     """Drive the error onto s = e' + slope e = 0 and keep it near, whatever a wrong model lacks.
 
-    model: a robot with the same joints; slope: [1/s]; gain: reserve of acceleration [m/s^2, rad/s^2]
-    boundary: thickness of the layer in which the switching is smoothed [m/s, rad/s]
+    The gain is a reserve of acceleration; in the layer the switching is smoothed.
+
+    model: a robot with the same joints
     """
 
-    model: Robot
-    slope: Gain
-    gain: Gain
-    boundary: float
+    model: Plant
+    slope: Gain = number("", "1/s", by=EACH)
+    gain: Gain = number("", "m/s^2, rad/s^2", by=EACH)
+    boundary: float = number("thickness of the layer", "m/s, rad/s")
+
+    forms: ClassVar = (
+        Form(
+            "sliding_mode",
+            "Sliding mode with a boundary layer",
+            "SlidingMode",
+            ("model", "slope", "gain", "boundary"),
+        ),
+    )
 
     def __call__(self, t, state):
         e, de, ddx_d = self.errors(t, state)
@@ -167,5 +235,5 @@ class SlidingMode(Follower):
         return self._model.forces(state, ddx_d + slope * de + gain(state, "gain", self.gain) * switch)
 
     @cached_property
-    def _model(self) -> Model:
-        return Model(self.model)
+    def _model(self) -> InverseDynamics:
+        return InverseDynamics(self.model)

@@ -19,7 +19,9 @@ from typing import Any, ClassVar
 
 from linkwork import math
 from linkwork.control.drives import Drive, Extra
+from linkwork.control.records import number
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.record import Positive
 
 LAMINAR = 0.999  # pressure ratio from which a small pneumatic flow is taken as proportional to the pressure drop
 DAMPED = 0.1  # rate at which a stop pushes back twice as hard as at rest [m/s]
@@ -28,30 +30,21 @@ NEAR_ZERO = 1e3  # pressure drop below which an orifice's flow is taken as propo
 
 
 @dataclass(frozen=True)
-class Cylinder(Drive):
-    """Hold the geometry of a double-acting cylinder, and its supply and exhaust pressures.
+class FluidCylinder(Drive):
+    """Hold the geometry of a double-acting cylinder, and its supply and exhaust pressures."""
 
-    area_a, area_b: effective areas of the piston [m^2]; stroke: [m]; dead_volume: of each chamber and its line [m^3]
-    supply, exhaust: absolute pressures at the valve [Pa]; retracted: joint coordinate at the retracted end [m]
-    initial_a, initial_b: chamber pressures at the start [Pa]; give: how far the stops give way, relative to the stroke
-    """
-
-    area_a: float
-    area_b: float
-    stroke: float
-    supply: float
-    exhaust: float
-    initial_a: float
-    initial_b: float
-    dead_volume: float
-    retracted: float = 0.0
-    give: float = 1e-3
+    area_a: float = number("effective area of the piston", "m^2", Positive)
+    area_b: float = number("effective area of the piston", "m^2", Positive)
+    stroke: float = number("", "m", Positive)
+    supply: float = number("absolute pressure at the valve", "Pa", Positive)
+    exhaust: float = number("absolute pressure at the valve", "Pa")
+    initial_a: float = number("pressure of chamber A at the start", "Pa", Positive)
+    initial_b: float = number("pressure of chamber B at the start", "Pa", Positive)
+    dead_volume: float = number("of each chamber and its line", "m^3", Positive)
+    retracted: float = number("joint coordinate at the retracted end", "m", default=0.0)
+    give: float = number("how far the stops give way, of the stroke", "1", Positive, 1e-3)
 
     unit: ClassVar[str] = "1"
-    positive: ClassVar[tuple[str, ...]] = (
-        *("area_a", "area_b", "stroke", "supply", "dead_volume"),
-        *("initial_a", "initial_b", "give"),
-    )
 
     @property
     def extras(self):
@@ -82,7 +75,7 @@ class Cylinder(Drive):
 
 
 @dataclass(frozen=True)
-class PneumaticCylinder(Cylinder):
+class PneumaticCylinder(FluidCylinder):
     """Drive a slide by air through a proportional 5/3 valve.
 
         p_i' = (n / V_i) (R T m_i' - p_i V_i'),    F = p_a A_a - p_b A_b - atmosphere (A_a - A_b) + stops
@@ -91,17 +84,16 @@ class PneumaticCylinder(Cylinder):
 
         m' = |command| C rho_0 p_1 sqrt(T_0 / T) psi(p_2 / p_1),    psi(r) = 1 for r <= b, else sqrt(1 - ((r - b) / (1 - b))^2),
 
-    conductance: C of the open valve [m^3/(s Pa)]; critical_ratio: b; exponent: n, from 1 (isothermal) to 1.4 (adiabatic)
-    temperature: T of the air [K], with T_0 = 293.15 K; atmosphere: pressure on the rod's end [Pa]
     Sources: ISO 6358-1; Beater, Pneumatic Drives, ch. 4 and 5.
     """
 
-    conductance: float = 2e-8
-    critical_ratio: float = 0.3
-    exponent: float = 1.2
-    temperature: float = 293.15
-    atmosphere: float = 101325.0
+    conductance: float = number("C of the open valve", "m^3/(s Pa)", default=2e-8)
+    critical_ratio: float = number("b", "1", default=0.3)
+    exponent: float = number("n, from 1 (isothermal) to 1.4 (adiabatic)", "1", default=1.2)
+    temperature: float = number("T of the air, with T_0 = 293.15 K", "K", default=293.15)
+    atmosphere: float = number("pressure on the rod's end", "Pa", default=101325.0)
 
+    type: ClassVar[str] = "pneumatic_cylinder"
     reference_temperature: ClassVar[float] = 293.15  # T_0 of ISO 8778 [K]
     gas_constant: ClassVar[float] = 287.058  # of dry air [J/(kg K)]
     density: ClassVar[float] = (
@@ -132,7 +124,7 @@ class PneumaticCylinder(Cylinder):
 
 
 @dataclass(frozen=True)
-class HydraulicCylinder(Cylinder):
+class HydraulicCylinder(FluidCylinder):
     """Drive a slide by oil through a four-way servo valve.
 
         p_a' = (beta_a / V_a) (Q_a - A_a w - c (p_a - p_b)),    p_b' = (beta_b / V_b) (A_b w - Q_b + c (p_a - p_b))
@@ -141,18 +133,16 @@ class HydraulicCylinder(Cylinder):
 
     The oil holds a little air, which expands where a chamber grows faster than oil can flow in: pressures stay above 0.
 
-    flow: Q of an edge of the open valve [m^3/s] at the pressure drop `drop` [Pa]; bulk_modulus: beta of the oil [Pa]
-    leakage: c, between the chambers [m^3/(s Pa)]; air: share of the oil's volume at p_0
     Sources: Merritt, Hydraulic Control Systems, ch. 1 (air), 5 and 6; Jelali & Kroll, Hydraulic Servo-systems, ch. 4.
     """
 
-    flow: float = 1e-3
-    drop: float = 3.5e6
-    bulk_modulus: float = 1.4e9
-    leakage: float = 0.0
-    air: float = 1e-5
+    flow: float = number("Q of an edge of the open valve at `drop`", "m^3/s", default=1e-3)
+    drop: float = number("pressure drop at which `flow` is given", "Pa", Positive, 3.5e6)
+    bulk_modulus: float = number("beta of the oil", "Pa", Positive, 1.4e9)
+    leakage: float = number("c, between the chambers", "m^3/(s Pa)", default=0.0)
+    air: float = number("share of the oil's volume at p_0", "1", Positive, 1e-5)
 
-    positive: ClassVar[tuple[str, ...]] = (*Cylinder.positive, "bulk_modulus", "drop", "air")
+    type: ClassVar[str] = "hydraulic_cylinder"
     air_pressure: ClassVar[float] = 1e5  # at which the share of air is given [Pa]
 
     def equations(self, command, x, w, z):

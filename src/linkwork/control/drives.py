@@ -13,6 +13,8 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar, NamedTuple
 
 from linkwork import checks, math
+from linkwork.control.records import ActingPart, described, number
+from linkwork.mechanism.record import Positive
 
 
 class Extra(NamedTuple):
@@ -24,19 +26,23 @@ class Extra(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Drive(ABC):
+class Drive(ActingPart, ABC):
     """Turn a command into a force [N, N m] on a joint's rate, by way of extra states.
 
-    unit: of the command; positive: names of the numbers that have to be
+    type: its name in study files; unit: of the command
+    positive: names of the numbers that have to be, beside those that are described so
     """
 
+    type: ClassVar[str] = ""
     unit: ClassVar[str] = "N, N m"
     positive: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
+        bounded = {name for name, told in described(type(self)).items() if told.kind is Positive}
         for name, value in vars(self).items():
             if not math.symbolic(value):
-                check = checks.positive if name in self.positive else checks.number
+                positive = name in bounded or name in self.positive
+                check = checks.positive if positive else checks.number
                 check(value, f"{name} of {type(self).__name__}")
 
     @property
@@ -48,7 +54,7 @@ class Drive(ABC):
     def equations(self, command: Any, x: Any, w: Any, z: Any) -> tuple[Any, tuple[Any, ...]]:
         """Return the force and z' for a command, the joint's coordinate [m, rad] and rate, and z."""
 
-    def require_start(self, x: float) -> None:  # noqa: B027
+    def require_start(self, x: float) -> None:
         """Refuse the joint's coordinate [m, rad] at the start of a run if the drive cannot be there."""
 
     @property
@@ -68,15 +74,12 @@ class Ideal(Drive):
 
 @dataclass(frozen=True)
 class Saturated(Drive):
-    """Bound the force: F = command within +-limit; smooth: F = limit tanh(command / limit).
+    """Bound the force: F = command within +-limit; smooth: F = limit tanh(command / limit)."""
 
-    limit: largest force [N, N m]
-    """
-
-    limit: float
+    limit: float = number("largest force", "N, N m", Positive)
     smooth: bool = False
 
-    positive: ClassVar[tuple[str, ...]] = ("limit",)
+    type: ClassVar[str] = "saturated"
 
     def equations(self, command, x, w, z):
         if self.smooth:
@@ -86,15 +89,12 @@ class Saturated(Drive):
 
 @dataclass(frozen=True)
 class Lag(Drive):
-    """Follow the command with a first-order lag: time_constant F' = command - F.
+    """Follow the command with a first-order lag: time_constant F' = command - F."""
 
-    time_constant: [s]; initial_force: at the start [N, N m]
-    """
+    time_constant: float = number("", "s", Positive)
+    initial_force: float = number("at the start", "N, N m", default=0.0)
 
-    time_constant: float
-    initial_force: float = 0.0
-
-    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+    type: ClassVar[str] = "lag"
 
     @property
     def extras(self):
@@ -112,19 +112,17 @@ class DCMotor(Drive):
 
     The rotor's inertia J belongs to the joint: its `rotor_inertia` is N^2 J.
 
-    resistance: R [ohm]; inductance: L [H]; torque_constant: K [N m/A = V s/rad]; gear: N, motor angle per joint
-    coordinate [1; rad/m for a slide]; initial_current: [A]
     Source: Spong, Hutchinson & Vidyasagar, Robot Modeling and Control, sec. 6.2.
     """
 
-    resistance: float
-    inductance: float
-    torque_constant: float
-    gear: float = 1.0
-    initial_current: float = 0.0
+    resistance: float = number("R", "ohm", Positive)
+    inductance: float = number("L", "H", Positive)
+    torque_constant: float = number("K", "N m/A = V s/rad", Positive)
+    gear: float = number("N, motor angle per joint coordinate", "1; rad/m for a slide", default=1.0)
+    initial_current: float = number("i at the start", "A", default=0.0)
 
+    type: ClassVar[str] = "dc_motor"
     unit: ClassVar[str] = "V"
-    positive: ClassVar[tuple[str, ...]] = ("resistance", "inductance", "torque_constant")
 
     @property
     def extras(self):

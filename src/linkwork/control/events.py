@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from linkwork import math
+from linkwork.control.records import ActingPart, settled
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
 
 
 @dataclass(frozen=True, eq=False)
-class Event:
+class Event(ActingPart):
     """Watch for zeros of a traced function.
 
     It happens when the function reaches zero, from either side: one that is zero at the start of a run happens when it
@@ -33,6 +34,11 @@ class Event:
             raise LinkworkError(f"the event {self.name!r} watches a function of (t, state), not {self.function!r}")
         if self.direction not in (-1, 0, 1):
             raise LinkworkError(f"the direction of the event {self.name!r} is {self.direction!r}; give -1, 0 or 1")
+
+    @property
+    def settled(self) -> bool:
+        """Whether what it watches is."""
+        return settled(self.function)
 
 
 def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
@@ -64,7 +70,7 @@ def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 
 
 @dataclass(frozen=True)
-class Within:
+class Within(ActingPart):
     """Tell how far a coordinate is inside of a bound [m, rad]; sign: 1 for a lower one, -1 for an upper one."""
 
     label: str
@@ -76,7 +82,7 @@ class Within:
 
 
 @dataclass(frozen=True)
-class WithinTurn:
+class WithinTurn(ActingPart):
     """Tell how far a free turn is inside of its bound, in cosines of half the angle; label: of qw."""
 
     label: str
@@ -87,7 +93,7 @@ class WithinTurn:
 
 
 @dataclass(frozen=True)
-class Regular:
+class Regular(ActingPart):
     """Tell how far the pose is from an actuator-singular one: the determinant of S."""
 
     def __call__(self, t, state):

@@ -8,37 +8,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from linkwork import checks
 from linkwork.control.observation import Names
+from linkwork.control.plant import NamedCoordinates, TimedStates
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Sampled, Signal, as_signal
 
-
-class Configuration(Protocol):
-    """A state of a robot: joint coordinates by name."""
-
-    def __getitem__(self, coordinate: str) -> np.ndarray: ...
-
-
-class Course(Protocol):
-    """A motion of a robot: states over time."""
-
-    @property
-    def time(self) -> np.ndarray: ...
-
-    @property
-    def state(self) -> Configuration: ...
-
-
-Goal: TypeAlias = Configuration | Course | Mapping[str, float] | Sampled | Signal
+Goal: TypeAlias = NamedCoordinates | TimedStates | Mapping[str, float] | Sampled | Signal
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class DesiredMotion:
     """Hold the coordinates (na) of the actuated joints over time."""
 
     positions: Signal
@@ -62,7 +46,7 @@ class Target:
         return tuple(signal(t) for signal in self.signals)  # pyright: ignore[reportReturnType]
 
 
-def target(goal: Goal, names: Names) -> Target:
+def target(goal: Goal, names: Names) -> DesiredMotion:
     """Return what a goal asks of the actuated joints.
 
     Args:
@@ -80,10 +64,10 @@ def target(goal: Goal, names: Names) -> Target:
         width, count = signal.coefficients.shape[2], len(names.actuators)
         if width != count:
             raise LinkworkError(f"the goal has {width} columns; give {count}: {', '.join(names.actuators)}")
-        return Target(signal)
+        return DesiredMotion(signal)
     if hasattr(goal, "time") and hasattr(goal, "state"):
         columns = [goal.state[name] for name in names.actuators]  # pyright: ignore[reportAttributeAccessIssue]
-        return Target(as_signal(Sampled(goal.time, np.stack(columns, axis=-1))))  # pyright: ignore[reportAttributeAccessIssue]
+        return DesiredMotion(as_signal(Sampled(goal.time, np.stack(columns, axis=-1))))  # pyright: ignore[reportAttributeAccessIssue]
     if isinstance(goal, Mapping) and (lacking := [name for name in names.actuators if name not in goal]):
         raise LinkworkError(f"the goal lacks {', '.join(lacking)}; give all of {', '.join(names.actuators)}")
     try:
@@ -92,4 +76,4 @@ def target(goal: Goal, names: Names) -> Target:
         raise LinkworkError(
             f"the goal is {goal!r}; give a state, a motion, coordinates by name, or a signal of {', '.join(names.actuators)}"
         ) from None
-    return Target(as_signal(values))
+    return DesiredMotion(as_signal(values))

@@ -8,24 +8,28 @@ Source: Anderson & Moore, Optimal Control, ch. 2 and 3.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork import checks, math
+from linkwork.control.controllers import Controller, Form
 from linkwork.control.observation import Observation
+from linkwork.control.plant import Linearised, Posture
+from linkwork.control.records import Number
 from linkwork.errors import LinkworkError
-
-if TYPE_CHECKING:
-    from linkwork.robot import Robot, State
+from linkwork.mechanism.record import Amount, Positive
+from linkwork.mechanism.refusal import MechanismError
 
 ROUNDING = 1e-12  # relative size below which a number may be rounding alone
+SQUARE = "weight of its square"
 
 
 @dataclass(frozen=True, eq=False)
-class LQR:
+class LQR(Controller):
     """Hold a robot at a pose by u = u_0 - K x; made by `LQR.about`.
 
     independent: names of the coordinates c; positions: c_0 (n); forces: u_0 (na); gains: K (na x 2n)
@@ -36,8 +40,33 @@ class LQR:
     forces: np.ndarray
     gains: np.ndarray
 
+    forms: ClassVar = (
+        Form(
+            "lqr",
+            "Hold a pose by u = u_0 - K x of least cost, Q = diag(position, rate), R = diag(force)",
+            "LQR",
+            ("model", "position", "rate", "force"),
+            {"rate": 0.0},
+        ),
+    )
+    still: ClassVar[bool] = True
+
     @classmethod
-    def about(cls, robot: Robot, state: State, Q: ArrayLike, R: ArrayLike) -> LQR:
+    def described_numbers(cls) -> Mapping[str, Number]:
+        return {
+            "position": Number(SQUARE, "1/m^2, 1/rad^2", Amount, "independent coordinate"),
+            "rate": Number(SQUARE, "s^2/m^2, s^2/rad^2", Amount, "independent rate"),
+            "force": Number(SQUARE, "1/N^2, 1/(N m)^2", Positive, "actuator"),
+        }
+
+    @classmethod
+    def led(cls, goal, *, model: Linearised, position, rate, force) -> LQR:
+        c, u = model.independent, model.actuators
+        Q = [*diagonal("position", position, c), *diagonal("rate", rate, c)]
+        return cls.about(model, goal, Q, diagonal("force", force, u))
+
+    @classmethod
+    def about(cls, robot: Linearised, state: Posture, Q: ArrayLike, R: ArrayLike) -> LQR:
         """Return the controller for a state of equilibrium (rates are taken as zero).
 
         Args:
@@ -84,6 +113,16 @@ class LQR:
             for u, row in zip(actuators, self.gains, strict=True)
         ]
         return math.array([force - math.dot(row, x) for force, row in zip(self.forces, K, strict=True)])
+
+
+def diagonal(what: str, given: float | Mapping[str, float], names: Sequence[str]) -> list[float]:
+    """Return a weight for each name; refuse weights that are others'."""
+    if not isinstance(given, Mapping):
+        return [given] * len(names)
+    for name in set(given) ^ set(names):
+        fault = f"lacks {name!r}" if name in names else f"has {name!r}"
+        raise MechanismError(f"{fault}; give one number, or one for each of {', '.join(names)}", (what,))
+    return [given[name] for name in names]
 
 
 def stable(A: np.ndarray) -> bool:

@@ -1,6 +1,6 @@
 """Observation: what a controller sees of a robot, by name; the same class holds numbers, or symbols while tracing.
 
-A quantity is read when it is first asked for, from a source (`Source`): of a state's numbers, or of fresh symbols.
+A quantity is read when it is first asked for, from a source (`Readings`): of a state's numbers, or of fresh symbols.
 `expression` gives every quantity as a function of the tree's coordinates and independent rates of any chart.
 """
 
@@ -62,7 +62,7 @@ class Names:
 
 
 @dataclass(frozen=True)
-class Source:
+class Readings:
     """Say where quantities come from: each is a function that returns a vector of numbers or of symbols.
 
     quantity: by `Quantity`; parameter: by name and default; extra: states of drives and controllers by name
@@ -74,7 +74,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyMotion:
+class FrameMotion:
     """Hold a body's frame and its motion, in the ground's axes.
 
     position: p_0B (3) [m]; rotation: R_0B (3, 3); angular_velocity: omega (3) [rad/s]; velocity: of the frame's origin
@@ -97,7 +97,7 @@ class Observation:
     """
 
     names: Names
-    source: Source
+    source: Readings
 
     def __getitem__(self, coordinate: str) -> Any:
         """Return one joint coordinate [m, rad; 1 of a quaternion's part]."""
@@ -139,11 +139,11 @@ class Observation:
         """
         return self.source.quantity(Quantity("actuation_determinant"))[0]
 
-    def body(self, name: str) -> BodyMotion:
+    def body(self, name: str) -> FrameMotion:
         """Return pose and velocity of a body's frame."""
         require(name, self.names.bodies, "body")
         values = self.source.quantity(Quantity("body", name))
-        return BodyMotion(values[:3], values[3:12].reshape(3, 3), values[12:15], values[15:])
+        return FrameMotion(values[:3], values[3:12].reshape(3, 3), values[12:15], values[15:])
 
     def parameter(self, name: str, default: float) -> Any:
         """Return a free parameter: `default`, or what simulate(parameters={name: ...}) sets without compiling anew."""
@@ -178,7 +178,7 @@ def numbers(names: Names, values: Mapping[Quantity, np.ndarray], extras: np.ndar
     def extra(name: str) -> float:
         return float(extras[names.extras.index(name)])
 
-    return Observation(names, Source(quantity, lambda name, default: parameters.get(name, default), extra))
+    return Observation(names, Readings(quantity, lambda name, default: parameters.get(name, default), extra))
 
 
 def expression(equations: Equations, quantity: Quantity) -> ca.SX:

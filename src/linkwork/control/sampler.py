@@ -15,29 +15,35 @@ from typing import Any
 import numpy as np
 
 from linkwork import checks, math
-from linkwork.control.observation import Names, Observation, Quantity, Source, require
+from linkwork.control.observation import Names, Observation, Quantity, Readings, require
+from linkwork.control.records import ActingPart, number, settled
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.record import Amount, PathName, Positive
 
 ALL = ""  # the name under which a step of all coordinates stands
 
 
 @dataclass(frozen=True, eq=False)
-class Sampler:
+class Sampler(ActingPart):
     """Call a function of (t, state) at a fixed rate, as a real controller is called.
 
     function: (t, state) -> forces or commands, by name or in the order of the actuators; any Python code, it may branch
     and keep memory
-    rate: calls per second [Hz]; delay: from a measurement until its result acts [s], a whole number of periods
-    quantise: step in which joint coordinates are read [m, rad], one for all or by name; their present rates are rounded to
-        whole steps per period
     compiled: trace the function and run it as machine code; it may then neither branch nor keep memory
+
+    The present rates of quantised coordinates are rounded to whole steps per period.
     """
 
     function: Law
-    rate: float = 1000.0
-    delay: float = 0.0
-    quantise: float | Mapping[str, float] | None = None
+    rate: float = number("calls per second", "Hz", Positive, 1000.0)
+    delay: float = number("until a result acts {unit}, a whole number of periods", "s", Amount, 0.0)
+    quantise: float | Mapping[str, float] | None = number(
+        "step in which joint coordinates are read {unit}, or one by name",
+        "m, rad",
+        Positive | Mapping[PathName, Positive] | None,
+        None,
+    )
     compiled: bool = False
 
     def __post_init__(self) -> None:
@@ -52,6 +58,11 @@ class Sampler:
             )
         for step in self._steps.values():
             checks.positive(step, "the step of a quantised coordinate", "m, rad")
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing that is traced is the user's own: a function that is not compiled is called."""
+        return super().settled and (not self.compiled or settled(self.function))
 
     @property
     def period(self) -> float:
@@ -76,7 +87,7 @@ class Sampler:
             step = step if key.kind == "position" else step * self.rate
             return step * math.floor(value / step + 0.5)
 
-        return Observation(state.names, Source(quantity, state.source.parameter, state.source.extra))
+        return Observation(state.names, Readings(quantity, state.source.parameter, state.source.extra))
 
     def law(self, t: Any, state: Observation) -> Any:
         """Return what the function gives for what is measured."""

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks, math
-from linkwork.control.observation import Names, Observation, Quantity, Source, numbers
+from linkwork.control.observation import Names, Observation, Quantity, Readings, numbers
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Signal
 
@@ -73,7 +73,7 @@ class Tracer:
     @property
     def state(self) -> Observation:
         """The observation that holds the symbols."""
-        return Observation(self.names, Source(self.quantity, self.parameter, self.extras.__getitem__))
+        return Observation(self.names, Readings(self.quantity, self.parameter, self.extras.__getitem__))
 
     def quantity(self, key: Quantity) -> np.ndarray:
         """Return the symbols of a quantity."""

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks
+from linkwork.control.records import ActingPart, settled
 from linkwork.equations import Equations, measures
 from linkwork.equations.tree import near_offset
 from linkwork.errors import LinkworkError
@@ -20,7 +21,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Wrench:
+class Wrench(ActingPart):
     """Act on a body with a force [N] at a point and a moment [N m].
 
     force, moment: three numbers, three numbers over time (`Sampled`, `Signal`), or a traced function (t, state) -> three
@@ -41,6 +42,11 @@ class Wrench:
             value = getattr(self, part)
             if part == "point" or not (isinstance(value, Sampled | Signal) or callable(value)):
                 object.__setattr__(self, part, three(value, f"the {part} of the wrench on {self.body!r}", unit))
+
+    @property
+    def settled(self) -> bool:
+        """Whether force and moment are numbers or signals."""
+        return super().settled and settled((self.force, self.moment))
 
     def in_ground(self, equations: Equations, wrench: ca.SX) -> ca.SX:
         """Return (moment, force) (6) in the ground's axes."""

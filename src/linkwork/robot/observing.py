@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from linkwork.control.observation import Names, Observation, Quantity, Source, expression
+from linkwork.control.observation import Names, Observation, Quantity, Readings, expression
 from linkwork.equations import Equations, functions
 from linkwork.errors import LinkworkError
 from linkwork.robot.charts import CompiledChart
@@ -58,7 +58,7 @@ def observation(
     def extra(name: str) -> float:
         return float(np.asarray(extras)[names.extras.index(name)])
 
-    return Observation(names, Source(quantity, parameter, extra))
+    return Observation(names, Readings(quantity, parameter, extra))
 
 
 def joints_function(equations: Equations) -> ca.Function:

@@ -20,8 +20,8 @@ from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.events import Event
 from linkwork.control.joined import Joined
+from linkwork.control.kept_traces import acting_once
 from linkwork.control.sampler import Sampler
-from linkwork.control.settled import acting_once
 from linkwork.control.tracing import CONTROLLER, Reference, ordered
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError

@@ -20,7 +20,7 @@ from linkwork.robot.network import Network
 from linkwork.robot.reactions import spread
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps.cases import Case, controlled, pushed, reached
-from linkwork.sweeps.controllers import drive
+from linkwork.sweeps.drives import drive
 from linkwork.sweeps.home import REFUSED, UNREACHABLE, home, same_start, several_in_an_inertia
 from linkwork.sweeps.outputs import Output
 from linkwork.sweeps.quantities import QUANTITIES, REACTIONS

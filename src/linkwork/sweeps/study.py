@@ -23,8 +23,9 @@ from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
 from linkwork.simulation import METHODS, integrator
-from linkwork.sweeps.controllers import AnyController, drive
+from linkwork.sweeps.controllers import AnyController
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
+from linkwork.sweeps.drives import drive
 from linkwork.sweeps.outputs import Output, require_quantity
 
 FORMAT_VERSION = 1

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.control import PD, Drive, Event, Sampler, Saturated, Wrench, settled
+from linkwork.control import PD, Drive, Event, Sampler, Saturated, Wrench
+from linkwork.control import kept_traces as settled
 
 from tests.control.plants import cart
 

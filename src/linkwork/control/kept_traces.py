@@ -1,8 +1,9 @@
-"""What acts on a robot, traced once where it is settled: made of numbers and of this package's own parts alone.
+"""Kept traces: what acts on a robot is traced once where it is settled, made of numbers and of ready parts alone.
 
 A Python function is traced in every run that it acts in, for what it reads beside its arguments, a captured value or a
-global, may have changed since. Ready-made controllers, drives and events, and wrenches of numbers or signals, are data:
-they are told apart by all of their numbers as they are now, and what was traced for equal ones is taken again.
+global, may have changed since. Ready-made controllers, drives and events, and wrenches of numbers or signals, are data
+(`linkwork.control.records`): they are told apart by all of their numbers as they are now, and what was traced for equal
+ones is taken again.
 """
 
 from __future__ import annotations
@@ -15,25 +16,20 @@ from typing import Any
 import numpy as np
 
 from linkwork.control.acting import Acting, act
-from linkwork.control.controllers import PD, PID, ComputedTorque, SlidingMode
-from linkwork.control.cylinders import HydraulicCylinder, PneumaticCylinder
-from linkwork.control.drives import DCMotor, Drive, Ideal, Lag, Saturated
-from linkwork.control.events import Event, Regular, Within, WithinTurn
-from linkwork.control.lqr import LQR
+from linkwork.control.controllers import Controller
+from linkwork.control.drives import Drive
+from linkwork.control.events import Event
 from linkwork.control.observation import Names
+from linkwork.control.records import settled
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import Law
 from linkwork.control.wrenches import Wrench
-from linkwork.simulation import Sampled, Signal
 
-CONTROLLERS = (PD, PID, ComputedTorque, SlidingMode, LQR)
-DRIVES = (Ideal, Saturated, Lag, DCMotor, PneumaticCylinder, HydraulicCylinder)
-WATCHED = (Within, WithinTurn, Regular)
 KEPT = 64  # traces
 
 
 @dataclass(frozen=True)
-class Case:
+class ToTrace:
     """Hold the arguments of `act`, and what determines its result."""
 
     key: Hashable
@@ -50,35 +46,20 @@ def acting_once(
 ) -> Acting:
     """Return what `act` does, traced before where everything is settled."""
     arguments = (names, law, drives, wrenches, events, span)
-    if settled(law, drives, wrenches, events):
-        key = names, *(value(part) for part in (law, drives, wrenches, events))
+    parts = law, drives, wrenches, events
+    if settled(parts):
+        key = names, *map(value, parts)
         try:
             hash(key)
         except TypeError:  # a goal of the user's own that is not settled
             return act(*arguments)
-        return _kept(Case(key, arguments))
+        return _kept(ToTrace(key, arguments))
     return act(*arguments)
 
 
 @lru_cache(maxsize=KEPT)
-def _kept(case: Case) -> Acting:
-    return act(*case.arguments)
-
-
-def settled(
-    law: Law | Sampler | None, drives: Mapping[str, Drive], wrenches: Sequence[Wrench], events: Sequence[Event]
-) -> bool:
-    """Tell whether nothing that is traced is a function, or a class, of the user's own."""
-    if type(law) is Sampler:
-        law = law.function if law.compiled else None
-    parts = [part for wrench in wrenches for part in (wrench.force, wrench.moment)]
-    return (
-        (law is None or type(law) in CONTROLLERS)
-        and all(type(drive) in DRIVES for drive in drives.values())
-        and all(type(wrench) is Wrench for wrench in wrenches)
-        and all(isinstance(part, Sampled | Signal) or not callable(part) for part in parts)
-        and all(type(event.function) in WATCHED for event in events)
-    )
+def _kept(given: ToTrace) -> Acting:
+    return act(*given.arguments)
 
 
 def value(part: Any) -> Any:
@@ -94,6 +75,6 @@ def value(part: Any) -> Any:
         return tuple(map(value, part))
     if isinstance(part, Wrench | Event):
         return tuple(map(value, vars(part).values()))
-    if isinstance(part, (Sampler, *CONTROLLERS)):
+    if isinstance(part, Sampler | Controller):
         return part, *(value(getattr(part, entry.name)) for entry in fields(part) if entry.init)
     return part

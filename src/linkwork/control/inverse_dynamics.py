@@ -1,4 +1,4 @@
-"""Models: inverse dynamics of a robot inside a controller, of the robot that is controlled or of a wrong one.
+"""Inverse dynamics of a robot inside a controller: of the robot that is controlled, or of a wrong model of it.
 
     S' u = M v' + C v + G - f            at the coordinates and rates that the controller sees
 
@@ -10,30 +10,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from linkwork import math
 from linkwork.control.observation import Observation
+from linkwork.control.plant import Plant
 from linkwork.equations.equations import solve_symmetric
 from linkwork.errors import LinkworkError
 
-if TYPE_CHECKING:
-    from linkwork.robot import Robot
-
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class InverseDynamics:
     """Give the actuator forces that a robot needs for accelerations of its actuated joints."""
 
-    robot: Robot
+    robot: Plant
 
     def __post_init__(self) -> None:
-        from linkwork.robot import Robot
-
-        if not isinstance(self.robot, Robot):
+        if not isinstance(self.robot, Plant):
             raise LinkworkError(f"the model of a controller is a {type(self.robot).__name__}; give a linkwork.Robot")
 
     @cached_property

@@ -1,0 +1,76 @@
+"""What controllers and goals ask of a robot: so much, and no more, of whatever it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations import Equations
+from linkwork.paths import Path
+
+
+class NamedCoordinates(Protocol):
+    """Joint coordinates by name, of one state or many."""
+
+    def __getitem__(self, coordinate: str) -> np.ndarray: ...
+
+
+class TimedStates(Protocol):
+    """A motion of a robot: states over time."""
+
+    @property
+    def time(self) -> np.ndarray: ...
+
+    @property
+    def state(self) -> NamedCoordinates: ...
+
+
+class Posture(NamedCoordinates, Protocol):
+    """A state of a robot: joint coordinates by name, and independent rates."""
+
+    @property
+    def rates(self) -> np.ndarray: ...
+
+    @property
+    def independent(self) -> tuple[str, ...]: ...
+
+    def with_rates(self, rates: ArrayLike) -> Self: ...
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """A robot, as models in controllers and goals ask it."""
+
+    @property
+    def equations(self) -> Equations: ...
+
+    @property
+    def actuators(self) -> tuple[str, ...]: ...
+
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
+
+    def assemble(
+        self, joints: Mapping[str, float] | None = None, *, tool: Any = None, guess: Any = None
+    ) -> Posture: ...
+
+    def follow(self, path: Path, duration: float, *, samples: int = 101, guess: Any = None) -> TimedStates: ...
+
+
+class Linearised(Plant, Protocol):
+    """A robot whose equations about a pose are asked for, too."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]: ...
+
+    @property
+    def independent(self) -> tuple[str, ...]: ...
+
+    def own(self, state: Any) -> Posture: ...
+
+    def holding_forces(self, state: Any) -> np.ndarray: ...
+
+    def linearised(self, state: Any, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]: ...
