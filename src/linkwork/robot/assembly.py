@@ -24,6 +24,7 @@ OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state 
 LEG_SINGULAR = 1e-9
 NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
 LONGEST = 0.5  # Newton's step, in the mechanism's own units
+MET = 1e-6  # distance from a solution, in the same units, from which Newton's method is sure to reach it
 EPS = np.finfo(float).eps
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
 
@@ -241,9 +242,10 @@ def contracted(closure_step: Kernel, tree: Tree, q: np.ndarray) -> np.ndarray | 
     for _ in range(NEWTON + 1):
         after, (gap,) = closure_step(q)
         length = np.abs((after - q) / tree.units).max(initial=0.0)
-        if not (gap <= CLOSED or length <= CONTRACTS * last):
+        closed = gap <= CLOSED
+        if not length <= (MET if closed else CONTRACTS * last):
             return None
-        if gap <= CLOSED:
+        if closed:
             return after
         q, last = after, length
     return None

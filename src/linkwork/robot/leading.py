@@ -22,12 +22,12 @@ from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
-from linkwork.robot.assembly import CONTRACTS, LONGEST, MATRICES, NEWTON, Assembler, UnreachableError
+from linkwork.robot.approach import Approach
+from linkwork.robot.assembly import CONTRACTS, LONGEST, MATRICES, MET, NEWTON, Assembler, UnreachableError
 from linkwork.robot.modes import Modes, same
 
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
-MET = 1e-6  # distance from a pose, in the mechanism's own units, from which Newton's method is sure to reach it
 DAMPING = 1e-12  # of the normal equations, relative to their trace
 
 
@@ -82,7 +82,7 @@ class Leader:
 
     kernel: of `functions.assembly`, with the robot's own numbers; assembler: solves for single poses
     home: coordinates of all joints at home (m); modes: what has to keep its signs
-    twist: rows of the tool's twist that poses name
+    twist: rows of the tool's twist that poses name; approach: compiled steps, where closure and pose determine the motion
     """
 
     kernel: Kernel
@@ -91,15 +91,39 @@ class Leader:
     home: np.ndarray
     modes: Modes
     twist: list[int]
+    approach: Approach | None = None
 
     def lead(self, start: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return q (N, nq) with the tool at poses (N, size), from a closed configuration (nq)."""
-        out = self.outputs(start[None])
-        way, mode = Way.of(self.assembler.planar, out, poses), self.modes.signs(self.matrix(out))[0]
-        q, part = self.walked(start, way, mode, len(poses))
-        for k in np.flatnonzero(part < 1):
-            q[k] = self.otherwise(start, q[k], poses[k], mode)
+        q, there = self.approached(start, poses)
+        left = np.flatnonzero(~there)
+        if left.size:
+            out, aims = self.outputs(start[None]), poses[left]
+            way, mode = Way.of(self.assembler.planar, out, aims), self.modes.signs(self.matrix(out))[0]
+            q[left], part = self.walked(start, way, mode, left.size)
+            for k in np.flatnonzero(part < 1):
+                q[left[k]] = self.otherwise(start, q[left[k]], aims[k], mode)
         return q
+
+    def approached(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (N, nq) at the poses that compiled steps reach at once, as `nearby` does, and which these are (N)."""
+        q, alive = np.repeat(start[None], len(poses), axis=0), np.ones(len(poses), bool)
+        if self.approach is None:
+            return q, ~alive
+        last, seen = LONGEST / CONTRACTS, list[np.ndarray]()
+        for left in reversed(range(NEWTON + 1)):
+            after, residual, length, alignment, parts = self.approach.step(q, poses)
+            seen.append(parts)
+            closed = residual <= CLOSED
+            alive &= length <= np.where(closed, MET, CONTRACTS * last)
+            going = alive & ~closed
+            last_step = not (left and going.any())
+            q = np.where((closed if last_step else going)[:, None], after, q)
+            if last_step:
+                break
+            last = length
+        fits = same(self.modes.told(seen[-1]), self.modes.told(seen[0][:1])) & (alignment >= 0)
+        return q, alive & closed & fits & np.isfinite(q).all(axis=1)
 
     def walked(self, start: np.ndarray, way: Way, mode: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the straight ways lead: q (N, nq), and the part of each way (N)."""

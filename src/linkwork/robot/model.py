@@ -13,6 +13,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.robot import checks
+from linkwork.robot.approach import approach
 from linkwork.robot.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
@@ -121,7 +122,8 @@ class Model:
             twist = self.assembler.pose_indices(size)
             modes = modes_of(self.equations, self.p, twist) if kept else Modes()
             kernel, positions = self._assembly.kernel, self.home.positions
-            self._leaders[size, kept] = Leader(kernel, self.assembler, self.mechanism, positions, modes, twist)
+            given = kernel, self.assembler, self.mechanism, positions, modes, twist
+            self._leaders[size, kept] = Leader(*given, approach(self.chart, modes, twist))
         return self._leaders[size, kept]
 
     @cached_property

@@ -18,7 +18,14 @@ import numpy as np
 
 from linkwork.equations import Equations, measures
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import constancy, independent_rows, triangular
+from linkwork.equations.chart import (
+    Chart,
+    chart_of,
+    choose_orders,
+    constancy,
+    independent_rows,
+    triangular,
+)
 
 SAMPLES, SPREAD = (
     4,
@@ -37,14 +44,21 @@ class Stage(NamedTuple):
 
 @dataclass(frozen=True)
 class Modes:
-    """Hold the stages of [Phi; J] whose determinants change; none where it does not determine w, or does more."""
+    """Hold the stages of [Phi; J] whose determinants change; none where it does not determine w, or does more.
+
+    chart: an order of elimination of [Phi; J], where it determines w
+    """
 
     stages: tuple[Stage, ...] = ()
+    chart: Chart | None = None
 
     def signs(self, A: np.ndarray) -> np.ndarray:
         """Return the signs of the determinants (..., stages), 0 near singular poses, for A = [Phi; J] (..., rows, nv)."""
         found = [determinant(A, stage.rows, stage.columns) / stage.size for stage in self.stages]
-        parts = np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0))
+        return self.told(np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0)))
+
+    def told(self, parts: np.ndarray) -> np.ndarray:
+        """Return the signs of determinants relative to their sizes, 0 near singular poses."""
         return np.where(np.abs(parts) > FLAT, np.sign(parts), 0.0)
 
 
@@ -82,4 +96,7 @@ def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> Modes:
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
             stages.append(Stage(rows_of, columns, max(size, 1e-300)))
-    return Modes(tuple(stages))
+    units = np.concatenate([equations.rows.units, np.where(np.array(twist) < 3, 1.0, tree.length)])
+    ((_, blocks, _),) = choose_orders(pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ())
+    ones = [1.0 for stage in blocks for _ in stage]
+    return Modes(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv))

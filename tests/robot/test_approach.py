@@ -1,0 +1,113 @@
+"""Compiled steps to poses and joint coordinates: they lead where steps of least squares lead, or leave it to those."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import linkwork as lw
+from linkwork.robot import posing
+
+from tests.equations.evaluation import close
+
+SIZES = {
+    "prr3": 3,
+    "rrr3": 3,
+    "five_bar": 2,
+    "stewart": 6,
+    "hexaglide": 6,
+    "delta": 3,
+    "orthoglide": 3,
+    "linear_delta": 3,
+}
+
+
+@pytest.fixture(scope="module", params=SIZES)
+def case(request: pytest.FixtureRequest) -> tuple[lw.Robot, int]:
+    return lw.Robot(getattr(lw.robots, request.param)()), SIZES[request.param]
+
+
+def poses_near(robot: lw.Robot, size: int, spread: float, count: int = 12) -> np.ndarray:
+    """Return poses about home; a part of them is out of reach or on the far side of a stretched leg where they are far."""
+    length = robot.equations.tree.length
+    units = np.array(([length] * 2 + [1.0] if robot.planar else [length] * 3 + [1.0] * 3)[:size])
+    here = robot.tool_pose(robot.home)[:size]
+    return here + spread * units * np.random.default_rng(7).uniform(-1, 1, (count, size))
+
+
+def test_poses_are_met_as_by_steps_of_least_squares(case):
+    robot, size = case
+    poses = poses_near(robot, size, 0.05)
+    compiled = robot.leader(size, kept=True)
+    assert compiled.approach is not None
+    q, there = compiled.approached(robot.home.q, poses)
+    assert there.all()
+    close(q, replace(compiled, approach=None).lead(robot.home.q, poses), 1e-9)
+    made = robot.make_state(q, np.zeros((len(q), robot.mobility)))
+    assert robot.closure_error(made).max() < 1e-12
+    close(robot.tool_pose(made)[:, :size], poses, 1e-11)
+    alone = [compiled.lead(robot.home.q, pose[None])[0] for pose in poses]
+    close(np.array(alone), q, 1e-13)
+
+
+def test_what_is_far_is_met_on_the_same_branch_or_left_to_steps_of_least_squares(case):
+    robot, size = case
+    leader, poses = robot.leader(size, kept=True), poses_near(robot, size, 0.3, 60)
+    q, there = leader.approached(robot.home.q, poses)
+    assert 0 < there.sum() < len(poses)
+    before, after = leader.signs(robot.home.q[None]), leader.signs(q[there])
+    assert (before * after >= 0).all()
+    made = robot.make_state(q[there], np.zeros((there.sum(), robot.mobility)))
+    assert robot.closure_error(made).max(initial=0.0) < 1e-11
+
+
+def test_a_stack_of_no_poses_is_a_stack_of_no_states(case):
+    robot, size = case
+    assert robot.assemble(tool=np.empty((0, size))).batch == (0,)
+
+
+@pytest.mark.parametrize("turn", [1e-9, 1e-4, 0.3])
+def test_turns_of_any_size_are_met(turn: float):
+    robot = lw.Robot(lw.robots.stewart())
+    axis = turn * np.array([0.6, 0.0, 0.8])
+    pose = np.concatenate([robot.tool_pose(robot.home)[:3], axis])
+    q, there = robot.leader(6, kept=True).approached(robot.home.q, pose[None])
+    assert there.all()
+    found = Rotation.from_rotvec(robot.tool_poses(q[0])[3:])
+    assert (found * Rotation.from_rotvec(axis).inv()).magnitude() < 1e-12
+
+
+def test_half_a_turn_is_not_taken_for_none():
+    robot = lw.Robot(lw.robots.stewart())
+    pose = np.concatenate([robot.tool_pose(robot.home)[:3], [0.0, 0.0, np.pi]])
+    _, there = robot.leader(6, kept=True).approached(robot.home.q, pose[None])
+    assert not there.any()
+
+
+def test_joints_near_the_guess_are_met_as_by_steps_of_least_squares(case):
+    robot, _ = case
+    random, length, met = np.random.default_rng(8), robot.equations.tree.length, 0
+    for _ in range(5):
+        targets = {
+            name: float(robot.home[name]) + 0.02 * random.uniform(-1, 1) * (length if robot.unit(name) == "m" else 1.0)
+            for name in robot.independent
+        }
+        q = posing.closed_near(robot, targets, robot.home.q)
+        if q is None:
+            continue
+        met += 1
+        close(q, posing.at_joints(robot, targets, robot.home.q), 1e-9)
+        state = robot.assemble(targets)
+        assert {name: float(state[name]) for name in targets} == targets
+    assert met
+
+
+def test_singular_guesses_are_left_to_steps_of_least_squares():
+    """What is closed there is not moved by a step that divides rounding errors by a pivot that is one itself."""
+    robot = lw.Robot(lw.robots.prr3())
+    upright = robot.assemble({"pivot_1": np.pi / 2, "slide_1": 0.4, "wrist_1": 0.7 - np.pi / 2})
+    pose = robot.tool_pose(upright)
+    close(robot.assemble(tool=pose, guess=upright).positions, upright.positions, 1e-9)
