@@ -11,7 +11,7 @@ from collections.abc import Collection
 import numpy as np
 
 from linkwork.mechanism import Mechanism, RodJoint
-from linkwork.mechanism.joints import SLIDES
+from linkwork.mechanism.joints import SLIDES, PairJoint
 
 ROUNDING = 1e-9  # part of the largest coordinate, and of the radius of gyration, below which an extent is none
 
@@ -33,11 +33,11 @@ def own_length(mechanism: Mechanism) -> float:
 def loop_length(mechanism: Mechanism, loop: Collection[str]) -> float:
     """Return the way [m] along the bodies of a loop of joints from one joint's frame to the next, rods included."""
     points: dict[str, list[tuple[float, float, float]]] = {}
-    for name in loop:
-        joint = mechanism.pairs.get(name)
-        for body, frame in zip(joint.connects, joint.frames, strict=True) if joint else ():
+    joints = [joint for name in loop if isinstance(joint := mechanism.joints.get(name), PairJoint)]
+    for joint in joints:
+        for body, frame in zip(joint.connects, joint.frames, strict=True):
             points.setdefault(body, []).append(frame.position)
-    rods = sum(joint.length for name in loop if isinstance(joint := mechanism.pairs.get(name), RodJoint))
+    rods = sum(joint.length for joint in joints if isinstance(joint, RodJoint))
     return rods + sum(float(np.linalg.norm(np.ptp(own, axis=0))) for own in points.values())
 
 

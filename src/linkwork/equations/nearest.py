@@ -28,7 +28,7 @@ from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
 from linkwork.equations.reference import OPEN, OpenLoopsError, System, close, described, unit
 from linkwork.equations.tree import Tree
-from linkwork.mechanism import GearJoint, ScrewJoint
+from linkwork.mechanism import ScrewJoint
 from linkwork.mechanism.joints import TURN
 
 STEPS, HALVINGS = 50, 12
@@ -54,11 +54,12 @@ def nearest(
         q; `closed` itself where the reference is closed, that is, open by rounding only.
     """
     tree, named = joints.tree, given(joints)
-    read = readings(joints, p)
+    r, periodic = differences(joints)
     rough = np.abs(system(unit(tree, start))[0]).max(initial=0.0) > OPEN
-    if not rough and np.abs(read(closed)[0][named]).max(initial=0.0) <= OPEN:
+    far = shortest(tree.evaluated("differences", [r], p)(closed)[0], periodic)[named]
+    if not rough and np.abs(far).max(initial=0.0) <= OPEN:
         return closed
-    q = closed
+    q, read = closed, readings(joints, r, periodic, p)
     for part in (named, ~named):
         q, determined = approached(system, of_part(read, part), tree, q)
         if determined:
@@ -78,13 +79,11 @@ def given(joints: JointMap) -> np.ndarray:
     return np.array(told, bool)
 
 
-def readings(joints: JointMap, p: np.ndarray | None) -> Reading:
-    """Return the function of q that gives r and J, a row for each joint rate."""
+def differences(joints: JointMap) -> tuple[ca.SX, list[bool]]:
+    """Return r, and of each of its numbers whether it is an angle that goes round."""
     mechanism, tree, values = joints.mechanism, joints.tree, described(joints.mechanism)
-    lengths, r, rates, periodic = slides(mechanism), [], [], []
-    for name, joint in mechanism.joints.items():
-        if isinstance(joint, GearJoint):
-            continue
+    lengths, r, periodic = slides(mechanism), [], []
+    for name, joint in mechanism.pairs.items():
         labels = iter(joint.coordinates(name))
         for freedom in joint.freedoms:
             if freedom == TURN:
@@ -97,17 +96,28 @@ def readings(joints: JointMap, p: np.ndarray | None) -> Reading:
                 label = next(labels)
                 r.append((joints.position(label) - values[label]) / (tree.length if lengths[label] else 1.0))
                 periodic.append(label in joint.angles(name) and not isinstance(joint, ScrewJoint))
-        rates += joint.rates(name)
+    return ca.vertcat(SX(0, 1), *r), periodic
+
+
+def readings(joints: JointMap, r: ca.SX, periodic: list[bool], p: np.ndarray | None) -> Reading:
+    """Return the function of q that gives r and J, a row for each joint rate."""
+    mechanism, tree, lengths = joints.mechanism, joints.tree, slides(joints.mechanism)
+    rates = [label for name, joint in mechanism.pairs.items() for label in joint.rates(name)]
     heights = [tree.length if lengths[label] else 1.0 for label in rates]
     J = ca.mtimes(ca.mtimes(ca.diag(1 / ca.DM(heights)), joints.rate_rows(rates)), ca.diag(ca.DM(tree.rate_units)))
-    evaluated = tree.evaluated("readings", [ca.vertcat(SX(0, 1), *r), J], p)
+    evaluated = tree.evaluated("readings", [r, J], p)
 
     def read(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r, J = evaluated(q)
-        r = np.array(r).ravel()
-        return np.where(periodic, wrapped(r), r), dense(J)
+        return shortest(r, periodic), dense(J)
 
     return read
+
+
+def shortest(r: ca.DM, periodic: list[bool]) -> np.ndarray:
+    """Return numbers of r, angles the short way round."""
+    values = np.array(r).ravel()
+    return np.where(periodic, wrapped(values), values)
 
 
 def turn_between(p: ca.SX, given: list[float]) -> ca.SX:
