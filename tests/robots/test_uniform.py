@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from linkwork.mechanism import Frame
-from linkwork.robots.poses import Pose, inverse, product, rotated, turn
+from linkwork.robots.poses import QuaternionPose as Pose
+from linkwork.robots.poses import inverse, product, rotated, turn
 from linkwork.robots.rods import pointing
 from linkwork.robots.uniform import cube, disc, rod, tube, tube_mass
 

@@ -8,7 +8,7 @@ from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element, shortened
 
 
-class Names:
+class FreeNames:
     """Give names that a mechanism accepts: no dots, none twice."""
 
     def __init__(self, notes: Notes, taken: tuple[str, ...] = ()):

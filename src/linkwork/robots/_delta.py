@@ -16,7 +16,7 @@ import numpy as np
 
 from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, RevoluteJoint, Tool
 from linkwork.robots.points import TRIANGLE, compass
-from linkwork.robots.poses import Pose, free_coordinates, product, turn
+from linkwork.robots.poses import QuaternionPose, free_coordinates, product, turn
 from linkwork.robots.rods import End, Parts, Rods
 from linkwork.robots.uniform import ALONG_X, ALONG_Y, disc, require_masses, require_sizes, vector
 from linkwork.robots.uniform import rod as round_rod
@@ -76,7 +76,7 @@ def delta(
         rod_radius=rod_radius,
     )
     require_masses(arm_mass=arm_mass, platform_mass=platform_mass, motor_inertia=motor_inertia, rod_mass=rod_mass)
-    centre = Pose.of(Frame(position=(0.0, 0.0, -height)))
+    centre = QuaternionPose.of(Frame(position=(0.0, 0.0, -height)))
     angle = arm_angle(platform_radius - base_radius, -height, arm, rod)
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     motors, legs = Parts(), Parts()
@@ -88,8 +88,10 @@ def delta(
             connects=("ground", body), frames=(shaft, Frame()), axis=ALONG_Y, rotor_inertia=motor_inertia
         )
         motors |= Parts({body: round_rod(arm_mass, arm, arm_radius, 0.0, ALONG_X)}, {motor: drive}, {motor: angle})
-        at = Pose.of(shaft)
-        elbow = End(body, arm * np.array(ALONG_X), Pose(at.position, product(at.quaternion, turn(ALONG_Y, angle))))
+        at = QuaternionPose.of(shaft)
+        elbow = End(
+            body, arm * np.array(ALONG_X), QuaternionPose(at.position, product(at.quaternion, turn(ALONG_Y, angle)))
+        )
         vertex = End("platform", platform_radius * e, centre)
         legs |= rods.pair(str(i), elbow, vertex, (spread / 2 * np.array(ALONG_Y), spread / 2 * t))
     return Mechanism(

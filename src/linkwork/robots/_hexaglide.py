@@ -16,7 +16,7 @@ import numpy as np
 
 from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, PrismaticJoint, Tool
 from linkwork.robots.points import circle, six_points
-from linkwork.robots.poses import Pose, free_coordinates
+from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
 from linkwork.robots.uniform import ALONG_X, cube, disc, require_masses, require_sizes
 
@@ -76,7 +76,7 @@ def hexaglide(
             raise MechanismError(f"give six values, not {len(values)}", (name,))
     if not all(side in (1, -1) for side in sides):
         raise MechanismError(f"{tuple(sides)} is not made of 1 (ahead) and -1 (behind)", ("sides",))
-    pose = Pose.of(home)
+    pose = QuaternionPose.of(home)
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     slides, legs = Parts(), Parts()
     for i in range(6):
@@ -90,7 +90,7 @@ def hexaglide(
             connects=("ground", body), frames=(Frame(position=(0.0, rails[i], 0.0)), Frame()), axis=ALONG_X
         )
         slides |= Parts({body: cube(carriage_mass, 0.1)}, {slide: rail}, {slide: position})
-        carriage = End(body, np.zeros(3), Pose.of(Frame(position=(position, rails[i], 0.0))))
+        carriage = End(body, np.zeros(3), QuaternionPose.of(Frame(position=(position, rails[i], 0.0))))
         legs |= rods.between(str(i + 1), carriage, End("platform", b[i], pose))
     return Mechanism(
         name="Hexaglide",

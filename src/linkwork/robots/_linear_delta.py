@@ -15,7 +15,7 @@ import numpy as np
 
 from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, PrismaticJoint, Tool
 from linkwork.robots.points import TRIANGLE, compass
-from linkwork.robots.poses import Pose, free_coordinates
+from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
 from linkwork.robots.uniform import cube, disc, require_masses, require_sizes, vector
 
@@ -67,7 +67,7 @@ def linear_delta(
             f"are not parallel, and below rod = {rod} m"
         )
     lift = sqrt(rod**2 - inset**2)
-    centre = Pose.of(Frame())
+    centre = QuaternionPose.of(Frame())
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     slides, legs = Parts(), Parts()
     for i, f in enumerate(TRIANGLE, start=1):
@@ -76,7 +76,7 @@ def linear_delta(
         foot = Frame(position=vector(base_radius * e))
         column = PrismaticJoint(connects=("ground", body), frames=(foot, Frame()))
         slides |= Parts({body: cube(carriage_mass, spread)}, {slide: column}, {slide: lift})
-        carriage = End(body, np.zeros(3), Pose.of(Frame(position=vector(base_radius * e + (0.0, 0.0, lift)))))
+        carriage = End(body, np.zeros(3), QuaternionPose.of(Frame(position=vector(base_radius * e + (0.0, 0.0, lift)))))
         vertex = End("platform", platform_radius * e, centre)
         legs |= rods.pair(str(i), carriage, vertex, (spread / 2 * t, spread / 2 * t))
     return Mechanism(

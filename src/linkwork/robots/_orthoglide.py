@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.mechanism import Frame, FreeJoint, Mechanism, PrismaticJoint, Tool
-from linkwork.robots.poses import Pose, free_coordinates
+from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
 from linkwork.robots.uniform import cube, require_masses, require_sizes, vector
 
@@ -57,7 +57,7 @@ def orthoglide(
     """
     require_sizes(rod=rod, offset=offset, spread=spread, rod_radius=rod_radius)
     require_masses(carriage_mass=carriage_mass, platform_mass=platform_mass, rod_mass=rod_mass)
-    centre = Pose.of(Frame())
+    centre = QuaternionPose.of(Frame())
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     slides, legs = Parts(), Parts()
     for i in range(3):
@@ -65,7 +65,7 @@ def orthoglide(
         body, start = f"carriage_{i + 1}", Frame(position=vector((offset + rod) * e))
         rail = PrismaticJoint(connects=("ground", body), frames=(start, Frame()), axis=vector(e))
         slides |= Parts({body: cube(carriage_mass, spread)}, {f"slide_{i + 1}": rail})
-        carriage, vertex = End(body, np.zeros(3), Pose.of(start)), End("platform", offset * e, centre)
+        carriage, vertex = End(body, np.zeros(3), QuaternionPose.of(start)), End("platform", offset * e, centre)
         legs |= rods.pair(str(i + 1), carriage, vertex, (half, half))
     return Mechanism(
         name="Orthoglide",

@@ -24,7 +24,7 @@ from linkwork.mechanism import (
     UniversalJoint,
 )
 from linkwork.robots.points import circle, six_points
-from linkwork.robots.poses import Pose, ball_coordinates, free_coordinates
+from linkwork.robots.poses import QuaternionPose, ball_coordinates, free_coordinates
 from linkwork.robots.rods import End, Parts, direction, pointing
 from linkwork.robots.uniform import disc, require_masses, require_sizes, tube, tube_mass
 
@@ -76,7 +76,7 @@ def stewart(
     require_masses(leg_density=leg_density, platform_density=platform_density)
     if not inner < outer:
         raise MechanismError(f"the inner radius {inner} m is not below the outer radius {outer} m", ("tube_radii",))
-    ground, pose = Pose.of(Frame()), Pose.of(home)
+    ground, pose = QuaternionPose.of(Frame()), QuaternionPose.of(home)
     legs = Parts()
     for i in range(6):
         foot, tip = End("ground", A[i], ground), End("platform", b[i], pose)

@@ -34,14 +34,14 @@ def rotated(a: np.ndarray, vector: ArrayLike) -> np.ndarray:
     return v + 2 * a[0] * across + 2 * np.cross(a[1:], across)
 
 
-class Pose(NamedTuple):
+class QuaternionPose(NamedTuple):
     """Place a body in the ground: position of its origin [m] and quaternion of its axes."""
 
     position: np.ndarray
     quaternion: np.ndarray
 
     @classmethod
-    def of(cls, frame: Frame) -> Pose:
+    def of(cls, frame: Frame) -> QuaternionPose:
         """Return the pose of a body whose frame is placed in the ground."""
         angle = hypot(*frame.rotation)
         axis = np.array(frame.rotation) / angle if angle > 0 else np.zeros(3)
@@ -52,7 +52,7 @@ class Pose(NamedTuple):
         return self.position + rotated(self.quaternion, local)
 
 
-def free_coordinates(name: str, pose: Pose) -> dict[str, float]:
+def free_coordinates(name: str, pose: QuaternionPose) -> dict[str, float]:
     """Return the coordinates of a free joint between ground and a body in that pose."""
     values = (*pose.position, *pose.quaternion)
     return dict(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkwork.mechanism import Body, Frame, Joint, RodJoint, SphericalJoint, UniversalJoint
-from linkwork.robots.poses import Pose, ball_coordinates, inverse, product, rotated, turn
+from linkwork.robots.poses import QuaternionPose, ball_coordinates, inverse, product, rotated, turn
 from linkwork.robots.uniform import rod, vector
 
 
@@ -37,7 +37,7 @@ class End(NamedTuple):
 
     body: str
     point: np.ndarray
-    pose: Pose
+    pose: QuaternionPose
 
     @property
     def position(self) -> np.ndarray:
@@ -98,7 +98,9 @@ class Rods:
             return Parts(joints={name: joint})
         aim = pointing(direction(first, second)[0])
         tip = End(
-            name, self.length * np.array(aim.axis), Pose(first.position, product(first.pose.quaternion, aim.quaternion))
+            name,
+            self.length * np.array(aim.axis),
+            QuaternionPose(first.position, product(first.pose.quaternion, aim.quaternion)),
         )
         knuckle, ball = f"knuckle_{label}", f"ball_{label}"
         connects, frames = (first.body, name), (first.frame, Frame())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Quantity:
+class StudyQuantity:
     """Describe a quantity: the axis of its components, if it has any, and its unit, or two: of slides and of turns."""
 
     axis: str | None
@@ -14,21 +14,21 @@ class Quantity:
 
 
 QUANTITIES = {
-    "joint_position": Quantity("coordinate", "m, rad"),
-    "joint_rate": Quantity("rate", "m/s, rad/s"),
-    "joint_acceleration": Quantity("rate", "m/s^2, rad/s^2"),
-    "tool_pose": Quantity("pose", "m, rad"),
-    "tool_error": Quantity("pose", "m, rad"),
-    "tracking_error": Quantity("actuator", "m, rad"),
-    "actuator_force": Quantity("actuator", "N, N m"),
-    "actuator_power": Quantity("actuator", "W"),
-    "command": Quantity("actuator", ""),
-    "reaction_moment": Quantity("joint", "N m"),
-    "reaction_force": Quantity("joint", "N"),
-    "drive_state": Quantity("extra", ""),
-    "kinetic_energy": Quantity(None, "J"),
-    "potential_energy": Quantity(None, "J"),
-    "energy": Quantity(None, "J"),
-    "conditioning": Quantity(None, "1"),
+    "joint_position": StudyQuantity("coordinate", "m, rad"),
+    "joint_rate": StudyQuantity("rate", "m/s, rad/s"),
+    "joint_acceleration": StudyQuantity("rate", "m/s^2, rad/s^2"),
+    "tool_pose": StudyQuantity("pose", "m, rad"),
+    "tool_error": StudyQuantity("pose", "m, rad"),
+    "tracking_error": StudyQuantity("actuator", "m, rad"),
+    "actuator_force": StudyQuantity("actuator", "N, N m"),
+    "actuator_power": StudyQuantity("actuator", "W"),
+    "command": StudyQuantity("actuator", ""),
+    "reaction_moment": StudyQuantity("joint", "N m"),
+    "reaction_force": StudyQuantity("joint", "N"),
+    "drive_state": StudyQuantity("extra", ""),
+    "kinetic_energy": StudyQuantity(None, "J"),
+    "potential_energy": StudyQuantity(None, "J"),
+    "energy": StudyQuantity(None, "J"),
+    "conditioning": StudyQuantity(None, "1"),
 }
 REACTIONS = ("reaction_moment", "reaction_force")

@@ -28,7 +28,7 @@ PANELS = (8, 5)  # outputs and varied names that are drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
+class MemberMoments:
     """Hold what members that finished come to: columns are the varied numbers, then all components of the outputs."""
 
     count: int
@@ -39,7 +39,7 @@ class Moments:
     at: np.ndarray
 
     @classmethod
-    def of(cls, table: np.ndarray, members: np.ndarray) -> Moments:
+    def of(cls, table: np.ndarray, members: np.ndarray) -> MemberMoments:
         """Return the moments of members' columns (M, columns); members: their numbers (M)."""
         mean = table.mean(axis=0)
         low, high = table.argmin(axis=0), table.argmax(axis=0)
@@ -54,11 +54,11 @@ class Moments:
             np.stack([members[low], members[high]]),
         )
 
-    def __add__(self, other: Moments) -> Moments:
+    def __add__(self, other: MemberMoments) -> MemberMoments:
         count = self.count + other.count
         step = other.mean - self.mean
         less, more = other.least < self.least, other.largest > self.largest
-        return Moments(
+        return MemberMoments(
             count,
             self.mean + step * other.count / count,
             self.product + other.product + np.outer(step, step) * self.count * other.count / count,
@@ -81,7 +81,7 @@ class Moments:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class SummaryRow:
     """Hold one component of an output under one controller."""
 
     controller: str
@@ -102,14 +102,14 @@ class Summary:
     """Hold what a study comes to: how many members ended in which way, and a row for each output."""
 
     statuses: Mapping[str, int]
-    rows: tuple[Row, ...]
+    rows: tuple[SummaryRow, ...]
     points: Results
 
 
 def summary(store: Store) -> Summary:
     """Read a store through once, chunk by chunk; keep PLOTTED members at most to draw."""
     bench, study = store.bench, store.bench.study
-    moments: dict[int, Moments] = {}
+    moments: dict[int, MemberMoments] = {}
     statuses: dict[int, int] = {}
     stride, kept = -(-study.members // PLOTTED), []
     names = columns(store)
@@ -124,7 +124,7 @@ def summary(store: Store) -> Summary:
         for case in range(len(bench.cases)):
             rows = (part["status"] == 0) & (controller == case)
             if rows.any():
-                found = Moments.of(table[rows], members[rows])
+                found = MemberMoments.of(table[rows], members[rows])
                 moments[case] = moments[case] + found if case in moments else found
     points = np.concatenate(kept)
     return Summary(
@@ -148,7 +148,7 @@ def flat(part: Results, names: Sequence[str]) -> np.ndarray:
     return np.concatenate([part[name].reshape(len(part[name]), -1) for name in names], axis=1)
 
 
-def rows_of(store: Store, case: int, moments: Moments, names: Sequence[str]) -> Iterator[Row]:
+def rows_of(store: Store, case: int, moments: MemberMoments, names: Sequence[str]) -> Iterator[SummaryRow]:
     """Yield the rows of one controller."""
     bench, varied = store.bench, store.bench.study.varied
     controllers = tuple(bench.study.controllers)
@@ -156,7 +156,7 @@ def rows_of(store: Store, case: int, moments: Moments, names: Sequence[str]) -> 
     for i in range(len(varied), len(names)):
         output = next(name for name in bench.outputs if names[i] == name or names[i].startswith(f"{name}."))
         told = bench.outputs[output]
-        yield Row(
+        yield SummaryRow(
             controllers[case] if controllers else "",
             names[i],
             bench.unit(told, told.component or names[i].removeprefix(output).removeprefix(".")),
@@ -180,7 +180,7 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
         with table.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             varied = store.bench.study.varied
-            fields = [name for name in Row.__dataclass_fields__ if name != "correlation"]
+            fields = [name for name in SummaryRow.__dataclass_fields__ if name != "correlation"]
             writer.writerow([*fields, *(f"correlation with {name}" for name in varied)])
             for row in found.rows:
                 writer.writerow([*(getattr(row, name) for name in fields), *row.correlation.values()])

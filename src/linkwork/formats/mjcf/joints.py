@@ -23,7 +23,7 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.mjcf.tree import Node, Piece, Tree
-from linkwork.formats.names import Names
+from linkwork.formats.names import FreeNames
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     Body,
@@ -57,7 +57,7 @@ class Coupling:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DrivenBall:
     """Hold the axes along which a ball is driven, in the body at qpos0, and whether they move with the body."""
 
     axes: np.ndarray
@@ -115,7 +115,11 @@ class Group:
 
 
 def read_joints(
-    tree: Tree, couplings: Mapping[str, Coupling], drives: Mapping[str, Drive], names: Names, body_names: Names
+    tree: Tree,
+    couplings: Mapping[str, Coupling],
+    drives: Mapping[str, DrivenBall],
+    names: FreeNames,
+    body_names: FreeNames,
 ) -> Joints:
     """Return the joints of all bodies.
 
@@ -205,7 +209,7 @@ def _record(made: Joints, group: Group, name: str) -> None:
 
 
 def _groups(
-    node: Node, couplings: Mapping[str, Coupling], drives: Mapping[str, Drive], screws: set[str]
+    node: Node, couplings: Mapping[str, Coupling], drives: Mapping[str, DrivenBall], screws: set[str]
 ) -> list[Group]:
     """Split a body's joints into groups, each one joint of the mechanism."""
     groups, start = [], 0
@@ -239,7 +243,7 @@ def _common_name(pieces: list[Piece], freedoms: tuple[str, ...]) -> tuple[bool, 
     return bool(base) and names == [f"{base}.{freedom}" for freedom in freedoms], base
 
 
-def _single(piece: Piece, drives: Mapping[str, Drive]) -> Group:
+def _single(piece: Piece, drives: Mapping[str, DrivenBall]) -> Group:
     at = poses.shift(piece.anchor)
     match piece.kind:
         case "hinge":
@@ -249,7 +253,7 @@ def _single(piece: Piece, drives: Mapping[str, Drive]) -> Group:
             motion, fields = poses.shift(piece.ref * piece.axis), {"axis": piece.axis}
             return Group(PrismaticJoint, piece.name, (piece,), ("slide",), at, motion, fields)
         case "ball":
-            drive = drives.get(piece.name or "", Drive(np.eye(3)))
+            drive = drives.get(piece.name or "", DrivenBall(np.eye(3)))
             first = poses.pose(piece.anchor, drive.axes)
             return Group(SphericalJoint, piece.name, (piece,), ("turn",), first, np.eye(4), backwards=drive.from_body)
     return Group(FreeJoint, piece.name, (piece,), ("turn",), np.eye(4), np.eye(4))

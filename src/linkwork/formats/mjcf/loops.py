@@ -23,7 +23,7 @@ from linkwork.formats import poses
 from linkwork.formats.mjcf.document import Document, flag
 from linkwork.formats.mjcf.joints import Coupling, Joints
 from linkwork.formats.mjcf.tree import Tree, plane_normal
-from linkwork.formats.names import Names
+from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -141,7 +141,7 @@ class LoopReader:
             raise element.refusal(f"there is no site {name!r}")
         return self.tree.sites[name]
 
-    def closing(self, ties: Ties, names: Names) -> dict[str, PairJoint]:
+    def closing(self, ties: Ties, names: FreeNames) -> dict[str, PairJoint]:
         """Return the joints that connects and welds are."""
         made: dict[str, PairJoint] = {}
         pairs: dict[frozenset[str], list[Tie]] = {}
@@ -230,7 +230,7 @@ class LoopReader:
                 )
         return [Coupling(element, names[0], names[1] if ratio else "", offset, ratio)]
 
-    def gears(self, ties: Ties, joints: Joints, names: Names) -> dict[str, Joint]:
+    def gears(self, ties: Ties, joints: Joints, names: FreeNames) -> dict[str, Joint]:
         """Return the gears and locks that joint equalities are, but those that became parts of screws.
 
         q1 - ref1 = a0 + a1 (q2 - ref2):  a gear of the ratios 1 and -a1 and the offset a0 + ref1 - a1 ref2.
@@ -262,7 +262,7 @@ class LoopReader:
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
 
     def tendons(
-        self, ties: Ties, joints: Joints, names: Names
+        self, ties: Ties, joints: Joints, names: FreeNames
     ) -> tuple[dict[str, Joint], dict[str, PointSpring], set[str]]:
         """Return rods and gears, springs between points, and the sites that tendons use."""
         rods: dict[str, Joint] = {}
@@ -300,7 +300,7 @@ class LoopReader:
         self,
         element: Element,
         holds: tuple[Element, float] | None,
-        names: Names,
+        names: FreeNames,
         rods: dict[str, Joint],
         springs: dict[str, PointSpring],
     ) -> None:
@@ -343,7 +343,7 @@ class LoopReader:
         element: Element,
         holds: tuple[Element, float] | None,
         joints: Joints,
-        names: Names,
+        names: FreeNames,
         rods: dict[str, Joint],
     ) -> None:
         if _pulls(element):

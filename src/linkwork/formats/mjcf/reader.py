@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf.document import ACTUATORS, Document
-from linkwork.formats.mjcf.joints import Coupling, Drive, Joints, read_joints
+from linkwork.formats.mjcf.joints import Coupling, DrivenBall, Joints, read_joints
 from linkwork.formats.mjcf.loops import LoopReader, Tie, Ties
 from linkwork.formats.mjcf.survey import survey
 from linkwork.formats.mjcf.tree import COORDINATES, Tree, read_tree
-from linkwork.formats.names import Names
+from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -51,7 +51,7 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     tree = read_tree(document, notes)
     loops = LoopReader(document, tree, notes)
     ties = loops.ties()
-    names, body_names = Names(notes), Names(notes, (GROUND, *tree.nodes))
+    names, body_names = FreeNames(notes), FreeNames(notes, (GROUND, *tree.nodes))
     joints = read_joints(tree, _free_couplings(document, ties), _ball_drives(document), names, body_names)
     bodies = {
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes) for name, node in tree.nodes.items()
@@ -63,7 +63,7 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     everything: dict[str, Joint] = {**joints.joints, **closing, **tendons, **gears}  # pyright: ignore
     used = ties.sites | tendon_sites | _driven_sites(document)
     tools = {name: (body, X) for name, (body, X) in tree.sites.items() if body in bodies and name not in used}
-    tool_names = Names(notes)
+    tool_names = FreeNames(notes)
     fields = {
         "name": root.attributes.get("model", root.file.stem),
         "gravity": _gravity(document),
@@ -162,7 +162,7 @@ def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, .
     return tuple(rates)
 
 
-def _ball_drives(document: Document) -> dict[str, Drive]:
+def _ball_drives(document: Document) -> dict[str, DrivenBall]:
     """Return how balls are driven, by name of the ball, where actuators are named "ball.wx" and so on."""
     wanted: dict[tuple[str, bool], dict[int, np.ndarray]] = {}
     for element in document.each("actuator"):
@@ -176,7 +176,7 @@ def _ball_drives(document: Document) -> dict[str, Drive]:
     for (name, from_body), columns in wanted.items():
         R = poses.completed(columns)
         if R is not None:
-            drives[name] = Drive(R, from_body)
+            drives[name] = DrivenBall(R, from_body)
     return drives
 
 

@@ -19,7 +19,7 @@ from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf.document import MAIN, Document
 from linkwork.formats.mjcf.geoms import SHAPES, fromto, is_heavy, is_shown, kind_of, materials_of, shown, weighed
-from linkwork.formats.names import Names
+from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND, Friction, Limits, Shape, Spring
@@ -173,7 +173,7 @@ class _Parts:
 class _Reader:
     def __init__(self, document: Document, notes: Notes):
         self.document, self.notes, self.tree = document, notes, Tree()
-        self.names = Names(notes, (GROUND,))
+        self.names = FreeNames(notes, (GROUND,))
         self.joints: set[str] = set()
         self.materials = materials_of(document)
 

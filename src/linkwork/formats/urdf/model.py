@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.names import Names
+from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND
@@ -32,7 +32,7 @@ class UrdfJoint:
 
 
 @dataclass
-class Model:
+class UrdfModel:
     """Hold a tree of links.
 
     Attributes:
@@ -47,7 +47,7 @@ class Model:
     """
 
     root: Element
-    names: Names
+    names: FreeNames
     links: dict[str, Element] = field(default_factory=dict)
     joints: dict[str, UrdfJoint] = field(default_factory=dict)
     base: str = ""
@@ -100,7 +100,7 @@ class Model:
                 self.frames[link] = body, X @ self.carriers[link].origin
 
 
-def read_model(root: Element, notes: Notes) -> Model:
+def read_model(root: Element, notes: Notes) -> UrdfModel:
     """Read the links and joints of a document whose root is <robot>; what is no tree is refused."""
     links: dict[str, Element] = {}
     for link in root.each("link"):
@@ -108,7 +108,7 @@ def read_model(root: Element, notes: Notes) -> Model:
         if name in links:
             raise link.refusal("has the name of another link; names are given once")
         links[name] = link
-    model = Model(root, Names(notes))
+    model = UrdfModel(root, FreeNames(notes))
     for element in root.each("joint"):
         joint = _read_joint(element, links)
         if joint.name in model.joints:
@@ -136,7 +136,7 @@ def read_model(root: Element, notes: Notes) -> Model:
     lost = next((name for name in links if name not in model.links), None)
     if lost:
         raise links[lost].refusal("hangs in a circle of joints that does not reach the root link; URDF is a tree")
-    body_names = Names(notes, (GROUND,))
+    body_names = FreeNames(notes, (GROUND,))
     model.bodies = {
         name: GROUND if name == model.base else body_names.give(name, link) for name, link in model.links.items()
     }

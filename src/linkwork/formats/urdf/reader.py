@@ -14,9 +14,9 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.masses import Solid, together, without_noise
-from linkwork.formats.names import Names
+from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf.model import ONE_FREEDOM, Model, UrdfJoint, origin, read_model, weight
+from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel, origin, read_model, weight
 from linkwork.formats.urdf.shapes import shapes_of
 from linkwork.formats.urdf.sidecars import read_closures
 from linkwork.formats.xml import Element
@@ -80,7 +80,7 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
         if joint.child not in model.frames
     }
     gears, loops = _mimics(model, notes), closures.joints(model)
-    used, tool_names = closures.frames(), Names(notes)
+    used, tool_names = closures.frames(), FreeNames(notes)
     actuators = closures.actuators if closures.actuators is not None else _actuators(model, bool(loops), notes)
     try:
         return Mechanism(
@@ -122,7 +122,7 @@ def _says_nothing(element: Element) -> bool:
 # ------------------------------------------------------------------------------------------------------------ bodies
 
 
-def _solids(model: Model, notes: Notes) -> dict[str, Solid]:
+def _solids(model: UrdfModel, notes: Notes) -> dict[str, Solid]:
     """Return the mass of each body: of the link that it is, with those that are frames of it."""
     parts: dict[str, list[Solid]] = {}
     size = model.size
@@ -163,7 +163,7 @@ def _body(link: Element, solid: Solid, shapes: tuple[Shape, ...]) -> Body:
 # ------------------------------------------------------------------------------------------------------------ joints
 
 
-def _joint(model: Model, joint: UrdfJoint, notes: Notes) -> Joint:
+def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
     """Return a joint of the tree."""
     parent, X = model.seat(joint.parent)
     connects, first = (parent, model.bodies[joint.child]), X @ joint.origin
@@ -202,7 +202,7 @@ def _limits(joint: UrdfJoint) -> Limits:
     return Limits(lower=lower, upper=upper) if lower < upper else Limits()
 
 
-def _mimics(model: Model, notes: Notes) -> dict[str, Joint]:
+def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
     """Return a gear for every <mimic>: q - multiplier q_other = offset."""
     gears: dict[str, Joint] = {}
     for joint in model.joints.values():
@@ -225,7 +225,7 @@ def _mimics(model: Model, notes: Notes) -> dict[str, Joint]:
     return gears
 
 
-def _actuators(model: Model, loops: bool, notes: Notes) -> tuple[str, ...]:
+def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     """Return the joints of the transmissions; without any, all hinges and slides of a tree that mimic none."""
     driven = [part for transmission in model.root.each("transmission") for part in transmission.each("joint")]
     named: dict[str, None] = {}

@@ -15,7 +15,7 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf.model import Model, origin
+from linkwork.formats.urdf.model import UrdfModel, origin
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, Shape, Sphere
 
@@ -23,7 +23,7 @@ FEW = 4  # kinds of geometry in one sentence
 SHAPES = ("box", "cylinder", "sphere", "capsule")
 
 
-def shapes_of(model: Model, notes: Notes) -> dict[str, tuple[Shape, ...]]:
+def shapes_of(model: UrdfModel, notes: Notes) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of all links by the body that they are on, in its frame."""
     colours = {name: colour for name, colour in map(_material, model.root.each("material")) if colour is not None}
     found: dict[str, tuple[Shape, ...]] = defaultdict(tuple)

@@ -33,7 +33,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf.model import ONE_FREEDOM, Model, UrdfJoint, axis_of, origin, weight
+from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel, axis_of, origin, weight
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     FixedJoint,
@@ -80,7 +80,7 @@ class Closures:
         """Return the links that closures are made of."""
         return {link for closure in self.closures for link in closure.links}
 
-    def joints(self, model: Model) -> dict[str, Joint]:
+    def joints(self, model: UrdfModel) -> dict[str, Joint]:
         """Return the joints, between the bodies that the links are or are fixed to."""
         made: dict[str, Joint] = {}
         for closure in self.closures:
@@ -94,7 +94,7 @@ class Closures:
         return made | self.gears
 
 
-def read_closures(model: Model, notes: Notes) -> Closures:
+def read_closures(model: UrdfModel, notes: Notes) -> Closures:
     """Read the loops in the file and those beside it; joints of the model change their type as the file beside says."""
     found = Closures()
     _read_urdf_plus(model, found)
@@ -107,7 +107,7 @@ def read_closures(model: Model, notes: Notes) -> Closures:
 # -------------------------------------------------------------------------------------------------------------- URDF+
 
 
-def _read_urdf_plus(model: Model, found: Closures) -> None:
+def _read_urdf_plus(model: UrdfModel, found: Closures) -> None:
     names = set(model.joints)
     for element in model.root.each("loop", "coupling"):
         name = element.text("name")
@@ -128,14 +128,14 @@ def _read_urdf_plus(model: Model, found: Closures) -> None:
         )
 
 
-def _link(element: Element, model: Model) -> str:
+def _link(element: Element, model: UrdfModel) -> str:
     name = element.text("link")
     if name not in model.links:
         raise element.refusal(f"there is no link {name!r}")
     return name
 
 
-def _loop(name: str, element: Element, model: Model) -> Closure:
+def _loop(name: str, element: Element, model: UrdfModel) -> Closure:
     ends = [element.named(end) for end in ("predecessor", "successor")]
     kind = element.attributes.get("type", "revolute")
     if kind not in LOOPS:
@@ -151,7 +151,7 @@ def _loop(name: str, element: Element, model: Model) -> Closure:
     return Closure(name, joint, links, frames)
 
 
-def _coupling(element: Element, model: Model) -> Joint:
+def _coupling(element: Element, model: UrdfModel) -> Joint:
     ends = [_link(element.named(end), model) for end in ("predecessor", "successor")]
     ratio = element.named("ratio").number("value")
     chains = [model.chain(link) for link in ends]
@@ -183,7 +183,7 @@ def _beside(path: Path) -> Path | None:
 class _Laas:
     """Read a file of loops and change the model as it says."""
 
-    def __init__(self, path: Path, model: Model, notes: Notes):
+    def __init__(self, path: Path, model: UrdfModel, notes: Notes):
         self.path, self.model, self.notes = path, model, notes
         try:
             self.node: Node = read_document(xml.contents(path).decode("utf-8"))
