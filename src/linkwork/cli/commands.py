@@ -210,8 +210,10 @@ def simulate(
 
     start = command.Start(tool, joints, rates)
     load = command.Load(forces, forces_csv, kind.value)
-    settings = command.Settings(duration, rtol, atol, samples, on_singular.value)
-    if not command.simulate(Source(robot, reference), start, load, settings, command.Target(out, overwrite)):
+    target = command.Target(out, overwrite)
+    target.check()
+    how = command.settings(duration, rtol, atol, samples, on_singular.value)
+    if not command.simulate(Source(robot, reference), start, load, how, target):
         raise typer.Exit(1)
 
 

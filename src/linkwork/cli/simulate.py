@@ -15,8 +15,9 @@ from linkwork.cli.entries import by_name, numbers, read_columns
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State
+from linkwork.robot import Robot, State, running
 from linkwork.robot.recording import passed_limits
+from linkwork.robot.settings import Settings
 from linkwork.simulation import Run, Sampled
 
 FORMATS = (".nc", ".csv")
@@ -97,40 +98,23 @@ class Target:
             ) from None
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Say how long a run lasts [s], how accurate it is, how many times are saved, what to do at a bifurcation."""
-
-    duration: float
-    rtol: float
-    atol: float
-    samples: int
-    on_singular: Literal["stop", "step_over"] = "stop"
-
-    def check(self) -> None:
-        if not 0 < self.duration < np.inf:
-            raise LinkworkError(f"--duration {self.duration:g}: give a positive, finite number of seconds")
-        if self.samples < 2:
-            raise LinkworkError(f"--samples {self.samples}: give at least 2")
+def settings(duration: float, rtol: float, atol: float, samples: int, on_singular: str) -> Settings:
+    """Return how a run is computed; refuse what makes none in the options' own names."""
+    if not 0 < duration < np.inf:
+        raise LinkworkError(f"--duration {duration:g}: give a positive, finite number of seconds")
+    if samples < 2:
+        raise LinkworkError(f"--samples {samples}: give at least 2")
+    times = np.linspace(0, duration, samples)
+    return Settings(duration=duration, rtol=rtol, atol=atol, save_at=times, on_singular=on_singular)
 
 
-def simulate(source: Source, start: Start, load: Load, settings: Settings, target: Target) -> bool:
+def simulate(source: Source, start: Start, load: Load, how: Settings, target: Target) -> bool:
     """Simulate, print how it went, write what was computed; return whether the run reached its end."""
-    target.check()
-    settings.check()
     with patience("preparing the run"):
         robot = built(source)
         state, forces = start.state(robot), load.forces(robot)
     with patience("simulating"):
-        run = robot.simulate(
-            state,
-            forces,
-            duration=settings.duration,
-            rtol=settings.rtol,
-            atol=settings.atol,
-            save_at=np.linspace(0, settings.duration, settings.samples),
-            on_singular=settings.on_singular,
-        )
+        run = running.simulate(robot, state, forces, how)
     print_ending(robot, run)
     if target.file is not None:
         run.save(target.file)

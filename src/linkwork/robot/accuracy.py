@@ -10,15 +10,16 @@ Source: Shampine, Numerical Solution of Ordinary Differential Equations (1994), 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Passage, Segment
+from linkwork.robot.settings import Settings
 from linkwork.robot.system import System
 from linkwork.simulation import Control, FixedStep, Method
 from linkwork.simulation.turns import SPAN
@@ -74,7 +75,7 @@ class Compared:
     @property
     def known(self) -> bool:
         """Whether there is a companion."""
-        return repeatable(self.passage.system, self.passage.options)
+        return repeatable(self.passage.system, self.passage.settings)
 
     @cached_property
     def companion(self) -> list[Segment]:
@@ -82,14 +83,14 @@ class Compared:
         times, _ = reached(self.segments)
         if not times[-1] > self.passage.start:
             return list(self.segments)
-        options = tightened(self.passage.options)
-        other = replace(self.passage, end=float(times[-1]), save_at=times, options=options, watching=False)
+        settings = tightened(self.passage.settings).but(save_at=times)
+        other = replace(self.passage, end=float(times[-1]), settings=settings, pace=None, watching=False)
         return list(other.segments(*self.start))
 
     @cached_property
     def estimate(self) -> Estimate | None:
         """The largest error of the tree's coordinates and rates and of extra states; None where it is not known."""
-        start, options = self.passage.start, self.passage.options
+        start, settings = self.passage.start, self.passage.settings
         t, y = reached(self.segments)
         if not self.known or not t[-1] > start:
             return None
@@ -101,8 +102,8 @@ class Compared:
         y, y_c = y[:, : len(names)], y_c[:, : len(names)]
         size = np.abs(y).max(axis=0)
         size = np.where([unit == "rad" for unit in units], np.minimum(size, SPAN), size)
-        allowed = options["atol"] * self.own_units + options["rtol"] * size
-        error = compared(y[own], y_c[other], allowed, units, options["method"])
+        allowed = settings.atol * self.own_units + settings.rtol * size
+        error = compared(y[own], y_c[other], allowed, units, settings.integrator)
         k, m = np.unravel_index(np.argmax(error), error.shape)
         value = error[k, m] * allowed[m]
         return Estimate(float(error[k, m]), float(value), names[m], units[m], float(common[k]), float(common[-1]))
@@ -123,21 +124,20 @@ class Compared:
         return names, [*units, *(extra.unit for extra in extras)]
 
 
-def repeatable(system: System, options: Mapping[str, Any]) -> bool:
+def repeatable(system: System, settings: Settings) -> bool:
     """Tell whether a run has a companion: not where a Python function is called, which may have a memory of its own, nor
     where rounding is all that a tighter tolerance would show.
     """
-    tight = options["method"].step is None and TIGHTER * options["rtol"] < LEAST
+    tight = settings.integrator.step is None and TIGHTER * settings.rtol < LEAST
     return not tight and (system.sampler is None or system.sampler.compiled)
 
 
-def tightened(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a companion."""
-    method, others = options["method"], {name: value for name, value in options.items() if name != "first_step"}
-    others["max_steps"] = MOST
+def tightened(settings: Settings) -> Settings:
+    """Return the settings of a companion."""
+    method = settings.integrator
     if isinstance(method, FixedStep):
-        return others | {"method": replace(method, step=FINER * method.step)}
-    return others | {"rtol": TIGHTER * options["rtol"], "atol": TIGHTER * options["atol"]}
+        return settings.but(max_steps=MOST, integrator=replace(method, step=FINER * method.step))
+    return settings.but(max_steps=MOST, rtol=TIGHTER * settings.rtol, atol=TIGHTER * settings.atol)
 
 
 def compared(

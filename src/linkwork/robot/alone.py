@@ -6,13 +6,11 @@ then the members run one after the other, in their order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Event
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from linkwork.robot import rereading
 from linkwork.robot.charts import CompiledChart
@@ -20,25 +18,12 @@ from linkwork.robot.choices import Choice
 from linkwork.robot.members import Members
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.recording import ending, statistics
+from linkwork.robot.settings import Settings
 from linkwork.simulation import Statistics, Status
 from linkwork.simulation.threads import dealt, usable_processors
 
 CHUNKS_PER_THREAD = 16
 Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """Say what all members do: how long, saved at which times, over singular poses or not, how, on how many threads.
-
-    options: method, rtol, atol, max_step and max_steps
-    """
-
-    duration: float
-    times: np.ndarray
-    step_over: bool
-    options: Mapping[str, Any]
-    threads: int | None
 
 
 class Task(NamedTuple):
@@ -64,10 +49,10 @@ class Lone:
         return statistics(self.segments)
 
 
-def by_themselves(crew: Members, course: Course, tasks: Sequence[Task], report: Progress) -> list[Lone]:
+def by_themselves(crew: Members, settings: Settings, tasks: Sequence[Task], report: Progress) -> list[Lone]:
     """Run members, each from chart to chart; those that KeyboardInterrupt leaves out are not returned."""
     sampler = crew.system.sampler
-    threads = 1 if sampler and not sampler.compiled else course.threads or usable_processors()
+    threads = 1 if sampler and not sampler.compiled else settings.threads or usable_processors()
     size = -(-len(tasks) // (CHUNKS_PER_THREAD * threads)) or 1
     chunks = [tasks[first : first + size] for first in range(0, len(tasks), size)]
     done: list[Lone] = []
@@ -77,17 +62,17 @@ def by_themselves(crew: Members, course: Course, tasks: Sequence[Task], report: 
         for task in chunks[i]:
             if cancel.is_set():
                 return False
-            done.append(led(crew, course, task))
+            done.append(led(crew, settings, task))
         return True
 
     dealt(run, len(chunks), threads, lambda: report(len(crew) - len(tasks) + len(done), len(crew)), cancel.set)
     return done
 
 
-def led(crew: Members, course: Course, task: Task) -> Lone:
+def led(crew: Members, settings: Settings, task: Task) -> Lone:
     """Run one member to its end."""
     robot, system = crew.alone(task.member)
-    passage = Passage(robot, system, 0.0, course.duration, course.times, course.step_over, course.options)
+    passage = Passage(robot, system, 0.0, settings.duration, settings)
 
     def own(chart: CompiledChart) -> CompiledChart:
         return chart if robot is crew.robot else chart.with_parameters(robot.p)

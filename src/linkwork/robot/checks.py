@@ -3,37 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import at as at
-from linkwork.checks import count, finite, positive, shown
+from linkwork.checks import finite, shown
 from linkwork.checks import number as number
+from linkwork.checks import positive as positive
 from linkwork.errors import LinkworkError
 from linkwork.robot.state import State
 
-ON_SINGULAR = ("stop", "step_over")
-FINEST = 2.3e-14  # relative tolerance: a hundred times the rounding of doubles
-MOST_STEPS = 2**62  # what the loops count up to
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
 
 
 class SingularError(LinkworkError):
     """Refuse a configuration where the actuated rates do not determine the motion."""
-
-
-def run_options(duration: float, rtol: float, atol: float, max_step: float, max_steps: int) -> dict[str, Any]:
-    """Return the options of integration by name; refuse those of a run that are not positive."""
-    for name, value in (("the duration", duration), ("rtol", rtol), ("atol", atol)):
-        positive(value, name)
-    if rtol < FINEST:
-        raise LinkworkError(f"rtol is {rtol:g}, less than what doubles can hold; give at least {FINEST:g}")
-    if not (isinstance(max_step, float | int) and max_step == np.inf):
-        positive(max_step, "max_step")
-    most = min(count(max_steps, "max_steps"), MOST_STEPS)
-    return {"rtol": float(rtol), "atol": float(atol), "max_step": float(max_step), "max_steps": most}
 
 
 def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
@@ -63,13 +49,6 @@ def known(names: Iterable[object], allowed: Sequence[str], kind: str) -> None:
     for name in names:
         if not isinstance(name, str) or name not in allowed:
             raise LinkworkError(f"there is no {kind} {shown(name)}; there are {', '.join(allowed) or 'none'}")
-
-
-def steps_over(on_singular: str) -> bool:
-    """Tell whether a run steps over singular poses; refuse what says neither that nor to stop."""
-    if not isinstance(on_singular, str) or on_singular not in ON_SINGULAR:
-        raise LinkworkError(f"on_singular is {shown(on_singular)}; give {' or '.join(map(repr, ON_SINGULAR))}")
-    return on_singular == "step_over"
 
 
 def values_by_name(

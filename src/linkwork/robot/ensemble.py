@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
-from linkwork.robot import checks, following
+from linkwork.robot import following
 from linkwork.robot.accuracy import compared, repeatable, tightened
-from linkwork.robot.alone import Course, Lone, Progress, Task, by_themselves
+from linkwork.robot.alone import Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.choices import Choice, choices
@@ -31,10 +31,11 @@ from linkwork.robot.passage import CLOSURE, SOFT, Segment
 from linkwork.robot.recording import ending, labels, singular_times
 from linkwork.robot.rereading import reread
 from linkwork.robot.rows import Rows, gathered, last, pieces
-from linkwork.robot.running import usual, watched
+from linkwork.robot.running import smooth, watched
+from linkwork.robot.settings import Settings
 from linkwork.robot.state import Reached, State
 from linkwork.robot.turning import turning
-from linkwork.simulation import Method, Status, Trajectory, Variable, integrator
+from linkwork.simulation import Method, Status, Trajectory, Variable
 from linkwork.simulation.many import Outcomes, integrate_many
 from linkwork.simulation.turns import whole
 
@@ -65,7 +66,7 @@ class Ensemble:
     nfev, steps, rejected: evaluations of the equations of motion, accepted and rejected steps of each member (N,)
     pivot, closure_error: the smallest relative pivot and the largest loop residual of each member (N,)
     parameters: values that vary, by name (N,)
-    members: what they went out from; rows: gives their states at the saved times; options: of the integration
+    members: what they went out from; rows: gives their states at the saved times; settings: how they were run
     events: what happened in a member's run, and when
     dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over (member, time, ...)
     """
@@ -80,7 +81,7 @@ class Ensemble:
     parameters: Mapping[str, np.ndarray]
     members: Members = field(repr=False)
     rows: Callable[[], Sequence[Rows]] = field(repr=False)
-    options: Mapping[str, Any] = field(repr=False)
+    settings: Settings = field(repr=False)
     _happened: Happened = field(repr=False)
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
     _passed: Happened = field(repr=False)
@@ -145,12 +146,12 @@ class Ensemble:
         other = self._companion()
         y, y_c = (np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other))
         start = np.pad(self.members.q, [(0, 0), (0, y.shape[1] - self.members.q.shape[1])])
-        robot, options = self.members.robot, self.options
+        robot, settings = self.members.robot, self.settings
         labels = robot.equations.tree.coordinates
         units = [*map(robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
         size = np.maximum(np.abs(start), np.abs(y))
-        allowed = robot.chart_of(self.final).tolerances(options["atol"], y.shape[1]) + options["rtol"] * size
-        largest = compared(y, y_c, allowed, units, options["method"]).max(axis=1)
+        allowed = robot.chart_of(self.final).tolerances(settings.atol, y.shape[1]) + settings.rtol * size
+        largest = compared(y, y_c, allowed, units, settings.integrator).max(axis=1)
         reached = (self.status == Status.FINISHED) & (other.status == Status.FINISHED)
         return np.where(reached, largest, np.nan)
 
@@ -227,49 +228,36 @@ class Ensemble:
 def ensemble(
     robot: Model,
     states: State,
-    forces: Any = None,
-    parameters: Mapping[str, ArrayLike] | None = None,
+    forces: Any,
+    settings: Settings,
     *,
-    duration: float,
+    parameters: Mapping[str, ArrayLike] | None = None,
     drives: Mapping[str, Any] | None = None,
     wrenches: Sequence[Any] = (),
-    method: str | None = None,
-    step: float | None = None,
-    events: Any = (),
-    save_at: ArrayLike | None = None,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
-    max_step: float = np.inf,
-    max_steps: int = 1_000_000,
-    on_singular: str = "stop",
-    threads: int | None = None,
     progress: bool | Progress = False,
 ) -> Ensemble:
     """Run an ensemble: see `Robot.ensemble`."""
-    options, chosen = checks.run_options(duration, rtol, atol, max_step, max_steps), integrator(method, step)
-    step_over = checks.steps_over(on_singular)
-    times = np.empty(0) if save_at is None else np.atleast_1d(checks.finite(save_at, "save_at"))
-    stiff = chosen is not None and chosen.stiff
-    threads = None if threads is None else checks.count(threads, "threads")
+    if settings.save_at is None:
+        settings = settings.but(save_at=np.empty(0))
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
-    crew = members(robot, states, forces, parameters, drives, wrenches, watched(robot, events), duration, stiff)
-    options |= {"method": chosen or usual(crew.system, crew.signals, rtol), "leave_stiff": chosen is None}
-    course = Course(duration, times, step_over, options, threads)
+    events, stiff = watched(robot, settings.events), settings.integrator.stiff
+    crew = members(robot, states, forces, parameters, drives, wrenches, events, settings.duration, stiff)
+    settings = settings.suited(smooth(crew.system, crew.signals))
     with shown(progress) as report:
-        return completed(crew, course, report)
+        return completed(crew, settings, report)
 
 
-def completed(crew: Members, course: Course, report: Progress) -> Ensemble:
+def completed(crew: Members, settings: Settings, report: Progress) -> Ensemble:
     """Run members to their ends."""
-    if in_lanes(crew, course.options["method"]):
-        parts, cancelled = together(crew, course, report)
-        tasks = [] if cancelled else [task for part in parts for task in weakened(crew, course, part)]
+    if in_lanes(crew, settings.integrator):
+        parts, cancelled = together(crew, settings, report)
+        tasks = [] if cancelled else [task for part in parts for task in weakened(crew, settings, part)]
         tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
     else:
-        parts = [waiting(crew, course, np.arange(len(crew)))]
+        parts = [waiting(crew, settings, np.arange(len(crew)))]
         tasks = [Task(member) for member in range(len(crew))]
-    lone = by_themselves(crew, course, tasks, report) if tasks else []
-    return collected(crew, parts, lone, course)
+    lone = by_themselves(crew, settings, tasks, report) if tasks else []
+    return collected(crew, parts, lone, settings)
 
 
 def in_lanes(crew: Members, method: Method) -> bool:
@@ -291,7 +279,7 @@ class Part:
         return (self.outcomes.status == Status.SINGULAR) | (self.outcomes.status == Status.STIFF)
 
 
-def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
+def waiting(crew: Members, settings: Settings, members: np.ndarray) -> Part:
     """Return members of which nothing was run yet."""
     count = len(members)
     none, unknown = np.zeros(count, int), np.full(count, np.nan)
@@ -300,7 +288,7 @@ def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
         status=np.full(count, Status.CANCELLED),
         end_time=np.zeros(count),
         y_end=y,
-        samples=np.full((count, course.times.size, y.shape[1]), np.nan),
+        samples=np.full((count, settings.save_at.size, y.shape[1]), np.nan),
         saved=none,
         nfev=none,
         steps=none,
@@ -315,7 +303,7 @@ def waiting(crew: Members, course: Course, members: np.ndarray) -> Part:
     return Part(crew.chart, members, outcomes)
 
 
-def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part], bool]:
+def together(crew: Members, settings: Settings, report: Progress) -> tuple[list[Part], bool]:
     """Run all members as far as they come in the lanes' chart, if it tells their motion; tell whether they were cancelled.
 
     Its pivots are counted positive where the first member starts; members that start where they are negative then are run
@@ -324,9 +312,9 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
     parts: list[Part] = []
     first, able = crew.chart, np.flatnonzero(crew.told)
     if not len(able):
-        return [waiting(crew, course, np.arange(len(crew)))], False
+        return [waiting(crew, settings, np.arange(len(crew)))], False
     if len(able) < len(crew):
-        parts.append(waiting(crew, course, np.flatnonzero(~crew.told)))
+        parts.append(waiting(crew, settings, np.flatnonzero(~crew.told)))
     if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
         ((first, _),) = faced(crew, able[:1])
     groups, limits = [(first, able)], turning(crew.robot.turning, crew.robot.chart, crew.system.acting)
@@ -337,6 +325,7 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
     while groups:
         chart, indices = groups.pop()
         start = crew.start(indices)
+        rtol, atol = crew.system.tolerances(chart, settings.rtol, settings.atol, start.shape[1])
         outcomes = integrate_many(
             crew.system.kernel(chart, "motion").wide_address,
             chart.kernel("closure_step").wide_address if chart.equations.constrained else None,
@@ -344,15 +333,20 @@ def together(crew: Members, course: Course, report: Progress) -> tuple[list[Part
             crew.inputs(indices),
             crew.p[indices] if len(crew.p) > 1 else crew.p,
             nq=chart.equations.nq,
-            duration=course.duration,
-            save_at=course.times,
+            duration=settings.duration,
+            rtol=rtol,
+            atol=atol,
+            save_at=settings.save_at,
+            max_step=settings.max_step,
+            max_steps=settings.max_steps,
+            method=settings.integrator,  # pyright: ignore[reportArgumentType]
+            leave_stiff=settings.leave_stiff,
             pivot_bound=SOFT,
             closure_tol=CLOSURE * crew.robot.size,
-            threads=course.threads,
-            watch=crew.watch(indices, (0.0, course.duration)),
+            threads=settings.threads,
+            watch=crew.watch(indices, (0.0, settings.duration)),
             progress=progress,
             turning=limits,
-            **{**course.options, **crew.system.tolerances(chart, course.options, start.shape[1])},
         )
         averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
         if chart is first and averted.any():
@@ -374,7 +368,7 @@ def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, n
         yield crew.robot.run_charts.setdefault(other.key, other), indices
 
 
-def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
+def weakened(crew: Members, settings: Settings, part: Part) -> Iterator[Task]:
     """Yield the members whose pivots have weakened, to go on from there; their next charts are chosen all at once.
 
     Those that have become stiff go on in the same chart.
@@ -382,7 +376,7 @@ def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
     stiff = np.flatnonzero(part.outcomes.status == Status.STIFF)
     if stiff.size:
         for row, y in zip(stiff.tolist(), crew.start(part.members[stiff]), strict=True):
-            yield Task(int(part.members[row]), segment(crew, course, part, row, y), Choice(True, None))
+            yield Task(int(part.members[row]), segment(crew, settings, part, row, y), Choice(True, None))
     rows = np.flatnonzero(part.outcomes.status == Status.SINGULAR)
     if not rows.size:
         return
@@ -391,17 +385,17 @@ def weakened(crew: Members, course: Course, part: Part) -> Iterator[Task]:
     found = choices(crew.robot, part.chart, np.ascontiguousarray(part.outcomes.y_end[rows, :nq]), p)
     for row, member, y, choice in zip(rows.tolist(), indices.tolist(), crew.start(indices), found, strict=True):
         begun = part.outcomes.steps[row] > 0
-        yield Task(member, segment(crew, course, part, row, y), choice) if begun else Task(member)
+        yield Task(member, segment(crew, settings, part, row, y), choice) if begun else Task(member)
 
 
-def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) -> Segment:
+def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarray) -> Segment:
     """Return what a member that started at y did in the lanes as the first segment of its own run."""
     from linkwork.simulation.native_loop import Outcome
 
     nq, done = part.chart.equations.nq, part.outcomes
     saved = int(done.saved[row])
     rows = np.zeros((saved, 3 + y.size))
-    rows[:, 0], rows[:, 1 : 1 + y.size], rows[:, -1] = course.times[:saved], done.samples[row, :saved], -1.0
+    rows[:, 0], rows[:, 1 : 1 + y.size], rows[:, -1] = settings.save_at[:saved], done.samples[row, :saved], -1.0
     outcome = Outcome(
         status=done.status[row],
         evaluations=done.nfev[row],
@@ -421,14 +415,14 @@ def segment(crew: Members, course: Course, part: Part, row: int, y: np.ndarray) 
         rejected_pivot=float(done.rejected_pivot[row]),
         rejected_residual=float(done.rejected_residual[row]),
     )
-    bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": course.options["max_steps"]}
+    bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": settings.max_steps}
     trajectory = Trajectory(
         rows, rows[:0], done.y_end[row], done.turns[row], nq, outcome, None, bounds, Status(outcome.status)
     )
-    return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), course.options["method"].name)
+    return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), settings.integrator.name)
 
 
-def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course: Course) -> Ensemble:
+def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], settings: Settings) -> Ensemble:
     """Put the results of all members side by side."""
     alone = {one.member: one for one in lone}
     unfinished = [i for part in parts for i in part.members[part.left] if i not in alone]
@@ -447,12 +441,12 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         part = next(part for part in parts if member in part.members)
         row, (robot, system) = int(np.flatnonzero(part.members == member)[0]), crew.alone(member)
         chart, start = part.chart.with_parameters(robot.p), crew.start(np.array([member]))[0]
-        own = segment(crew, course, replace(part, chart=chart), row, start)
+        own = segment(crew, settings, replace(part, chart=chart), row, start)
         status = Status(numbers["status"][member])
         return ending(system, [replace(own, trajectory=replace(own.trajectory, status=status))])[1]
 
     def rows() -> list[Rows]:
-        return list(saved(crew, parts, lone, course.times))
+        return list(saved(crew, parts, lone, settings.save_at))
 
     return Ensemble(
         parameters=crew.varied,
@@ -462,22 +456,22 @@ def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], course
         _passed=passed(lone),
         _last=lambda: last_states(crew, parts, lone),
         _sentences=sentence,
-        _measure=lambda: measured(crew, rows(), course.times),
-        _companion=companion(crew, course),
-        _again=partial(again, crew, course, lone),
-        options=course.options,
+        _measure=lambda: measured(crew, rows(), settings.save_at),
+        _companion=companion(crew, settings),
+        _again=partial(again, crew, settings, lone),
+        settings=settings,
         **numbers,
     )
 
 
 def again(
-    crew: Members, course: Course, lone: Sequence[Lone], which: Sequence[int]
+    crew: Members, settings: Settings, lone: Sequence[Lone], which: Sequence[int]
 ) -> Iterator[tuple[int, Sequence[Segment], bool]]:
     """Yield members with their segments that ran by themselves, and others once more; tell whether every step was saved."""
     whole = {one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)}
     yield from ((member, whole[member].segments, False) for member in which if member in whole)
     left = [member for member in which if member not in whole]
-    every = replace(course, times=None)  # pyright: ignore[reportArgumentType]
+    every = settings.but(save_at=None)
     for first in range(0, len(left), AT_ONCE):
         tasks = [Task(member) for member in left[first : first + AT_ONCE]]
         yield from (
@@ -485,13 +479,13 @@ def again(
         )
 
 
-def companion(crew: Members, course: Course) -> Callable[[], Ensemble] | None:
+def companion(crew: Members, settings: Settings) -> Callable[[], Ensemble] | None:
     """Return what runs all members again at a tighter tolerance; None where that is not possible."""
-    if not repeatable(crew.system, course.options):
+    if not repeatable(crew.system, settings):
         return None
 
     def other() -> Ensemble:
-        tight = replace(course, times=np.empty(0), options=tightened(course.options))
+        tight = tightened(settings).but(save_at=np.empty(0))
         return completed(crew, tight, lambda done, total: None)
 
     return other

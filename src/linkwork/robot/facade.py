@@ -420,19 +420,13 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot import running
+        from linkwork.robot.running import Settings, simulate
 
-        return running.simulate(
-            self,
-            state,
-            forces,
+        settings = Settings(
             duration=duration,
-            drives=drives,
-            wrenches=wrenches,
             method=method,
             step=step,
             events=events,
-            parameters=parameters,
             rtol=rtol,
             atol=atol,
             save_at=save_at,
@@ -440,6 +434,7 @@ class Robot(Model):
             max_steps=max_steps,
             on_singular=on_singular,
         )
+        return simulate(self, state, forces, settings, drives=drives, wrenches=wrenches, parameters=parameters)
 
     def resume(self, run: Run, forces: Forces = None, *, duration: float, **options: Any) -> Run:
         """Go on from the end of a run, also of one that was saved and loaded: time, extra and held inputs continue.
@@ -457,7 +452,8 @@ class Robot(Model):
         from linkwork.robot import running
 
         checks.known(options, OPTIONS, "option of a run")
-        return running.resume(self, run, forces, duration=duration, **options)
+        acting = {name: options.pop(name) for name in ACTING & options.keys()}
+        return running.resume(self, run, forces, running.Settings(duration=duration, **options), **acting)
 
     def ensemble(
         self,
@@ -505,26 +501,29 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot.ensemble import ensemble
+        from linkwork.robot.ensemble import Settings, ensemble
 
-        return ensemble(
-            self,
-            states,
-            forces,
-            parameters,
+        settings = Settings(
             duration=duration,
-            drives=drives,
-            wrenches=wrenches,
             method=method,
             step=step,
             events=events,
-            save_at=save_at,
             rtol=rtol,
             atol=atol,
+            save_at=save_at,
             max_step=max_step,
             max_steps=max_steps,
             on_singular=on_singular,
             threads=threads,
+        )
+        return ensemble(
+            self,
+            states,
+            forces,
+            settings,
+            parameters=parameters,
+            drives=drives,
+            wrenches=wrenches,
             progress=progress,
         )
 
@@ -536,3 +535,4 @@ class Robot(Model):
 
 
 OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[3:]  # of a run, without self, state and forces
+ACTING = {"drives", "wrenches", "parameters"}  # those of them that say what acts, not how it is computed

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,14 @@ from linkwork.robot.charts import CompiledChart
 from linkwork.robot.choices import Choice, choices, regular
 from linkwork.robot.crossing import Crossed, Crossing
 from linkwork.robot.rereading import reread
+from linkwork.robot.settings import Settings
 from linkwork.robot.system import System, with_jacobian
 from linkwork.robot.turning import turning
 from linkwork.simulation import (
     RODAS,
     Control,
     Method,
+    Pace,
     Signal,
     Status,
     Trajectory,
@@ -80,8 +82,7 @@ class Segment:
         return self.crossed.through(values, self.trajectory.t[rows]) if self.crossed else values
 
 
-@dataclass(frozen=True, eq=False)
-class Stand:
+class Stand(NamedTuple):
     """Hold where a run stands between two segments.
 
     chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole turns of angles that are
@@ -108,19 +109,18 @@ class Passage:
     """Lead one run from a state to its end.
 
     system: what is integrated; start, end: times of the run [s]
-    save_at: times to save or None for every step; step_over: whether singular poses are stepped over
+    settings: how; save_at None: every step is saved; for explicit steps of a method that nobody asked for the stiff one is
+        taken from where they are stiff
+    pace: the step to begin with, guessed if left out
     watching: whether events are watched for
-    options: rtol, atol, max_step and max_steps of every segment, and the method, for whose explicit steps the stiff method is
-        taken from where they are stiff if `leave_stiff`
     """
 
     robot: Model
     system: System
     start: float
     end: float
-    save_at: np.ndarray | None
-    step_over: bool
-    options: Mapping[str, Any]
+    settings: Settings
+    pace: Pace | None = None
     watching: bool = True
 
     def segments(
@@ -158,7 +158,7 @@ class Passage:
     ) -> Stand:
         """Return a stand from which nothing was done yet; v with the extra states."""
         return Stand(
-            chart, t, q, v, turns, control, self.options["max_steps"], SOFT, self.shortest, self.options["method"]
+            chart, t, q, v, turns, control, self.settings.max_steps, SOFT, self.shortest, self.settings.integrator
         )
 
     @property
@@ -197,15 +197,15 @@ class Passage:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
-        here = replace(stand, t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None)
+        here = stand._replace(t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None)
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
-            return replace(here, bound=SOFT, short=self.shortest) if recovered else replace(here, short=2 * stand.short)
+            return here._replace(bound=SOFT, short=self.shortest) if recovered else here._replace(short=2 * stand.short)
         if done.status is Status.STIFF:
-            return replace(here, method=RODAS, steps=max(steps, 1))
+            return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
-        tried = self.step_over and not (choice.regular if choice else regular(chart, q))
+        tried = self.settings.step_over and not (choice.regular if choice else regular(chart, q))
         over = self._over(here, done) if tried else None
         if over is None:
             better = (choice or choices(self.robot, chart, q[None])[0]).better
@@ -214,19 +214,19 @@ class Passage:
                 rates, kept = reread(self.robot, chart, better, q, v[:n])
             if better is not None and kept:
                 control = self.system.control(better, done.control)
-                return replace(here, chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT)
-            if self.step_over and not tried:
+                return here._replace(chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT)
+            if self.settings.step_over and not tried:
                 over = self._over(here, done)
         if over is not None:
             behind = over.trajectory
             short, q = behind.end_time - t, behind.q_end
             chart = self._faced(chart, q)
             bound = min(SOFT, 0.5 * chart.pivot(q))
-            here = replace(here, chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
-            return replace(here, bound=bound, short=short, over=over)
+            here = here._replace(chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
+            return here._replace(bound=bound, short=short, over=over)
         if stand.bound > checks.PIVOT_BOUND:
             bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
-            here = replace(here, bound=bound)
+            here = here._replace(bound=bound)
         else:
             return None
         return here if t < self.end else None
@@ -238,29 +238,27 @@ class Passage:
     def _again(self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int) -> Trajectory:
         """Integrate a segment again. Samples within a step may have a weaker pivot than its ends, which kept to the bound."""
         until = self._until(stand)
-        stand = stand if save_at is None else replace(stand, bound=LOWER * stand.bound)
+        stand = stand if save_at is None else stand._replace(bound=LOWER * stand.bound)
         if stand.control is None:
             return self._along(stand, until, save_at, self.system.inputs)
         held = stand.control.held
         if row >= 0:
             held = done.u[row, done.u.shape[1] - held.size :]
-            stand = replace(stand, t=float(done.t[row]), q=done.q[row], v=done.v[row], turns=None)
+            stand = stand._replace(t=float(done.t[row]), q=done.q[row], v=done.v[row], turns=None)
         end = float(done.t[row + 1]) if row + 1 < len(done.t) else done.end_time
         inputs = stack(self.system.inputs, as_signal(held))
-        return self._along(replace(stand, control=None), end, save_at, inputs)
+        return self._along(stand._replace(control=None), end, save_at, inputs)
 
     def _integrate(self, stand: Stand) -> Trajectory:
-        end, save_at = self._until(stand), self.save_at
+        end, save_at = self._until(stand), self.settings.save_at
         if save_at is not None and not (stand.t == self.start and end == self.end):
             save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
         return self._along(stand, end, save_at, self.system.inputs)
 
     def _along(self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal) -> Trajectory:
-        chart, t, system = stand.chart, stand.t, self.system
-        held = system.tolerances(chart, self.options, stand.q.size + stand.v.size)
-        options: dict[str, Any] = {**self.options, **held, "max_steps": stand.steps, "method": stand.method}
-        if t != self.start or stand.method is not self.options["method"]:
-            options.pop("first_step", None)
+        chart, t, system, settings = stand.chart, stand.t, self.system, self.settings
+        rtol, atol = system.tolerances(chart, settings.rtol, settings.atol, stand.q.size + stand.v.size)
+        first = t == self.start and stand.method is settings.integrator
         done = integrate(
             system.kernel(chart, "motion").address,
             chart.kernel("closure_step").address if chart.equations.constrained else None,
@@ -270,18 +268,24 @@ class Passage:
             system.p(chart),
             duration=end - t,
             start=t,
+            rtol=rtol,
+            atol=atol,
             save_at=save_at,
+            max_step=settings.max_step,
+            first_step=self.pace if first else None,
+            max_steps=stand.steps,
+            method=stand.method,
+            leave_stiff=settings.leave_stiff,
             closure_tol=CLOSURE * self.robot.size,
             pivot_bound=stand.bound,
             jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stand.method.stiff else None,
             events=system.conditions(chart) if self.watching else None,
             control=stand.control,
-            watch=self.watch,
+            watch=self.watch if system.acting else None,
             turning=self.turning,
             turns=stand.turns,
-            **options,
         )
-        most = self.options["max_steps"]
+        most = settings.max_steps
         return done if stand.steps == most else replace(done, bounds={**done.bounds, "max_steps": most})
 
     @cached_property
@@ -298,8 +302,8 @@ class Passage:
         """Return the way over the singular pose ahead of where a trajectory ended, None where there is no smooth one."""
         if self.system.sampler:
             return None
-        chart, tolerance = stand.chart, (self.options["atol"], self.options["rtol"])
-        crossing = Crossing(chart, self.system, CLOSURE * self.robot.size, *tolerance)
+        chart, settings = stand.chart, self.settings
+        crossing = Crossing(chart, self.system, CLOSURE * self.robot.size, settings.atol, settings.rtol)
         crossed = crossing.over(stand.t, stand.q, stand.v)
         if crossed is None:
             return None
@@ -312,7 +316,7 @@ class Passage:
         last = next((number for number, (_, event) in enumerate(happened) if self.system.events[event].terminal), None)
         end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
         events = happened if last is None else happened[: last + 1]
-        asked = np.array([end]) if self.save_at is None else self.save_at
+        asked = np.array([end]) if self.settings.save_at is None else self.settings.save_at
         asked = asked[(asked > crossed.t[0]) & (asked <= end)]
         times = np.array([*asked, *(time for time, _ in events), end])
         states, residuals = crossing.nearby(crossed, times)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +22,10 @@ from linkwork.robot.culprits import culprit
 from linkwork.robot.labels import POSES
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.reactions import COMPONENTS, Reactions
+from linkwork.robot.settings import Settings
 from linkwork.robot.state import State
 from linkwork.robot.system import System
-from linkwork.simulation import Control, Run, Statistics, Status, Variable
+from linkwork.simulation import Control, Pace, Run, Statistics, Status, Variable
 from linkwork.simulation.run import SINGULAR_TIMES, Deferred
 from linkwork.simulation.signals import require_increasing
 
@@ -49,36 +50,39 @@ WOUND = ("final_windings",)
 ERROR = ("error_estimate", "error_estimate_until")
 
 
-def simulate(
-    robot: Model,
-    state: State,
-    system: System,
-    duration: float,
-    save_at: ArrayLike | None,
-    on_singular: str,
-    options: Mapping[str, Any],
-    start: float = 0.0,
-    z: np.ndarray | None = None,
-    control: Control | None = None,
-    turns: np.ndarray | None = None,
-) -> Run:
+class Left(NamedTuple):
+    """Hold what a run had at its end, from which it is resumed, beside its state.
+
+    time: [s]; extras: extra states; pace: step size
+    held: inputs that a sampled controller held; turns: whole turns of angles that are not in the state's q
+    """
+
+    time: float
+    extras: np.ndarray
+    pace: Pace
+    held: np.ndarray | None
+    turns: np.ndarray | None
+
+
+def simulate(robot: Model, state: State, system: System, settings: Settings, left: Left | None = None) -> Run:
     """Run a system from a state and record positions, rates, accelerations, forces, tool, energies and closure over time.
 
-    start: time at the start [s]; z: extra states there, the system's own if left out; control: what is held there
-    turns: whole turns of angles that are not in the state's q
+    left: what a run that is resumed had at its end
     """
     if state.batch:
         raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
-    step_over = checks.steps_over(on_singular)
-    times = None if save_at is None else checks.finite(save_at, "save_at")
-    if times is not None and not times.ndim:
-        times = times[None]
-    end, besides = start + duration, np.empty(0)
-    if times is not None and system.sampler:
-        require_increasing("the times in save_at", times)
-        besides = np.setdiff1d(calls(system.sampler, start, end, options["max_steps"]), times)
-        times = np.union1d(times, besides)
-    passage = Passage(robot, system, start, end, times, step_over, options)
+    start, z, pace, held, turns = left or (0.0, None, None, None, None)
+    if settings.integrator.step is not None:
+        pace = None
+    control = None
+    if held is not None and system.sampler:
+        control = Control(0, system.sampler.period, held)
+    end, besides = start + settings.duration, np.empty(0)
+    if settings.save_at is not None and system.sampler:
+        require_increasing("the times in save_at", settings.save_at)
+        besides = np.setdiff1d(calls(system.sampler, start, end, settings.max_steps), settings.save_at)
+        settings = settings.but(save_at=np.union1d(settings.save_at, besides))
+    passage = Passage(robot, system, start, end, settings, pace)
     chart, v = rereading.start(robot, state)
     begun = Start(chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns)
     segments = list(passage.segments(*begun))
@@ -95,11 +99,9 @@ def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
     return np.append(start, times[(times > start) & (times < end)])
 
 
-def asked(robot: Model, system: System, options: Mapping[str, Any]) -> dict[str, object]:
+def asked(robot: Model, system: System, settings: Settings) -> dict[str, object]:
     """Return what a run was asked for: whose it is, tolerances or step, and values of parameters."""
-    method = options["method"]
-    found: dict[str, object] = {"mechanism": robot.mechanism.name}
-    found |= {"rtol": options["rtol"], "atol": options["atol"]} if method.step is None else {"step": method.step}
+    found: dict[str, object] = {"mechanism": robot.mechanism.name, **settings.told}
     own = system.acting.parameters if system.acting else ()
     values = robot.parameters | dict(zip(own, system.parameters.tolist(), strict=True))
     if robot.mechanism.caveats:
@@ -168,12 +170,12 @@ def charts_taken(segments: Sequence[Segment]) -> str:
 
 def record(made: Compared, state: State, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
-    robot, system, segments, options = made.robot, made.passage.system, made.segments, made.passage.options
-    of = Record(robot, system, segments, besides, state, made.passage.save_at is None)
+    robot, system, segments, settings = made.robot, made.passage.system, made.segments, made.passage.settings
+    of = Record(robot, system, segments, besides, state, settings.save_at is None)
 
     def sentences() -> str:
         _, message = ending(system, segments)
-        adaptive, found = options["method"].step is None, made.estimate
+        adaptive, found = settings.integrator.step is None, made.estimate
         return f"{message} {found}" if adaptive and found and found.ratio > WORTH_TELLING else message
 
     def error() -> dict[str, object]:
@@ -186,7 +188,7 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
         coords=Deferred({AXES: of.axes}),
         attrs=Deferred(
             {
-                ASKED: partial(asked, robot, system, options),
+                ASKED: partial(asked, robot, system, settings),
                 TOLD: partial(told, system, segments),
                 WOUND: of.final_windings,
                 ERROR: error,

@@ -11,26 +11,18 @@ import numpy as np
 from linkwork.checks import by_name, several, shown
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.errors import LinkworkError
-from linkwork.robot import checks, recording
+from linkwork.robot import recording
 from linkwork.robot.parameters import with_parameters
+from linkwork.robot.recording import Left
 from linkwork.robot.rereading import chart_in
+from linkwork.robot.settings import Settings
 from linkwork.robot.state import State
 from linkwork.robot.system import Forces, System, require_starts, system
-from linkwork.simulation import (
-    DORMAND_PRINCE,
-    SHARP_SMART,
-    Control,
-    Method,
-    Pace,
-    Run,
-    Signal,
-    integrator,
-)
+from linkwork.simulation import Pace, Run, Signal
 
 if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
-TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
 EXAMPLE = "{'kp': 10.0}"
 READY_EVENTS = {"limits": limit_events, "singular": singular_events}
 
@@ -38,66 +30,50 @@ READY_EVENTS = {"limits": limit_events, "singular": singular_events}
 def simulate(
     robot: Model,
     state: State,
-    forces: Forces = None,
+    forces: Forces,
+    settings: Settings,
     *,
-    duration: float,
     drives: Mapping[str, Any] | None = None,
     wrenches: Sequence[Any] = (),
-    method: str | None = None,
-    step: float | None = None,
-    events: Sequence[Event | Callable[..., Any] | str] | str = (),
     parameters: Mapping[str, float] | None = None,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
-    save_at: Any = None,
-    max_step: float = np.inf,
-    max_steps: int = 1_000_000,
-    on_singular: str = "stop",
-    start: float = 0.0,
-    extras: np.ndarray | None = None,
-    pace: Pace | None = None,
-    held: np.ndarray | None = None,
-    turns: np.ndarray | None = None,
+    left: Left | None = None,
 ) -> Run:
-    """Run from a state: see `Robot.simulate`.
-
-    start: time at the start [s]; extras: extra states there; pace: step size; held: inputs that a sampled controller holds
-    turns: whole turns of angles that are not in the state's q
-    """
-    options = checks.run_options(duration, rtol, atol, max_step, max_steps)
+    """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
     given = dict(by_name(parameters, "parameters", EXAMPLE))
     own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
     robot = with_parameters(robot, own) if own else robot
-    chosen = integrator(method, step)
-    if pace is not None and step is None:
-        options["first_step"] = pace
-    span = (start, start + duration)
+    start = left.time if left else 0.0
+    span = (start, start + settings.duration)
     state = robot.own(state)
-    runs = system(
-        robot, forces, drives, wrenches, watched(robot, events), given, span, chosen is not None and chosen.stiff, state
-    )
-    if pace is None:
+    events = watched(robot, settings.events)
+    runs = system(robot, forces, drives, wrenches, events, given, span, settings.integrator.stiff, state)
+    settings = settings.suited(smooth(runs, [runs.inputs]))
+    if left is None:
         require_starts(runs, state)
-    options |= {"method": chosen or usual(runs, [runs.inputs], rtol), "leave_stiff": chosen is None}
-    if extras is not None and extras.size != len(runs.extras):
+        return recording.simulate(robot, state, runs, settings)
+    if left.extras.size != len(runs.extras):
         raise LinkworkError(
-            f"the run ended with {extras.size} extra states, but these drives and controllers have {len(runs.extras)}"
+            f"the run ended with {left.extras.size} extra states, but these drives and controllers have {len(runs.extras)}"
         )
-    control = None
-    if held is not None and runs.acting and runs.sampler:
-        if held.size != runs.acting.held:
-            raise LinkworkError(
-                f"the run ended with {held.size} held inputs, but this controller holds {runs.acting.held}; give it the "
-                "delay that it ran with"
-            )
-        control = Control(0, runs.sampler.period, held)
-    return recording.simulate(
-        robot, state, runs, duration, save_at, on_singular, options, start, extras, control, turns
-    )
+    held = left.held
+    if held is not None and runs.acting and runs.sampler and held.size != runs.acting.held:
+        raise LinkworkError(
+            f"the run ended with {held.size} held inputs, but this controller holds {runs.acting.held}; give it the "
+            "delay that it ran with"
+        )
+    return recording.simulate(robot, state, runs, settings, left)
 
 
-def resume(robot: Model, run: Run, forces: Forces = None, **options: Any) -> Run:
-    """Go on from the end of a run: see `Robot.resume`."""
+def resume(
+    robot: Model,
+    run: Run,
+    forces: Forces,
+    settings: Settings,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    **acting: Any,
+) -> Run:
+    """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
     if not isinstance(run, Run):
         raise LinkworkError(f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load returns")
     try:
@@ -127,8 +103,9 @@ def resume(robot: Model, run: Run, forces: Forces = None, **options: Any) -> Run
         for name in ("final_held", "final_turns")
     )
     own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
-    options["parameters"] = {**own, **by_name(options.get("parameters"), "parameters", EXAMPLE)}
-    return simulate(robot, state, forces, start=start, extras=v[n:], pace=pace, held=held, turns=turns, **options)
+    values = {**own, **by_name(parameters, "parameters", EXAMPLE)}
+    left = Left(start, v[n:], pace, held, turns)
+    return simulate(robot, state, forces, settings, parameters=values, left=left, **acting)
 
 
 def recorded(run: Run) -> dict[str, float]:
@@ -137,13 +114,9 @@ def recorded(run: Run) -> dict[str, float]:
     return {name: float(value) for name, _, value in (entry.partition(" = ") for entry in entries) if value}
 
 
-def usual(runs: System, inputs: Sequence[Signal], rtol: float) -> Method:
-    """Return the method where none is asked for: order 7 for smooth inputs and tight tolerances, else order 5.
-
-    A method of higher order takes longer steps, in which the kinks of sampled inputs cost more of its accuracy.
-    """
-    smooth = runs.sampler is None and all(len(signal.coefficients) == 1 for signal in inputs)
-    return SHARP_SMART if smooth and rtol <= TIGHT else DORMAND_PRINCE
+def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
+    """Tell whether inputs have no kinks: they are not sampled, nor is a controller."""
+    return runs.sampler is None and all(len(signal.coefficients) == 1 for signal in inputs)
 
 
 def watched(robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:

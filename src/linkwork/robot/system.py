@@ -92,16 +92,16 @@ class System:
         places = [robot.coordinates.index(state.name) for state in self.states[len(self.extras) :]]
         return np.concatenate([np.broadcast_to(own, (*seen.shape[:-1], own.size)), seen[..., places]], axis=-1)
 
-    def tolerances(self, chart: CompiledChart, options: Mapping[str, Any], size: int) -> dict[str, Any]:
-        """Return the tolerances of the numbers of a state (q, v, z) of some size.
+    def tolerances(self, chart: CompiledChart, rtol: float, atol: float, size: int) -> tuple[float, np.ndarray]:
+        """Return rtol and atol of the numbers of a state (q, v, z) of some size.
 
         States that tell turns do not count, nor in the root mean square of errors: steps are those without them.
         """
-        followed, atol = len(self.states) - len(self.extras), chart.tolerances(options["atol"], size)
+        followed, each = len(self.states) - len(self.extras), chart.tolerances(atol, size)
         if not followed:
-            return {"atol": atol}
+            return rtol, each
         share = np.sqrt((size - followed) / size)
-        return {"rtol": share * options["rtol"], "atol": np.append(share * atol[:-followed], np.full(followed, FREE))}
+        return share * rtol, np.append(share * each[:-followed], np.full(followed, FREE))
 
     def p(self, chart: CompiledChart) -> np.ndarray:
         """Return the parameters of the mechanism, then those of controllers and drives."""

@@ -82,10 +82,10 @@ class Signal:
     coefficients: np.ndarray
     breaks: np.ndarray
 
-    @cached_property
+    @property
     def span(self) -> tuple[float, float]:
         """The first and the last time that it is known at, in s."""
-        return float(self.knots[0]), float(self.knots[-1])
+        return self.knots.item(0), self.knots.item(-1)
 
     def covers(self, start: float, stop: float) -> bool:
         """Tell whether it is known from start to stop, in s; by rounding only it may end before."""
@@ -105,11 +105,13 @@ class Signal:
         s = s[..., None]
         return c_0 + s * (c_1 + s * (c_2 + s * c_3))
 
-    @cached_property
+    @property
     def bends(self) -> np.ndarray:
         """Where its third derivatives turn round, a row each as of `bends.bends`."""
-        if len(self.coefficients) < 4:
-            return NO_BENDS
+        return NO_BENDS if len(self.coefficients) < 4 else self._bends
+
+    @cached_property
+    def _bends(self) -> np.ndarray:
         from linkwork.simulation.bends import bends
 
         return bends(self.knots, self.coefficients, FREE)
@@ -119,8 +121,9 @@ class Signal:
         """All of it in one list, as compiled loops take it: the numbers of pieces, inputs, breaks and bends, then knots,
         coefficients, breaks and bends.
         """
-        counts = *self.coefficients.shape[::2], self.breaks.size, len(self.bends) - 1
-        return np.concatenate((counts, self.knots, self.coefficients.ravel(), self.breaks, self.bends.ravel()))
+        bends = self.bends
+        counts = *self.coefficients.shape[::2], self.breaks.size, len(bends) - 1
+        return np.concatenate((counts, self.knots, self.coefficients.ravel(), self.breaks, bends.ravel()))
 
     @cached_property
     def _derivative(self) -> "Signal":

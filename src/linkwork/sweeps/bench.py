@@ -18,6 +18,7 @@ from linkwork.robot import Motion, Robot, State
 from linkwork.robot.labels import POSES
 from linkwork.robot.network import Network
 from linkwork.robot.reactions import spread
+from linkwork.robot.settings import Settings
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps.cases import Case, controlled, pushed, reached
 from linkwork.sweeps.drives import drive
@@ -81,6 +82,12 @@ class Bench:
             bench.require_known(name)
         bench.require_components()
         return bench
+
+    def settings(self, threads: int | None) -> Settings:
+        """Return how the runs are computed."""
+        names = ("duration", "method", "step", "rtol", "atol", "max_steps", "on_singular")
+        given = {name: getattr(self.study, name) for name in names}
+        return Settings(**given, save_at=self.times, threads=threads)
 
     @cached_property
     def times(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from threading import Lock
 
 import numpy as np
 
+from linkwork.robot.ensemble import ensemble
 from linkwork.simulation import Status
 from linkwork.sweeps.bench import Bench
 from linkwork.sweeps.home import REFUSED
@@ -54,27 +55,20 @@ def run(bench: Bench, case: int, values: np.ndarray, rows: np.ndarray, results: 
     if not able.any():
         return
     state, rows = state.at(able), rows[able]
-    ensemble = bench.robot.ensemble(
+    runs = ensemble(
+        bench.robot,
         state,
         bench.cases[case].law,
-        {name: column[able] for name, column in parameters.items()},
-        duration=study.duration,
+        bench.settings(threads),
+        parameters={name: column[able] for name, column in parameters.items()},
         drives=bench.drives,
-        method=study.method,  # pyright: ignore[reportArgumentType]
-        step=study.step,
-        save_at=bench.times,
-        rtol=study.rtol,
-        atol=study.atol,
-        max_steps=study.max_steps,
-        on_singular=study.on_singular,
-        threads=threads,
     )
-    if (ensemble.status == Status.CANCELLED).any():
+    if (runs.status == Status.CANCELLED).any():
         raise KeyboardInterrupt
     for name in ("status", "end_time", "nfev", "pivot", "closure_error"):
-        results[name][rows] = getattr(ensemble, name)
-    found = measured(bench, case, ensemble, bench.quantities, threads)
-    done = ensemble.status == Status.FINISHED
+        results[name][rows] = getattr(runs, name)
+    found = measured(bench, case, runs, bench.quantities, threads)
+    done = runs.status == Status.FINISHED
     for name, output in bench.outputs.items():
         components = bench.labels.get(QUANTITIES[output.quantity].axis or "", ())
         results[name][rows[done]] = output.of(bench.times, found[output.quantity][done], components)

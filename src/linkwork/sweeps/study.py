@@ -22,6 +22,7 @@ from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
+from linkwork.robot.settings import Settings
 from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
@@ -79,11 +80,11 @@ class Study(Record):
     trajectories: tuple[str, ...] = Field(default=(), description="quantities to keep at all times")
     method: str | None = Field(default=None, description="integration method")
     step: Positive | None = Field(default=None, description="step of a method of fixed step [s]")
-    rtol: Positive = Field(default=1e-8, description="relative tolerance")
+    rtol: Positive = Field(default=Settings.rtol, description="relative tolerance")
     atol: Positive = Field(
-        default=1e-10, description="absolute tolerance [rad; of lengths parts of the robot's own length]"
+        default=Settings.atol, description="absolute tolerance [rad; of lengths parts of the robot's own length]"
     )
-    max_steps: Annotated[int, Field(ge=1)] = Field(default=1_000_000, description="most steps of a run")
+    max_steps: Annotated[int, Field(ge=1)] = Field(default=Settings.max_steps, description="most steps of a run")
     on_singular: Literal["stop", "step_over"] = Field(default="stop", description="stop or step_over")
     chunk: Annotated[int, Field(ge=1)] | None = Field(default=None, description="members that are computed at a time")
 
