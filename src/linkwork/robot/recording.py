@@ -429,8 +429,9 @@ def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np
 
 def moving(chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return what follows from states y = (q, v, z) and inputs u in a chart (K, ...), by name."""
-    kernel, ends = chart.kernel, np.cumsum([chart.equations.nq, chart.equations.mobility])
-    found, (q, v, z) = {}, np.split(y, ends, axis=1)
+    kernel, nq = chart.kernel, chart.equations.nq
+    n = nq + chart.equations.mobility
+    found, q, v, z = {}, y[:, :nq], y[:, nq:n], y[:, n:]
     if system.acting is None:
         v_dot = kernel("motion")(q, v, u)[1]
     else:
