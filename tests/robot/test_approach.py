@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.robot import posing
+from linkwork.robot.assembly import UnreachableError
 
 from tests.equations.evaluation import close
 
@@ -111,3 +112,13 @@ def test_singular_guesses_are_left_to_steps_of_least_squares():
     upright = robot.assemble({"pivot_1": np.pi / 2, "slide_1": 0.4, "wrist_1": 0.7 - np.pi / 2})
     pose = robot.tool_pose(upright)
     close(robot.assemble(tool=pose, guess=upright).positions, upright.positions, 1e-9)
+
+
+def test_the_pose_of_a_stack_that_is_out_of_reach_is_named(case):
+    robot, size = case
+    poses = poses_near(robot, size, 0.02)
+    poses[5, :2] += 100 * robot.equations.tree.length
+    with pytest.raises(UnreachableError, match=r"^pose 5: "):
+        robot.assemble(tool=poses)
+    with pytest.raises(UnreachableError, match=r"^(?!pose)"):
+        robot.assemble(tool=poses[5])

@@ -12,11 +12,13 @@ the solutions on the same mode the nearest is taken.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from linkwork.checks import at
 from linkwork.equations.algebra import wrapped
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
@@ -94,7 +96,11 @@ class Leader:
     approach: Approach | None = None
 
     def lead(self, start: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """Return q (N, nq) with the tool at poses (N, size), from a closed configuration (nq)."""
+        """Return q (N, nq) with the tool at poses (N, size), from a closed configuration (nq).
+
+        Raises:
+            UnreachableError: a pose that is not reached, by its number where there are several.
+        """
         q, there = self.approached(start, poses)
         left = np.flatnonzero(~there)
         if left.size:
@@ -102,7 +108,8 @@ class Leader:
             way, mode = Way.of(self.assembler.planar, out, aims), self.modes.signs(self.matrix(out))[0]
             q[left], part = self.walked(start, way, mode, left.size)
             for k in np.flatnonzero(part < 1):
-                q[left[k]] = self.otherwise(start, q[left[k]], aims[k], mode)
+                with at(f"pose {left[k]}: ") if len(poses) > 1 else nullcontext():
+                    q[left[k]] = self.otherwise(start, q[left[k]], aims[k], mode)
         return q
 
     def approached(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
