@@ -44,7 +44,7 @@ def test_poses_are_met_as_by_steps_of_least_squares(case):
     poses = poses_near(robot, size, 0.05)
     compiled = robot.leader(size, kept=True)
     assert compiled.approach is not None
-    q, there = compiled.approached(robot.home.q, poses)
+    q, there = compiled.approached(np.repeat(robot.home.q[None], len(poses), axis=0), poses)
     assert there.all()
     close(q, replace(compiled, approach=None).lead(robot.home.q, poses), 1e-9)
     made = robot.make_state(q, np.zeros((len(q), robot.mobility)))
@@ -54,10 +54,20 @@ def test_poses_are_met_as_by_steps_of_least_squares(case):
     close(np.array(alone), q, 1e-13)
 
 
+def test_determinants_are_those_of_the_matrix(case):
+    robot, size = case
+    leader = robot.leader(size, kept=True)
+    q, _ = leader.approached(np.repeat(robot.home.q[None], 12, axis=0), poses_near(robot, size, 0.05))
+    *_, parts = leader.approach.step(q, poses_near(robot, size, 0.05))
+    A = leader.matrix(leader.outputs(q))
+    for part, stage in zip(parts.T, leader.modes.stages, strict=True):
+        close(part, np.linalg.det(A[:, stage.rows][:, :, stage.columns]) / stage.size, 1e-9)
+
+
 def test_what_is_far_is_met_on_the_same_branch_or_left_to_steps_of_least_squares(case):
     robot, size = case
     leader, poses = robot.leader(size, kept=True), poses_near(robot, size, 0.3, 60)
-    q, there = leader.approached(robot.home.q, poses)
+    q, there = leader.approached(np.repeat(robot.home.q[None], len(poses), axis=0), poses)
     assert 0 < there.sum() < len(poses)
     before, after = leader.signs(robot.home.q[None]), leader.signs(q[there])
     assert (before * after >= 0).all()
@@ -75,7 +85,7 @@ def test_turns_of_any_size_are_met(turn: float):
     robot = lw.Robot(lw.robots.stewart())
     axis = turn * np.array([0.6, 0.0, 0.8])
     pose = np.concatenate([robot.tool_pose(robot.home)[:3], axis])
-    q, there = robot.leader(6, kept=True).approached(robot.home.q, pose[None])
+    q, there = robot.leader(6, kept=True).approached(robot.home.q[None], pose[None])
     assert there.all()
     found = Rotation.from_rotvec(robot.tool_poses(q[0])[3:])
     assert (found * Rotation.from_rotvec(axis).inv()).magnitude() < 1e-12
@@ -84,7 +94,7 @@ def test_turns_of_any_size_are_met(turn: float):
 def test_half_a_turn_is_not_taken_for_none():
     robot = lw.Robot(lw.robots.stewart())
     pose = np.concatenate([robot.tool_pose(robot.home)[:3], [0.0, 0.0, np.pi]])
-    _, there = robot.leader(6, kept=True).approached(robot.home.q, pose[None])
+    _, there = robot.leader(6, kept=True).approached(robot.home.q[None], pose[None])
     assert not there.any()
 
 

@@ -8,6 +8,7 @@ products of its pivots are the determinants whose signs tell working modes apart
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 
@@ -28,7 +29,7 @@ CONDITIONS = 3  # residual, length of the step, alignment; then the determinants
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """Take steps of a tool towards poses: the kernel of `step`, and the sizes of the determinants."""
+    """Take steps of a tool towards poses: the kernel of `step`, and the sizes of its determinants, with their signs."""
 
     kernel: Kernel
     sizes: np.ndarray
@@ -52,7 +53,16 @@ def approach(chart: CompiledChart, modes: Modes, twist: list[int]) -> Approach |
     stages = [frozenset(stage.rows) for stage in modes.stages]
     key = f"approach {twist} {order.rows} {order.blocks} {stages}"
     kernel = chart.compiled(key, lambda equations: step(equations, twist, order, stages)).given(chart.p)
-    return Approach(kernel, np.array([stage.size for stage in modes.stages]))
+    own = {frozenset(stage.rows): stage for stage in order.stages}
+    orders = [(stage, own[frozenset(stage.rows)]) for stage in modes.stages]
+    parities = [parity(stage.rows, taken.rows) * parity(stage.columns, taken.columns) for stage, taken in orders]
+    return Approach(kernel, np.array([stage.size for stage in modes.stages]) * parities)
+
+
+def parity(numbers: Sequence[int], other: Sequence[int]) -> float:
+    """Return 1 or -1, the determinant of the permutation that brings numbers into another order."""
+    places = [numbers.index(k) for k in other]
+    return float(np.round(np.linalg.det(np.eye(len(places))[places])))
 
 
 def step(equations: Equations, twist: list[int], chart: Chart, stages: list[frozenset[int]]) -> ca.Function:

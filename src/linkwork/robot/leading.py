@@ -11,7 +11,7 @@ the solutions on the same mode the nearest is taken.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -65,17 +65,30 @@ class Way:
 
     def error(self, out: dict[str, np.ndarray], which: np.ndarray, part: np.ndarray) -> np.ndarray:
         """Return how far the tools are (K, size) from where the ways `which` (K) are at a part (K) from 0 to 1."""
-        aside = out["position"][:, : self.shift.shape[1]] - self.position - part[:, None] * self.shift[which]
+        goal = self.poses(which, part)
+        axes = self.shift.shape[1]
+        aside = out["position"][:, :axes] - goal[:, :axes]
         if not self.turning.shape[1]:
             return aside
-        turned = part[:, None] * self.turning[which]
         if self.planar:
-            return np.concatenate([aside, wrapped(out["angle"] - self.turn - turned)], axis=1)
+            return np.concatenate([aside, wrapped(out["angle"] - goal[:, axes:])], axis=1)
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)) * Rotation.from_rotvec(goal[:, axes:]).inv()
+        return np.concatenate([aside, turn.as_rotvec()], axis=1)
+
+    def poses(self, which: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """Return the poses (K, size) at parts (K) from 0 to 1 of the ways `which` (K)."""
+        aside, turned = self.position + part[:, None] * self.shift[which], part[:, None] * self.turning[which]
+        if self.planar or not self.turning.shape[1]:
+            return np.concatenate([aside, self.turn + turned], axis=1) if self.turning.shape[1] else aside
         from scipy.spatial.transform import Rotation
 
         goal = Rotation.from_rotvec(turned) * Rotation.from_matrix(self.turn)
-        turn = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)) * goal.inv()
-        return np.concatenate([aside, turn.as_rotvec()], axis=1)
+        return np.concatenate([aside, goal.as_rotvec()], axis=1)
+
+
+Nearby = Callable[[np.ndarray, Way, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,20 +114,29 @@ class Leader:
         Raises:
             UnreachableError: a pose that is not reached, by its number where there are several.
         """
-        q, there = self.approached(start, poses)
+        q, there = self.approached(np.repeat(start[None], len(poses), axis=0), poses)
+        if there.all():
+            return q
         left = np.flatnonzero(~there)
-        if left.size:
-            out, aims = self.outputs(start[None]), poses[left]
-            way, mode = Way.of(self.assembler.planar, out, aims), self.modes.signs(self.matrix(out))[0]
-            q[left], part = self.walked(start, way, mode, left.size)
-            for k in np.flatnonzero(part < 1):
-                with at(f"pose {left[k]}: ") if len(poses) > 1 else nullcontext():
-                    q[left[k]] = self.otherwise(start, q[left[k]], aims[k], mode)
+        out, aims = self.outputs(start[None]), poses[left]
+        way, mode = Way.of(self.assembler.planar, out, aims), self.modes.signs(self.matrix(out))[0]
+        every, part = np.arange(left.size), np.zeros(left.size)
+        for nearby in (self.compiled, self.squared):
+            short = every[part < 1]
+            q[left[short]], part[short] = self.walked(start, way, short, mode, nearby)
+        for k in every[part < 1]:
+            with at(f"pose {left[k]}: ") if len(poses) > 1 else nullcontext():
+                q[left[k]] = self.otherwise(start, q[left[k]], aims[k], mode)
         return q
 
-    def approached(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (N, nq) at the poses that compiled steps reach at once, as `nearby` does, and which these are (N)."""
-        q, alive = np.repeat(start[None], len(poses), axis=0), np.ones(len(poses), bool)
+    def approached(
+        self, q: np.ndarray, poses: np.ndarray, mode: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (K, nq) at the poses (K, size) to which compiled steps contract from q (K, nq), and which these are (K).
+
+        mode: signs to be kept; those of the first q if left out
+        """
+        alive = np.ones(len(poses), bool)
         if self.approach is None:
             return q, ~alive
         last, seen = LONGEST / CONTRACTS, list[np.ndarray]()
@@ -129,26 +151,36 @@ class Leader:
             if last_step:
                 break
             last = length
-        fits = same(self.modes.told(seen[-1]), self.modes.told(seen[0][:1])) & (alignment >= 0)
+        mode = self.modes.told(seen[0][:1]) if mode is None else mode
+        fits = same(self.modes.told(seen[-1]), mode) & (alignment >= 0)
         return q, alive & closed & fits & np.isfinite(q).all(axis=1)
 
-    def walked(self, start: np.ndarray, way: Way, mode: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far the straight ways lead: q (N, nq), and the part of each way (N)."""
+    def walked(
+        self, start: np.ndarray, way: Way, which: np.ndarray, mode: np.ndarray, nearby: Nearby
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and the part of each way (K)."""
+        count = which.size
         q, part, step, going = np.tile(start, (count, 1)), np.zeros(count), np.ones(count), np.arange(count)
         for _ in range(ROUNDS):
             if not going.size:
                 break
             aim = np.minimum(1.0, part[going] + step[going])
-            reached, good = self.nearby(q[going], way, going, aim, mode)
+            reached, good = nearby(q[going], way, which[going], aim, mode)
             q[going[good]], part[going[good]] = reached[good], aim[good]
             step[going] *= np.where(good, 2.0, 0.25)
             going = going[(part[going] < 1) & (step[going] > FINEST)]
         return q, part
 
-    def nearby(
+    def compiled(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray, mode: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without a change of sign (K).
+        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without a change of sign (K)."""
+        return self.approached(q, way.poses(which, part), mode)
+
+    def squared(
+        self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray, mode: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as `compiled` by steps of least squares.
 
         What is closed to `CLOSED` takes one step more in the end: then it is closed to rounding.
         """
