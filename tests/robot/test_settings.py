@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import FrozenInstanceError, fields
 from inspect import signature
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.cli.commands import simulate
+from linkwork.cli.commands import OnSingular, simulate
 from linkwork.robot.accuracy import tightened
 from linkwork.robot.facade import ACTING, OPTIONS
-from linkwork.robot.settings import Settings
+from linkwork.robot.settings import ON_SINGULAR, Settings
 from linkwork.simulation import DORMAND_PRINCE, RK4, SHARP_SMART
 from linkwork.sweeps import Study
 
@@ -41,6 +42,10 @@ def test_the_defaults_of_studies_are_those_of_settings():
     own.pop("duration")
     assert own == {name: DEFAULTS[name] for name in own}
     assert {"method", "step", "rtol", "atol", "max_steps", "on_singular"} == set(own)
+
+
+def test_what_to_do_at_a_bifurcation_is_listed_alike_at_all_doors():
+    assert tuple(OnSingular) == get_args(Study.model_fields["on_singular"].annotation) == ON_SINGULAR
 
 
 def test_what_doors_ask_beside_what_acts_are_the_settings():
