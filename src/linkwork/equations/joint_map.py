@@ -87,7 +87,7 @@ def counted(joints: JointMap, q: np.ndarray, values: Mapping[str, float]) -> Joi
     read = np.array(joints.tree.evaluated("angles", [angles])(q)[0]).ravel()
     turns = np.round((np.array([values[label] for label in labels]) - read) / (2 * np.pi))
     whole = {label: 2 * np.pi * turn for label, turn in zip(labels, turns, strict=True) if turn}
-    return replace(joints, turns=whole, _cache={})
+    return replace(joints, turns=whole)
 
 
 def derivative(matrix: ca.SX, tree: Tree, rates: ca.SX) -> ca.SX:
