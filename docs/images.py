@@ -43,10 +43,19 @@ def singularities(robot: Robot) -> Axes:
 
 
 def portrait(robot: Robot) -> str:
-    """Return a robot in its reference configuration as SVG, its driven joints named; lengths to 1/100 pt."""
+    """Return a robot in its reference configuration as SVG, its driven joints named; lengths to 1/100 pt, no point twice."""
     driven = [name for name, joint in robot.mechanism.joints.items() if set(joint.rates(name)) & set(robot.actuators)]
     drawing = svg(plot_mechanism(robot, robot.home, names=driven).figure, cropped=True)
-    return re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), drawing)
+    drawing = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), drawing)
+    return shared(re.sub(r"(L [^\n]+\n)\1+", r"\1", drawing))
+
+
+def shared(drawing: str) -> str:
+    """Return an SVG in which each style stands once, as a class."""
+    classes = {style: f"s{k}" for k, style in enumerate(dict.fromkeys(re.findall(r' style="([^"]*)"', drawing)))}
+    rules = "\n".join(f".{name} {{{style}}}" for style, name in classes.items())
+    drawing = re.sub(r' style="([^"]*)"', lambda style: f' class="{classes[style[1]]}"', drawing)
+    return drawing.replace("<defs>", f"<defs>\n<style>\n{rules}\n</style>", 1)
 
 
 if __name__ == "__main__":
