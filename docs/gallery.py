@@ -1,7 +1,6 @@
 """Write the page of the examples, docs/examples.md, and their pictures: python docs/gallery.py"""
 
 import ast
-import re
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,8 @@ This page is written by `docs/gallery.py`.
 
 def main() -> None:
     """Run the examples, keep their pictures, write the page."""
+    from images import rounded
+
     PICTURES.mkdir(exist_ok=True)
     for example in examples():
         with tempfile.TemporaryDirectory() as folder:
@@ -40,11 +41,6 @@ def examples() -> list[Path]:
 def picture(example: Path) -> str:
     """Return the file name of an example's picture."""
     return f"{example.stem.partition('_')[2]}.svg"
-
-
-def rounded(drawing: str) -> str:
-    """Return an SVG with the lengths of its lines to 1/100 pt."""
-    return re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), drawing)
 
 
 def page() -> str:

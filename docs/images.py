@@ -45,9 +45,13 @@ def singularities(robot: Robot) -> Axes:
 def portrait(robot: Robot) -> str:
     """Return a robot in its reference configuration as SVG, its driven joints named; lengths to 1/100 pt, no point twice."""
     driven = [name for name, joint in robot.mechanism.joints.items() if set(joint.rates(name)) & set(robot.actuators)]
-    drawing = svg(plot_mechanism(robot, robot.home, names=driven).figure, cropped=True)
-    drawing = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), drawing)
+    drawing = rounded(svg(plot_mechanism(robot, robot.home, names=driven).figure, cropped=True))
     return shared(re.sub(r"(L [^\n]+\n)\1+", r"\1", drawing))
+
+
+def rounded(drawing: str) -> str:
+    """Return an SVG with the lengths of its lines to 1/100 pt."""
+    return re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), drawing)
 
 
 def shared(drawing: str) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from linkwork.equations.algebra import wrapped
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.settings import Settings
@@ -151,7 +152,7 @@ def compared(
 def without_turns(d: np.ndarray, units: Sequence[str]) -> np.ndarray:
     """Return differences (K, n), those of angles without whole turns."""
     turns = np.array([unit == "rad" for unit in units])
-    return np.where(turns, np.remainder(d + np.pi, 2 * np.pi) - np.pi, d)
+    return np.where(turns, wrapped(d), d)
 
 
 def tree_rates(chart: CompiledChart, y: np.ndarray, _: np.ndarray) -> dict[str, np.ndarray]:

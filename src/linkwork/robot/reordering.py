@@ -49,7 +49,7 @@ def evaluated(
     pivot = found[-1]
     if (abs(pivot.item()) if pivot.size == 1 else np.abs(pivot).min(initial=np.inf)) > checks.PIVOT_BOUND:
         return found
-    batch, with_p = found[-1].shape[:-1], len(given) == len(kernel(chart).inputs)
+    batch, with_p = pivot.shape[:-1], len(given) == len(kernel(chart).inputs)
     count = prod(batch)
     rows = [np.broadcast_to(part, (*batch, part.shape[-1])).reshape(count, part.shape[-1]) for part in given]
     parts = [part.reshape(count, part.shape[-1]) for part in found]
