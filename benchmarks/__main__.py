@@ -69,7 +69,9 @@ def main(names: Sequence[str]) -> int:
     console = Console(width=80)
     known = [*PAGES, *(name for sections in PAGES.values() for name in sections)]
     if unknown := [name for name in names if name not in known]:
-        console.print(f"there is no benchmark {unknown[0]!r}; the benchmarks are {', '.join(known)}")
+        console.print(
+            f"there is no benchmark {unknown[0]!r}; the benchmarks are {', '.join(known)}"
+        )
         return 2
     host = machine.describe(this_machine().lanes)
     for title, line in host.lines().items():
@@ -96,7 +98,10 @@ def write(page: Page, host: machine.Machine, command: str, seconds: float) -> No
         "machine": host.as_dict(),
         "seconds": seconds,
         "sections": {
-            section.title: {"figures": [vars(figure) for figure in section.figures], "raw": section.raw}
+            section.title: {
+                "figures": [vars(figure) for figure in section.figures],
+                "raw": section.raw,
+            }
             for section in page.sections
         },
     }

@@ -40,15 +40,26 @@ def run(states: int = 200, free_runs: int = 20) -> Section:
         errors = against_oracle(states, partial(pool.map, chunksize=5))
     robot = lw.Robot(prr3())
     drift, gap = conservation(robot, free_runs)
-    figures = [Figure(f"{title}: largest error", errors[name].max(), "", 1e-12) for name, title in TITLES.items()]
-    figures += [Figure(f"{title}: median error", float(np.median(errors[name]))) for name, title in TITLES.items()]
+    figures = [
+        Figure(f"{title}: largest error", errors[name].max(), "", 1e-12)
+        for name, title in TITLES.items()
+    ]
     figures += [
-        Figure(f"forward after inverse dynamics, {states} states", round_trip(robot, states), "", 1e-11),
+        Figure(f"{title}: median error", float(np.median(errors[name])))
+        for name, title in TITLES.items()
+    ]
+    figures += [
+        Figure(
+            f"forward after inverse dynamics, {states} states", round_trip(robot, states), "", 1e-11
+        ),
         Figure(f"energy of {free_runs} force-free runs of 1 s, rtol 1e-10", drift.max(), "", 1e-10),
         Figure("closure error during these runs", gap.max(), "m", 1e-12),
         Figure("closure error during 1 s of prescribed motion", prescribed_gap(robot), "m", 1e-12),
     ]
-    raw = {"errors": {name: values.tolist() for name, values in errors.items()}, "energy": drift.tolist()}
+    raw = {
+        "errors": {name: values.tolist() for name, values in errors.items()},
+        "energy": drift.tolist(),
+    }
     return Section("Accuracy", method(states), figures, raw)
 
 
@@ -73,7 +84,9 @@ def against_oracle(states: int, map_states: Map = map) -> dict[str, np.ndarray]:
         "forces": robot.inverse_dynamics(some, accelerations),
         "accelerations": robot.forward_dynamics(some, forces),
     }
-    rows: Iterator[Terms] = iter(map_states(exact, some.positions, some.rates, forces, accelerations))
+    rows: Iterator[Terms] = iter(
+        map_states(exact, some.positions, some.rates, forces, accelerations)
+    )
     errors: dict[str, list[float]] = {name: [] for name in found}
     for i, reference in enumerate(rows):
         for name, values in found.items():
@@ -81,7 +94,9 @@ def against_oracle(states: int, map_states: Map = map) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in errors.items()}
 
 
-def exact(positions: np.ndarray, rates: np.ndarray, forces: np.ndarray, accelerations: np.ndarray) -> Terms:
+def exact(
+    positions: np.ndarray, rates: np.ndarray, forces: np.ndarray, accelerations: np.ndarray
+) -> Terms:
     """Return all quantities in one state as numbers of 40 digits; u = M v' + C v + G."""
     oracle = LagrangeOracle(prr3(gravity=UPRIGHT), digits=DIGITS)
     actuated = positions[[oracle.moving.index(name) for name in oracle.mechanism.actuators]]

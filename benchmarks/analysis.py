@@ -32,21 +32,41 @@ MAP_METHOD = """
 
 def modes(seeds: Sequence[int] = (0, 1, 2)) -> Section:
     """Find the assembly modes from several sets of random starts."""
-    joints = {f"leg_{i}": float(np.sqrt(square)) for i, square in enumerate(DIETMAIER_SQUARES, start=1)}
+    joints = {
+        f"leg_{i}": float(np.sqrt(square)) for i, square in enumerate(DIETMAIER_SQUARES, start=1)
+    }
     first, _ = timed(lambda: assembly_modes(dietmaier(), joints, seed=seeds[0]))
     seconds, found = zip(
-        *(timed(lambda seed=seed: assembly_modes(dietmaier(), joints, seed=seed)) for seed in seeds), strict=True
+        *(
+            timed(lambda seed=seed: assembly_modes(dietmaier(), joints, seed=seed))
+            for seed in seeds
+        ),
+        strict=True,
     )
     counts = [len(one) for one in found]
-    starts = "; ".join(f"{one.starts:,} starts, the rarest found {one.hits.min()} times" for one in found)
+    starts = "; ".join(
+        f"{one.starts:,} starts, the rarest found {one.hits.min()} times" for one in found
+    )
     figures = [
-        Figure("assembly modes found, the least of all searches", float(min(counts)), "", 40, "at least", starts),
+        Figure(
+            "assembly modes found, the least of all searches",
+            float(min(counts)),
+            "",
+            40,
+            "at least",
+            starts,
+        ),
         Figure("assembly modes found, the most", float(max(counts)), "", 40),
-        Figure(f"time of a search on {usable_processors()} cores, the longest", max(seconds), "s", 60.0),
+        Figure(
+            f"time of a search on {usable_processors()} cores, the longest", max(seconds), "s", 60.0
+        ),
         Figure("the same, fresh", first, "s", 60.0),
     ]
     return Section(
-        "Assembly modes of Dietmaier's platform", MODES_METHOD, figures, {"seconds": seconds, "counts": counts}
+        "Assembly modes of Dietmaier's platform",
+        MODES_METHOD,
+        figures,
+        {"seconds": seconds, "counts": counts},
     )
 
 
@@ -70,4 +90,9 @@ def maps(along: int = 100, rounds: int = 3) -> Section:
                note=f"best {seconds.min():.3g} s, {100 * reached:.0f} % within reach"),
         Figure("the same, per pose", 1e6 * float(np.median(seconds)) / along**3, "µs"),
     ]  # fmt: skip
-    return Section("Workspace map of the 3-PRR", MAP_METHOD, figures, {"seconds": summary(seconds), "reached": reached})
+    return Section(
+        "Workspace map of the 3-PRR",
+        MAP_METHOD,
+        figures,
+        {"seconds": summary(seconds), "reached": reached},
+    )

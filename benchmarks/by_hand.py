@@ -90,5 +90,7 @@ def simulate(task: Task, pose: np.ndarray, rtol: float, atol: float) -> np.ndarr
         return np.concatenate(derivative(y[:9], y[9:], forces(t)))
 
     start = np.concatenate([from_joints(task.start.positions, pose), task.start.rates])
-    end = solve_ivp(f, (0.0, task.duration), start, method="RK45", rtol=rtol, atol=atol, t_eval=[task.duration])
+    end = solve_ivp(
+        f, (0.0, task.duration), start, method="RK45", rtol=rtol, atol=atol, t_eval=[task.duration]
+    )
     return sliding_and_pivoting(end.y[:, -1])

@@ -16,7 +16,15 @@ from benchmarks.table import Listing, Section, quantity
 from benchmarks.timing import interleaved, ns, summary, us
 
 STATES = 128
-COLUMNS = ("robot", "freedoms", "instructions", "batch [ns]", "one [µs]", "derived [s]", "compiled [s]")
+COLUMNS = (
+    "robot",
+    "freedoms",
+    "instructions",
+    "batch [ns]",
+    "one [µs]",
+    "derived [s]",
+    "compiled [s]",
+)
 METHOD = f"""
     Forward dynamics of all robots in `lw.robots`, with their default data, in the chart that runs start in. Instructions: of
     the traced function, inputs and outputs included. Batch: time per state in batches on one core; one: state by state, each

@@ -22,7 +22,15 @@ RATE = 1000.0
 KP, KD = 400.0, 40.0  # critically damped
 OFFSET = 2e-3  # of slide_1 at the start [m]
 REAL_TIME = 1000.0
-COLUMNS = ("control", "method", "evaluations", "loop [ms]", "real time / loop", "real time / simulate", "error [m]")
+COLUMNS = (
+    "control",
+    "method",
+    "evaluations",
+    "loop [ms]",
+    "real time / loop",
+    "real time / simulate",
+    "error [m]",
+)
 SAMPLED, STEPPED, TRACED, PYTHON = (
     "sampled, compiled",
     "sampled, compiled, 1 step",
@@ -62,13 +70,18 @@ def run(duration: float = 2.0, rounds: int = 5, ways: Mapping[str, Way] = WAYS) 
     """Time the closed loop in all ways, in turn."""
     robot = lw.Robot(prr3())
     motion = robot.follow(
-        lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2)), duration=duration
+        lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2)),
+        duration=duration,
     )
     law = ComputedTorque(motion, robot, KP, KD)
     start = beside(robot, motion.state.at(0))
-    calls = {name: partial(simulated, robot, start, law, way, duration) for name, way in ways.items()}
+    calls = {
+        name: partial(simulated, robot, start, law, way, duration) for name, way in ways.items()
+    }
     whole = {("simulate", name): Contender(call) for name, call in calls.items()}
-    loops = {("loop", name): Contender(runs.loop_of(calls[name])) for name in ways if ways[name].compiled}
+    loops = {
+        ("loop", name): Contender(runs.loop_of(calls[name])) for name in ways if ways[name].compiled
+    }
     seconds = interleaved(whole | loops, rounds)
     figures, rows, errors = [], [], {}
     for name, call in calls.items():
@@ -85,7 +98,14 @@ def run(duration: float = 2.0, rounds: int = 5, ways: Mapping[str, Way] = WAYS) 
         if taken is not None and pace is not None:
             bound = REAL_TIME if name == STEPPED else None
             figures.append(
-                Figure(f"computed torque, {name}: times real time", pace, "", bound, "at least", best(taken))
+                Figure(
+                    f"computed torque, {name}: times real time",
+                    pace,
+                    "",
+                    bound,
+                    "at least",
+                    best(taken),
+                )
             )
     raw = {f"{what}: {name}": summary(values) for (what, name), values in seconds.items()}
     return Section(
@@ -104,7 +124,9 @@ def beside(robot: lw.Robot, state: lw.State) -> lw.State:
     return robot.assemble(slides | {first: slides[first] + OFFSET}, guess=state)
 
 
-def simulated(robot: lw.Robot, start: lw.State, law: ComputedTorque, way: Way, duration: float) -> Run:
+def simulated(
+    robot: lw.Robot, start: lw.State, law: ComputedTorque, way: Way, duration: float
+) -> Run:
     """Return one run, its middle and its end and some instants between saved."""
     controller = Sampler(law, rate=RATE, compiled=way.compiled) if way.sampled else law
     save_at = np.linspace(duration / 2, duration, 11)
@@ -118,4 +140,6 @@ def tracking_error(robot: lw.Robot, motion: lw.Motion, done: Run) -> float:
     columns = [robot.coordinates.index(name) for name in robot.actuators]
     time = done.coords["time"].values
     wanted = [np.interp(time, motion.time, motion.positions[:, column]) for column in columns]
-    return float(np.abs(done.variables["joint_position"].values[:, columns] - np.transpose(wanted)).max())
+    return float(
+        np.abs(done.variables["joint_position"].values[:, columns] - np.transpose(wanted)).max()
+    )

@@ -29,7 +29,10 @@ def pinocchio(robot: lw.Robot) -> PinocchioEngine:
 def pinocchio_evaluations(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> Contender:
     """Return `constraintDynamics` in a tight loop of Python over prepared states; nothing else is in the loop."""
     engine = pinocchio(robot)
-    calls = [engine.evaluation(*row) for row in zip(states.positions, robot.joint_rates(states), forces, strict=True)]
+    calls = [
+        engine.evaluation(*row)
+        for row in zip(states.positions, robot.joint_rates(states), forces, strict=True)
+    ]
 
     def call() -> None:
         for evaluate in calls:
@@ -44,10 +47,17 @@ def pinocchio_call() -> Contender:
     joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
     data, nothing = model.createData(), np.zeros(1)
-    constraints, constraint_data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    constraints, constraint_data = (
+        pin.StdVec_RigidConstraintModel(),
+        pin.StdVec_RigidConstraintData(),
+    )
     pin.initConstraintDynamics(model, data, constraints, constraint_data)
     settings, evaluate = pin.ProximalSettings(*PROXIMAL), pin.constraintDynamics
-    return Contender(lambda: evaluate(model, data, nothing, nothing, nothing, constraints, constraint_data, settings))
+    return Contender(
+        lambda: evaluate(
+            model, data, nothing, nothing, nothing, constraints, constraint_data, settings
+        )
+    )
 
 
 def mujoco_evaluations(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> Contender:
@@ -61,7 +71,11 @@ def pinocchio_acceleration(engine: PinocchioEngine) -> Acceleration:
     """Return (q, v, u) -> q'' of Pinocchio's tree, without wrapping."""
     tau = np.zeros(engine.model.nv)
     model, data, settings, drives = engine.model, engine.data, engine.proximal, engine.drives
-    constraints, constraint_data, evaluate = engine.constraints, engine.constraint_data, pin.constraintDynamics
+    constraints, constraint_data, evaluate = (
+        engine.constraints,
+        engine.constraint_data,
+        pin.constraintDynamics,
+    )
 
     def acceleration(q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
         tau[drives] = u

@@ -47,7 +47,8 @@ class Sizes:
 
 METHOD = f"""
     The pushed second of the section before, for members that differ in their forces: the first slider's by up to {
-    100 * PUSH:g} %, and up to {ASIDE} N on the others; rtol {RTOL:.0e}, atol a hundredth of it. The time is that of
+    100 * PUSH:g} %, and up to {ASIDE} N on the others; rtol {
+    RTOL:.0e}, atol a hundredth of it. The time is that of
     `robot.ensemble`, called and returned, with the last states kept. Threads take turns in the same rounds; scaling is
     the ratio of the medians.
 
@@ -65,8 +66,13 @@ def run(sizes: Sizes | None = None) -> Section:
     robot = lw.Robot(prr3())
     task, cores = second_of_pushing(robot), usable_processors()
     forces = spread(task, sizes.members)
-    whole = {n: Contender(partial(simulated, robot, task, forces, RTOL, n), sizes.members) for n in {1, cores}}
-    plain = {f"kernel, {n}": Contender(partial(evaluated, robot, task, cores, n)) for n in {1, cores}}
+    whole = {
+        n: Contender(partial(simulated, robot, task, forces, RTOL, n), sizes.members)
+        for n in {1, cores}
+    }
+    plain = {
+        f"kernel, {n}": Contender(partial(evaluated, robot, task, cores, n)) for n in {1, cores}
+    }
     seconds = interleaved(whole | plain, sizes.rounds)
     done = simulated(robot, task, forces, RTOL, cores)
     alone, together = (float(np.median(seconds[n])) for n in (1, cores))
@@ -94,7 +100,8 @@ def evaluated(robot: lw.Robot, task: Task, shares: int, threads: int) -> None:
     """Evaluate the motion kernel in equal shares, dealt to threads: what the machine gives where nothing else happens."""
     motion = robot.kernel("motion")
     states = [
-        np.repeat(part[None], BLOCK, axis=0) for part in (task.start.q, task.start.rates, task.signal(np.zeros(1))[0])
+        np.repeat(part[None], BLOCK, axis=0)
+        for part in (task.start.q, task.start.rates, task.signal(np.zeros(1))[0])
     ]
 
     def share(_: int) -> None:
@@ -109,12 +116,23 @@ def spread(task: Task, members: int) -> np.ndarray:
     """Return the forces of all members (members, 3) [N]."""
     random = np.random.default_rng(4)
     base = task.signal(np.zeros(1))[0]
-    return base * (1 + PUSH * random.uniform(-1, 1, (members, 1))) + ASIDE * random.uniform(-1, 1, (members, base.size))
+    return base * (1 + PUSH * random.uniform(-1, 1, (members, 1))) + ASIDE * random.uniform(
+        -1, 1, (members, base.size)
+    )
 
 
-def simulated(robot: lw.Robot, task: Task, forces: np.ndarray, rtol: float, threads: int) -> Ensemble:
+def simulated(
+    robot: lw.Robot, task: Task, forces: np.ndarray, rtol: float, threads: int
+) -> Ensemble:
     """Return the ensemble of the members with these forces."""
-    return robot.ensemble(task.start, forces, duration=task.duration, rtol=rtol, atol=runs.ATOL * rtol, threads=threads)
+    return robot.ensemble(
+        task.start,
+        forces,
+        duration=task.duration,
+        rtol=rtol,
+        atol=runs.ATOL * rtol,
+        threads=threads,
+    )
 
 
 def throughput(robot: lw.Robot, task: Task, sizes: Sizes) -> dict[str, tuple[Curve, list[float]]]:
@@ -127,7 +145,9 @@ def throughput(robot: lw.Robot, task: Task, sizes: Sizes) -> dict[str, tuple[Cur
     ends: dict[tuple[str, float], Callable[[], np.ndarray]] = {}
     for rtol in sizes.tolerances:
         calls[LINKWORK, rtol] = Contender(partial(simulated, robot, task, many, rtol, 1), len(many))
-        ends[LINKWORK, rtol] = lambda rtol=rtol: simulated(robot, task, some, rtol, 1).final.positions[:, columns]
+        ends[LINKWORK, rtol] = lambda rtol=rtol: simulated(
+            robot, task, some, rtol, 1
+        ).final.positions[:, columns]
     kinds = [(ROLLOUT, mj.mjtIntegrator.mjINT_RK4, steps) for steps in sizes.steps]
     for name, integrator, steps in [*kinds, (EULER, mj.mjtIntegrator.mjINT_IMPLICITFAST, 1000)]:
         roll = rolled(mujoco, robot, task, some, integrator, steps, columns)
@@ -143,7 +163,11 @@ def throughput(robot: lw.Robot, task: Task, sizes: Sizes) -> dict[str, tuple[Cur
         curve.settings.append(float(setting))
         curve.errors.append(float(np.abs(reached - exact[: len(reached)]).max()))
         curve.seconds.append(float(np.median(seconds[name, setting])))
-        steps.append(float(simulated(robot, task, some, setting, 1).steps.mean()) if name == LINKWORK else setting)
+        steps.append(
+            float(simulated(robot, task, some, setting, 1).steps.mean())
+            if name == LINKWORK
+            else setting
+        )
     return found
 
 
@@ -151,7 +175,8 @@ def ended(robot: lw.Robot, task: Task, forces: np.ndarray) -> np.ndarray:
     """Return all joint coordinates at the end of one member's run, to rounding."""
     options = {"rtol": 1e-13, "atol": 1e-15, "save_at": [task.duration]}
     return runs.joints_at_end(
-        robot, robot.simulate(task.start, forces, duration=task.duration, method="dop853", **options)
+        robot,
+        robot.simulate(task.start, forces, duration=task.duration, method="dop853", **options),
     )
 
 
@@ -175,7 +200,12 @@ def rolled(
     def call() -> np.ndarray:
         engine.model.opt.integrator, engine.model.opt.timestep = integrator, task.duration / steps
         states, _ = pool.rollout(
-            engine.model, data, start, applied, control_spec=mj.mjtState.mjSTATE_QFRC_APPLIED.value, nstep=steps
+            engine.model,
+            data,
+            start,
+            applied,
+            control_spec=mj.mjtState.mjSTATE_QFRC_APPLIED.value,
+            nstep=steps,
         )
         return np.asarray(states)[:, -1, places]
 
@@ -183,7 +213,12 @@ def rolled(
 
 
 def looped(
-    engine: PinocchioEngine, robot: lw.Robot, task: Task, forces: np.ndarray, steps: int, columns: list[int]
+    engine: PinocchioEngine,
+    robot: lw.Robot,
+    task: Task,
+    forces: np.ndarray,
+    steps: int,
+    columns: list[int],
 ) -> Callable[[], np.ndarray]:
     """Return runs of all members, one after the other, as a call that returns the joints at their ends (members, 6)."""
     q, v = engine.plan.state(task.start.positions, robot.joint_rates(task.start))
@@ -191,7 +226,12 @@ def looped(
     acceleration, h = engines.pinocchio_acceleration(engine), task.duration / steps
 
     def call() -> np.ndarray:
-        return np.array([engines.runge_kutta(acceleration, q, v, [u] * (2 * steps + 1), h)[0][places] for u in forces])
+        return np.array(
+            [
+                engines.runge_kutta(acceleration, q, v, [u] * (2 * steps + 1), h)[0][places]
+                for u in forces
+            ]
+        )
 
     return call
 
@@ -200,9 +240,13 @@ def rows(curves: dict[str, tuple[Curve, list[float]]]) -> list[tuple[str, ...]]:
     """Return the rows of the listing."""
     found = []
     for name, (curve, steps) in curves.items():
-        for setting, error, seconds, count in zip(curve.settings, curve.errors, curve.seconds, steps, strict=True):
+        for setting, error, seconds, count in zip(
+            curve.settings, curve.errors, curve.seconds, steps, strict=True
+        ):
             title = f"rtol {setting:.0e}" if name == LINKWORK else f"{setting:.0f} steps"
-            found.append((name, title, f"{1 / seconds:,.0f}", f"{count / seconds:,.0f}", f"{error:.0e}"))
+            found.append(
+                (name, title, f"{1 / seconds:,.0f}", f"{count / seconds:,.0f}", f"{error:.0e}")
+            )
     return found
 
 
@@ -215,6 +259,10 @@ def ratios(curves: dict[str, tuple[Curve, list[float]]]) -> list[Figure]:
             if quick and slow:
                 note = f"{1 / quick:,.0f} against {1 / slow:,.0f} runs/s"
                 found.append(
-                    Figure(f"{LINKWORK} / {theirs}, error {error:.0e}: runs a second", slow / quick, note=note)
+                    Figure(
+                        f"{LINKWORK} / {theirs}, error {error:.0e}: runs a second",
+                        slow / quick,
+                        note=note,
+                    )
                 )
     return found

@@ -82,7 +82,9 @@ METHOD = f"""
 def speed(machine: Machine, times: dict[str, np.ndarray], flops: int) -> list[Figure]:
     """Return the times per state, and what they are of the machine's peak."""
     batch = ns(times["batch"])
-    unmeasured = f"this processor has no AVX-512; {machine.lanes} lanes take what the next line says"
+    unmeasured = (
+        f"this processor has no AVX-512; {machine.lanes} lanes take what the next line says"
+    )
     return [
         Figure("batches with AVX-512, per state and core", batch if machine.has_avx512 else None, "ns", 17.0,
                note="" if machine.has_avx512 else unmeasured),
@@ -123,7 +125,9 @@ def inputs(robot: lw.Robot, count: int) -> tuple[lw.State, np.ndarray]:
     """
     poses = workspace_states(robot, 100)
     random = np.random.default_rng(11)
-    states = poses.at(np.arange(count) % 100).with_rates(random.normal(size=(count, robot.mobility)))
+    states = poses.at(np.arange(count) % 100).with_rates(
+        random.normal(size=(count, robot.mobility))
+    )
     forces = random.normal(size=(count, robot.mobility))
     return states, np.ascontiguousarray(np.hstack([states.q, states.rates, forces]))
 
@@ -153,6 +157,10 @@ def info_times(processes: int) -> list[float]:
 def python(*arguments: str, **environment: str) -> str:
     """Run this Python with arguments and further environment variables; return what it prints."""
     result = subprocess.run(
-        [sys.executable, *arguments], env=os.environ | environment, check=True, capture_output=True, text=True
+        [sys.executable, *arguments],
+        env=os.environ | environment,
+        check=True,
+        capture_output=True,
+        text=True,
     )
     return result.stdout

@@ -111,10 +111,20 @@ def through_singular_poses(loops: int, rounds: int) -> list[Figure]:
     (_, theta), _ = one_freedom.n_four_bar(loops).motion([0.0, DURATION], np.pi / 2, -1.0)
     title, took = f"A02, N = {loops}, {DURATION:g} s", f"{run.nfev} evaluations, {run.steps} steps"
     return [
-        Figure(f"{title}: robot.simulate", 1e-3 * us(times["run"]), "ms", 50.0, note=f"{took}, {best(times['run'])}"),
-        Figure(f"{title}: the same, all joints measured at the end", 1e-3 * us(times["measured"]), "ms"),
         Figure(
-            f"{title}: largest error of a crank's angle at the end", float(abs(cranks(robot, run) - theta).max()), "rad"
+            f"{title}: robot.simulate",
+            1e-3 * us(times["run"]),
+            "ms",
+            50.0,
+            note=f"{took}, {best(times['run'])}",
+        ),
+        Figure(
+            f"{title}: the same, all joints measured at the end", 1e-3 * us(times["measured"]), "ms"
+        ),
+        Figure(
+            f"{title}: largest error of a crank's angle at the end",
+            float(abs(cranks(robot, run) - theta).max()),
+            "rad",
         ),
         Figure(f"{title}: closure error", run.closure_error, "m"),
     ]
@@ -135,7 +145,9 @@ def without_tool(mechanism: Mechanism) -> Mechanism:
 def swung(robot: lw.Robot) -> Run:
     """Return A02's run from upright cranks, its end saved."""
     start = robot.home.with_rates([-1.0])
-    run = robot.simulate(start, duration=DURATION, rtol=RTOL, save_at=[DURATION], on_singular="step_over")
+    run = robot.simulate(
+        start, duration=DURATION, rtol=RTOL, save_at=[DURATION], on_singular="step_over"
+    )
     assert run.status is lw.Status.FINISHED, run.message
     return run
 

@@ -81,7 +81,9 @@ def bricard_linkage() -> Problem:
     (_, psi), _ = one_freedom.bricard().motion([0.0, 9.0], one_freedom.RIGHT_ANGLES, 0.0)
     end = np.array([*one_freedom.bricard_turns(psi)] * 3) - np.pi / 2
     tolerances = [10.0**-k for k in range(4, 13)]
-    return Problem("Bricard", robot, [0.0], 9.0, robot.coordinates, end, tolerances, (500, 2000, 8000))
+    return Problem(
+        "Bricard", robot, [0.0], 9.0, robot.coordinates, end, tolerances, (500, 2000, 8000)
+    )
 
 
 PROBLEMS = (andrews_squeezer, bricard_linkage)
@@ -97,13 +99,23 @@ def run(problems: Sequence[Callable[[], Problem]] = PROBLEMS, rounds: int = 7) -
             if quick and slow:
                 note = f"{1e3 * slow:.3g} ms against {1e3 * quick:.3g} ms"
                 figures.append(
-                    Figure(f"{problem.title}: Exudyn / Linkwork, error {error:.0e} rad", slow / quick, note=note)
+                    Figure(
+                        f"{problem.title}: Exudyn / Linkwork, error {error:.0e} rad",
+                        slow / quick,
+                        note=note,
+                    )
                 )
         for hands in (ours, theirs):
             rows += [(problem.title, *row) for row in hands.rows]
-        raw[problem.title] = {hands.name: vars(hands.curve) | {"gaps": hands.gaps} for hands in (ours, theirs)}
+        raw[problem.title] = {
+            hands.name: vars(hands.curve) | {"gaps": hands.gaps} for hands in (ours, theirs)
+        }
     return Section(
-        "Andrews' squeezer and Bricard's linkage beside Exudyn", METHOD, figures, raw, listing=Listing(COLUMNS, rows)
+        "Andrews' squeezer and Bricard's linkage beside Exudyn",
+        METHOD,
+        figures,
+        raw,
+        listing=Listing(COLUMNS, rows),
     )
 
 
@@ -120,7 +132,10 @@ class Hands:
     def rows(self) -> list[tuple[str, ...]]:
         """Return the rows of the listing."""
         numbers = zip(self.settings, self.curve.errors, self.curve.seconds, self.gaps, strict=True)
-        return [(self.name, setting, f"{e:.1e}", quantity(1e3 * t, ""), f"{gap:.0e}") for setting, e, t, gap in numbers]
+        return [
+            (self.name, setting, f"{e:.1e}", quantity(1e3 * t, ""), f"{gap:.0e}")
+            for setting, e, t, gap in numbers
+        ]
 
 
 def linkwork(problem: Problem, rounds: int) -> Hands:
@@ -130,7 +145,9 @@ def linkwork(problem: Problem, rounds: int) -> Hands:
     seconds = interleaved({tolerance: Contender(call) for tolerance, call in calls.items()}, rounds)
     errors = [problem.error(run.variables["joint_position"].values[-1]) for run in runs]
     curve = Curve(list(calls), errors, [float(times.min()) for times in seconds.values()])
-    return Hands("Linkwork", [f"rtol {x:.0e}" for x in calls], curve, [run.closure_error for run in runs])
+    return Hands(
+        "Linkwork", [f"rtol {x:.0e}" for x in calls], curve, [run.closure_error for run in runs]
+    )
 
 
 def simulated(problem: Problem, tolerance: float) -> Run:
@@ -149,14 +166,26 @@ def simulated(problem: Problem, tolerance: float) -> Run:
 
 def exudyn(problem: Problem, repeats: int = 2) -> Hands:
     """Return Exudyn's runs at all numbers of steps."""
-    engine, start, forces = ExudynEngine(problem.robot.mechanism), problem.robot.home, np.array(problem.forces)
+    engine, start, forces = (
+        ExudynEngine(problem.robot.mechanism),
+        problem.robot.home,
+        np.array(problem.forces),
+    )
     at_rest = problem.robot.joint_rates(start)
     errors, seconds, gaps = [], [], []
     for steps in problem.steps:
         step = problem.duration / steps
-        done = [engine.simulate(start.positions, at_rest, forces, problem.duration, step) for _ in range(repeats)]
+        done = [
+            engine.simulate(start.positions, at_rest, forces, problem.duration, step)
+            for _ in range(repeats)
+        ]
         errors.append(problem.error(done[0].positions[-1]))
         seconds.append(min(run.seconds for run in done))
         gaps.append(done[0].closure_error)
     settings = [float(steps) for steps in problem.steps]
-    return Hands("Exudyn", [f"{steps} steps" for steps in problem.steps], Curve(settings, errors, seconds), gaps)
+    return Hands(
+        "Exudyn",
+        [f"{steps} steps" for steps in problem.steps],
+        Curve(settings, errors, seconds),
+        gaps,
+    )

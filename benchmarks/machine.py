@@ -19,7 +19,18 @@ from time import perf_counter
 import llvmlite.binding as llvm
 import numpy as np
 
-PACKAGES = ("linkwork", "numpy", "scipy", "casadi", "llvmlite", "numba", "pin", "mujoco", "exudyn", "mpmath")
+PACKAGES = (
+    "linkwork",
+    "numpy",
+    "scipy",
+    "casadi",
+    "llvmlite",
+    "numba",
+    "pin",
+    "mujoco",
+    "exudyn",
+    "mpmath",
+)
 CHAIN, ACCUMULATORS, ROUNDS = 16, 12, 200_000
 
 
@@ -54,7 +65,8 @@ class Machine:
             "vector registers": f"{self.lanes} doubles ({64 * self.lanes} bits)",
             "clock and peak of one core, measured": f"{self.clock:.2f} GHz, {self.peak:.1f} GFLOP/s in double precision",
             "system": self.system,
-            "Python": f"{self.python}; " + ", ".join(f"{name} {number}" for name, number in self.packages.items()),
+            "Python": f"{self.python}; "
+            + ", ".join(f"{name} {number}" for name, number in self.packages.items()),
         }
 
     def as_dict(self) -> dict:
@@ -68,7 +80,9 @@ def describe(lanes: int) -> Machine:
     return Machine(
         cpu=cpu_name(),
         architecture=llvm.get_host_cpu_name(),
-        cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        cores=len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1,
         lanes=lanes,
         clock=clock,
         peak=peak,
@@ -127,9 +141,21 @@ def compiled(text: str):
 
 def loop(name: str, head: str, phis: list[str], body: list[str], tail: list[str]) -> str:
     """Return a function double name(int64_t rounds, double x) that repeats the body."""
-    lines = [f"define double @{name}(i64 %rounds, double %x) {{", "entry:", head, "  br label %loop", "loop:"]
+    lines = [
+        f"define double @{name}(i64 %rounds, double %x) {{",
+        "entry:",
+        head,
+        "  br label %loop",
+        "loop:",
+    ]
     lines += ["  %i = phi i64 [0, %entry], [%next, %loop]", *phis, *body, "  %next = add i64 %i, 1"]
-    lines += ["  %more = icmp slt i64 %next, %rounds", "  br i1 %more, label %loop, label %done", "done:", *tail, "}"]
+    lines += [
+        "  %more = icmp slt i64 %next, %rounds",
+        "  br i1 %more, label %loop, label %done",
+        "done:",
+        *tail,
+        "}",
+    ]
     return "\n".join(lines) + "\n"
 
 

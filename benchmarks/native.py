@@ -27,7 +27,10 @@ def _call_one(typing_context, address, x, skip_x, out, skip_out):
     """Call the C function void(const double *x, double *out) at an address, from x[skip_x] to out[skip_out]."""
 
     def generate(context, builder, signature, arguments):
-        x, out = (context.make_array(signature.args[i])(context, builder, value=arguments[i]).data for i in (1, 3))
+        x, out = (
+            context.make_array(signature.args[i])(context, builder, value=arguments[i]).data
+            for i in (1, 3)
+        )
         function = ir.FunctionType(ir.VoidType(), [x.type, out.type])
         places = [builder.gep(x, [arguments[2]]), builder.gep(out, [arguments[4]])]
         builder.call(builder.inttoptr(arguments[0], function.as_pointer()), places)
@@ -40,7 +43,10 @@ def _call_batch(typing_context, address, blocks, x, out):
     """Call the C function void(int64 blocks, const double *x, double *out) at an address."""
 
     def generate(context, builder, signature, arguments):
-        x, out = (context.make_array(signature.args[i])(context, builder, value=arguments[i]).data for i in (2, 3))
+        x, out = (
+            context.make_array(signature.args[i])(context, builder, value=arguments[i]).data
+            for i in (2, 3)
+        )
         function = ir.FunctionType(ir.VoidType(), [ir.IntType(64), x.type, out.type])
         builder.call(builder.inttoptr(arguments[0], function.as_pointer()), [arguments[1], x, out])
         return context.get_dummy_value()
@@ -53,7 +59,9 @@ call_batch: Callable[..., None] = intrinsic(_call_batch)
 
 
 @njit
-def evaluate_blocks(address: int, repeats: int, blocks: int, x: np.ndarray, out: np.ndarray) -> None:
+def evaluate_blocks(
+    address: int, repeats: int, blocks: int, x: np.ndarray, out: np.ndarray
+) -> None:
     """Evaluate all blocks of x into out, so many times."""
     for _ in range(repeats):
         call_batch(address, blocks, x, out)
@@ -67,7 +75,9 @@ def evaluate_independent(address: int, x: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit
-def evaluate_chained(address: int, x: np.ndarray, rates: int, nothing: float, y: np.ndarray, out: np.ndarray) -> None:
+def evaluate_chained(
+    address: int, x: np.ndarray, rates: int, nothing: float, y: np.ndarray, out: np.ndarray
+) -> None:
     """Evaluate states of which each needs the derivatives of the one before, as an integrator's stages do.
 
     y = (q, v, u) and out = (q', v', ...):  (q, v) <- (q, v)_i + nothing (q', v'), that is the first `rates` numbers;
@@ -86,7 +96,10 @@ def in_batches(kernel: Kernel, x: np.ndarray) -> Contender:
     blocks = len(x) // kernel.lanes
     packed = aligned(x.reshape(blocks, kernel.lanes, -1).transpose(0, 2, 1))
     out = aligned(np.zeros((blocks, kernel.n_out, kernel.lanes)))
-    return Contender(lambda: evaluate_blocks(kernel.batch_address, REPEATS, blocks, packed, out), REPEATS * len(x))
+    return Contender(
+        lambda: evaluate_blocks(kernel.batch_address, REPEATS, blocks, packed, out),
+        REPEATS * len(x),
+    )
 
 
 def one_by_one(kernel: Kernel, x: np.ndarray) -> Contender:

@@ -21,7 +21,11 @@ def run(rounds: int = 100) -> Section:
     robot = lw.Robot(prr3())
     seconds = interleaved(contenders(robot), rounds)
     median = {name: float(np.median(values)) for name, values in seconds.items()}
-    batch, chained, pinocchio = median["Linkwork, batch"], median["Linkwork, one by one"], median["Pinocchio"]
+    batch, chained, pinocchio = (
+        median["Linkwork, batch"],
+        median["Linkwork, one by one"],
+        median["Pinocchio"],
+    )
     bare = pinocchio - median["Pinocchio, empty call"]
     error = {name: float(np.median(values)) for name, values in errors(robot).items()}
     figures = [
@@ -33,7 +37,12 @@ def run(rounds: int = 100) -> Section:
         Figure("batches: times MuJoCo's rate", median["MuJoCo"] / batch),
         Figure("batches: times NumPy's rate", median["NumPy by hand"] / batch),
     ]  # fmt: skip
-    return Section("Beside others", METHOD, figures, {"seconds": {name: summary(s) for name, s in seconds.items()}})
+    return Section(
+        "Beside others",
+        METHOD,
+        figures,
+        {"seconds": {name: summary(s) for name, s in seconds.items()}},
+    )
 
 
 METHOD = f"""
@@ -68,14 +77,18 @@ def contenders(robot: lw.Robot) -> dict[str, Contender]:
         "Pinocchio, empty call": engines.pinocchio_call(),
         "MuJoCo": engines.mujoco_evaluations(robot, states, forces),
         "NumPy by hand": Contender(lambda: by_hand.derivative(hand[0], one.rates, forces[0])),
-        "NumPy, textbook": Contender(lambda: textbook.forward_dynamics(one.positions, one.rates, forces[0])),
+        "NumPy, textbook": Contender(
+            lambda: textbook.forward_dynamics(one.positions, one.rates, forces[0])
+        ),
     }
 
 
 def by_hand_states(robot: lw.Robot, states: lw.State) -> np.ndarray:
     """Return the coordinates (count, 9) that the equations by hand use."""
     poses = robot.tool_pose(states)
-    return np.array([by_hand.from_joints(q, pose) for q, pose in zip(states.positions, poses, strict=True)])
+    return np.array(
+        [by_hand.from_joints(q, pose) for q, pose in zip(states.positions, poses, strict=True)]
+    )
 
 
 def errors(robot: lw.Robot, count: int = 20) -> dict[str, np.ndarray]:
@@ -92,11 +105,25 @@ def errors(robot: lw.Robot, count: int = 20) -> dict[str, np.ndarray]:
     hand = by_hand_states(robot, states)
     found = {
         "Linkwork, batch": robot.forward_dynamics(states, forces),
-        "Pinocchio": [pinocchio.accelerations(*row) for row in zip(states.positions, joint_rates, forces, strict=True)],
-        "MuJoCo": [mujoco.accelerations(*row) for row in zip(states.positions, joint_rates, forces, strict=True)],
-        "NumPy by hand": [by_hand.derivative(*row)[1] for row in zip(hand, states.rates, forces, strict=True)],
+        "Pinocchio": [
+            pinocchio.accelerations(*row)
+            for row in zip(states.positions, joint_rates, forces, strict=True)
+        ],
+        "MuJoCo": [
+            mujoco.accelerations(*row)
+            for row in zip(states.positions, joint_rates, forces, strict=True)
+        ],
+        "NumPy by hand": [
+            by_hand.derivative(*row)[1] for row in zip(hand, states.rates, forces, strict=True)
+        ],
     }
     exact = np.array(
-        [oracle.forward_dynamics(*row) for row in zip(states.positions, states.rates, forces, strict=True)]
+        [
+            oracle.forward_dynamics(*row)
+            for row in zip(states.positions, states.rates, forces, strict=True)
+        ]
     )
-    return {name: abs(np.array(a) - exact).max(axis=1) / abs(exact).max(axis=1) for name, a in found.items()}
+    return {
+        name: abs(np.array(a) - exact).max(axis=1) / abs(exact).max(axis=1)
+        for name, a in found.items()
+    }

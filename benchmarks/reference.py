@@ -60,7 +60,9 @@ class Reference:
 
 def reference(robot: lw.Robot, task: Task) -> Reference:
     """Compute the end of the task, and how far other ways end from it."""
-    joints = [robot.coordinates.index(f"{kind}_{i}") for kind in ("slide", "pivot") for i in (1, 2, 3)]
+    joints = [
+        robot.coordinates.index(f"{kind}_{i}") for kind in ("slide", "pivot") for i in (1, 2, 3)
+    ]
 
     def ended(q: np.ndarray) -> np.ndarray:
         nothing = np.zeros(robot.mobility)
@@ -82,7 +84,10 @@ def gap(a: np.ndarray, b: np.ndarray) -> float:
 
 def extrapolated(robot: lw.Robot, task: Task, columns: int) -> np.ndarray:
     """Return the tree's coordinates at the end, in long doubles."""
-    derivative, close = walked(functions.motion(robot.equations)), walked(functions.closure_step(robot.equations))
+    derivative, close = (
+        walked(functions.motion(robot.equations)),
+        walked(functions.closure_step(robot.equations)),
+    )
     nq = robot.equations.nq
     q = task.start.q.astype(np.longdouble)
     for _ in range(3):
@@ -93,7 +98,9 @@ def extrapolated(robot: lw.Robot, task: Task, columns: int) -> np.ndarray:
         return derivative(np.concatenate([y, u]))[: y.size]
 
     for begin, end, c in pieces(task.signal, task.duration):
-        y = extrapolate(f, y, c.astype(np.longdouble), np.longdouble(end) - np.longdouble(begin), columns)
+        y = extrapolate(
+            f, y, c.astype(np.longdouble), np.longdouble(end) - np.longdouble(begin), columns
+        )
     return y[:nq]
 
 
@@ -104,7 +111,9 @@ def pieces(signal: Signal, duration: float) -> list[tuple[float, float, np.ndarr
     return [piece for piece in every if piece[0] < piece[1]]
 
 
-def extrapolate(f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, columns: int) -> np.ndarray:
+def extrapolate(
+    f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, columns: int
+) -> np.ndarray:
     """Advance y over one piece of length h by extrapolation over 2, 4, 6 ... substeps: order 2 x columns."""
     row: list[np.ndarray] = []
     for k in range(columns):
@@ -116,7 +125,9 @@ def extrapolate(f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, col
     return row[-1]
 
 
-def midpoint_rule(f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, substeps: int) -> np.ndarray:
+def midpoint_rule(
+    f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, substeps: int
+) -> np.ndarray:
     """Return Gragg's modified midpoint rule over h, whose error is a series in the square of the substep."""
     step = h / substeps
     before, now = y, y + step * f(y, c[0])

@@ -79,7 +79,11 @@ def jacobian(
     robot: lw.Robot, chart: CompiledChart, forces: Callable[[float], np.ndarray]
 ) -> Callable[[float, np.ndarray], np.ndarray]:
     """Return (t, y) -> df/dy (n, n), the compiled Jacobian that Linkwork's stiff method uses."""
-    kernel, n, nq = jacobian_kernel(robot, chart), chart.equations.nq + chart.equations.mobility, chart.equations.nq
+    kernel, n, nq = (
+        jacobian_kernel(robot, chart),
+        chart.equations.nq + chart.equations.mobility,
+        chart.equations.nq,
+    )
 
     def df_dy(t: float, y: np.ndarray) -> np.ndarray:
         columns, *_ = kernel(y[:nq], y[nq:], np.empty(0), forces(t), chart.p)

@@ -38,7 +38,8 @@ def drag(steps: int = 200, rounds: int = 3) -> Section:
     robot = lw.Robot(stewart())
     session = Session(robot)
     taken = [
-        (*dragged(session, lambda wish: stepped(session, wish), steps), framed(robot, steps)) for _ in range(rounds)
+        (*dragged(session, lambda wish: stepped(session, wish), steps), framed(robot, steps))
+        for _ in range(rounds)
     ]
     alone, frames = (np.concatenate([one[i] for one in taken]) for i in (0, 2))
     gap = max(one[1] for one in taken)
@@ -50,7 +51,10 @@ def drag(steps: int = 200, rounds: int = 3) -> Section:
         Figure("largest closure error along the drag", gap, "m", 1e-9),
     ]  # fmt: skip
     return Section(
-        "Dragging the Stewart platform", DRAG_METHOD, figures, {"step": summary(alone), "frame": summary(frames)}
+        "Dragging the Stewart platform",
+        DRAG_METHOD,
+        figures,
+        {"step": summary(alone), "frame": summary(frames)},
     )
 
 
@@ -61,7 +65,9 @@ def stepped(session: Session, wish: Callable[[], None]) -> None:
     session.view()
 
 
-def dragged(session: Session, frame: Callable[[Callable[[], None]], None], steps: int) -> tuple[np.ndarray, float]:
+def dragged(
+    session: Session, frame: Callable[[Callable[[], None]], None], steps: int
+) -> tuple[np.ndarray, float]:
     """Lead the tool around; return the time of each frame (steps) [s] and the largest closure error."""
     view = session.view()
     assert view.tool is not None
@@ -83,7 +89,11 @@ def framed(robot: lw.Robot, steps: int) -> np.ndarray:
     with Viewer(robot) as viewer:
 
         def measure() -> None:
-            found.append(dragged(viewer.session, lambda wish: viewer.tick([wish], FRAME, monotonic()), steps)[0])
+            found.append(
+                dragged(
+                    viewer.session, lambda wish: viewer.tick([wish], FRAME, monotonic()), steps
+                )[0]
+            )
             done.set()
 
         viewer.post(measure)
@@ -102,7 +112,10 @@ def report() -> Section:
     figures = [
         Figure("the report's page", 1e-6 * size, "MB", LARGEST),
         Figure(
-            "carrying out the study and writing the report", seconds, "s", note=f"{len(comparison.engines)} engines"
+            "carrying out the study and writing the report",
+            seconds,
+            "s",
+            note=f"{len(comparison.engines)} engines",
         ),
     ]
     return Section("The paper's report", REPORT_METHOD, figures, {"bytes": size})

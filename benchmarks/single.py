@@ -22,7 +22,15 @@ RTOL = 1e-8
 PROMISED = 15.0  # [us]
 FEW, MANY = 11, 101  # instants saved by dense output
 END, PLAIN = "end saved", f"{FEW} instants saved"
-COLUMNS = ("motion", "method", "evaluations", "steps", "error [m, rad]", "loop [µs]", "simulate [µs]")
+COLUMNS = (
+    "motion",
+    "method",
+    "evaluations",
+    "steps",
+    "error [m, rad]",
+    "loop [µs]",
+    "simulate [µs]",
+)
 METHOD = f"""
     One second at rtol {RTOL:.0e}, atol {runs.ATOL * RTOL:.0e}, on one core; methods of a fixed step with 1 ms. Where no method
     is named it is the one that is taken if it is left out: sharp_smart, of order 7, for constant forces ("pushed"), and
@@ -73,7 +81,10 @@ def run(rounds: int = 40, ways: Mapping[str, Way] = WAYS) -> Section:
     }
     loops = {key: runs.loop_of(call, ways[key[1]].module) for key, call in calls.items()}
     seconds = interleaved(timed("loop", loops) | timed("simulate", calls), rounds)
-    exact = {title: runs.joints_at_end(robot, simulated(robot, task, EXACT)) for title, task in tasks.items()}
+    exact = {
+        title: runs.joints_at_end(robot, simulated(robot, task, EXACT))
+        for title, task in tasks.items()
+    }
     figures, rows = [], []
     for (title, name), call in calls.items():
         done = call()
@@ -93,9 +104,18 @@ def run(rounds: int = 40, ways: Mapping[str, Way] = WAYS) -> Section:
         )
         if title == "pushed" and name in (END, PLAIN):
             note = f"12 µs is the aim; {done.statistics.nfev} evaluations, {best(loop)}"
-            figures.append(Figure(f"1 s, rtol 1e-8, {name}: compiled loop", us(loop), "µs", PROMISED, note=note))
-    raw = {f"{what}: {title}, {name}": summary(values) for (what, (title, name)), values in seconds.items()}
-    return Section("One second alone", METHOD, figures, {"seconds": raw}, listing=Listing(COLUMNS, rows))
+            figures.append(
+                Figure(
+                    f"1 s, rtol 1e-8, {name}: compiled loop", us(loop), "µs", PROMISED, note=note
+                )
+            )
+    raw = {
+        f"{what}: {title}, {name}": summary(values)
+        for (what, (title, name)), values in seconds.items()
+    }
+    return Section(
+        "One second alone", METHOD, figures, {"seconds": raw}, listing=Listing(COLUMNS, rows)
+    )
 
 
 EXACT = Way({"method": "dop853", "rtol": 1e-13, "atol": 1e-15})
@@ -105,7 +125,9 @@ def simulated(robot: lw.Robot, task: Task, way: Way) -> Run:
     """Return a run that saves so many instants, the start and the end among them; of two the end alone."""
     save_at = np.linspace(0.0, task.duration, way.instants)[1 if way.instants == 2 else 0 :]
     options = {"rtol": RTOL, "atol": runs.ATOL * RTOL, **way.options}
-    done = robot.simulate(task.start, task.signal, duration=task.duration, save_at=save_at, **options)
+    done = robot.simulate(
+        task.start, task.signal, duration=task.duration, save_at=save_at, **options
+    )
     assert done.status is lw.Status.FINISHED, done.message
     return done
 

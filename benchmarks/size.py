@@ -13,7 +13,11 @@ from linkwork.kernels.simplify import simplify
 
 from benchmarks.table import Figure
 
-AVX512 = Machine("x86_64-unknown-linux-gnu", "sapphirerapids", "+avx2,+fma,+avx512f,+avx512dq,+avx512vl,+avx512bw")
+AVX512 = Machine(
+    "x86_64-unknown-linux-gnu",
+    "sapphirerapids",
+    "+avx2,+fma,+avx512f,+avx512dq,+avx512vl,+avx512bw",
+)
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,12 @@ class Size:
     def figures(self, bound: float) -> list[Figure]:
         """Return all counts but the last, with the bound promised for the traced instructions."""
         return [
-            Figure("instructions of the traced function, inputs and outputs included", self.traced, "", bound),
+            Figure(
+                "instructions of the traced function, inputs and outputs included",
+                self.traced,
+                "",
+                bound,
+            ),
             Figure("arithmetic operations compiled", self.operations),
             Figure("machine instructions, one lane", self.one),
             Figure(f"machine instructions, {self.lanes} lanes", self.batch),

@@ -37,7 +37,9 @@ def run(rounds: int = 60) -> Section:
     _, compiled = native.compiled_anew(traced)
     states, forces = poses(robot, POSES)
     error = errors(robot, states, forces)
-    assert error[PINOCCHIO].max() < AGREEMENT, f"Pinocchio's accelerations differ by {error[PINOCCHIO].max():.1e}"
+    assert error[PINOCCHIO].max() < AGREEMENT, (
+        f"Pinocchio's accelerations differ by {error[PINOCCHIO].max():.1e}"
+    )
     seconds = interleaved(contenders(robot, states, forces), rounds)
     code = size(robot.run_chart.equations)
     legs = functions.motion(robot.equations).n_instructions()
@@ -45,11 +47,21 @@ def run(rounds: int = 60) -> Section:
         *code.figures(6000),
         Figure("instructions of the traced function in the legs' rates", legs),
         Figure("deriving, choosing the chart and tracing", derived, "s"),
-        *(Figure(f"compiling for {what}, cache empty", value, "s") for what, value in compiled.items()),
+        *(
+            Figure(f"compiling for {what}, cache empty", value, "s")
+            for what, value in compiled.items()
+        ),
         *times(seconds),
         *ratios({name: float(np.median(values)) for name, values in seconds.items()}),
-        Figure("Pinocchio's accelerations: largest relative difference", error[PINOCCHIO].max(), "", AGREEMENT),
-        Figure("MuJoCo's accelerations: median relative difference", float(np.median(error[MUJOCO]))),
+        Figure(
+            "Pinocchio's accelerations: largest relative difference",
+            error[PINOCCHIO].max(),
+            "",
+            AGREEMENT,
+        ),
+        Figure(
+            "MuJoCo's accelerations: median relative difference", float(np.median(error[MUJOCO]))
+        ),
     ]
     raw = {"seconds": {name: summary(values) for name, values in seconds.items()}}
     return Section("Stewart platform", METHOD, figures, raw)
@@ -73,11 +85,24 @@ def times(seconds: dict[str, np.ndarray]) -> list[Figure]:
     """Return the times per state."""
     others = (INDEPENDENT, LEGS_BATCH, LEGS_ONE, CALL, PINOCCHIO, EMPTY, MUJOCO)
     return [
-        Figure("batches, per state and core", ns(seconds[BATCH]), "ns", 150.0, note=best(seconds[BATCH])),
         Figure(
-            "one by one, each waiting for the last, per state", us(seconds[ONE]), "µs", 0.85, note=best(seconds[ONE])
+            "batches, per state and core",
+            ns(seconds[BATCH]),
+            "ns",
+            150.0,
+            note=best(seconds[BATCH]),
         ),
-        *(Figure(f"{name}, per state", us(seconds[name]), "µs", note=best(seconds[name])) for name in others),
+        Figure(
+            "one by one, each waiting for the last, per state",
+            us(seconds[ONE]),
+            "µs",
+            0.85,
+            note=best(seconds[ONE]),
+        ),
+        *(
+            Figure(f"{name}, per state", us(seconds[name]), "µs", note=best(seconds[name]))
+            for name in others
+        ),
     ]
 
 
@@ -101,7 +126,10 @@ def errors(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> dict[str, n
         theirs = np.array([engine.joint_accelerations(*row)[columns] for row in rows])
         return np.abs(theirs - found).max(axis=1) / np.abs(found).max(axis=1)
 
-    return {PINOCCHIO: error(engines.pinocchio(robot)), MUJOCO: error(engines.MujocoEngine(robot.mechanism))}
+    return {
+        PINOCCHIO: error(engines.pinocchio(robot)),
+        MUJOCO: error(engines.MujocoEngine(robot.mechanism)),
+    }
 
 
 def contenders(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> dict[str, Contender]:
@@ -123,7 +151,9 @@ def contenders(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> dict[st
     }
 
 
-def inputs(robot: lw.Robot, chart: CompiledChart, states: lw.State, forces: np.ndarray) -> np.ndarray:
+def inputs(
+    robot: lw.Robot, chart: CompiledChart, states: lw.State, forces: np.ndarray
+) -> np.ndarray:
     """Return the inputs (q, v, u) of a chart's kernel for STATES states: the given ones, faster and slower."""
     there = robot.in_chart(states, chart.independent)
     rows = np.arange(STATES) % len(forces)

@@ -58,11 +58,14 @@ def run(sizes: Sizes | None = None) -> Section:
             calls[f"SciPy, {method}", rtol] = partial(by_scipy, robot, start, times, rtol, method)
     loop = runs.loop_of(calls["Linkwork, RODAS", CHOSEN], native_rosenbrock)
     seconds = interleaved(
-        {key: Contender(call) for key, call in calls.items()} | {("loop", CHOSEN): Contender(loop)}, sizes.rounds
+        {key: Contender(call) for key, call in calls.items()} | {("loop", CHOSEN): Contender(loop)},
+        sizes.rounds,
     )
     found = {key: call() for key, call in calls.items()}
     columns = [robot.coordinates.index(name) for name in JOINTS]
-    errors = {key: np.abs(positions(one)[:, columns] - exact).max(axis=0) for key, one in found.items()}
+    errors = {
+        key: np.abs(positions(one)[:, columns] - exact).max(axis=0) for key, one in found.items()
+    }
     least = {key: float(values.min()) for key, values in seconds.items()}
     chosen = ("Linkwork, RODAS", CHOSEN)
     pace = f"{sizes.duration / least['loop', CHOSEN]:,.0f} times real time"
@@ -79,17 +82,23 @@ def run(sizes: Sizes | None = None) -> Section:
         for (by, rtol), one in found.items()
     ]  # fmt: skip
     raw = {f"{by}, {rtol:.0e}": summary(values) for (by, rtol), values in seconds.items()}
-    return Section("Stiff flyball governor", METHOD, figures, {"seconds": raw}, listing=Listing(COLUMNS, rows))
+    return Section(
+        "Stiff flyball governor", METHOD, figures, {"seconds": raw}, listing=Listing(COLUMNS, rows)
+    )
 
 
 def stiffly(robot: lw.Robot, start: lw.State, times: np.ndarray, rtol: float) -> Run:
     """Run by the stiff method."""
-    done = robot.simulate(start, duration=times[-1], method="rodas", rtol=rtol, atol=runs.ATOL * rtol, save_at=times)
+    done = robot.simulate(
+        start, duration=times[-1], method="rodas", rtol=rtol, atol=runs.ATOL * rtol, save_at=times
+    )
     assert done.status is lw.Status.FINISHED, done.message
     return done
 
 
-def by_scipy(robot: lw.Robot, start: lw.State, times: np.ndarray, rtol: float, method: str) -> Solved:
+def by_scipy(
+    robot: lw.Robot, start: lw.State, times: np.ndarray, rtol: float, method: str
+) -> Solved:
     """Run by a method of SciPy."""
     return solved(robot, start, lambda _: np.zeros(1), times, rtol, runs.ATOL * rtol, method)
 

@@ -47,8 +47,14 @@ class Figure:
     @property
     def cells(self) -> tuple[str, str, str, str]:
         """Return what, promised, measured, met as texts."""
-        promised = "" if self.bound is None else f"{SIGNS[self.sense]} {quantity(self.bound, self.unit)}"
-        measured = "not measurable here" if self.value is None else quantity(self.value, self.unit, self.digits)
+        promised = (
+            "" if self.bound is None else f"{SIGNS[self.sense]} {quantity(self.bound, self.unit)}"
+        )
+        measured = (
+            "not measurable here"
+            if self.value is None
+            else quantity(self.value, self.unit, self.digits)
+        )
         return self.what, promised, measured, {True: "yes", False: "NO", None: ""}[self.met]
 
     @property
@@ -112,7 +118,13 @@ def terminal(section: Section) -> Group:
     """Return a section as tables for a terminal of 80 columns."""
     tables = []
     for listing in section.tables(notes=False):
-        table = Table(title=section.title, title_justify="left", width=80, collapse_padding=True, pad_edge=False)
+        table = Table(
+            title=section.title,
+            title_justify="left",
+            width=80,
+            collapse_padding=True,
+            pad_edge=False,
+        )
         first, *others = map(Text, listing.columns)
         table.add_column(first, overflow="fold", no_wrap=listing is section.listing)
         for name in others:

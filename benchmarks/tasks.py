@@ -37,7 +37,9 @@ def across_rails(pose: np.ndarray) -> np.ndarray:
     """Return the signed distances of the platform's vertices from their rails (3,) [m]."""
     angle = pose[2] + ALONG
     vertices = pose[:2] - L2 * np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.einsum("ij,ij->i", vertices - CORNERS, np.column_stack([-np.sin(ALONG), np.cos(ALONG)]))
+    return np.einsum(
+        "ij,ij->i", vertices - CORNERS, np.column_stack([-np.sin(ALONG), np.cos(ALONG)])
+    )
 
 
 def pivot(robot: lw.Robot, pose: np.ndarray) -> float:

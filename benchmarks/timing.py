@@ -26,7 +26,9 @@ class Contender:
     items: int = 1
 
 
-def interleaved(contenders: Mapping[Name, Contender], rounds: int = 60, block: float = 2e-3) -> dict[Name, np.ndarray]:
+def interleaved(
+    contenders: Mapping[Name, Contender], rounds: int = 60, block: float = 2e-3
+) -> dict[Name, np.ndarray]:
     """Time the contenders in turn, a block each, over and over, in an order that changes from turn to turn.
 
     Args:
@@ -53,7 +55,9 @@ def interleaved(contenders: Mapping[Name, Contender], rounds: int = 60, block: f
                 start = perf_counter()
                 for _ in repeats:
                     call()
-                seconds[name][i] = (perf_counter() - start) / (counts[name] * contenders[name].items)
+                seconds[name][i] = (perf_counter() - start) / (
+                    counts[name] * contenders[name].items
+                )
     finally:
         gc.enable()
     return seconds
@@ -92,7 +96,9 @@ def best(seconds: np.ndarray) -> str:
     """Say how long the quickest block took, in ns, µs or ms."""
     least = float(seconds.min())
     scale, unit = next(
-        pair for pair in ((1e9, "ns"), (1e6, "µs"), (1e3, "ms")) if least * pair[0] < 1e3 or pair[1] == "ms"
+        pair
+        for pair in ((1e9, "ns"), (1e6, "µs"), (1e3, "ms"))
+        if least * pair[0] < 1e3 or pair[1] == "ms"
     )
     return f"best {scale * least:.3g} {unit}"
 

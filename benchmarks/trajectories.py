@@ -114,7 +114,9 @@ def planar() -> Problem:
         x = by_hand.from_joints(task.start.positions, robot.tool_pose(task.start))
         return by_hand.sliding_and_pivoting(
             exactly(
-                lambda y: np.concatenate(by_hand.derivative(y[:9], y[9:], u)), np.concatenate([x, np.zeros(3)]), 1.0
+                lambda y: np.concatenate(by_hand.derivative(y[:9], y[9:], u)),
+                np.concatenate([x, np.zeros(3)]),
+                1.0,
             )
         )
 
@@ -130,11 +132,16 @@ def hexapod() -> Problem:
 
     def reference() -> np.ndarray:
         at_rest = robot.joint_rates(start)
-        done = [engine.simulate(start.positions, at_rest, forces, 1.0, 1.0 / steps) for steps in (200, 400)]
+        done = [
+            engine.simulate(start.positions, at_rest, forces, 1.0, 1.0 / steps)
+            for steps in (200, 400)
+        ]
         coarse, fine = (run.positions[-1, columns] for run in done)
         return fine + (fine - coarse) / 15
 
-    return Problem("stewart", "Stewart platform", robot, start, forces, 1.0, robot.actuators, reference)
+    return Problem(
+        "stewart", "Stewart platform", robot, start, forces, 1.0, robot.actuators, reference
+    )
 
 
 def linkage() -> Problem:
@@ -142,7 +149,15 @@ def linkage() -> Problem:
     robot = lw.Robot(squeezer())
     reference = lambda: andrews.motion([0.0, 0.03])[0][-1]  # noqa: E731
     return Problem(
-        "andrews", "Andrews' squeezer", robot, robot.home, np.array([andrews.torque]), 0.03, ANGLES, reference, 4
+        "andrews",
+        "Andrews' squeezer",
+        robot,
+        robot.home,
+        np.array([andrews.torque]),
+        0.03,
+        ANGLES,
+        reference,
+        4,
     )
 
 
@@ -151,7 +166,9 @@ PROBLEMS = (planar, hexapod, linkage)
 
 def exactly(f: Callable[[np.ndarray], np.ndarray], y: np.ndarray, duration: float) -> np.ndarray:
     """Return y at the end by SciPy's DOP853, to rounding."""
-    return solve_ivp(lambda _, y: f(y), (0.0, duration), y, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    return solve_ivp(
+        lambda _, y: f(y), (0.0, duration), y, method="DOP853", rtol=1e-13, atol=1e-15
+    ).y[:, -1]
 
 
 def run(grid: Grid | None = None, problems: Sequence[Callable[[], Problem]] = PROBLEMS) -> Section:
@@ -162,7 +179,9 @@ def run(grid: Grid | None = None, problems: Sequence[Callable[[], Problem]] = PR
         found = measure(problem, grid)
         figures += ratios(problem.title, found)
         rows += listed(problem.title, found)
-        raw[problem.title] = {name: vars(one.curve) | {"gaps": one.gaps} for name, one in found.items()}
+        raw[problem.title] = {
+            name: vars(one.curve) | {"gaps": one.gaps} for name, one in found.items()
+        }
         pictures[f"work_precision_{problem.name}.svg"] = picture(found)
     shown = "\n\n".join(f"![{name}]({name})" for name in pictures)
     return Section(
@@ -189,7 +208,15 @@ def measure(problem: Problem, grid: Grid) -> dict[str, Measured]:
     ):
         for steps in grid.steps:
             done = [simulated(problem, engine, problem.finer * steps) for _ in range(2)]
-            add(found, name, problem.finer * steps, problem, exact, done[0], min(one.seconds or np.inf for one in done))
+            add(
+                found,
+                name,
+                problem.finer * steps,
+                problem,
+                exact,
+                done[0],
+                min(one.seconds or np.inf for one in done),
+            )
     return found
 
 
@@ -238,7 +265,13 @@ def scipys(problem: Problem, method: str, rtol: float) -> Result:
     """Run by SciPy."""
     times = np.linspace(0.0, problem.duration, 2)
     done = scipy_runs.solved(
-        problem.robot, problem.start, lambda _: problem.forces, times, rtol, runs.ATOL * rtol, method
+        problem.robot,
+        problem.start,
+        lambda _: problem.forces,
+        times,
+        rtol,
+        runs.ATOL * rtol,
+        method,
     )
     return Result(done.positions[-1], done.closure_error)
 
@@ -246,7 +279,9 @@ def scipys(problem: Problem, method: str, rtol: float) -> Result:
 def simulated(problem: Problem, engine: MujocoEngine | ExudynEngine, steps: int) -> Result:
     """Run by another engine."""
     at_rest = problem.robot.joint_rates(problem.start)
-    done = engine.simulate(problem.start.positions, at_rest, problem.forces, problem.duration, problem.duration / steps)
+    done = engine.simulate(
+        problem.start.positions, at_rest, problem.forces, problem.duration, problem.duration / steps
+    )
     return Result(done.positions[-1], done.closure_error, done.seconds)
 
 
@@ -258,7 +293,11 @@ def ratios(title: str, found: Mapping[str, Measured]) -> list[Figure]:
             quick, slow = mine.time_at(error), found[theirs].curve.time_at(error)
             if quick and slow:
                 note = f"{1e3 * slow:.3g} ms against {1e3 * quick:.3g} ms"
-                figures.append(Figure(f"{title}: {theirs} / Linkwork, error {error:.0e}", slow / quick, note=note))
+                figures.append(
+                    Figure(
+                        f"{title}: {theirs} / Linkwork, error {error:.0e}", slow / quick, note=note
+                    )
+                )
     return figures
 
 
@@ -266,10 +305,14 @@ def listed(title: str, found: Mapping[str, Measured]) -> list[tuple[str, ...]]:
     """Return the rows of the listing."""
     rows = []
     for name, one in found.items():
-        numbers = zip(one.curve.settings, one.curve.errors, one.gaps, one.curve.seconds, strict=True)
+        numbers = zip(
+            one.curve.settings, one.curve.errors, one.gaps, one.curve.seconds, strict=True
+        )
         for setting, error, gap, seconds in numbers:
             shown = f"rtol {setting:.0e}" if setting < 1 else f"{setting:.0f} steps"
-            rows.append((title, name, shown, f"{error:.1e}", f"{gap:.0e}", quantity(1e3 * seconds, "")))
+            rows.append(
+                (title, name, shown, f"{error:.1e}", f"{gap:.0e}", quantity(1e3 * seconds, ""))
+            )
     return rows
 
 

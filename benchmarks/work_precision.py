@@ -26,7 +26,11 @@ from benchmarks.timing import Contender, interleaved
 
 EQUAL_ERRORS = (1e-4, 1e-6, 1e-8, 1e-10)
 PROMISED_FROM = 1e-6
-LOOP, LINKWORK, RECORDED = "Linkwork, compiled loop", "Linkwork, integrate", "Linkwork, simulate and measure"
+LOOP, LINKWORK, RECORDED = (
+    "Linkwork, compiled loop",
+    "Linkwork, integrate",
+    "Linkwork, simulate and measure",
+)
 PINOCCHIO_BARE, PINOCCHIO = "Pinocchio RK4, evaluations alone", "Pinocchio RK4"
 NUMPY, MUJOCO, EXUDYN = "NumPy, SciPy's RK45", "MuJoCo RK4", "Exudyn"
 PAIRS = (
@@ -93,11 +97,19 @@ def run(grid: Grid | None = None) -> Section:
     exact = reference(robot, task)
     curves = measure(robot, task, exact, grid)
     raw = {
-        "reference": {"end": exact.end.tolist(), "order": exact.order, "integrator": exact.integrator},
+        "reference": {
+            "end": exact.end.tolist(),
+            "order": exact.order,
+            "integrator": exact.integrator,
+        },
         "curves": {name: vars(curve) for name, curve in curves.items()},
     }
     return Section(
-        "Work and precision", method(grid), figures(curves, exact), raw, {"work_precision.svg": plot(curves)}
+        "Work and precision",
+        method(grid),
+        figures(curves, exact),
+        raw,
+        {"work_precision.svg": plot(curves)},
     )
 
 
@@ -122,7 +134,11 @@ def figures(curves: Mapping[str, Curve], exact: Reference) -> list[Figure]:
     rows = [
         Figure("reference: change with the order of extrapolation", exact.order, "rad", 1e-14),
         Figure("reference: distance of DOP853 in doubles on the kernel", exact.integrator, "rad"),
-        Figure("reference: distance of DOP853 in doubles on the equations by hand", exact.formulation, "rad"),
+        Figure(
+            "reference: distance of DOP853 in doubles on the equations by hand",
+            exact.formulation,
+            "rad",
+        ),
     ]
     for ours, theirs, promised in PAIRS:
         for error in EQUAL_ERRORS:
@@ -130,25 +146,42 @@ def figures(curves: Mapping[str, Curve], exact: Reference) -> list[Figure]:
             if quick and slow:
                 bound = promised if error <= PROMISED_FROM else None
                 note = f"{1e3 * slow:.3g} ms against {1e3 * quick:.3g} ms"
-                rows.append(Figure(f"{theirs} / {ours}, error {error:.0e}", slow / quick, "", bound, "at least", note))
+                rows.append(
+                    Figure(
+                        f"{theirs} / {ours}, error {error:.0e}",
+                        slow / quick,
+                        "",
+                        bound,
+                        "at least",
+                        note,
+                    )
+                )
     return rows
 
 
 def measure(robot: lw.Robot, task: Task, exact: Reference, grid: Grid) -> dict[str, Curve]:
     """Run every contender at all its settings, in turn."""
     rows = contenders(robot, task, grid)
-    runners = {f"{name}: {setting:g}": run for name, pairs in rows.items() for setting, run in pairs}
+    runners = {
+        f"{name}: {setting:g}": run for name, pairs in rows.items() for setting, run in pairs
+    }
     timed = {key: Contender(run) for key, run in runners.items()}
     standing = robot.state(task.start.positions[None])
-    timed[PINOCCHIO_BARE] = engines.pinocchio_evaluations(robot, standing, np.zeros((1, robot.mobility)))
+    timed[PINOCCHIO_BARE] = engines.pinocchio_evaluations(
+        robot, standing, np.zeros((1, robot.mobility))
+    )
     seconds = interleaved(timed, grid.rounds, block=1e-3)
     curves = {}
     for name, pairs in rows.items():
         settings = [float(setting) for setting, _ in pairs]
         errors = [distance(run(), exact) for _, run in pairs]
-        curves[name] = Curve(settings, errors, [float(seconds[f"{name}: {x:g}"].min()) for x in settings])
+        curves[name] = Curve(
+            settings, errors, [float(seconds[f"{name}: {x:g}"].min()) for x in settings]
+        )
     each, whole = float(seconds[PINOCCHIO_BARE].min()), curves[PINOCCHIO]
-    curves[PINOCCHIO_BARE] = Curve(whole.settings, whole.errors, [4 * each * steps for steps in whole.settings])
+    curves[PINOCCHIO_BARE] = Curve(
+        whole.settings, whole.errors, [4 * each * steps for steps in whole.settings]
+    )
     curves[EXUDYN] = exudyn(robot, task, exact, grid)
     return curves
 
@@ -175,13 +208,17 @@ def contenders(robot: lw.Robot, task: Task, grid: Grid) -> dict[str, list[tuple[
     def recorded(tolerance: float) -> np.ndarray:
         return runs.recorded(robot, task, tolerance).variables["joint_position"].values[-1, columns]
 
-    def stepping(engine: engines.TreeEngine, acceleration: engines.Acceleration) -> Callable[[int], Runner]:
+    def stepping(
+        engine: engines.TreeEngine, acceleration: engines.Acceleration
+    ) -> Callable[[int], Runner]:
         places = [list(engine.columns).index(column) for column in columns]
         start = engine.plan.state(q, v)
 
         def prepared(steps: int) -> Runner:
             forces = list(task.signal(np.linspace(0.0, task.duration, 2 * steps + 1)))
-            return lambda: engines.runge_kutta(acceleration, *start, forces, task.duration / steps)[0][places]
+            return lambda: engines.runge_kutta(acceleration, *start, forces, task.duration / steps)[
+                0
+            ][places]
 
         return prepared
 
@@ -206,12 +243,18 @@ def exudyn(robot: lw.Robot, task: Task, exact: Reference, grid: Grid) -> Curve:
     columns = [robot.coordinates.index(name) for name in JOINTS]
     done = [
         engine.simulate(
-            task.start.positions, robot.joint_rates(task.start), forces, task.duration, task.duration / steps
+            task.start.positions,
+            robot.joint_rates(task.start),
+            forces,
+            task.duration,
+            task.duration / steps,
         )
         for steps in grid.exudyn_steps
     ]
     errors = [distance(run.positions[-1, columns], exact) for run in done]
-    return Curve([float(steps) for steps in grid.exudyn_steps], errors, [run.seconds for run in done])
+    return Curve(
+        [float(steps) for steps in grid.exudyn_steps], errors, [run.seconds for run in done]
+    )
 
 
 def plot(curves: Mapping[str, Curve]) -> str:

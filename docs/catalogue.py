@@ -34,12 +34,16 @@ This page is written by `docs/catalogue.py`, its pictures are drawn by `docs/ima
 
 def main() -> None:
     """Write the page."""
-    PAGE.write_text(page({name: Robot(getattr(robots, name)()) for name in robots.__all__}), encoding="utf-8")
+    PAGE.write_text(
+        page({name: Robot(getattr(robots, name)()) for name in robots.__all__}), encoding="utf-8"
+    )
 
 
 def page(built: dict[str, Robot]) -> str:
     """Return the page for robots by the names of their functions."""
-    return "\n".join([HEAD, *(entry(name, getattr(robots, name), robot) for name, robot in built.items())])
+    return "\n".join(
+        [HEAD, *(entry(name, getattr(robots, name), robot) for name, robot in built.items())]
+    )
 
 
 def entry(name: str, function: Callable[..., Mechanism], robot: Robot) -> str:
@@ -49,7 +53,8 @@ def entry(name: str, function: Callable[..., Mechanism], robot: Robot) -> str:
         "Mobility": mobility(structure(robot)).replace("named below", "named here"),
         "Redundant rows": "; ".join(robot.redundant) or "none named",
         "Independent rates": ", ".join(
-            f"`{rate}`{'' if rate in robot.actuators else ' (not driven)'}" for rate in robot.independent
+            f"`{rate}`{'' if rate in robot.actuators else ' (not driven)'}"
+            for rate in robot.independent
         ),
         "Source": " ".join(text.partition("\nSource:")[2].split()),
         "Code": f"`lw.Robot(lw.robots.{name}())`",

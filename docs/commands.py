@@ -46,7 +46,9 @@ def spelled(parameter: Any) -> str:
     metavar = parameter.metavar or parameter.name.upper()
     if parameter.param_type_name == "argument":
         return metavar
-    return ", ".join(parameter.opts) + ("" if getattr(parameter, "is_flag", False) else f" {metavar}")
+    return ", ".join(parameter.opts) + (
+        "" if getattr(parameter, "is_flag", False) else f" {metavar}"
+    )
 
 
 def told(parameter: Any) -> str:

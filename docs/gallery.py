@@ -45,7 +45,9 @@ def picture(example: Path) -> str:
 
 def page() -> str:
     """Return the page."""
-    return "\n".join([HEAD, *(entry(number, example) for number, example in enumerate(examples(), 1))])
+    return "\n".join(
+        [HEAD, *(entry(number, example) for number, example in enumerate(examples(), 1))]
+    )
 
 
 def entry(number: int, example: Path) -> str:

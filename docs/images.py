@@ -19,13 +19,18 @@ CATALOGUE = FOLDER / "catalogue"
 def main() -> None:
     """Write all pictures."""
     comparison = study()
-    for name, figure in {"reproduction": summary_figure(comparison), "prr3": robot_figure(comparison)}.items():
+    for name, figure in {
+        "reproduction": summary_figure(comparison),
+        "prr3": robot_figure(comparison),
+    }.items():
         (FOLDER / f"{name}.svg").write_text(svg(figure), encoding="utf-8")
     save_figure(workspace(comparison.robot), FOLDER / "workspace.svg")
     save_figure(singularities(Robot(robots.five_bar())), FOLDER / "singularities.svg")
     CATALOGUE.mkdir(exist_ok=True)
     for name in robots.__all__:
-        (CATALOGUE / f"{name}.svg").write_text(portrait(Robot(getattr(robots, name)())), encoding="utf-8")
+        (CATALOGUE / f"{name}.svg").write_text(
+            portrait(Robot(getattr(robots, name)())), encoding="utf-8"
+        )
 
 
 def workspace(robot: Robot) -> Axes:
@@ -39,12 +44,18 @@ def workspace(robot: Robot) -> Axes:
 def singularities(robot: Robot) -> Axes:
     """Draw where the five-bar is actuator-singular, and the robot upon it."""
     grid = {"x": np.linspace(-0.34, 0.64, 393), "y": np.linspace(-0.6, 0.6, 481)}
-    return plot_mechanism(robot, robot.home, plot_workspace(analysis.workspace(robot, grid), "det_A"))
+    return plot_mechanism(
+        robot, robot.home, plot_workspace(analysis.workspace(robot, grid), "det_A")
+    )
 
 
 def portrait(robot: Robot) -> str:
     """Return a robot in its reference configuration as SVG, its driven joints named; lengths to 1/100 pt, no point twice."""
-    driven = [name for name, joint in robot.mechanism.joints.items() if set(joint.rates(name)) & set(robot.actuators)]
+    driven = [
+        name
+        for name, joint in robot.mechanism.joints.items()
+        if set(joint.rates(name)) & set(robot.actuators)
+    ]
     drawing = rounded(svg(plot_mechanism(robot, robot.home, names=driven).figure, cropped=True))
     return shared(re.sub(r"(L [^\n]+\n)\1+", r"\1", drawing))
 
@@ -56,7 +67,10 @@ def rounded(drawing: str) -> str:
 
 def shared(drawing: str) -> str:
     """Return an SVG in which each style stands once, as a class."""
-    classes = {style: f"s{k}" for k, style in enumerate(dict.fromkeys(re.findall(r' style="([^"]*)"', drawing)))}
+    classes = {
+        style: f"s{k}"
+        for k, style in enumerate(dict.fromkeys(re.findall(r' style="([^"]*)"', drawing)))
+    }
     rules = "\n".join(f".{name} {{{style}}}" for style, name in classes.items())
     drawing = re.sub(r' style="([^"]*)"', lambda style: f' class="{classes[style[1]]}"', drawing)
     return drawing.replace("<defs>", f"<defs>\n<style>\n{rules}\n</style>", 1)

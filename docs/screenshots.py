@@ -28,7 +28,9 @@ def hexapod(browser: Browser) -> None:
     """Show a hexapod in the middle of a run, with its forces as arrows and its curves."""
     robot = Robot(robots.stewart())
     hold = np.asarray(robot.inverse_dynamics(robot.home, np.zeros(6)))
-    run = robot.simulate(robot.home, hold * (1.1, 1, 1, 1, 1, 1), duration=1.5, save_at=np.linspace(0, 1.5, 151))
+    run = robot.simulate(
+        robot.home, hold * (1.1, 1, 1, 1, 1, 1), duration=1.5, save_at=np.linspace(0, 1.5, 151)
+    )
     with Viewer(robot, run) as viewer:
         page = opened(browser, viewer)
         page.get_by_role("tab", name="Show").click()

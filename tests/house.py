@@ -17,7 +17,9 @@ MANY = ("alone", "ensemble", "lane_", "lanes", "many", "members", "rows", "vecto
 @cache
 def modules() -> tuple[tuple[Path, ast.Module], ...]:
     """Return all source files with their syntax trees."""
-    return tuple((path, ast.parse(path.read_text(encoding="utf-8"))) for path in sorted(SOURCE.rglob("*.py")))
+    return tuple(
+        (path, ast.parse(path.read_text(encoding="utf-8"))) for path in sorted(SOURCE.rglob("*.py"))
+    )
 
 
 def package(path: Path) -> str:
@@ -36,12 +38,15 @@ def code_lines(path: Path, tree: ast.Module) -> int:
     told = {
         line
         for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
         for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
     }
     lines = enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
     return sum(
-        number not in told and not line.lstrip().startswith("#") and bool(line.strip()) for number, line in lines
+        number not in told and not line.lstrip().startswith("#") and bool(line.strip())
+        for number, line in lines
     )
 
 
@@ -69,7 +74,11 @@ def imports() -> dict[Path, set[str]]:
 
 def strings(tree: ast.Module) -> set[str]:
     """Return the strings that a file holds."""
-    return {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    return {
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
 
 
 if __name__ == "__main__":

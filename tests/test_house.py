@@ -18,7 +18,9 @@ LAB = "linkwork.lab"
 
 def test_only_the_command_line_asks_the_laboratory():
     asking = {
-        package(path) for path, names in imports().items() if any(f"{name}.".startswith(f"{LAB}.") for name in names)
+        package(path)
+        for path, names in imports().items()
+        if any(f"{name}.".startswith(f"{LAB}.") for name in names)
     }
     assert asking - {"__init__"} == {"lab", "cli"}
 
@@ -30,14 +32,20 @@ def test_the_laboratory_does_not_ask_the_command_line():
 
 def test_formats_alone_list_the_suffixes_of_model_files():
     """A new format is a package in `formats` and a line in its list."""
-    listing = {path.relative_to(SOURCE).as_posix() for path, tree in modules() if strings(tree) & {*lw.formats.MODELS}}
+    listing = {
+        path.relative_to(SOURCE).as_posix()
+        for path, tree in modules()
+        if strings(tree) & {*lw.formats.MODELS}
+    }
     assert listing == {"formats/models.py"}
 
 
 @pytest.mark.parametrize(("former", "name"), [("engines", "available"), ("textbook", "Textbook")])
 def test_former_names_lead_to_the_laboratory_and_warn(former, name):
     here = getattr(importlib.import_module(f"{LAB}.{former}"), name)
-    with pytest.warns(DeprecationWarning, match=rf"linkwork\.{former} is linkwork\.lab\.{former} now") as told:
+    with pytest.warns(
+        DeprecationWarning, match=rf"linkwork\.{former} is linkwork\.lab\.{former} now"
+    ) as told:
         assert getattr(getattr(lw, former), name) is here
     assert told[0].filename == __file__
     with pytest.warns(DeprecationWarning), pytest.raises(ImportError, match="nothing"):
@@ -68,9 +76,7 @@ def test_lines_of_code_are_counted_without_docstrings_comments_and_blanks(tmp_pa
 
 
 def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():
-    asking = (
-        "import linkwork as lw; print(sorted(lw.lab.__all__)); print(lw.lab.precision.plot_work_precision.__name__)"
-    )
+    asking = "import linkwork as lw; print(sorted(lw.lab.__all__)); print(lw.lab.precision.plot_work_precision.__name__)"
     told = subprocess.run(
         [sys.executable, "-c", asking], capture_output=True, text=True, check=True, timeout=120
     ).stdout
@@ -81,5 +87,7 @@ def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():
 
 def test_controllers_never_ask_for_the_robot_that_they_control():
     """Not for its type either: they ask what `control.plant` says, of whatever it is."""
-    asked = {name for path, names in imports().items() if package(path) == "control" for name in names}
+    asked = {
+        name for path, names in imports().items() if package(path) == "control" for name in names
+    }
     assert not any(f"{name}.".startswith("linkwork.robot.") for name in asked)

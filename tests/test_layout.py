@@ -49,7 +49,9 @@ def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
     former = {
         id(argument)
         for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "leading_to"
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "leading_to"
         for argument in node.args
     }
     for node in ast.walk(tree):
@@ -60,7 +62,9 @@ def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
                 inner = f"{node.module}.{alias.name}"
                 yield inner if inner in names else node.module
         elif isinstance(node, ast.Constant) and id(node) not in former:
-            yield from {str(node.value)} - {".".join(parts) for parts in accumulate([each] for each in name.split("."))}
+            yield from {str(node.value)} - {
+                ".".join(parts) for parts in accumulate([each] for each in name.split("."))
+            }
 
 
 @cache
@@ -70,7 +74,11 @@ def graph() -> nx.DiGraph:
     found = nx.DiGraph()
     found.add_nodes_from(trees)
     for name, tree in trees.items():
-        found.add_edges_from((name, other) for other in asked(tree, name, {*trees}) if other in trees and other != name)
+        found.add_edges_from(
+            (name, other)
+            for other in asked(tree, name, {*trees})
+            if other in trees and other != name
+        )
     return found
 
 
@@ -82,7 +90,9 @@ def package(name: str) -> str:
 def test_no_module_asks_itself_by_way_of_others():
     """Imports in functions and those for types count; `LATER` alone is left out."""
     one_way = nx.restricted_view(graph(), (), LATER)
-    circles = [sorted(circle) for circle in nx.strongly_connected_components(one_way) if len(circle) > 1]
+    circles = [
+        sorted(circle) for circle in nx.strongly_connected_components(one_way) if len(circle) > 1
+    ]
     assert not circles
 
 
@@ -109,7 +119,9 @@ def test_a_robot_is_above_what_works_on_it():
     assert [*graph().predecessors("linkwork.robot.facade")] == ["linkwork.robot"]
 
 
-PACKAGES = sorted(name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir() and "." in name)
+PACKAGES = sorted(
+    name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir() and "." in name
+)
 
 
 @pytest.mark.parametrize("name", PACKAGES)
@@ -117,7 +129,11 @@ def test_no_name_of_a_package_shadows_a_module_of_it(name):
     """`linkwork.package.module` is the module, whatever the package exports."""
     package = importlib.import_module(name)
     own = [other.rpartition(".")[2] for other in graph() if other.rpartition(".")[0] == name]
-    assert not [each for each in own if each in vars(package) and vars(package)[each].__class__ is not type(package)]
+    assert not [
+        each
+        for each in own
+        if each in vars(package) and vars(package)[each].__class__ is not type(package)
+    ]
 
 
 def test_the_library_shows_its_public_names_only():

@@ -57,7 +57,15 @@ if TYPE_CHECKING:
         Tool,
         UniversalJoint,
     )
-    from linkwork.robot import Ensemble, Motion, Reactions, Robot, SingularError, State, UnreachableError
+    from linkwork.robot import (
+        Ensemble,
+        Motion,
+        Reactions,
+        Robot,
+        SingularError,
+        State,
+        UnreachableError,
+    )
     from linkwork.simulation import Run, Sampled, Signal, Status
 
     __version__: str
@@ -147,7 +155,15 @@ _HOMES = {
         "Tool",
         "UniversalJoint",
     ),
-    "robot": ("Ensemble", "Motion", "Reactions", "Robot", "SingularError", "State", "UnreachableError"),
+    "robot": (
+        "Ensemble",
+        "Motion",
+        "Reactions",
+        "Robot",
+        "SingularError",
+        "State",
+        "UnreachableError",
+    ),
     "simulation": ("Run", "Sampled", "Signal", "Status"),
 }
 _MOVED = ("engines", "textbook")  # to `lab`

@@ -55,7 +55,9 @@ def number(value: object, what: str) -> float:
 def positive(value: object, what: str, unit: str = "") -> float:
     """Return one positive number; refuse what is none."""
     if not (result := number(value, what)) > 0:
-        raise LinkworkError(f"{what} is {shown(value)}; give a positive number{unit and f' [{unit}]'}")
+        raise LinkworkError(
+            f"{what} is {shown(value)}; give a positive number{unit and f' [{unit}]'}"
+        )
     return result
 
 
@@ -90,7 +92,9 @@ def several(values: Any, kind: type[Kind], what: str) -> tuple[Kind, ...]:
     found = tuple(values)
     for value in found:
         if not isinstance(value, kind):
-            raise LinkworkError(f"one of {what} is {shown(value)}; give linkwork.control.{kind.__name__}(...)")
+            raise LinkworkError(
+                f"one of {what} is {shown(value)}; give linkwork.control.{kind.__name__}(...)"
+            )
     return found
 
 

@@ -73,7 +73,9 @@ def array(values: Any) -> np.ndarray:
     if isinstance(values, np.ndarray):
         return values
     parts = [array(value) for value in values]
-    stacked = np.empty((len(parts), *np.broadcast_shapes(*(part.shape for part in parts))), dtype=object)
+    stacked = np.empty(
+        (len(parts), *np.broadcast_shapes(*(part.shape for part in parts))), dtype=object
+    )
     for i, part in enumerate(parts):
         stacked[i] = part[()]
     return stacked
@@ -86,7 +88,9 @@ def shape(symbols: ca.SX) -> tuple[int, ...]:
     return (symbols.numel(),) if symbols.is_column() else symbols.shape
 
 
-def elementwise(of_symbols: Callable[..., Any], of_numbers: Callable[..., Any]) -> Callable[..., Any]:
+def elementwise(
+    of_symbols: Callable[..., Any], of_numbers: Callable[..., Any]
+) -> Callable[..., Any]:
     """Return the function that takes numbers, arrays and symbols, element by element, broadcasting as NumPy does."""
 
     def function(*values: Any) -> Any:
@@ -99,7 +103,9 @@ def elementwise(of_symbols: Callable[..., Any], of_numbers: Callable[..., Any]) 
         return result[()]
 
     function.__name__ = of_numbers.__name__
-    function.__doc__ = f"Return {of_numbers.__name__} of numbers, arrays or symbols, element by element."
+    function.__doc__ = (
+        f"Return {of_numbers.__name__} of numbers, arrays or symbols, element by element."
+    )
     return function
 
 

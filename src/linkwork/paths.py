@@ -81,9 +81,16 @@ def circle(
         law: motion law.
     """
     middle = finite("the centre", centre, (2, 3))
-    radius, start = checks.positive(radius, "the radius"), checks.number(start, "the angle of the first point")
-    turn = np.atleast_1d(checks.finite(() if orientation is None else orientation, "the orientation"))
-    fixed = np.concatenate([middle[2:], finite("the orientation", turn.tolist(), (0, 2 * middle.size - 3))])
+    radius, start = (
+        checks.positive(radius, "the radius"),
+        checks.number(start, "the angle of the first point"),
+    )
+    turn = np.atleast_1d(
+        checks.finite(() if orientation is None else orientation, "the orientation")
+    )
+    fixed = np.concatenate(
+        [middle[2:], finite("the orientation", turn.tolist(), (0, 2 * middle.size - 3))]
+    )
     sweep = 2 * np.pi * checks.number(turns, "the number of turns")
 
     def curve(s: np.ndarray) -> Triple:
@@ -128,7 +135,9 @@ def together(*paths: Path) -> Path:
     """Prescribe several parts of the pose side by side, such as a circle (x, y) and a line of angles; the first law holds."""
     for path in paths:
         if not isinstance(path, Path):
-            raise LinkworkError(f"one of the paths is {checks.shown(path)}; give paths made by linkwork.paths")
+            raise LinkworkError(
+                f"one of the paths is {checks.shown(path)}; give paths made by linkwork.paths"
+            )
     if not paths:
         raise LinkworkError("there is no path to prescribe; give one or more")
 

@@ -25,19 +25,27 @@ def rpr(corners, vertices, pose):
     """Return a 3-RPR with any corners and platform vertices (3, 2), its reference at a pose (x, y, angle)."""
     x, y, angle = pose
     joints, reference = {}, {}
-    for i, (corner, vertex) in enumerate(zip(np.array(corners), np.array(vertices), strict=True), start=1):
+    for i, (corner, vertex) in enumerate(
+        zip(np.array(corners), np.array(vertices), strict=True), start=1
+    ):
         tip = np.array([x, y]) + turned(vertex, angle)
         aim = atan2(*(tip - corner)[::-1])
         joints |= {
             f"pivot_{i}": lw.RevoluteJoint(
                 connects=("ground", f"cylinder_{i}"), frames=(lw.Frame.planar(*corner), lw.Frame())
             ),
-            f"slide_{i}": lw.PrismaticJoint(connects=(f"cylinder_{i}", f"piston_{i}"), axis=ALONG_X),
+            f"slide_{i}": lw.PrismaticJoint(
+                connects=(f"cylinder_{i}", f"piston_{i}"), axis=ALONG_X
+            ),
             f"wrist_{i}": lw.RevoluteJoint(
                 connects=(f"piston_{i}", "platform"), frames=(lw.Frame(), lw.Frame.planar(*vertex))
             ),
         }
-        reference |= {f"pivot_{i}": aim, f"slide_{i}": hypot(*(tip - corner)), f"wrist_{i}": angle - aim}
+        reference |= {
+            f"pivot_{i}": aim,
+            f"slide_{i}": hypot(*(tip - corner)),
+            f"wrist_{i}": angle - aim,
+        }
     bodies = [f"{part}_{i}" for part in ("cylinder", "piston") for i in (1, 2, 3)]
     return lw.Robot(
         lw.Mechanism(
@@ -69,7 +77,10 @@ def postures(corners, vertices, lengths, samples=20001):
     M = 2 * (c[:, 1:] - c[:, :1])
     h = rho[1:] ** 2 - rho[0] ** 2 - np.sum(c[:, 1:] ** 2, axis=2) + np.sum(c[:, :1] ** 2, axis=2)
     det = np.linalg.det(M)
-    P = np.stack([h[:, 0] * M[:, 1, 1] - h[:, 1] * M[:, 0, 1], h[:, 1] * M[:, 0, 0] - h[:, 0] * M[:, 1, 0]], axis=1)
+    P = np.stack(
+        [h[:, 0] * M[:, 1, 1] - h[:, 1] * M[:, 0, 1], h[:, 1] * M[:, 0, 0] - h[:, 0] * M[:, 1, 0]],
+        axis=1,
+    )
     f = np.sum((P + det[:, None] * c[:, 0]) ** 2, axis=1) - det**2 * rho[0] ** 2
     return phi[:-1][np.sign(f[1:]) * np.sign(f[:-1]) < 0]
 
@@ -85,7 +96,9 @@ def arm(first=1.0, second=0.6):
 def cart(mass=2.0, stiffness=50.0, damping=0.0):
     """Return a mass on a slide with a spring."""
     slide = lw.PrismaticJoint(
-        connects=("ground", "mass"), axis=ALONG_X, spring=lw.Spring(stiffness=stiffness, rest=0.1, damping=damping)
+        connects=("ground", "mass"),
+        axis=ALONG_X,
+        spring=lw.Spring(stiffness=stiffness, rest=0.1, damping=damping),
     )
     return lw.Robot(
         lw.Mechanism(
@@ -112,7 +125,10 @@ def cables():
             f"cable_{i}": lw.PrismaticJoint(connects=(f"drum_{i}", f"cord_{i}"), axis=ALONG_X),
             f"knot_{i}": lw.RevoluteJoint(connects=(f"cord_{i}", "mass")),
         }
-        reference |= {f"pivot_{i}": float(np.arctan2(along[1], along[0])), f"cable_{i}": float(np.hypot(*along))}
+        reference |= {
+            f"pivot_{i}": float(np.arctan2(along[1], along[0])),
+            f"cable_{i}": float(np.hypot(*along)),
+        }
         reference |= {f"knot_{i}": -reference[f"pivot_{i}"]}
     del joints["knot_1"]
     joints["knot_1"] = lw.RevoluteJoint(connects=("cord_1", "mass"))
@@ -121,7 +137,9 @@ def cables():
     return lw.Robot(
         lw.Mechanism(
             gravity=(0.0, -9.81, 0.0),
-            bodies=dict.fromkeys((f"{part}_{i}" for part in ("drum", "cord") for i in (1, 2, 3)), cord)
+            bodies=dict.fromkeys(
+                (f"{part}_{i}" for part in ("drum", "cord") for i in (1, 2, 3)), cord
+            )
             | {"mass": lw.Body(mass=5.0, inertia=lw.Inertia(zz=0.01))},
             joints=joints,
             actuators=("cable_1", "cable_2", "cable_3"),
@@ -143,15 +161,21 @@ def rrs(knee=2.0, link=0.5, base=0.4, platform=0.3):
     half = (lean + np.pi - knee) / 2
     for i, azimuth in enumerate(2 * np.pi / 3 * np.arange(3), start=1):
         foot, tip = (
-            lw.Frame(position=(r * np.cos(azimuth), r * np.sin(azimuth), 0), rotation=(0, 0, azimuth))
+            lw.Frame(
+                position=(r * np.cos(azimuth), r * np.sin(azimuth), 0), rotation=(0, 0, azimuth)
+            )
             for r in (base, platform)
         )
         end, axis = lw.Frame(position=(link, 0, 0)), (0.0, -1.0, 0.0)
         low, high = f"low_{i}", f"high_{i}"
         bodies |= {low: SOLID, high: SOLID}
         joints |= {
-            f"hip_{i}": lw.RevoluteJoint(connects=("ground", low), axis=axis, frames=(foot, lw.Frame())),
-            f"knee_{i}": lw.RevoluteJoint(connects=(low, high), axis=axis, frames=(end, lw.Frame())),
+            f"hip_{i}": lw.RevoluteJoint(
+                connects=("ground", low), axis=axis, frames=(foot, lw.Frame())
+            ),
+            f"knee_{i}": lw.RevoluteJoint(
+                connects=(low, high), axis=axis, frames=(end, lw.Frame())
+            ),
             f"ball_{i}": lw.SphericalJoint(connects=(high, "platform"), frames=(end, tip)),
         }
         reference |= {f"hip_{i}": lean, f"knee_{i}": np.pi - knee}

@@ -37,8 +37,25 @@ def test_a_singular_pose_is_named():
 
 def test_a_map_is_printed_written_and_drawn(tmp_path):
     file, picture = tmp_path / "map.nc", tmp_path / "map.svg"
-    words = ("--grid", "x=-0.2:0.5:15,y=0.1:0.5:9", "--rates", "2", "--forces", "motor_1=1,motor_2=2")
-    text = printed("five_bar", "workspace", *words, "--out", file, "--picture", picture, "--limits", "motor_1=0:3")
+    words = (
+        "--grid",
+        "x=-0.2:0.5:15,y=0.1:0.5:9",
+        "--rates",
+        "2",
+        "--forces",
+        "motor_1=1,motor_2=2",
+    )
+    text = printed(
+        "five_bar",
+        "workspace",
+        *words,
+        "--out",
+        file,
+        "--picture",
+        picture,
+        "--limits",
+        "motor_1=0:3",
+    )
     expected = workspace(
         built("five_bar"),
         {"x": np.linspace(-0.2, 0.5, 15), "y": np.linspace(0.1, 0.5, 9)},
@@ -51,14 +68,18 @@ def test_a_map_is_printed_written_and_drawn(tmp_path):
         xarray.load_dataset(file, engine="scipy")["isotropic_force"], expected["isotropic_force"]
     )
     assert picture.read_text().startswith("<?xml")
-    assert "none of 4 poses is reached" in printed("five_bar", "workspace", "--grid", "x=5:6:2,y=5:6:2")
+    assert "none of 4 poses is reached" in printed(
+        "five_bar", "workspace", "--grid", "x=5:6:2,y=5:6:2"
+    )
 
 
 def test_small_motions_stiffness_and_rest():
     text = printed("pendulum", "linearise", "--joints", "hinge_1=-1.5707963267948966")
     assert "stable" in text and f"{np.sqrt(9.81) / (2 * np.pi):.6g}" in text
     assert "no: it accelerates" in printed("pendulum", "linearise", "--forces", "0")
-    assert "3.044e+05" in printed("prr3", "stiffness", "--joint-stiffness", "slide_1=1e5,slide_2=1e5,slide_3=1e5")
+    assert "3.044e+05" in printed(
+        "prr3", "stiffness", "--joint-stiffness", "slide_1=1e5,slide_2=1e5,slide_3=1e5"
+    )
     assert "y -1, angle -1.5708" in printed("pendulum", "equilibrium", "--all")
 
 
@@ -77,16 +98,28 @@ def test_parameters_described_and_identified(tmp_path):
     ("words", "told"),
     [
         (("nope", "modes"), "there is no robot 'nope'"),
-        (("five_bar", "modes", "--tool", "1,2", "--joints", "motor_1=1,motor_2=2"), "are both given"),
+        (
+            ("five_bar", "modes", "--tool", "1,2", "--joints", "motor_1=1,motor_2=2"),
+            "are both given",
+        ),
         (("five_bar", "modes", "--joints", "motor_1=1"), "but the mobility is 2"),
         (("bricard", "singularities"), "names no tool"),
         (("five_bar", "workspace", "--grid", "x=0:1"), "x=0:1 is no axis"),
         (("five_bar", "workspace", "--grid", "x=0,x=1"), "given twice"),
         (("five_bar", "workspace", "--grid", "0,1"), "has no name"),
-        (("five_bar", "workspace", "--grid", "x=0,y=0", "--limits", "motor_1=1"), "give lower:upper"),
+        (
+            ("five_bar", "workspace", "--grid", "x=0,y=0", "--limits", "motor_1=1"),
+            "give lower:upper",
+        ),
         (("five_bar", "workspace", "--grid", "x=0,y=0", "--out", "map.csv"), "ends in .nc"),
-        (("five_bar", "workspace", "--grid", "x=0,y=0", "--picture", "no/map.svg"), "there is no folder 'no'"),
-        (("five_bar", "stiffness", "--joint-stiffness", "1e5"), "give name=value for each stiff joint"),
+        (
+            ("five_bar", "workspace", "--grid", "x=0,y=0", "--picture", "no/map.svg"),
+            "there is no folder 'no'",
+        ),
+        (
+            ("five_bar", "stiffness", "--joint-stiffness", "1e5"),
+            "give name=value for each stiff joint",
+        ),
         (("five_bar", "parameters", "--run", "missing.nc"), "cannot read a run"),
         (("pendulum", "equilibrium", "--forces", "50"), "no stable equilibrium"),
     ],

@@ -21,14 +21,18 @@ LENGTHS = (14.98, 15.38, 12.0)
 
 def test_dietmaier_s_platform_has_forty_assembly_modes():
     robot = dietmaier()
-    modes = assembly_modes(robot, {f"leg_{i}": square**0.5 for i, square in enumerate(DIETMAIER_SQUARES, start=1)})
+    modes = assembly_modes(
+        robot, {f"leg_{i}": square**0.5 for i, square in enumerate(DIETMAIER_SQUARES, start=1)}
+    )
     assert len(modes) == 40
     assert modes.sure and modes.missing == 0
     poses = robot.tool_pose(modes.states)
     R = Rotation.from_rotvec(poses[:, 3:]).as_matrix()
     tips = poses[:, None, :3] + np.einsum("nij,kj->nki", R, DIETMAIER_PLATFORM)
     np.testing.assert_allclose(
-        np.sum((tips - DIETMAIER_BASE) ** 2, axis=2), np.tile(DIETMAIER_SQUARES, (40, 1)), atol=1e-12
+        np.sum((tips - DIETMAIER_BASE) ** 2, axis=2),
+        np.tile(DIETMAIER_SQUARES, (40, 1)),
+        atol=1e-12,
     )
     apart = [np.linalg.norm(tips - tip, axis=(1, 2)) for tip in tips]
     assert np.sort(apart, axis=1)[:, 1].min() > 0.1
@@ -37,7 +41,9 @@ def test_dietmaier_s_platform_has_forty_assembly_modes():
 
 def test_the_3_rpr_of_innocenti_and_parenti_castelli_has_six():
     robot = rpr(CORNERS, VERTICES, (-2.0, -14.0, 1.0))
-    modes = assembly_modes(robot, {f"slide_{i}": length for i, length in enumerate(LENGTHS, start=1)})
+    modes = assembly_modes(
+        robot, {f"slide_{i}": length for i, length in enumerate(LENGTHS, start=1)}
+    )
     angles = np.sort((robot.tool_pose(modes.states)[:, 2] + np.pi) % (2 * np.pi) - np.pi)
     expected = postures(CORNERS, VERTICES, LENGTHS)
     assert len(expected) == 6
@@ -49,7 +55,9 @@ def test_3_prr_modes_are_as_many_as_the_circles_of_the_links_allow(slides):
     modes = assembly_modes(built("prr3"), {f"slide_{i}": s for i, s in enumerate(slides, start=1)})
     corners, turns = np.array([(0, 0), (1, 0), (0.5, np.sqrt(3) / 2)]), np.arange(3) * 2 * np.pi / 3
     directions = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    expected = postures(corners + np.array(slides)[:, None] * directions, -0.15 * directions, (0.3, 0.3, 0.3))
+    expected = postures(
+        corners + np.array(slides)[:, None] * directions, -0.15 * directions, (0.3, 0.3, 0.3)
+    )
     assert len(modes) == len(expected)
     found = np.sort((built("prr3").tool_pose(modes.states)[:, 2] + np.pi) % (2 * np.pi) - np.pi)
     np.testing.assert_allclose(found, expected, atol=2 * np.pi / 20000)
@@ -60,7 +68,9 @@ def test_known_counts_of_assembly_modes(robot, count):
     assert len(assembly_modes(built(robot))) == count
 
 
-@pytest.mark.parametrize(("robot", "count"), [("prr3", 8), ("five_bar", 4), ("rrr3", 8), ("agile_wrist", 8)])
+@pytest.mark.parametrize(
+    ("robot", "count"), [("prr3", 8), ("five_bar", 4), ("rrr3", 8), ("agile_wrist", 8)]
+)
 def test_each_leg_doubles_the_working_modes(robot, count):
     modes = working_modes(built(robot))
     assert len(modes) == count
@@ -76,13 +86,17 @@ def test_an_arm_of_six_joints_with_a_spherical_wrist_has_eight():
     modes = working_modes(built("puma560"))
     assert len(modes) == 8
     poses = built("puma560").tool_pose(modes.states)
-    np.testing.assert_allclose(poses, np.tile(built("puma560").tool_pose(built("puma560").home), (8, 1)), atol=1e-8)
+    np.testing.assert_allclose(
+        poses, np.tile(built("puma560").tool_pose(built("puma560").home), (8, 1)), atol=1e-8
+    )
 
 
 def test_the_first_mode_is_the_reference_s():
     modes = assembly_modes(built("stewart"))
     np.testing.assert_allclose(
-        built("stewart").tool_pose(modes.states.at(0)), built("stewart").tool_pose(built("stewart").home), atol=1e-9
+        built("stewart").tool_pose(modes.states.at(0)),
+        built("stewart").tool_pose(built("stewart").home),
+        atol=1e-9,
     )
 
 
@@ -91,7 +105,8 @@ def test_idle_spins_make_no_modes():
     with_spins = lw.Robot(lw.robots.hexaglide(idle_spins=True))
     assert len(with_spins.idle) == 6
     found, expected = (
-        tool_kernel(robot)(assembly_modes(robot).states.q)[0] for robot in (with_spins, built("hexaglide"))
+        tool_kernel(robot)(assembly_modes(robot).states.q)[0]
+        for robot in (with_spins, built("hexaglide"))
     )
     assert len(found) == len(expected)
     apart = np.linalg.norm(found[:, None] - expected, axis=2)
@@ -100,7 +115,9 @@ def test_idle_spins_make_no_modes():
 
 def test_how_sure_a_count_is():
     modes = assembly_modes(
-        dietmaier(), {f"leg_{i}": s**0.5 for i, s in enumerate(DIETMAIER_SQUARES, start=1)}, starts=200
+        dietmaier(),
+        {f"leg_{i}": s**0.5 for i, s in enumerate(DIETMAIER_SQUARES, start=1)},
+        starts=200,
     )
     after, known = modes.found
     assert len(modes) == known[-1] < 40
@@ -108,15 +125,21 @@ def test_how_sure_a_count_is():
     assert not modes.sure and modes.missing > 1
     assert modes.hits.sum() == modes.converged < 200
     again = assembly_modes(
-        dietmaier(), {f"leg_{i}": s**0.5 for i, s in enumerate(DIETMAIER_SQUARES, start=1)}, starts=200
+        dietmaier(),
+        {f"leg_{i}": s**0.5 for i, s in enumerate(DIETMAIER_SQUARES, start=1)},
+        starts=200,
     )
     np.testing.assert_array_equal(again.states.q, modes.states.q)
 
 
 def test_joint_limits_are_told():
     described = lw.robots.five_bar()
-    limited = described.joints["elbow_1"].model_copy(update={"limits": lw.Limits(lower=-3.0, upper=0.0)})
-    robot = lw.Robot(described.model_copy(update={"joints": {**described.joints, "elbow_1": limited}}))
+    limited = described.joints["elbow_1"].model_copy(
+        update={"limits": lw.Limits(lower=-3.0, upper=0.0)}
+    )
+    robot = lw.Robot(
+        described.model_copy(update={"joints": {**described.joints, "elbow_1": limited}})
+    )
     inside = working_modes(robot).within_limits
     assert inside[0] and 0 < inside.sum() < 4
 
@@ -136,13 +159,22 @@ def test_out_of_reach_there_is_no_mode():
         ),
         (lambda: assembly_modes(built("prr3"), {"slid_1": 0.1}), "there is no joint 'slid_1'"),
         (lambda: assembly_modes(built("prr3"), [0.1]), "give coordinates by name"),
-        (lambda: assembly_modes(built("prr3"), {f"slide_{i}": np.nan for i in (1, 2, 3)}), "finite"),
+        (
+            lambda: assembly_modes(built("prr3"), {f"slide_{i}": np.nan for i in (1, 2, 3)}),
+            "finite",
+        ),
         (lambda: assembly_modes(built("prr3"), starts=0), "starts is 0"),
         (lambda: working_modes(built("prr3"), [0.5, 0.3]), "3 numbers"),
         (lambda: working_modes(built("bricard")), "names no tool"),
         (lambda: working_modes(built("four_bar")), "name the coordinates"),
-        (lambda: working_modes(built("stewart"), what=("x", "y", "z", "rx")), "rx, ry and rz, or for none"),
-        (lambda: working_modes(built("four_bar"), what=("w",)), "there is no coordinate of the tool 'w'"),
+        (
+            lambda: working_modes(built("stewart"), what=("x", "y", "z", "rx")),
+            "rx, ry and rz, or for none",
+        ),
+        (
+            lambda: working_modes(built("four_bar"), what=("w",)),
+            "there is no coordinate of the tool 'w'",
+        ),
     ],
 )
 def test_refusals(ask, told):

@@ -40,7 +40,10 @@ def test_a_motor_holds_the_pendulum_at_its_angle():
 def test_two_links_have_four_equilibria_of_which_one_is_stable():
     found = equilibria(arm(1.0, 0.6))
     angles = {
-        tuple(np.round(np.sin([one.state["hinge_1"], one.state["hinge_1"] + one.state["hinge_2"]]), 6)) for one in found
+        tuple(
+            np.round(np.sin([one.state["hinge_1"], one.state["hinge_1"] + one.state["hinge_2"]]), 6)
+        )
+        for one in found
     }
     assert angles == {(-1, -1), (-1, 1), (1, -1), (1, 1)}
     assert [one.stable for one in found] == [True, False, False, False]
@@ -64,7 +67,9 @@ def test_the_bricard_linkage_finds_its_rest_in_other_rates_than_its_motor_s():
     """On the way down the motor's rate ceases to determine the motion."""
     found = equilibrium(built("bricard"))
     assert found.stable and found.residual < 1e-8
-    assert robot_energy(built("bricard"), found.state) < robot_energy(built("bricard"), built("bricard").home)
+    assert robot_energy(built("bricard"), found.state) < robot_energy(
+        built("bricard"), built("bricard").home
+    )
 
 
 def robot_energy(robot, state):
@@ -98,7 +103,9 @@ def test_within_wide_bounds_they_are_those_of_the_robot():
         distributed_forces(robot, robot.home, np.zeros(2), lower=-1e3, upper=1e3),
         robot.inverse_dynamics(robot.home, np.zeros(2)),
     )
-    weighted = distributed_forces(robot, robot.home, np.zeros(2), upper=-2.0, weights=[1.0, 1.0, 100.0])
+    weighted = distributed_forces(
+        robot, robot.home, np.zeros(2), upper=-2.0, weights=[1.0, 1.0, 100.0]
+    )
     plain = distributed_forces(robot, robot.home, np.zeros(2), upper=-2.0)
     assert abs(weighted[2]) <= abs(plain[2]) + 1e-12
 
@@ -118,9 +125,20 @@ def test_within_wide_bounds_they_are_those_of_the_robot():
             lambda: distributed_forces(cables(), cables().home, [0, 0], lower=[1.0, 2.0]),
             "one number, or one per actuator",
         ),
-        (lambda: distributed_forces(cables(), cables().home, [0, 0], upper={"cable_1": 1.0}), "lack cable_2, cable_3"),
-        (lambda: distributed_forces(built("five_bar"), built("five_bar").home, [1e3, 0], upper=1e-3), "needs"),
-        (lambda: equilibrium(arm(), guess=arm().state({"hinge_1": [0, 1], "hinge_2": [0, 1]})), "not a stack"),
+        (
+            lambda: distributed_forces(cables(), cables().home, [0, 0], upper={"cable_1": 1.0}),
+            "lack cable_2, cable_3",
+        ),
+        (
+            lambda: distributed_forces(
+                built("five_bar"), built("five_bar").home, [1e3, 0], upper=1e-3
+            ),
+            "needs",
+        ),
+        (
+            lambda: equilibrium(arm(), guess=arm().state({"hinge_1": [0, 1], "hinge_2": [0, 1]})),
+            "not a stack",
+        ),
         (lambda: equilibrium(built("pendulum"), [20.0]), "no stable equilibrium is found"),
         (lambda: equilibrium(built("pendulum"), {"x": 1.0}), "there is no actuator 'x'"),
         (lambda: equilibria(built("pendulum"), [1.0, 2.0]), "1 numbers"),
@@ -135,5 +153,8 @@ def test_refusals(ask, told):
 def test_weights_of_bounded_forces_may_be_given_by_name():
     robot, weights = cables(), [1.0, 4.0, 9.0]
     named = dict(zip(robot.actuators, weights, strict=True))
-    first, second = (distributed_forces(robot, robot.home, [0, 0], upper=-2.0, weights=w) for w in (weights, named))
+    first, second = (
+        distributed_forces(robot, robot.home, [0, 0], upper=-2.0, weights=w)
+        for w in (weights, named)
+    )
     np.testing.assert_array_equal(first, second)

@@ -20,8 +20,14 @@ FRICTION = (
 def rubbing(**damping):
     """Return the arm with friction in its hinges and bodies of size."""
     described = lw.robots.pendulum((0.5, 0.4), (3.0, 2.0))
-    friction = {"hinge_1": lw.Friction(viscous=0.8, coulomb=1.5), "hinge_2": lw.Friction(viscous=0.4, coulomb=0.6)}
-    joints = {name: joint.model_copy(update={"friction": friction[name]}) for name, joint in described.joints.items()}
+    friction = {
+        "hinge_1": lw.Friction(viscous=0.8, coulomb=1.5),
+        "hinge_2": lw.Friction(viscous=0.4, coulomb=0.6),
+    }
+    joints = {
+        name: joint.model_copy(update={"friction": friction[name]})
+        for name, joint in described.joints.items()
+    }
     bodies = {
         "rod_1": lw.Body(mass=3.0, centre_of_mass=(0.2, 0.01, 0), inertia=lw.Inertia(zz=0.07)),
         "rod_2": lw.Body(mass=2.0, centre_of_mass=(0.15, -0.02, 0), inertia=lw.Inertia(zz=0.03)),
@@ -64,11 +70,20 @@ def test_base_parameters_give_the_forces_of_all_motions(name):
     state = robot.home.with_rates(random.standard_normal(robot.mobility))
     dv = random.standard_normal(robot.mobility)
     Y, known = base.regressor.with_known(state, dv)
-    forces = robot.mass_matrix(state) @ dv + robot.coriolis(state) + robot.gravity(state) - robot.passive_forces(state)
-    np.testing.assert_allclose(
-        Y[:, base.columns] @ base.described + known, forces, atol=1e-9 * max(1, np.abs(forces).max())
+    forces = (
+        robot.mass_matrix(state) @ dv
+        + robot.coriolis(state)
+        + robot.gravity(state)
+        - robot.passive_forces(state)
     )
-    assert len(base) < np.linalg.matrix_rank(base.regressor.described[None]) + len(base.regressor.names)
+    np.testing.assert_allclose(
+        Y[:, base.columns] @ base.described + known,
+        forces,
+        atol=1e-9 * max(1, np.abs(forces).max()),
+    )
+    assert len(base) < np.linalg.matrix_rank(base.regressor.described[None]) + len(
+        base.regressor.names
+    )
 
 
 def test_masses_and_friction_are_recovered_exactly_from_an_exact_run():
@@ -79,7 +94,9 @@ def test_masses_and_friction_are_recovered_exactly_from_an_exact_run():
     found = identify(robot, run, FRICTION)
     np.testing.assert_allclose(found.values, found.described, rtol=1e-6, atol=1e-7)
     assert found.residual.max() < 1e-7
-    assert dict(zip(found.names, found.values, strict=True))["hinge_1.friction.coulomb"] == pytest.approx(1.5)
+    assert dict(zip(found.names, found.values, strict=True))[
+        "hinge_1.friction.coulomb"
+    ] == pytest.approx(1.5)
 
 
 def test_a_wrong_description_does_not_matter():
@@ -103,12 +120,20 @@ def excited():
     }
     robot = lw.Robot(described.model_copy(update={"joints": joints}))
     ranges = {name: (robot.home[name] - 0.08, robot.home[name] + 0.08) for name in robot.actuators}
-    options = {"period": 2.0, "ranges": ranges, "rates": 1.0, "accelerations": 10.0, "effects": effects(robot)}
+    options = {
+        "period": 2.0,
+        "ranges": ranges,
+        "rates": 1.0,
+        "accelerations": 10.0,
+        "effects": effects(robot),
+    }
     return robot, options, exciting_trajectory(robot, trials=60, **options)
 
 
 def effects(robot):
-    return [f"{name}.friction.{kind}" for name in robot.actuators for kind in ("viscous", "coulomb")]
+    return [
+        f"{name}.friction.{kind}" for name in robot.actuators for kind in ("viscous", "coulomb")
+    ]
 
 
 def test_known_parameters_are_recovered_from_noisy_measurements_within_their_deviations(excited):
@@ -140,7 +165,9 @@ def test_excitation_keeps_its_bounds_and_beats_chance(excited):
     lower, upper = np.array([options["ranges"][name] for name in robot.actuators]).T
     assert (q >= lower - 2e-3).all() and (q <= upper + 2e-3).all()
     assert np.abs(v).max() <= 1.02 and np.abs(dv).max() <= 10.4
-    assert motion.condition < 0.8 * exciting_trajectory(robot, trials=6, seed=3, **options).condition
+    assert (
+        motion.condition < 0.8 * exciting_trajectory(robot, trials=6, seed=3, **options).condition
+    )
     whole = motion.motion(robot, samples=11)
     np.testing.assert_allclose(whole.positions[:, :3], motion.sample(whole.time)[0], atol=1e-9)
     assert np.max(robot.closure_error(whole.state)) < 1e-12
@@ -161,9 +188,14 @@ def test_rates_of_sampled_motions_are_derivatives():
         (lambda: base_parameters(arm(), "hinge_1"), "a list of names"),
         (lambda: identify(rubbing(), resting(rubbing(), 2)), "measure more samples"),
         (lambda: identify(rubbing(), resting(rubbing(), 50)), "a richer one"),
-        (lambda: periodic(arm(), [0, 1], [[0, 0]], [[0, 0]], period=1.0, harmonics=1), "have the shapes"),
         (
-            lambda: periodic(arm(), np.arange(3), np.zeros((3, 2)), np.zeros((3, 2)), period=1.0, harmonics=2),
+            lambda: periodic(arm(), [0, 1], [[0, 0]], [[0, 0]], period=1.0, harmonics=1),
+            "have the shapes",
+        ),
+        (
+            lambda: periodic(
+                arm(), np.arange(3), np.zeros((3, 2)), np.zeros((3, 2)), period=1.0, harmonics=2
+            ),
             "harmonics is 2",
         ),
         (lambda: excite({"slide": (0, 1), "x": (0, 1)}), "there is no actuator 'x'"),
@@ -186,10 +218,14 @@ def resting(robot, count):
 
 
 def excite(ranges, rates=1.0, **options):
-    return exciting_trajectory(cart(), period=1.0, ranges=ranges, rates=rates, accelerations=1.0, **options)
+    return exciting_trajectory(
+        cart(), period=1.0, ranges=ranges, rates=rates, accelerations=1.0, **options
+    )
 
 
 def far():
     robot = built("five_bar")
     ranges = {"motor_1": (-3.0, 3.0), "motor_2": (3.0, 9.0)}
-    return exciting_trajectory(robot, period=1.0, ranges=ranges, rates=1e3, accelerations=1e4, trials=5)
+    return exciting_trajectory(
+        robot, period=1.0, ranges=ranges, rates=1e3, accelerations=1e4, trials=5
+    )

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.analysis import holding, jacobians, linearise, natural_modes, stiffness_matrix, tool_stiffness
+from linkwork.analysis import (
+    holding,
+    jacobians,
+    linearise,
+    natural_modes,
+    stiffness_matrix,
+    tool_stiffness,
+)
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
@@ -20,7 +27,9 @@ def nudged(robot, state, xi):
     q = state.q + robot.assembler.still(state.q)["derivatives"] @ chart.tree_rates(state.q, xi)
     for _ in range(4):
         q, _ = chart.kernel("closure_step")(q)
-    return lw.State(*robot.kernel("positions")(q), state.rates, q, state.coordinates, state.independent)
+    return lw.State(
+        *robot.kernel("positions")(q), state.rates, q, state.coordinates, state.independent
+    )
 
 
 def by_differences(robot, state, forces, h=1e-6):
@@ -28,12 +37,17 @@ def by_differences(robot, state, forces, h=1e-6):
     n = len(state.independent)
     slopes = []
     for of in (lambda e: nudged(robot, state, e), lambda e: state.with_rates(state.rates + e)):
-        ends = [[robot.forward_dynamics(of(sign * h * e), forces) for e in np.eye(n)] for sign in (1, -1)]
+        ends = [
+            [robot.forward_dynamics(of(sign * h * e), forces) for e in np.eye(n)]
+            for sign in (1, -1)
+        ]
         slopes.append((np.array(ends[0]) - np.array(ends[1])).T / (2 * h))
     return np.hstack(slopes)
 
 
-@pytest.mark.parametrize("name", ["prr3", "five_bar", "stewart", "delta", "flyball_governor", "four_bar"])
+@pytest.mark.parametrize(
+    "name", ["prr3", "five_bar", "stewart", "delta", "flyball_governor", "four_bar"]
+)
 def test_it_is_the_slope_of_the_forward_dynamics_in_motion(name):
     robot, random = built(name), np.random.default_rng(5)
     state = robot.home.with_rates(0.3 * random.standard_normal(robot.mobility))
@@ -41,7 +55,9 @@ def test_it_is_the_slope_of_the_forward_dynamics_in_motion(name):
     model = linearise(robot, state, forces)
     n = robot.mobility
     expected = by_differences(robot, state, forces)
-    np.testing.assert_allclose(model.A[n:], expected, rtol=1e-5, atol=1e-6 * max(1, np.abs(expected).max()))
+    np.testing.assert_allclose(
+        model.A[n:], expected, rtol=1e-5, atol=1e-6 * max(1, np.abs(expected).max())
+    )
     np.testing.assert_allclose(model.A[:n], np.hstack([np.zeros((n, n)), np.eye(n)]), atol=1e-12)
     M, S = robot.mass_matrix(state), robot.actuation(state)
     np.testing.assert_allclose(model.B[n:], np.linalg.solve(M, S.T), rtol=1e-9, atol=1e-12)
@@ -69,7 +85,10 @@ def test_shifts_of_a_turning_body_change_by_its_turn_too():
     at = []
     for t in (h, -h):
         q = state.q + t * moving(state.q, state.rates)
-        ends = [one + t * moving(one, state.rates + sign * small * dv) for sign, one in zip((1, -1), near, strict=True)]
+        ends = [
+            one + t * moving(one, state.rates + sign * small * dv)
+            for sign, one in zip((1, -1), near, strict=True)
+        ]
         at.append(read(q, (ends[0] - ends[1]) / (2 * small)))
     slope = (at[0] - at[1]) / (2 * h)
     np.testing.assert_allclose(A @ np.concatenate([xi, dv]), slope, atol=1e-6)
@@ -83,7 +102,11 @@ def test_a_mass_on_a_spring_and_damper():
     np.testing.assert_allclose(model.A, [[0, 1], [-k / m, -d / m]], atol=1e-12)
     np.testing.assert_allclose(model.B, [[0], [1 / m]])
     np.testing.assert_allclose(
-        model.poles, [(-d - 1j * np.sqrt(4 * m * k - d**2)) / (2 * m), (-d + 1j * np.sqrt(4 * m * k - d**2)) / (2 * m)]
+        model.poles,
+        [
+            (-d - 1j * np.sqrt(4 * m * k - d**2)) / (2 * m),
+            (-d + 1j * np.sqrt(4 * m * k - d**2)) / (2 * m),
+        ],
     )
     assert model.states == ("slide", "slide rate") and model.inputs == ("slide",)
     assert model.controllable
@@ -123,7 +146,11 @@ def test_stiffness_is_the_second_derivative_of_the_potential_energy():
 
     e = h * np.eye(3)
     expected = [
-        [(potential(a + b) - potential(a - b) - potential(b - a) + potential(-a - b)) / (4 * h * h) for a in e]
+        [
+            (potential(a + b) - potential(a - b) - potential(b - a) + potential(-a - b))
+            / (4 * h * h)
+            for a in e
+        ]
         for b in e
     ]
     np.testing.assert_allclose(K, expected, atol=1e-5 * np.abs(K).max())
@@ -135,13 +162,20 @@ def test_the_tool_s_stiffness_is_the_actuators_seen_through_the_jacobian(name):
     """K_x = K' k K with q' = K x'."""
     robot = built(name)
     k = 1e5 * np.arange(1, len(robot.actuators) + 1)
-    stiffness, compliance = tool_stiffness(robot, robot.home, dict(zip(robot.actuators, k, strict=True)))
+    stiffness, compliance = tool_stiffness(
+        robot, robot.home, dict(zip(robot.actuators, k, strict=True))
+    )
     K = jacobians(robot)(robot.home.q)[0]
     order = [3, 4, 5, 0, 1, 2] if name == "stewart" else [3, 4, 2]
     expected = K.T @ (k[:, None] * K)
-    np.testing.assert_allclose(stiffness[np.ix_(order, order)], expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(
-        stiffness @ compliance @ stiffness, stiffness, rtol=1e-7, atol=1e-6 * np.abs(stiffness).max()
+        stiffness[np.ix_(order, order)], expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max()
+    )
+    np.testing.assert_allclose(
+        stiffness @ compliance @ stiffness,
+        stiffness,
+        rtol=1e-7,
+        atol=1e-6 * np.abs(stiffness).max(),
     )
 
 
@@ -151,7 +185,9 @@ def test_weight_adds_to_the_tool_s_stiffness():
     hanging = robot.state({"hinge_1": -np.pi / 2})
     stiffness, _ = tool_stiffness(robot, hanging, {"hinge_1": 5.0}, forces=[0.0])
     _, compliance = tool_stiffness(robot, hanging, {"hinge_1": 5.0})
-    assert 1 / tool_stiffness(robot, hanging, {"hinge_1": 5.0}, forces=[0.0])[1][3, 3] == pytest.approx(5.0 + G)
+    assert 1 / tool_stiffness(robot, hanging, {"hinge_1": 5.0}, forces=[0.0])[1][
+        3, 3
+    ] == pytest.approx(5.0 + G)
     assert 1 / compliance[3, 3] == pytest.approx(5.0)
     assert stiffness[4, 4] == pytest.approx(0, abs=1e-9)
 
@@ -173,7 +209,10 @@ def test_what_no_actuator_drives_is_not_controllable():
     described = lw.robots.pendulum((1.0, 1.0), (1.0, 1.0))
     for actuators, expected in ((("hinge_1",), True), ((), False)):
         robot = lw.Robot(described.model_copy(update={"actuators": actuators}))
-        assert linearise(robot, robot.state({"hinge_1": -np.pi / 2, "hinge_2": 0.0})).controllable is expected
+        assert (
+            linearise(robot, robot.state({"hinge_1": -np.pi / 2, "hinge_2": 0.0})).controllable
+            is expected
+        )
 
 
 def test_it_becomes_a_system_of_python_control():
@@ -184,7 +223,10 @@ def test_it_becomes_a_system_of_python_control():
 @pytest.mark.parametrize(
     ("ask", "told"),
     [
-        (lambda: linearise(arm(), arm().state({"hinge_1": [0, 1], "hinge_2": [1, 1]})), "one state, not a stack"),
+        (
+            lambda: linearise(arm(), arm().state({"hinge_1": [0, 1], "hinge_2": [1, 1]})),
+            "one state, not a stack",
+        ),
         (lambda: linearise(arm(), arm().home, [1.0]), "2 numbers"),
         (lambda: linearise(arm(), arm().home, {"hinge_7": 1.0}), "there is no actuator 'hinge_7'"),
         (lambda: linearise(arm(), arm().home, outputs=("elbow",)), "there is no output 'elbow'"),

@@ -36,7 +36,9 @@ def test_starts_that_lead_to_no_number_have_not_converged():
     q = random_configurations(problem.square, problem.length, 64, np.random.default_rng(0))
     lost = np.arange(0, 64, 3)
     q[lost, -1] = np.nan
-    found, good = problem.solve(q, robot.home.positions[[robot.coordinates.index(a) for a in robot.actuators]], 60)
+    found, good = problem.solve(
+        q, robot.home.positions[[robot.coordinates.index(a) for a in robot.actuators]], 60
+    )
     assert good.any() and not good[lost].any() and np.isfinite(found[good]).all()
 
 
@@ -48,7 +50,9 @@ def test_a_step_to_where_the_loops_are_no_numbers_is_shortened():
 
     with np.errstate(invalid="ignore"):
         np.testing.assert_allclose(
-            close(system, SimpleNamespace(quaternions=(), units=np.ones(1)), np.array([0.3])), 0.01, rtol=1e-9
+            close(system, SimpleNamespace(quaternions=(), units=np.ones(1)), np.array([0.3])),
+            0.01,
+            rtol=1e-9,
         )
 
 
@@ -56,6 +60,8 @@ def test_behind_a_singular_pose_a_state_that_is_no_number_is_not_closed():
     """A Newton step whose pivot is zero leaves a residual of the other rows alone."""
     outputs = iter([[0.1, np.nan, 1e-3], [0.1, np.nan, 0.0], [0.1, np.nan, 0.0]])
     kernel = SimpleNamespace(flat=lambda *parts: np.array(next(outputs)))
-    chart = SimpleNamespace(equations=SimpleNamespace(constrained=True), kernel=lambda name: kernel, p=np.empty(0))
+    chart = SimpleNamespace(
+        equations=SimpleNamespace(constrained=True), kernel=lambda name: kernel, p=np.empty(0)
+    )
     q, closed = Crossing(chart, None, 1e-12, 1e-10, 1e-8)._closed(np.array([0.1, 0.2]))
     assert np.isfinite(q).all() and not closed

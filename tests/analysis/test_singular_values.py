@@ -9,7 +9,9 @@ from linkwork.analysis.singular_values import singular_values
 @pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 3), (6, 6), (8, 3)])
 def test_they_are_lapack_s(shape):
     A = np.random.default_rng(7).standard_normal((4, 50, *shape))
-    np.testing.assert_allclose(singular_values(A), np.linalg.svd(A, compute_uv=False), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        singular_values(A), np.linalg.svd(A, compute_uv=False), rtol=1e-12, atol=1e-14
+    )
 
 
 def test_tiny_ones_are_accurate_to_their_own_size():

@@ -19,7 +19,9 @@ def elbows(robot, state):
     return foot + PROXIMAL * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "prr3", "rpr3", "stewart", "linear_delta", "agile_wrist"])
+@pytest.mark.parametrize(
+    "name", ["five_bar", "prr3", "rpr3", "stewart", "linear_delta", "agile_wrist"]
+)
 def test_the_jacobians_relate_the_rates_that_the_robot_itself_gives(name):
     """x' of the tool and q' of the actuators, both from the rate map of the equations of motion."""
     robot = built(name)
@@ -37,7 +39,9 @@ def test_the_jacobians_relate_the_rates_that_the_robot_itself_gives(name):
     for k, actuator in enumerate(robot.actuators):
         ends = [
             robot.tool_pose(
-                robot.assemble({a: state[a] + sign * h * (a == actuator) for a in robot.actuators}, guess=state)
+                robot.assemble(
+                    {a: state[a] + sign * h * (a == actuator) for a in robot.actuators}, guess=state
+                )
             )
             for sign in (1, -1)
         ]
@@ -70,13 +74,17 @@ def test_the_five_bar_s_loci_part_the_two_sides_on_which_the_distal_links_lie():
         np.stack([x - foot, y], -1) - PROXIMAL * np.stack([np.cos(q), np.sin(q)], -1)
         for foot, q in ((0, angles[..., 0]), (BASE, angles[..., 1]))
     ]
-    side = np.sign(d[0][..., 0] * d[1][..., 1] - d[0][..., 1] * d[1][..., 0]) * np.sign(side_at_home(robot))
+    side = np.sign(d[0][..., 0] * d[1][..., 1] - d[0][..., 1] * d[1][..., 0]) * np.sign(
+        side_at_home(robot)
+    )
     reached = mapped.reachable.values
     np.testing.assert_array_equal(np.sign(mapped.det_A.values[reached]), side[reached])
     lines = np.concatenate(loci(mapped))
     assert len(lines) > 200
     i, j = np.searchsorted(mapped.x, lines[:, 0]), np.searchsorted(mapped.y, lines[:, 1])
-    beside = np.stack([side[np.clip(i - a, 0, 299), np.clip(j - b, 0, 300)] for a in (0, 1) for b in (0, 1)])
+    beside = np.stack(
+        [side[np.clip(i - a, 0, 299), np.clip(j - b, 0, 300)] for a in (0, 1) for b in (0, 1)]
+    )
     assert (np.nanmin(beside, axis=0) < np.nanmax(beside, axis=0)).all()
 
 
@@ -128,7 +136,9 @@ def test_a_3_rrs_is_leg_singular_where_its_legs_are_stretched_whatever_its_refer
 def test_a_flat_rhombus_of_rods_is_singular_in_its_loops():
     """A parallelogram linkage laid flat: both branches of its motion meet, Phi loses rank."""
     robot = lw.Robot(parallelogram())
-    told = singularity(robot, robot.assemble({"crank": 0.0}, guess=robot.assemble({"crank": 0.05})), what=("y",))
+    told = singularity(
+        robot, robot.assemble({"crank": 0.0}, guess=robot.assemble({"crank": 0.05})), what=("y",)
+    )
     assert "constraint" in told.kinds
     assert singularity(robot, robot.assemble({"crank": 1.0}), what=("y",)).kinds == ()
 
@@ -137,9 +147,15 @@ def parallelogram():
     rod = lw.Body(mass=1, inertia=lw.Inertia(zz=0.1))
     joints = {
         "crank": lw.RevoluteJoint(connects=("ground", "left")),
-        "rocker": lw.RevoluteJoint(connects=("ground", "right"), frames=(lw.Frame.planar(2.0), lw.Frame())),
-        "pin": lw.RevoluteJoint(connects=("left", "coupler"), frames=(lw.Frame.planar(1.0), lw.Frame())),
-        "joint": lw.RevoluteJoint(connects=("coupler", "right"), frames=(lw.Frame.planar(2.0), lw.Frame.planar(1.0))),
+        "rocker": lw.RevoluteJoint(
+            connects=("ground", "right"), frames=(lw.Frame.planar(2.0), lw.Frame())
+        ),
+        "pin": lw.RevoluteJoint(
+            connects=("left", "coupler"), frames=(lw.Frame.planar(1.0), lw.Frame())
+        ),
+        "joint": lw.RevoluteJoint(
+            connects=("coupler", "right"), frames=(lw.Frame.planar(2.0), lw.Frame.planar(1.0))
+        ),
     }
     return lw.Mechanism(
         bodies={"left": rod, "right": rod, "coupler": rod},
@@ -161,7 +177,9 @@ def test_along_a_motion_crossings_and_distances_are_told():
     np.testing.assert_allclose(at, [0.0], atol=1e-9)
     assert told.leg_crossings.size == 0
     near = np.abs(angles) < 0.03
-    np.testing.assert_allclose(told.tool_distance[near], length * np.abs(angles[near]), rtol=2e-3, atol=1e-12)
+    np.testing.assert_allclose(
+        told.tool_distance[near], length * np.abs(angles[near]), rtol=2e-3, atol=1e-12
+    )
     assert told.tool_distance.attrs["units"] == "m"
 
 
@@ -189,7 +207,10 @@ def test_the_way_to_a_leg_singularity_is_that_of_the_elbow():
     ("ask", "told"),
     [
         (lambda: singularity(built("bricard"), built("bricard").home), "names no tool"),
-        (lambda: singularity(arm(), arm().state({"hinge_1": [0, 0], "hinge_2": [1, 2]})), "not of a stack"),
+        (
+            lambda: singularity(arm(), arm().state({"hinge_1": [0, 0], "hinge_2": [1, 2]})),
+            "not of a stack",
+        ),
         (lambda: singularity(built("five_bar"), built("prr3").home), "another robot"),
         (lambda: along(built("five_bar"), built("five_bar").home), "one leading dimension"),
         (lambda: loci(workspace(arm(), {"x": 1.0, "y": [0.1, 0.2]})), "no quantity over two axes"),

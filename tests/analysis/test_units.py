@@ -33,7 +33,8 @@ def test_equilibria_and_their_vibrations_are_the_same(name, L, M):
         assert np.allclose(one.state.positions, other.state.positions, rtol=0, atol=1e-7)
         assert np.allclose(one.stiffness / scale.energy, other.stiffness, rtol=1e-6)
         vibrations = [
-            analysis.natural_modes(*which).frequencies for which in ((robot, one.state), (plain, other.state))
+            analysis.natural_modes(*which).frequencies
+            for which in ((robot, one.state), (plain, other.state))
         ]
         assert np.allclose(*vibrations, rtol=1e-6)
 
@@ -55,8 +56,12 @@ def test_a_parallel_robot_is_held_vibrates_and_yields_the_same(L, M):
     own = np.repeat([1.0, L], 3)
     K, C = analysis.tool_stiffness(plain, plain.home, per_leg)
     K_own, C_own = analysis.tool_stiffness(robot, robot.home, {name: 1e5 * M for name in per_leg})
-    assert np.allclose(K_own * own * own[:, None] / scale.energy, K, rtol=1e-9, atol=1e-9 * np.abs(K).max())
-    assert np.allclose(C_own / own / own[:, None] * scale.energy, C, rtol=1e-9, atol=1e-9 * np.abs(C).max())
+    assert np.allclose(
+        K_own * own * own[:, None] / scale.energy, K, rtol=1e-9, atol=1e-9 * np.abs(K).max()
+    )
+    assert np.allclose(
+        C_own / own / own[:, None] * scale.energy, C, rtol=1e-9, atol=1e-9 * np.abs(C).max()
+    )
 
 
 @pytest.mark.parametrize(("L", "M"), SCALES)
@@ -72,7 +77,12 @@ def test_the_same_starts_end_in_the_same_modes(name, tool, L, M):
     for expected, found in modes:
         assert len(found) == len(expected) > 1
         assert abs(found.converged - expected.converged) < 1e-3 * expected.starts
-        assert np.allclose(found.states.positions / scale.coordinates(), expected.states.positions, rtol=0, atol=1e-7)
+        assert np.allclose(
+            found.states.positions / scale.coordinates(),
+            expected.states.positions,
+            rtol=0,
+            atol=1e-7,
+        )
         assert np.array_equal(found.signs, expected.signs)
 
 
@@ -87,7 +97,9 @@ def test_the_same_poses_are_reached_and_as_well_conditioned(L, M):
     assert 0.05 < expected.reachable.mean() < 0.95
     assert np.array_equal(found.reachable.values, expected.reachable.values)
     for name in ("conditioning", "det_A", "det_B"):
-        assert np.allclose(found[name].values, expected[name].values, rtol=1e-6, atol=1e-9, equal_nan=True)
+        assert np.allclose(
+            found[name].values, expected[name].values, rtol=1e-6, atol=1e-9, equal_nan=True
+        )
 
 
 @pytest.mark.parametrize(("L", "M"), SCALES)
@@ -98,7 +110,9 @@ def test_a_pose_is_singular_whatever_its_units(angle, L, M):
     expected = analysis.singularity(plain, plain.assemble(tool=pose))
     found = analysis.singularity(robot, robot.assemble(tool=pose * [L, L, 1.0]))
     assert found.kinds == expected.kinds == (("II",) if angle == 0 else ())
-    assert np.allclose([found.leg, found.actuator], [expected.leg, expected.actuator], rtol=1e-6, atol=1e-9)
+    assert np.allclose(
+        [found.leg, found.actuator], [expected.leg, expected.actuator], rtol=1e-6, atol=1e-9
+    )
     assert found.tool.keys() == expected.tool.keys()
 
 
@@ -112,18 +126,23 @@ def test_input_output_relations_are_the_same_but_for_units(L, M):
 
 def test_steps_of_a_grid_in_nanometres_are_compared_with_each_other():
     mapped = analysis.workspace(
-        lw.Robot(Scale(MADE["rpr3"], 1e-8).mechanism), {"x": [0.0, 4e-9, 5e-9], "y": [0.0, 1e-9, 2e-9], "angle": 1.0}
+        lw.Robot(Scale(MADE["rpr3"], 1e-8).mechanism),
+        {"x": [0.0, 4e-9, 5e-9], "y": [0.0, 1e-9, 2e-9], "angle": 1.0},
     )
     with pytest.raises(lw.LinkworkError, match="equally spaced"):
         analysis.inscribed(mapped)
 
 
-@pytest.mark.parametrize(("L", "M", "T"), [(1.0, 1.0, 1.0), (1e-6, 1e6, 1e4), (1e6, 1e-6, 1e-4), (1e-6, 1e-6, 1e-4)])
+@pytest.mark.parametrize(
+    ("L", "M", "T"), [(1.0, 1.0, 1.0), (1e-6, 1e6, 1e4), (1e6, 1e-6, 1e-4), (1e-6, 1e-6, 1e-4)]
+)
 @pytest.mark.parametrize(("length", "expected"), [(0.3, True), (0.5, False)])
 @pytest.mark.parametrize("driven", [("cart",), ("cart", "pole_1")])
 def test_a_cart_reaches_two_pendulums_unless_they_are_alike(length, expected, driven, L, M, T):
     """Pendulums of equal length on one cart swing against each other, whatever its force does."""
-    joints: dict[str, lw.mechanism.Joint] = {"cart": lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))}
+    joints: dict[str, lw.mechanism.Joint] = {
+        "cart": lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))
+    }
     bodies = {"cart": lw.Body(mass=2.0)}
     for name, own in (("pole_1", 0.5), ("pole_2", length)):
         bodies[name] = lw.Body(mass=1.0, centre_of_mass=(0, -own, 0), inertia=lw.Inertia(zz=0.01))
@@ -161,11 +180,15 @@ def test_the_same_parameters_are_seen_excited_and_identified(name, L, M, T):
         )
         motion = wanted.motion(one, 41)
         measured = analysis.Measured(
-            motion.state, motion.accelerations, one.inverse_dynamics(motion.state, motion.accelerations)
+            motion.state,
+            motion.accelerations,
+            one.inverse_dynamics(motion.state, motion.accelerations),
         )
         found.append((wanted, analysis.identify(one, measured, [effect])))
     (wanted, known), (own, identified) = found
     assert np.allclose(own.coefficients / slide, wanted.coefficients, rtol=0, atol=1e-6)
     assert own.condition == pytest.approx(wanted.condition, rel=1e-3)
     assert identified.condition == pytest.approx(known.condition, rel=1e-3)
-    assert np.allclose(identified.values / dimensions, known.values, rtol=1e-4, atol=1e-6 * abs(known.values).max())
+    assert np.allclose(
+        identified.values / dimensions, known.values, rtol=1e-4, atol=1e-6 * abs(known.values).max()
+    )

@@ -57,7 +57,14 @@ def test_the_five_bar_reaches_what_both_legs_reach_on_every_working_mode():
     x, y = np.meshgrid(np.linspace(-0.5, 0.8, 131), np.linspace(-0.7, 0.7, 141), indexing="ij")
     legs = [np.hypot(x - foot, y) for foot in (0.0, BASE)]
     expected = np.all([(d < PROXIMAL + DISTAL) & (d > DISTAL - PROXIMAL) for d in legs], axis=0)
-    edge = np.any([np.abs(d - bound) < 1e-6 for d in legs for bound in (PROXIMAL + DISTAL, DISTAL - PROXIMAL)], axis=0)
+    edge = np.any(
+        [
+            np.abs(d - bound) < 1e-6
+            for d in legs
+            for bound in (PROXIMAL + DISTAL, DISTAL - PROXIMAL)
+        ],
+        axis=0,
+    )
     for guess in lw.analysis.working_modes(robot).states.positions:
         mapped = workspace(robot, {"x": x[:, 0], "y": y[0]}, guess=robot.state(guess))
         np.testing.assert_array_equal(mapped.reachable.values | edge, expected | edge)
@@ -83,11 +90,15 @@ def test_neighbours_lead_where_newton_s_method_does_not_get_from_afar(monkeypatc
     grid = plane(61, (-0.31, -0.61), (0.62, 0.6))
     expected = workspace(built("five_bar"), grid)
     monkeypatch.setattr(sys.modules[workspace.__module__], "FAR", 4)
-    xarray.testing.assert_allclose(workspace(built("five_bar"), grid), expected, rtol=1e-6, atol=1e-7)
+    xarray.testing.assert_allclose(
+        workspace(built("five_bar"), grid), expected, rtol=1e-6, atol=1e-7
+    )
 
 
 def test_reachable_at_some_angle_and_at_all():
-    mapped = workspace(built("prr3"), plane(41, (0.3, 0.1), (0.7, 0.5), angle=np.linspace(0.2, 0.8, 7)))
+    mapped = workspace(
+        built("prr3"), plane(41, (0.3, 0.1), (0.7, 0.5), angle=np.linspace(0.2, 0.8, 7))
+    )
     assert mapped.reachable.dims == ("x", "y", "angle")
     some, every = mapped.reachable.any("angle"), mapped.reachable.all("angle")
     assert 0 < every.sum() < mapped.reachable.sel(angle=0.5, method="nearest").sum() < some.sum()
@@ -104,23 +115,36 @@ def test_joint_limits_cut_the_workspace():
 def test_isotropic_velocity_and_force_are_what_the_worst_direction_allows():
     robot = built("prr3")
     rates, forces = np.array([0.5, 1.0, 2.0]), np.array([10.0, 20.0, 5.0])
-    mapped = workspace(robot, {"x": [0.5], "y": 0.3, "angle": 0.5}, rates=rates, forces=forces).isel(x=0)
+    mapped = workspace(
+        robot, {"x": [0.5], "y": 0.3, "angle": 0.5}, rates=rates, forces=forces
+    ).isel(x=0)
     K, J, *_ = jacobians(robot)(robot.assemble(tool=[0.5, 0.3, 0.5]).q)
     around = np.linspace(0, 2 * np.pi, 100001)
     shift = np.stack([np.cos(around), np.sin(around), 0 * around])
-    assert float(mapped.isotropic_velocity) == pytest.approx(1 / np.max(np.abs(K @ shift) / rates[:, None]), rel=1e-6)
-    assert float(mapped.isotropic_force) == pytest.approx(1 / np.max(np.abs(J.T @ shift) / forces[:, None]), rel=1e-6)
-    assert float(mapped.isotropic_turn_rate) == pytest.approx(1 / np.max(np.abs(K[:, 2]) / rates), rel=1e-12)
-    assert float(mapped.isotropic_moment) == pytest.approx(1 / np.max(np.abs(J[2]) / forces), rel=1e-12)
+    assert float(mapped.isotropic_velocity) == pytest.approx(
+        1 / np.max(np.abs(K @ shift) / rates[:, None]), rel=1e-6
+    )
+    assert float(mapped.isotropic_force) == pytest.approx(
+        1 / np.max(np.abs(J.T @ shift) / forces[:, None]), rel=1e-6
+    )
+    assert float(mapped.isotropic_turn_rate) == pytest.approx(
+        1 / np.max(np.abs(K[:, 2]) / rates), rel=1e-12
+    )
+    assert float(mapped.isotropic_moment) == pytest.approx(
+        1 / np.max(np.abs(J[2]) / forces), rel=1e-12
+    )
 
 
 def test_forces_from_virtual_work_are_inverse_dynamics_of_a_massless_load():
     """u = J' f: the actuator forces that a weight on the tool needs beyond those without it, at rest."""
-    light, heavy = (lw.Robot(lw.robots.prr3(gravity=(0.0, -9.81, 0.0), platform_mass=mass)) for mass in (1.0, 2.0))
-    state = light.assemble(tool=[0.5, 0.3, 0.5])
-    added = heavy.inverse_dynamics(heavy.assemble(tool=[0.5, 0.3, 0.5]), np.zeros(3)) - light.inverse_dynamics(
-        state, np.zeros(3)
+    light, heavy = (
+        lw.Robot(lw.robots.prr3(gravity=(0.0, -9.81, 0.0), platform_mass=mass))
+        for mass in (1.0, 2.0)
     )
+    state = light.assemble(tool=[0.5, 0.3, 0.5])
+    added = heavy.inverse_dynamics(
+        heavy.assemble(tool=[0.5, 0.3, 0.5]), np.zeros(3)
+    ) - light.inverse_dynamics(state, np.zeros(3))
     _, J, *_ = jacobians(light)(state.q)
     np.testing.assert_allclose(added, J.T @ [0, 9.81, 0], rtol=1e-9)
 
@@ -137,10 +161,15 @@ def test_spatial_robots_map_volumes():
     robot = built("stewart")
     limits = {f"leg_{i}": (2.5, 3.5) for i in range(1, 7)}
     mapped = workspace(robot, grid, limits=limits)
-    feet, tips = (np.array(points) for points in (lw.robots.stewart.__defaults__[0], lw.robots.stewart.__defaults__[1]))
+    feet, tips = (
+        np.array(points)
+        for points in (lw.robots.stewart.__defaults__[0], lw.robots.stewart.__defaults__[1])
+    )
     pose = np.stack(np.meshgrid(*(grid[name] for name in "xyz"), indexing="ij"), axis=-1)
     lengths = np.linalg.norm(pose[..., None, :] + tips - feet, axis=-1)
-    np.testing.assert_array_equal(mapped.reachable, ((lengths >= 2.5) & (lengths <= 3.5)).all(axis=-1))
+    np.testing.assert_array_equal(
+        mapped.reachable, ((lengths >= 2.5) & (lengths <= 3.5)).all(axis=-1)
+    )
     assert mapped.attrs["characteristic_length"] > 0
     assert inscribed(mapped)[1] > 0.2
 
@@ -155,7 +184,9 @@ def test_a_grid_without_a_reachable_pose_gives_an_empty_result_and_says_so(tmp_p
     mapped = workspace(arm(), {"x": [5.0, 6.0], "y": [5.0, 6.0, 7.0]}, rates=1.0, forces=1.0)
     assert not mapped.reachable.any()
     assert mapped.conditioning.isnull().all() and mapped.isotropic_force.isnull().all()
-    assert mapped.attrs["message"].startswith("none of 6 poses is reached on this working mode (x from 5 to 6")
+    assert mapped.attrs["message"].startswith(
+        "none of 6 poses is reached on this working mode (x from 5 to 6"
+    )
     assert inscribed(mapped)[1] == 0 and content(mapped) == 0
     mapped.to_netcdf(tmp_path / "map.nc", engine="scipy")
 
@@ -180,8 +211,16 @@ def test_one_pose_and_one_axis():
         ({"x": [0, 1], "y": 0}, {"rates": [1.0]}, "2 numbers"),
         ({"x": [0, 1], "y": 0}, {"forces": -1.0}, "one positive number per actuator"),
         ({"x": [0, 1], "y": 0}, {"length": 0.0}, "characteristic length"),
-        ({"x": [0, 1], "y": 0}, {"guess": arm().state({"hinge_1": 0, "hinge_2": 0})}, "leg-singular"),
-        ({"x": [0, 1], "y": 0}, {"guess": arm().state({"hinge_1": [0, 1], "hinge_2": [1, 1]})}, "a stack of states"),
+        (
+            {"x": [0, 1], "y": 0},
+            {"guess": arm().state({"hinge_1": 0, "hinge_2": 0})},
+            "leg-singular",
+        ),
+        (
+            {"x": [0, 1], "y": 0},
+            {"guess": arm().state({"hinge_1": [0, 1], "hinge_2": [1, 1]})},
+            "a stack of states",
+        ),
     ],
 )
 def test_refusals(grid, options, told):
@@ -199,5 +238,8 @@ def test_circles_lie_in_lengths_equally_spaced():
 def test_as_many_threads_as_processors_may_be_used(monkeypatch):
     """One processor allowed: the parts are done in one thread, however many the machine has."""
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {0}, raising=False)
-    threads = in_threads(lambda part: (time.sleep(0.01), threading.get_ident())[1], [slice(k, k + 1) for k in range(4)])
+    threads = in_threads(
+        lambda part: (time.sleep(0.01), threading.get_ident())[1],
+        [slice(k, k + 1) for k in range(4)],
+    )
     assert len(set(threads)) == 1

@@ -8,7 +8,18 @@ import linkwork as lw
 from linkwork.kernels import cache
 from linkwork.robots import prr3
 
-from benchmarks import accuracy, by_hand, kernel, native, reference, runs, size, table, tasks, timing
+from benchmarks import (
+    accuracy,
+    by_hand,
+    kernel,
+    native,
+    reference,
+    runs,
+    size,
+    table,
+    tasks,
+    timing,
+)
 from benchmarks.machine import Machine, describe
 
 
@@ -62,7 +73,9 @@ def test_midpoint_rule_and_extrapolation_reach_their_orders():
     for columns in (1, 2, 3):
         errors = []
         for h in (0.4, 0.2):
-            y = reference.extrapolate(lambda y, u: y, np.ones(1), np.zeros((4, 1)), np.longdouble(h), columns)
+            y = reference.extrapolate(
+                lambda y, u: y, np.ones(1), np.zeros((4, 1)), np.longdouble(h), columns
+            )
             errors.append(abs(float(y[0]) - np.exp(h)))
         assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * columns + 1, abs=0.35)
 
@@ -97,17 +110,23 @@ def test_compiled_loop_ends_where_integrate_does(robot, task):
 
 
 def test_interleaved_times_count_items():
-    seconds = timing.interleaved({"a": timing.Contender(lambda: sum(range(1000)), items=10)}, rounds=3, block=1e-4)
+    seconds = timing.interleaved(
+        {"a": timing.Contender(lambda: sum(range(1000)), items=10)}, rounds=3, block=1e-4
+    )
     assert seconds["a"].shape == (3,)
     assert (seconds["a"] > 0).all()
 
 
 def test_engines_solve_the_same_task(robot, task):
     """Pinocchio, MuJoCo, Exudyn and SciPy end near the reference, each within what its method can do."""
-    work_precision = pytest.importorskip("benchmarks.work_precision", reason="the engines are not installed")
+    work_precision = pytest.importorskip(
+        "benchmarks.work_precision", reason="the engines are not installed"
+    )
     short = tasks.Task(task.start, task.signal, duration=0.2)
     exact = reference.reference(robot, short)
-    grid = work_precision.Grid(tolerances=(1e-6, 1e-8), steps=(50, 100), exudyn_steps=(50, 100), rounds=1)
+    grid = work_precision.Grid(
+        tolerances=(1e-6, 1e-8), steps=(50, 100), exudyn_steps=(50, 100), rounds=1
+    )
     curves = work_precision.measure(robot, short, exact, grid)
     assert max(curves[work_precision.LINKWORK].errors) < 1e-5
     assert max(curves[work_precision.NUMPY].errors) < 1e-5
@@ -121,12 +140,21 @@ def test_engines_solve_the_same_task(robot, task):
 def test_other_hands_compute_the_same_accelerations(robot):
     others = pytest.importorskip("benchmarks.others", reason="the engines are not installed")
     errors = others.errors(robot, count=5)
-    assert max(errors["Pinocchio"].max(), errors["NumPy by hand"].max(), errors["Linkwork, batch"].max()) < 1e-12
+    assert (
+        max(
+            errors["Pinocchio"].max(),
+            errors["NumPy by hand"].max(),
+            errors["Linkwork, batch"].max(),
+        )
+        < 1e-12
+    )
     assert errors["MuJoCo"].max() < 1e-4
 
 
 def test_time_at_equal_error_is_interpolated():
-    work_precision = pytest.importorskip("benchmarks.work_precision", reason="the engines are not installed")
+    work_precision = pytest.importorskip(
+        "benchmarks.work_precision", reason="the engines are not installed"
+    )
     curve = work_precision.Curve([1.0, 2.0, 3.0], [1e-2, 1e-4, 1e-6], [1.0, 10.0, 100.0])
     assert curve.time_at(1e-3) == pytest.approx(np.sqrt(10))
     assert curve.time_at(1e-6) == pytest.approx(100)
@@ -150,8 +178,12 @@ def test_figures_know_whether_they_are_met():
 
 def test_tables_hold_listings_beside_figures():
     listing = table.Listing(("robot", "batch [ns]"), [("pendulum", "1")])
-    section = table.Section("Catalogue", "All.", [table.Figure("a", 3.0, note="so")], listing=listing)
-    page = table.markdown(table.Page("Mechanisms", "mechanisms", [section]), describe(lanes=2), "", 1.0)
+    section = table.Section(
+        "Catalogue", "All.", [table.Figure("a", 3.0, note="so")], listing=listing
+    )
+    page = table.markdown(
+        table.Page("Mechanisms", "mechanisms", [section]), describe(lanes=2), "", 1.0
+    )
     assert "# Mechanisms: what" in page and "`mechanisms.json`" in page
     assert "| robot | batch [ns] |\n| --- | --- |\n| pendulum | 1 |" in page
     assert "| a (so) |  | 3 |  |" in page
@@ -164,8 +196,12 @@ def test_tables_hold_listings_beside_figures():
 
 def test_tables_name_machine_command_and_figures():
     machine = describe(lanes=2)
-    section = table.Section("Speed", "One way.\n\nAnother.", [table.Figure("a", 3.0, "ns", 4.0, note="so")])
-    page = table.markdown(table.Page("Speed", "speed", [section]), machine, "python -m benchmarks", 12.3)
+    section = table.Section(
+        "Speed", "One way.\n\nAnother.", [table.Figure("a", 3.0, "ns", 4.0, note="so")]
+    )
+    page = table.markdown(
+        table.Page("Speed", "speed", [section]), machine, "python -m benchmarks", 12.3
+    )
     assert "| a (so) | ≤ 4 ns | 3 ns | yes |" in page
     assert machine.cpu in page and "python -m benchmarks" in page and "GFLOP/s" in page
 

@@ -54,7 +54,9 @@ def test_both_charts_are_timed_on_the_same_motions(platform):
 def test_the_ladder_grows_linearly_and_swings_as_published():
     section = ladder.run(loops=(2, 4, 6), a02=3, rounds=1)
     found = values(section.figures)
-    assert found["instructions per further loop, largest over smallest"] == pytest.approx(1, abs=0.05)
+    assert found["instructions per further loop, largest over smallest"] == pytest.approx(
+        1, abs=0.05
+    )
     assert found["N = 6: instructions per loop"] < 150
     assert found["A02, N = 3, 10 s: largest error of a crank's angle at the end"] < 1e-4
     assert found["A02, N = 2: error of the first tip's place at the end"] < 1e-4
@@ -93,17 +95,23 @@ def test_catalogue_lists_robots():
 
 def test_pages_are_written_when_they_are_whole(tmp_path, monkeypatch, capsys):
     main = pytest.importorskip("benchmarks.__main__", reason=engines_needed)
-    section = table.Section("Speed", "So.", [table.Figure("a", 1.0)], {"b": [1.0]}, {"plot.svg": "<svg/>"})
+    section = table.Section(
+        "Speed", "So.", [table.Figure("a", 1.0)], {"b": [1.0]}, {"plot.svg": "<svg/>"}
+    )
     host = describe(lanes=2)
     monkeypatch.setattr(main, "RESULTS", tmp_path)
     monkeypatch.setattr(main.machine, "describe", lambda _: host)
-    monkeypatch.setattr(main, "PAGES", {"one": {"x": lambda _: section, "y": lambda _: section}, "two": {}})
+    monkeypatch.setattr(
+        main, "PAGES", {"one": {"x": lambda _: section, "y": lambda _: section}, "two": {}}
+    )
     assert main.main(["x"]) == 0
     assert not list(tmp_path.iterdir())
     assert main.main(["one"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["one.json", "one.md", "plot.svg"]
     assert "`python -m benchmarks one`" in (tmp_path / "one.md").read_text()
-    assert json.loads((tmp_path / "one.json").read_text())["sections"]["Speed"]["raw"] == {"b": [1.0]}
+    assert json.loads((tmp_path / "one.json").read_text())["sections"]["Speed"]["raw"] == {
+        "b": [1.0]
+    }
     assert main.main([]) == 0
     assert (tmp_path / "two.md").exists()
     assert main.main(["nonsense"]) == 2
@@ -111,5 +119,7 @@ def test_pages_are_written_when_they_are_whole(tmp_path, monkeypatch, capsys):
 
 
 def test_interleaved_takes_names_of_any_kind():
-    seconds = timing.interleaved({("a", 1): timing.Contender(lambda: sum(range(100)))}, rounds=2, block=1e-4)
+    seconds = timing.interleaved(
+        {("a", 1): timing.Contender(lambda: sum(range(100)))}, rounds=2, block=1e-4
+    )
     assert list(seconds) == [("a", 1)]

@@ -37,7 +37,9 @@ def test_the_loop_alone_ends_where_the_run_does(robot, method):
     for _ in range(2):
         y = loop()
         assert np.array_equal(y[: robot.equations.nq], found[0].attrs["final_q"])
-    assert np.array_equal(runs.joints_at_end(robot, found[0]), found[0].variables["joint_position"].values[-1])
+    assert np.array_equal(
+        runs.joints_at_end(robot, found[0]), found[0].variables["joint_position"].values[-1]
+    )
     assert way.module is (native_rosenbrock if method == "rodas" else single.native)
 
 
@@ -55,7 +57,9 @@ def test_scipy_ends_near_the_run(robot):
     end = runs.joints_at_end(robot, single.simulated(robot, task, single.EXACT))
     u = task.signal(np.zeros(1))[0]
     for method in scipy_runs.METHODS:
-        done = scipy_runs.solved(robot, task.start, lambda _: u, np.array([0.0, 1.0]), 1e-9, 1e-11, method)
+        done = scipy_runs.solved(
+            robot, task.start, lambda _: u, np.array([0.0, 1.0]), 1e-9, 1e-11, method
+        )
         assert np.abs(done.positions[-1] - end).max() < 1e-6, method
         assert 0 < done.closure_error < 1e-6
         assert done.nfev > 10
@@ -63,7 +67,9 @@ def test_scipy_ends_near_the_run(robot):
 
 def test_the_ensemble_stands_beside_rollouts_and_loops():
     ensemble = pytest.importorskip("benchmarks.ensemble", reason="the engines are not installed")
-    sizes = ensemble.Sizes(members=40, rollouts=4, loops=1, rounds=1, tolerances=(1e-5, 1e-9), steps=(25, 100))
+    sizes = ensemble.Sizes(
+        members=40, rollouts=4, loops=1, rounds=1, tolerances=(1e-5, 1e-9), steps=(25, 100)
+    )
     section = ensemble.run(sizes)
     found = {row[:2]: row for row in listed(section)}
     assert len(found) == 2 + 2 + 1 + 2
@@ -82,7 +88,9 @@ def test_computed_torque_leads_the_sliders_however_it_is_called():
     assert set(found) == set(control.WAYS)
     wt = control.KD / 2 * 0.2
     errors = section.raw["errors"]
-    assert errors[control.TRACED] == pytest.approx(control.OFFSET * (1 + wt) * np.exp(-wt), rel=1e-2)
+    assert errors[control.TRACED] == pytest.approx(
+        control.OFFSET * (1 + wt) * np.exp(-wt), rel=1e-2
+    )
     assert all(error < control.OFFSET / 2 for error in errors.values())
     assert found[control.PYTHON][2] == found[control.SAMPLED][2]
     assert len(section.figures) == 3
@@ -92,7 +100,10 @@ def test_computed_torque_leads_the_sliders_however_it_is_called():
 def test_the_loop_of_a_sampled_controller_starts_anew(robot):
     """What the controller holds at the end of one call is not what the next one starts with."""
     law = control.Sampler(
-        lambda t, state: [10 * (0.3 - state["slide_1"]), 0.0, 0.0], rate=100.0, delay=0.02, compiled=True
+        lambda t, state: [10 * (0.3 - state["slide_1"]), 0.0, 0.0],
+        rate=100.0,
+        delay=0.02,
+        compiled=True,
     )
     start = tasks.second_of_pushing(robot).start
     loop = runs.loop_of(lambda: robot.simulate(start, law, duration=0.2, save_at=[0.2]))
@@ -113,7 +124,9 @@ def test_the_governor_moves_as_its_closed_form():
 
 @pytest.mark.parametrize("name", ["planar", "hexapod", "linkage"])
 def test_all_hands_end_near_references_that_share_nothing_with_the_library(name):
-    trajectories = pytest.importorskip("benchmarks.trajectories", reason="the engines are not installed")
+    trajectories = pytest.importorskip(
+        "benchmarks.trajectories", reason="the engines are not installed"
+    )
     problem = getattr(trajectories, name)()
     grid = trajectories.Grid(tolerances=(1e-6, 1e-8), scipy=(1e-6,), steps=(50, 100), rounds=1)
     section = trajectories.run(grid, [lambda: problem])
@@ -143,19 +156,25 @@ def test_a_map_has_as_many_poses_as_it_says():
 
 
 def test_a_drag_keeps_the_loops_closed():
-    seeing = pytest.importorskip("benchmarks.seeing", reason="the viewer or the engines are not installed")
+    seeing = pytest.importorskip(
+        "benchmarks.seeing", reason="the viewer or the engines are not installed"
+    )
     section = seeing.drag(steps=10, rounds=1)
     assert values(section.figures)["largest closure error along the drag"] < 1e-9
     json.dumps(section.raw)
 
 
 def test_the_report_is_weighed(monkeypatch):
-    seeing = pytest.importorskip("benchmarks.seeing", reason="the viewer or the engines are not installed")
+    seeing = pytest.importorskip(
+        "benchmarks.seeing", reason="the viewer or the engines are not installed"
+    )
     from linkwork.lab import comparison
 
     def short():
         robot = lw.Robot(prr3())
-        return comparison.compare(robot, seeing.reproduction.prescribed_motion(robot, samples=201), [])
+        return comparison.compare(
+            robot, seeing.reproduction.prescribed_motion(robot, samples=201), []
+        )
 
     monkeypatch.setattr(seeing.reproduction, "study", short)
     section = seeing.report()

@@ -16,7 +16,9 @@ def test_version():
 def test_the_list_of_robots_is_the_catalogue():
     result = call("robots")
     assert result.exit_code == 0
-    listed = [line.split()[0] for line in result.output.splitlines()[2:] if not line.startswith(" ")]
+    listed = [
+        line.split()[0] for line in result.output.splitlines()[2:] if not line.startswith(" ")
+    ]
     assert listed == lw.robots.__all__
     assert max(map(len, result.output.splitlines())) <= 80
 
@@ -25,7 +27,9 @@ def test_export_writes_a_file_that_is_the_same_robot(tmp_path):
     path = tmp_path / "robot.yaml"
     assert call("export", "prr3", path).exit_code == 0
     assert lw.Mechanism.load(path) == lw.robots.prr3()
-    assert json.loads(call("info", path, "--json").stdout) == json.loads(call("info", "prr3", "--json").stdout)
+    assert json.loads(call("info", path, "--json").stdout) == json.loads(
+        call("info", "prr3", "--json").stdout
+    )
     assert "exists; give another name, or --overwrite" in refused("export", "prr3", path)
     assert call("export", "prr3", path, "--overwrite").exit_code == 0
     assert "ends in .yaml, not '.txt'" in refused("export", "prr3", tmp_path / "robot.txt")
@@ -41,8 +45,12 @@ def test_debug_shows_the_traceback_wherever_it_stands(debug):
 
 def test_robots_that_are_refused(tmp_path):
     names = ", ".join(lw.robots.__all__)
-    assert f"there is no robot 'nobody'; name one of the catalogue ({names})" in refused("info", "nobody")
-    assert "none.yaml: cannot be read: no such file or directory" in refused("info", tmp_path / "none.yaml")
+    assert f"there is no robot 'nobody'; name one of the catalogue ({names})" in refused(
+        "info", "nobody"
+    )
+    assert "none.yaml: cannot be read: no such file or directory" in refused(
+        "info", tmp_path / "none.yaml"
+    )
     broken = tmp_path / "broken.yaml"
     broken.write_text("linkwork: 1\nbodies: {a: {mass: -1}}\njoints: {}\n")
     assert "bodies.a.mass" in refused("info", broken)
@@ -55,9 +63,13 @@ def test_words_that_are_no_commands_or_options_exit_with_2():
         assert result.stdout == ""
 
 
-@pytest.mark.parametrize(("word", "meant"), [("list", "robots"), ("run", "simulate"), ("analyze", "analyse")])
+@pytest.mark.parametrize(
+    ("word", "meant"), [("list", "robots"), ("run", "simulate"), ("analyze", "analyse")]
+)
 def test_words_of_other_tools_lead_to_the_command_that_is_meant(word, meant):
-    assert refused(word, "prr3") == f"linkwork: there is no command {word!r}; use 'linkwork {meant}'\n"
+    assert (
+        refused(word, "prr3") == f"linkwork: there is no command {word!r}; use 'linkwork {meant}'\n"
+    )
     assert call(meant, "--help").exit_code == 0
 
 

@@ -12,7 +12,10 @@ NAMES = ("slide_1", "slide_2", "slide_3")
 def test_values_are_read_in_order_or_by_name():
     assert numbers("0.5, -1e-3,2", "--tool") == [0.5, -1e-3, 2.0]
     assert by_name("5,0,-1", NAMES, "--forces") == {"slide_1": 5.0, "slide_2": 0.0, "slide_3": -1.0}
-    assert by_name("slide_3=2, slide_1 = -1", NAMES, "--forces") == {"slide_3": 2.0, "slide_1": -1.0}
+    assert by_name("slide_3=2, slide_1 = -1", NAMES, "--forces") == {
+        "slide_3": 2.0,
+        "slide_1": -1.0,
+    }
 
 
 @pytest.mark.parametrize(
@@ -56,14 +59,23 @@ HEAD = "time,slide_1,slide_2,slide_3\n"
         (HEAD + "0,1,2,3\n", "holds 1 rows of numbers; give at least two"),
         ("time,slide_1,slide_2\n0,1,2\n", "lacks the column 'slide_3'"),
         ("slide_1,slide_2,slide_3\n0,1,2\n", "lacks the column 'time'"),
-        ("time,slide_1,slide_2,slide_3,pivot_1\n", "has an unknown column 'pivot_1'; the columns are time, slide_1"),
+        (
+            "time,slide_1,slide_2,slide_3,pivot_1\n",
+            "has an unknown column 'pivot_1'; the columns are time, slide_1",
+        ),
         ("time,slide_1,slide_2,slide_1\n", "has the column 'slide_1' more than once"),
         (HEAD + "0,1,2,3\n1,1,two,3\n", ", line 3, column 'slide_2': 'two' is not a number"),
         (HEAD + "0,1,2,3\n1,1,nan,3\n", ", line 3, column 'slide_2': nan is not a finite number"),
         (HEAD + "0,1,2,3\n1,1,,3\n", ", line 3, column 'slide_2': '' is not a number"),
         (HEAD + "0,1,2,3\n1,1,2\n", ", line 3: holds 3 entries; give 4: time, slide_1"),
-        (HEAD + "0,1,2,3\n# x\n1,1,2,3\n1,1,2,3\n", ", line 5: the time 1 s does not come after 1 s in the row before"),
-        (HEAD + "0,1,2,3\n1,1,2,3\n0.5,1,2,3\n", ", line 4: the time 0.5 s does not come after 1 s"),
+        (
+            HEAD + "0,1,2,3\n# x\n1,1,2,3\n1,1,2,3\n",
+            ", line 5: the time 1 s does not come after 1 s in the row before",
+        ),
+        (
+            HEAD + "0,1,2,3\n1,1,2,3\n0.5,1,2,3\n",
+            ", line 4: the time 0.5 s does not come after 1 s",
+        ),
     ],
 )
 def test_files_that_are_refused_name_line_and_column(tmp_path, text, sentence):

@@ -30,7 +30,9 @@ def fact(text, name):
     first = next(i for i, line in enumerate(lines) if line.startswith(name))
     rest = [line for line in lines[first + 1 :]]
     last = next((i for i, line in enumerate(rest) if line[:1] != " "), len(rest))
-    return " ".join([lines[first].removeprefix(name).strip(), *(line.strip() for line in rest[:last])]).strip()
+    return " ".join(
+        [lines[first].removeprefix(name).strip(), *(line.strip() for line in rest[:last])]
+    ).strip()
 
 
 def test_facts_as_json():
@@ -58,7 +60,16 @@ def test_facts_for_people_fit_80_columns():
     result = call("info", "prr3")
     assert result.exit_code == 0
     assert max(map(len, result.output.splitlines())) <= 80
-    for word in ("mobility", "loops", "redundant", "slide_1", "wrist_3", "platform", "inverse_dynamics", "cut"):
+    for word in (
+        "mobility",
+        "loops",
+        "redundant",
+        "slide_1",
+        "wrist_3",
+        "platform",
+        "inverse_dynamics",
+        "cut",
+    ):
         assert word in result.output
 
 
@@ -115,17 +126,29 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
                 limits={"slide": lw.Limits(upper=0.5)},
                 spring={"slide": lw.Spring(stiffness=40)},
             ),
-            "knob": lw.SphericalJoint(connects=("sleeve", "ball"), limits={"turn": lw.Limits(upper=1.5)}),
+            "knob": lw.SphericalJoint(
+                connects=("sleeve", "ball"), limits={"turn": lw.Limits(upper=1.5)}
+            ),
             "wheels": lw.GearJoint(ratios={"hinge": 1, "tube.angle": -2}),
         },
-        springs={"coil": lw.PointSpring(connects=("ground", "ball"), points=((1, 0, 0), (0, 0, 0.2)), stiffness=500)},
+        springs={
+            "coil": lw.PointSpring(
+                connects=("ground", "ball"), points=((1, 0, 0), (0, 0, 0.2)), stiffness=500
+            )
+        },
         actuators=("hinge", "tube.slide", "knob.wx", "knob.wz"),
     )
     robot = lw.Robot(mechanism)
     text = told(robot, capsys)
-    assert fact(text, "limits") == "hinge from -1 to 2 rad; tube.slide to 0.5 m; knob.turn to 1.5 rad"
-    assert fact(text, "springs") == "hinge 3 N m/rad; tube.slide 40 N/m; coil (ground - ball) 500 N/m"
-    lines = {line.split()[0]: " ".join(line.split()) for line in text.split("\n\n")[1].splitlines()[2:]}
+    assert (
+        fact(text, "limits") == "hinge from -1 to 2 rad; tube.slide to 0.5 m; knob.turn to 1.5 rad"
+    )
+    assert (
+        fact(text, "springs") == "hinge 3 N m/rad; tube.slide 40 N/m; coil (ground - ball) 500 N/m"
+    )
+    lines = {
+        line.split()[0]: " ".join(line.split()) for line in text.split("\n\n")[1].splitlines()[2:]
+    }
     assert lines["wheels"] == "wheels gear 1 hinge + -2 tube.angle gear"
     assert lines["hinge"].endswith("tree yes")
     assert lines["tube"].endswith("tree slide")
@@ -138,8 +161,12 @@ def test_idle_freedoms_are_told(capsys, without_kernels):
             bodies={"crank": BODY, "rod": BODY, "slider": BODY},
             joints={
                 "pivot": lw.RevoluteJoint(connects=("ground", "crank")),
-                "pin": lw.SphericalJoint(connects=("crank", "rod"), frames=(lw.Frame.planar(0.2), lw.Frame())),
-                "wrist": lw.SphericalJoint(connects=("rod", "slider"), frames=(lw.Frame.planar(0.5), lw.Frame())),
+                "pin": lw.SphericalJoint(
+                    connects=("crank", "rod"), frames=(lw.Frame.planar(0.2), lw.Frame())
+                ),
+                "wrist": lw.SphericalJoint(
+                    connects=("rod", "slider"), frames=(lw.Frame.planar(0.5), lw.Frame())
+                ),
                 "slide": lw.PrismaticJoint(connects=("ground", "slider"), axis=(1, 0, 0)),
             },
             actuators=("pivot",),

@@ -18,7 +18,9 @@ finally:
 
 def run(*words, code=None):
     start = [sys.executable, "-c", code] if code else [sys.executable, "-m", "linkwork"]
-    return subprocess.run([*start, *words], capture_output=True, text=True, timeout=PATIENCE, check=False)
+    return subprocess.run(
+        [*start, *words], capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
 
 
 def test_a_refusal_is_one_line_on_stderr_and_status_2():
@@ -44,7 +46,10 @@ def test_help_loads_hardly_anything():
 
 
 def test_the_views_load_matplotlib_only_to_draw():
-    assert run(code="import sys, linkwork.views; print('matplotlib' in sys.modules)").stdout == "False\n"
+    assert (
+        run(code="import sys, linkwork.views; print('matplotlib' in sys.modules)").stdout
+        == "False\n"
+    )
 
 
 def test_an_output_that_nobody_reads_to_its_end_is_no_error():

@@ -45,7 +45,12 @@ def test_a_model_is_loaded_about_the_reference_that_is_given(flat):
     a, b, c = robot.home.positions[:3]
     assert robot.mobility == 1
     assert np.allclose([a, b, c], [a, -a, a], atol=1e-9)
-    assert hypot(0.5 * cos(a) + cos(a + b) - 1 - 0.5 * cos(c), 0.5 * sin(a) + sin(a + b) - 0.5 * sin(c)) < 1e-12
+    assert (
+        hypot(
+            0.5 * cos(a) + cos(a + b) - 1 - 0.5 * cos(c), 0.5 * sin(a) + sin(a + b) - 0.5 * sin(c)
+        )
+        < 1e-12
+    )
 
 
 def test_a_reference_that_names_no_joint_is_refused(flat):
@@ -69,7 +74,9 @@ def test_commands_take_a_reference(flat, tmp_path, command, compiled):
         "convert": [target],
     }[command]
     option = ["--reference", "a=0.7,b=-0.7,c=0.7"]
-    words = [command, *option, flat, *rest] if command == "analyse" else [command, flat, *option, *rest]
+    words = (
+        [command, *option, flat, *rest] if command == "analyse" else [command, flat, *option, *rest]
+    )
     result = call(*words)
     assert result.exit_code == 0, result.output
     if command == "info":
@@ -107,4 +114,6 @@ def test_a_report_takes_a_reference_for_the_robot_that_is_named(flat, tmp_path):
     run = robot.simulate(robot.home, duration=0.01, save_at=[0, 0.01]).save(tmp_path / "run.nc")
     words = ("report", run, "--out", tmp_path / "report.html", "--reference", "a=0.7,b=-0.7,c=0.7")
     assert call(*words, "--robot", flat).exit_code == 0
-    assert "where the loops of the robot of --robot are closed from" in refused(*words, "--overwrite")
+    assert "where the loops of the robot of --robot are closed from" in refused(
+        *words, "--overwrite"
+    )

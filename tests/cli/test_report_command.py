@@ -15,7 +15,9 @@ def saved(tmp_path):
     """Return a saved run of a robot that is in no catalogue."""
     mechanism = lw.robots.pendulum().model_copy(update={"name": "näme <b>"})
     robot = lw.Robot(mechanism)
-    return robot.simulate(robot.home, duration=0.1, save_at=np.linspace(0, 0.1, 5)).save(tmp_path / "run.nc")
+    return robot.simulate(robot.home, duration=0.1, save_at=np.linspace(0, 0.1, 5)).save(
+        tmp_path / "run.nc"
+    )
 
 
 def test_a_saved_run_is_enough(saved, tmp_path):

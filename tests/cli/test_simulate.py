@@ -25,8 +25,17 @@ def told_of(result, first, after):
 
 def test_the_run_is_written_that_the_library_computes(tmp_path):
     path = tmp_path / "run.nc"
-    result = simulated(path, "--forces", "1,-0.5,0", "--tool", "0.5,0.29,1.6", "--rates", "slide_2=0.1")
-    for word in ("finished", "steps", "evaluations", "closure error", "tool at 0.25 s", "slide_1, slide_2, slide_3"):
+    result = simulated(
+        path, "--forces", "1,-0.5,0", "--tool", "0.5,0.29,1.6", "--rates", "slide_2=0.1"
+    )
+    for word in (
+        "finished",
+        "steps",
+        "evaluations",
+        "closure error",
+        "tool at 0.25 s",
+        "slide_1, slide_2, slide_3",
+    ):
         assert word in result.stdout
     robot = built("prr3")
     state = robot.assemble(tool=[0.5, 0.29, 1.6]).with_rates([0, 0.1, 0])
@@ -39,21 +48,42 @@ def test_the_run_is_written_that_the_library_computes(tmp_path):
 def test_csv_is_written_and_forces_are_taken_from_csv(tmp_path):
     forces, path = tmp_path / "forces.csv", tmp_path / "run.csv"
     forces.write_text("time,slide_3,slide_2,slide_1\n0,0,0,1\n0.1,0,0,3\n0.3,0,0,-1\n")
-    simulated(path, "--forces-csv", forces, "--kind", "hold", "--joints", "slide_1=0.2,slide_2=0.2,slide_3=0.2")
+    simulated(
+        path,
+        "--forces-csv",
+        forces,
+        "--kind",
+        "hold",
+        "--joints",
+        "slide_1=0.2,slide_2=0.2,slide_3=0.2",
+    )
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     columns = lines[0].split(",")
     table = np.loadtxt(lines[1:], delimiter=",")
     assert table.shape == (6, len(columns))
     np.testing.assert_allclose(table[:, columns.index("time")], np.linspace(0, 0.25, 6))
-    np.testing.assert_allclose(table[0, [columns.index(f"joint_position.slide_{i}") for i in (1, 2, 3)]], 0.2)
-    np.testing.assert_allclose(table[:, columns.index("actuator_force.slide_1")], [1, 1, 3, 3, 3, 3])
+    np.testing.assert_allclose(
+        table[0, [columns.index(f"joint_position.slide_{i}") for i in (1, 2, 3)]], 0.2
+    )
+    np.testing.assert_allclose(
+        table[:, columns.index("actuator_force.slide_1")], [1, 1, 3, 3, 3, 3]
+    )
 
 
 def test_coordinates_and_rates_of_joints_of_many_freedoms_go_by_their_names(tmp_path):
     path = tmp_path / "run.nc"
-    simulated(path, "--joints", "cross.angle_1=-0.5", "--rates", "ball.wx=0.3", robot="spatial_slider_crank")
+    simulated(
+        path,
+        "--joints",
+        "cross.angle_1=-0.5",
+        "--rates",
+        "ball.wx=0.3",
+        robot="spatial_slider_crank",
+    )
     start = xarray.load_dataset(path).isel(time=0)
-    assert float(start.joint_position.sel(coordinate="cross.angle_1")) == pytest.approx(-0.5, abs=1e-12)
+    assert float(start.joint_position.sel(coordinate="cross.angle_1")) == pytest.approx(
+        -0.5, abs=1e-12
+    )
     assert float(start.joint_rate.sel(rate="ball.wx")) == pytest.approx(0.3, abs=1e-12)
 
 
@@ -61,7 +91,9 @@ def test_rates_of_other_joints_determine_the_motion_too(tmp_path):
     path = tmp_path / "run.nc"
     simulated(path, "--rates", "pivot_1=0.1,pivot_2=0.2,wrist_1=-0.3")
     rates = xarray.load_dataset(path).isel(time=0).joint_rate
-    np.testing.assert_allclose(rates.sel(rate=["pivot_1", "pivot_2", "wrist_1"]), [0.1, 0.2, -0.3], atol=1e-12)
+    np.testing.assert_allclose(
+        rates.sel(rate=["pivot_1", "pivot_2", "wrist_1"]), [0.1, 0.2, -0.3], atol=1e-12
+    )
 
 
 def test_files_are_kept_unless_they_shall_be_replaced(tmp_path):
@@ -116,7 +148,10 @@ def test_limits_that_are_passed_are_told(tmp_path):
     # it falls by g t^2 / 2 = 0.1 rad in sqrt(0.2 / 9.81) = 0.143 s; times are 5 ms apart
     told = told_of(result, "limits passed", "joints at")
     assert told.startswith("hinge_1 is below its lower limit -0.1 from t = 0.145 s on")
-    assert told_of(call("simulate", "pendulum", "--duration", 0.5), "limits passed", "joints at") == "none"
+    assert (
+        told_of(call("simulate", "pendulum", "--duration", 0.5), "limits passed", "joints at")
+        == "none"
+    )
 
 
 def test_of_many_joints_the_actuated_ones_are_told(monkeypatch):
@@ -132,7 +167,10 @@ def test_of_many_joints_the_actuated_ones_are_told(monkeypatch):
     ("words", "sentence"),
     [
         (("--forces", "1,2"), "--forces holds 2 numbers; give 3"),
-        (("--forces", "1,2,3", "--forces-csv", "x.csv"), "--forces and --forces-csv are both given"),
+        (
+            ("--forces", "1,2,3", "--forces-csv", "x.csv"),
+            "--forces and --forces-csv are both given",
+        ),
         (("--forces-csv", "x.csv"), "x.csv cannot be read: no such file"),
         (("--joints", "slide_9=1"), "--joints: there is no 'slide_9'"),
         (("--joints", "slide_1=5"), "cannot be assembled with slide_1 = 5"),
@@ -140,7 +178,10 @@ def test_of_many_joints_the_actuated_ones_are_told(monkeypatch):
         (("--tool", "3"), "a tool pose of 1 numbers is not understood"),
         (("--rates", "slide_9=1"), "--rates: there is no 'slide_9'"),
         (("--rates", "pivot_1=1"), "1 rates are given; give 3"),
-        (("--rates", "1,2"), "--rates holds 2 numbers; give 3, one each for slide_1, slide_2, slide_3"),
+        (
+            ("--rates", "1,2"),
+            "--rates holds 2 numbers; give 3, one each for slide_1, slide_2, slide_3",
+        ),
         (("--duration", "-1"), "--duration -1: give a positive"),
         (("--duration", "nan"), "--duration nan: give a positive"),
         (("--samples", "1"), "--samples 1: give at least 2"),
@@ -158,22 +199,30 @@ def test_what_is_refused_in_one_sentence(words, sentence, tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("out", ["run.mat", "/proc/run.nc", "folder.nc"])
-def test_what_cannot_be_written_is_refused_before_the_robot_is_looked_at(out, tmp_path, monkeypatch):
+def test_what_cannot_be_written_is_refused_before_the_robot_is_looked_at(
+    out, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.nc").mkdir()
-    assert refused("simulate", "nobody", "--duration", 1, "--out", out).startswith(f"linkwork: --out {out}")
+    assert refused("simulate", "nobody", "--duration", 1, "--out", out).startswith(
+        f"linkwork: --out {out}"
+    )
 
 
 def test_forces_that_do_not_cover_the_run_are_refused(tmp_path):
     forces = tmp_path / "forces.csv"
     forces.write_text("time,slide_1,slide_2,slide_3\n0,0,0,0\n0.1,0,0,0\n0.2,1,0,0\n0.3,0,0,0\n")
-    assert "give samples for the whole run" in refused("simulate", "prr3", "--duration", 1, "--forces-csv", forces)
+    assert "give samples for the whole run" in refused(
+        "simulate", "prr3", "--duration", 1, "--forces-csv", forces
+    )
 
 
 def test_a_run_starts_at_the_turns_asked_for_and_tells_a_limit_where_it_is_passed(tmp_path):
     """hinge_3 of Bennett's linkage, which closes its loop, two turns back: within limits there, and beyond them at home."""
     described = lw.robots.bennett()
-    hinge = described.joints["hinge_3"].model_copy(update={"limits": lw.Limits(lower=-14.0, upper=-10.0)})
+    hinge = described.joints["hinge_3"].model_copy(
+        update={"limits": lw.Limits(lower=-14.0, upper=-10.0)}
+    )
     path, out = tmp_path / "linkage.yaml", tmp_path / "run.nc"
     described.model_copy(update={"joints": described.joints | {"hinge_3": hinge}}).save(path)
     asked = -1.0 - 4 * np.pi
@@ -185,5 +234,16 @@ def test_a_run_starts_at_the_turns_asked_for_and_tells_a_limit_where_it_is_passe
     assert told_of(beyond, "limits passed", "joints at").startswith(
         "hinge_3 is above its upper limit -10 from t = 0 s on"
     )
-    passing = call("simulate", path, "--duration", 0.25, "--joints", f"hinge_3={asked!r}", "--rates", "hinge_1=5")
-    assert "hinge_3 is below its lower limit -14 from t = 0" in told_of(passing, "limits passed", "joints at")
+    passing = call(
+        "simulate",
+        path,
+        "--duration",
+        0.25,
+        "--joints",
+        f"hinge_3={asked!r}",
+        "--rates",
+        "hinge_1=5",
+    )
+    assert "hinge_3 is below its lower limit -14 from t = 0" in told_of(
+        passing, "limits passed", "joints at"
+    )

@@ -24,23 +24,33 @@ def second_order(t, x, rate, kp, kd):
     return np.real(np.exp(np.outer(t, roots)) @ weights)
 
 
-@pytest.mark.parametrize("goal", [{"slide": 0.4}, "state", lw.Sampled([0, 2], [0.4, 0.4], "linear")])
+@pytest.mark.parametrize(
+    "goal", [{"slide": 0.4}, "state", lw.Sampled([0, 2], [0.4, 0.4], "linear")]
+)
 def test_pd_on_a_mass_is_a_second_order_response(goal):
     plant = cart(mass=2.0)
     goal = plant.state([0.4]) if goal == "state" else goal
-    run = plant.simulate(plant.state([0.1], [0.5]), PD(goal, 18.0, 4.0), duration=2.0, save_at=TIMES)
+    run = plant.simulate(
+        plant.state([0.1], [0.5]), PD(goal, 18.0, 4.0), duration=2.0, save_at=TIMES
+    )
     expected = 0.4 + second_order(TIMES, -0.3, 0.5, 9.0, 2.0)
     assert np.allclose(run.dataset.joint_position.values[:, 0], expected, 0, 1e-7)
 
 
 def test_gains_are_parameters_by_name_or_by_actuator(robot):
     goal = robot.assemble(tool=[0.51, 0.28, 0.5])
-    one = robot.simulate(robot.home, PD(goal, 300.0, 30.0), duration=0.5, save_at=[0, 0.5], parameters={"kp": 500.0})
+    one = robot.simulate(
+        robot.home, PD(goal, 300.0, 30.0), duration=0.5, save_at=[0, 0.5], parameters={"kp": 500.0}
+    )
     each = {name: 500.0 for name in robot.actuators}
     other = robot.simulate(robot.home, PD(goal, each, 30.0), duration=0.5, save_at=[0, 0.5])
     assert np.allclose(one.dataset.tool_pose, other.dataset.tool_pose, 0, 1e-12)
     changed = robot.simulate(
-        robot.home, PD(goal, each, 30.0), duration=0.5, save_at=[0, 0.5], parameters={"kp.slide_2": 100.0}
+        robot.home,
+        PD(goal, each, 30.0),
+        duration=0.5,
+        save_at=[0, 0.5],
+        parameters={"kp.slide_2": 100.0},
     )
     assert np.abs(changed.dataset.tool_pose[-1] - other.dataset.tool_pose[-1]).max() > 1e-4
 
@@ -49,7 +59,9 @@ def test_gravity_compensation_leaves_no_steady_error():
     plant = pendulum()
     goal = {"hinge_1": 0.6}
     bare = plant.simulate(plant.home, PD(goal, 40.0, 8.0), duration=15.0, save_at=[15.0])
-    held = plant.simulate(plant.home, PD(goal, 40.0, 8.0, model=plant), duration=15.0, save_at=[15.0])
+    held = plant.simulate(
+        plant.home, PD(goal, 40.0, 8.0, model=plant), duration=15.0, save_at=[15.0]
+    )
     (bare,), (held,) = (run.dataset.joint_position.values[-1] for run in (bare, held))
     weight = 1.5 * 9.81 * 0.7
     assert abs(held - 0.6) < 1e-6
@@ -60,7 +72,9 @@ def test_gravity_compensation_of_a_platform():
     robot = lw.Robot(lw.robots.delta())
     model = Model(robot)
     state = robot.assemble(tool=robot.tool_pose(robot.home)[:3] + np.array([0.05, 0.02, -0.03]))
-    found = model.forces(robot.observe(state.with_rates(1.0 + 0 * state.rates)), np.zeros(3), still=True)
+    found = model.forces(
+        robot.observe(state.with_rates(1.0 + 0 * state.rates)), np.zeros(3), still=True
+    )
     assert np.allclose(found, robot.inverse_dynamics(state, 0 * state.rates), 1e-9, 1e-9)
 
 
@@ -70,7 +84,9 @@ def test_pid_leaves_no_steady_error_under_a_constant_wrench():
     push = Wrench("cart", force=[-5.0, 0, 0])
     run = plant.simulate(plant.home, law, duration=20.0, wrenches=[push], save_at=[0, 20.0])
     assert abs(run.dataset.joint_position.values[-1, 0] - 0.1) < 1e-7
-    assert np.isclose(run.dataset.drive_state.sel(extra="integral.slide").values[-1], 5.0 / 40.0, 1e-6)
+    assert np.isclose(
+        run.dataset.drive_state.sel(extra="integral.slide").values[-1], 5.0 / 40.0, 1e-6
+    )
 
 
 def test_computed_torque_gives_the_error_dynamics_exactly(robot):
@@ -78,7 +94,10 @@ def test_computed_torque_gives_the_error_dynamics_exactly(robot):
     motion = circle_motion(robot)
     law = ComputedTorque(motion, robot, 100.0, 12.0)
     start = robot.assemble(
-        {name: motion.state.at(0)[name] + d for name, d in zip(robot.actuators, (0.01, -0.02, 0.015), strict=True)}
+        {
+            name: motion.state.at(0)[name] + d
+            for name, d in zip(robot.actuators, (0.01, -0.02, 0.015), strict=True)
+        }
     )
     start = start.with_rates([0.1, -0.1, 0.05])
     save = np.linspace(0, 1, 51)
@@ -86,7 +105,9 @@ def test_computed_torque_gives_the_error_dynamics_exactly(robot):
     course = lw.Sampled(motion.time, motion.positions[:, :3])
     e = course(save) - run.dataset.joint_position.values[:, :3]
     de = course.derivative()(save) - run.dataset.joint_rate.values[:, :3]
-    expected = np.stack([second_order(save, e[0, i], de[0, i], 100.0, 12.0) for i in range(3)], axis=1)
+    expected = np.stack(
+        [second_order(save, e[0, i], de[0, i], 100.0, 12.0) for i in range(3)], axis=1
+    )
     assert np.abs(e - expected).max() < 1e-8
 
 
@@ -122,10 +143,14 @@ def test_sliding_mode_bears_a_wrong_model(robot):
     wrong = lw.Robot(lw.robots.prr3(platform_mass=0.9))
     start = motion.state.at(0)
     slope, boundary = 30.0, 0.02
-    run = robot.simulate(start, SlidingMode(motion, wrong, slope, 20.0, boundary), duration=1.0, save_at=motion.time)
+    run = robot.simulate(
+        start, SlidingMode(motion, wrong, slope, 20.0, boundary), duration=1.0, save_at=motion.time
+    )
     e = np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max()
     assert e < boundary / slope  # |s| <= boundary gives |e| <= boundary / slope
-    soft = robot.simulate(start, ComputedTorque(motion, wrong, 30.0, 10.0), duration=1.0, save_at=motion.time)
+    soft = robot.simulate(
+        start, ComputedTorque(motion, wrong, 30.0, 10.0), duration=1.0, save_at=motion.time
+    )
     assert np.abs(soft.dataset.joint_position.values - motion.positions)[:, :3].max() > e
 
 
@@ -158,7 +183,9 @@ def test_lqr_balances_a_pole_on_a_cart():
         )
     )
     law = LQR.about(robot, robot.state({"slide": 0.0, "hinge": np.pi / 2}), [1, 1, 1, 1], [0.1])
-    run = robot.simulate(robot.state({"slide": 0.3, "hinge": np.pi / 2 + 0.1}), law, duration=20.0, save_at=[20.0])
+    run = robot.simulate(
+        robot.state({"slide": 0.3, "hinge": np.pi / 2 + 0.1}), law, duration=20.0, save_at=[20.0]
+    )
     assert np.allclose(run.dataset.joint_position.values[-1], [0, np.pi / 2], 0, 1e-5)
 
 
@@ -172,7 +199,10 @@ def test_lqr_of_a_closed_loop_robot(robot):
     ("make", "sentence"),
     [
         (lambda: PD({"slid": 1.0}, 1.0, 1.0), "the goal lacks slide; give all of slide"),
-        (lambda: PD(lw.Sampled([0, 1], np.zeros((2, 2))), 1.0, 1.0), "the goal has 2 columns; give 1: slide"),
+        (
+            lambda: PD(lw.Sampled([0, 1], np.zeros((2, 2))), 1.0, 1.0),
+            "the goal has 2 columns; give 1: slide",
+        ),
         (lambda: PD("home", 1.0, 1.0), "the goal is 'home'; give a state, a motion"),
         (lambda: PD(5, 1.0, 1.0), "the goal is 5; give a state"),
         (lambda: PD({"slide": 0.0}, [1.0], 1.0), r"the parameter 'kp' is \[1.0\]; give one number"),
@@ -195,7 +225,9 @@ def test_refusals(make, sentence):
 
 
 def test_weights_of_another_shape_are_refused():
-    with pytest.raises(lw.LinkworkError, match=r"the weights Q have the shape \(3,\); give 2 numbers, or 2 x 2"):
+    with pytest.raises(
+        lw.LinkworkError, match=r"the weights Q have the shape \(3,\); give 2 numbers, or 2 x 2"
+    ):
         LQR.about(cart(), cart().home, [1, 2, 3], [1])
 
 
@@ -238,7 +270,9 @@ def test_controllers_work_with_numbers_too(robot):
     motion = circle_motion(robot)
     law = ComputedTorque(motion, robot, 100.0, 12.0)
     runs = [
-        robot.simulate(motion.state.at(0), Sampler(law, 200, compiled=c), duration=0.2, save_at=[0, 0.2])
+        robot.simulate(
+            motion.state.at(0), Sampler(law, 200, compiled=c), duration=0.2, save_at=[0, 0.2]
+        )
         for c in (True, False)
     ]
     first, second = (run.dataset.joint_position.values[-1] for run in runs)
@@ -250,7 +284,9 @@ def test_pid_integrates_the_errors_of_all_actuators_of_whatever_robot_it_leads(r
     law = PID({name: float(robot.home[name]) for name in robot.actuators}, 400.0, 60.0, ki=1200.0)
     push = Wrench("platform", force=[6.0, -4.0, 0])
     run = robot.simulate(robot.home, law, duration=12.0, wrenches=[push], save_at=[0, 12.0])
-    integrals = run.dataset.drive_state.sel(extra=[f"integral.{name}" for name in robot.actuators]).values[-1]
+    integrals = run.dataset.drive_state.sel(
+        extra=[f"integral.{name}" for name in robot.actuators]
+    ).values[-1]
     assert np.allclose(1200.0 * integrals, run.dataset.actuator_force.values[-1], 1e-5, 1e-5)
     assert np.abs(integrals).max() > 1e-3
     (one,) = PID({"slide": 0.0}, 1.0, 1.0, ki=1.0).extras(("slide",))
@@ -260,9 +296,13 @@ def test_pid_integrates_the_errors_of_all_actuators_of_whatever_robot_it_leads(r
 def test_pid_of_some_actuators_or_none(robot):
     goal = robot.assemble(tool=[0.51, 0.28, 0.5])
     save = [0, 0.3]
-    run = robot.simulate(robot.home, PID(goal, 300, 30, ki=50.0, joints=["slide_2"]), duration=0.3, save_at=save)
+    run = robot.simulate(
+        robot.home, PID(goal, 300, 30, ki=50.0, joints=["slide_2"]), duration=0.3, save_at=save
+    )
     assert list(run.dataset.extra.values) == ["integral.slide_2"]
-    none = robot.simulate(robot.home, PID(goal, 300, 30, ki=50.0, joints=()), duration=0.3, save_at=save)
+    none = robot.simulate(
+        robot.home, PID(goal, 300, 30, ki=50.0, joints=()), duration=0.3, save_at=save
+    )
     plain = robot.simulate(robot.home, PD(goal, 300, 30), duration=0.3, save_at=save)
     assert np.allclose(none.dataset.tool_pose, plain.dataset.tool_pose, 0, 1e-12)
 
@@ -271,14 +311,17 @@ def test_pid_of_an_unknown_actuator_is_refused():
     plant = cart()
     law = PID({"slide": 0.0}, 1.0, 1.0, ki=1.0, joints=("slid",))
     with pytest.raises(
-        lw.LinkworkError, match="there is no actuator to integrate the error of 'slid'; there are slide"
+        lw.LinkworkError,
+        match="there is no actuator to integrate the error of 'slid'; there are slide",
     ):
         plant.simulate(plant.home, law, duration=1.0)
 
 
 def test_lqr_holds_what_can_be_held():
     two = lw.Robot(lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)}))
-    with pytest.raises(lw.LinkworkError, match=r"no forces of hinge_1 hold this pose: .* are missing"):
+    with pytest.raises(
+        lw.LinkworkError, match=r"no forces of hinge_1 hold this pose: .* are missing"
+    ):
         LQR.about(two, two.state([0.0, 0.3]), [1.0] * 4, [1.0])
     loose = lw.Robot(lw.robots.double_pendulum().model_copy(update={"actuators": ()}))
     with pytest.raises(lw.LinkworkError, match="the robot has no actuators"):

@@ -17,18 +17,29 @@ def plant():
 
 
 def test_a_first_order_lag(plant):
-    run = plant.simulate(plant.home, [6.0], duration=1.0, drives={"slide": Lag(0.2)}, save_at=TIMES, rtol=1e-10)
+    run = plant.simulate(
+        plant.home, [6.0], duration=1.0, drives={"slide": Lag(0.2)}, save_at=TIMES, rtol=1e-10
+    )
     force = 6 * (1 - np.exp(-TIMES / 0.2))
     assert np.allclose(run.dataset.actuator_force.values[:, 0], force, 0, 1e-7)
-    assert np.allclose(run.dataset.joint_rate.values[:, 0], 3 * (TIMES - 0.2 * (1 - np.exp(-TIMES / 0.2))), 0, 1e-8)
+    assert np.allclose(
+        run.dataset.joint_rate.values[:, 0], 3 * (TIMES - 0.2 * (1 - np.exp(-TIMES / 0.2))), 0, 1e-8
+    )
     assert np.allclose(run.dataset.command, 6.0)
-    assert run.dataset.drive_state.sel(extra="slide.force").values[-1] == run.dataset.actuator_force.values[-1, 0]
+    assert (
+        run.dataset.drive_state.sel(extra="slide.force").values[-1]
+        == run.dataset.actuator_force.values[-1, 0]
+    )
 
 
 def test_a_saturated_drive(plant):
     law = lambda t, state: [20 * lw.math.sin(6 * t)]  # noqa: E731
-    hard = plant.simulate(plant.home, law, duration=1.0, drives={"slide": Saturated(5.0)}, save_at=TIMES)
-    soft = plant.simulate(plant.home, law, duration=1.0, drives={"slide": Saturated(5.0, smooth=True)}, save_at=TIMES)
+    hard = plant.simulate(
+        plant.home, law, duration=1.0, drives={"slide": Saturated(5.0)}, save_at=TIMES
+    )
+    soft = plant.simulate(
+        plant.home, law, duration=1.0, drives={"slide": Saturated(5.0, smooth=True)}, save_at=TIMES
+    )
     command = 20 * np.sin(6 * TIMES)
     assert np.allclose(hard.dataset.command.values[:, 0], command, 0, 1e-12)
     assert np.allclose(hard.dataset.actuator_force.values[:, 0], np.clip(command, -5, 5), 0, 1e-12)
@@ -41,38 +52,60 @@ def test_a_dc_motor_follows_its_linear_equations(plant):
 
     R, L, K, N, V = 2.0, 0.05, 0.3, 4.0, 10.0
     run = plant.simulate(
-        plant.home, [V], duration=1.0, drives={"slide": DCMotor(R, L, K, N)}, save_at=TIMES, rtol=1e-10
+        plant.home,
+        [V],
+        duration=1.0,
+        drives={"slide": DCMotor(R, L, K, N)},
+        save_at=TIMES,
+        rtol=1e-10,
     )
     A = np.array([[-R / L, -K * N / L, V / L], [K * N / 2.0, 0, 0], [0, 0, 0]])
     expected = np.array([expm(A * t) @ [0, 0, 1] for t in TIMES])
     assert np.allclose(run.dataset.drive_state.values[:, 0], expected[:, 0], 0, 1e-7)
     assert np.allclose(run.dataset.joint_rate.values[:, 0], expected[:, 1], 0, 1e-7)
     assert np.allclose(run.dataset.actuator_force.values[:, 0], K * N * expected[:, 0], 0, 1e-7)
-    assert run.dataset.drive_state.attrs["units"] == "A" and run.dataset.command.attrs["units"] == "V"
+    assert (
+        run.dataset.drive_state.attrs["units"] == "A" and run.dataset.command.attrs["units"] == "V"
+    )
     assert list(run.dataset.extra.values) == ["slide.current"]
 
 
 def test_a_drives_numbers_are_parameters(plant):
     motor = DCMotor(2.0, 0.05, 0.3, 4.0)
     stronger = plant.simulate(
-        plant.home, [10.0], duration=1.0, drives={"slide": motor}, save_at=TIMES, parameters={"slide.gear": 6.0}
+        plant.home,
+        [10.0],
+        duration=1.0,
+        drives={"slide": motor},
+        save_at=TIMES,
+        parameters={"slide.gear": 6.0},
     )
     other = plant.simulate(
-        plant.home, [10.0], duration=1.0, drives={"slide": DCMotor(2.0, 0.05, 0.3, 6.0)}, save_at=TIMES
+        plant.home,
+        [10.0],
+        duration=1.0,
+        drives={"slide": DCMotor(2.0, 0.05, 0.3, 6.0)},
+        save_at=TIMES,
     )
     assert np.allclose(stronger.dataset.joint_position, other.dataset.joint_position, 0, 1e-12)
 
 
 def test_an_ideal_drive_changes_nothing(plant):
     bare = plant.simulate(plant.home, [3.0], duration=1.0, save_at=TIMES)
-    ideal = plant.simulate(plant.home, [3.0], duration=1.0, save_at=TIMES, drives={"slide": Ideal()})
+    ideal = plant.simulate(
+        plant.home, [3.0], duration=1.0, save_at=TIMES, drives={"slide": Ideal()}
+    )
     assert np.allclose(bare.dataset.joint_position, ideal.dataset.joint_position, 0, 1e-13)
 
 
 def damped(viscous: float) -> lw.Robot:
     body = lw.Body(mass=5.0, inertia=lw.Inertia(zz=1.0))
-    slide = lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0), friction=lw.Friction(viscous=viscous))
-    return lw.Robot(lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",)))
+    slide = lw.PrismaticJoint(
+        connects=("ground", "cart"), axis=(1, 0, 0), friction=lw.Friction(viscous=viscous)
+    )
+    return lw.Robot(
+        lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",))
+    )
 
 
 AIR = dict(
@@ -99,20 +132,39 @@ def test_a_pneumatic_cylinder_with_closed_valve_is_a_spring():
     stiffness = 1.2 * (p_a * 1.2e-3**2 / V_a + p_b * 1e-3**2 / V_b)
     omega = np.sqrt(stiffness / 5.0)
     times = np.linspace(0, 2 * np.pi / omega, 33)
-    run = robot.simulate(robot.state([0.0], [1e-4]), [0.0], duration=times[-1], drives={"slide": drive}, save_at=times)
+    run = robot.simulate(
+        robot.state([0.0], [1e-4]),
+        [0.0],
+        duration=times[-1],
+        drives={"slide": drive},
+        save_at=times,
+    )
     assert np.allclose(
-        run.dataset.joint_position.values[:, 0], 1e-4 / omega * np.sin(omega * times), 0, 1e-3 * 1e-4 / omega
+        run.dataset.joint_position.values[:, 0],
+        1e-4 / omega * np.sin(omega * times),
+        0,
+        1e-3 * 1e-4 / omega,
     )
 
 
 def test_a_pneumatic_cylinder_fills_to_the_supply(plant):
     """Held in place by a stiff spring, an open valve brings A to the supply's pressure and B to the exhaust's."""
-    slide = lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0), spring=lw.Spring(stiffness=1e5, damping=3e3))
+    slide = lw.PrismaticJoint(
+        connects=("ground", "cart"), axis=(1, 0, 0), spring=lw.Spring(stiffness=1e5, damping=3e3)
+    )
     body = lw.Body(mass=5.0, inertia=lw.Inertia(zz=1.0))
-    robot = lw.Robot(lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",)))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",))
+    )
     drive = PneumaticCylinder(**AIR, retracted=-0.25)
     run = robot.simulate(
-        robot.home, [1.0], duration=3.0, drives={"slide": drive}, method="rodas", rtol=1e-6, save_at=[0, 3.0]
+        robot.home,
+        [1.0],
+        duration=3.0,
+        drives={"slide": drive},
+        method="rodas",
+        rtol=1e-6,
+        save_at=[0, 3.0],
     )
     assert run.success
     assert np.allclose(run.dataset.drive_state.values[-1], [7e5, 1.01325e5], 2e-3)
@@ -132,7 +184,9 @@ def test_a_pneumatic_piston_stops_at_both_ends_of_its_stroke(command):
     """There the chambers come to the supply's and the exhaust's pressure, and the stop gives way by F / k."""
     drive, robot = PneumaticCylinder(**AIR, retracted=-0.2), damped(20.0)
     law = lw.Sampled([0.0, 4.0, 8.0], [[command], [-command], [0.0]], "hold")
-    run = robot.simulate(robot.home, law, duration=8.0, drives={"slide": drive}, save_at=np.linspace(0, 8, 161))
+    run = robot.simulate(
+        robot.home, law, duration=8.0, drives={"slide": drive}, save_at=np.linspace(0, 8, 161)
+    )
     assert run.success
     x, p = run.dataset.joint_position.values[:, 0], run.dataset.drive_state.values
     assert x.min() > -0.2 - 5e-3
@@ -148,15 +202,17 @@ def test_a_pneumatic_piston_stops_at_both_ends_of_its_stroke(command):
 
 def test_a_piston_outside_of_its_stroke_is_refused(plant):
     drive = PneumaticCylinder(**AIR, retracted=0.1)
-    sentence = (
-        "drive of 'slide': the joint coordinate 0 m lies outside of the stroke .* from retracted = 0.1 m to 0.6 m"
-    )
+    sentence = "drive of 'slide': the joint coordinate 0 m lies outside of the stroke .* from retracted = 0.1 m to 0.6 m"
     with pytest.raises(lw.LinkworkError, match=sentence):
         plant.simulate(plant.home, [1.0], duration=1.0, drives={"slide": drive})
     with pytest.raises(lw.LinkworkError, match=sentence):
         plant.ensemble(plant.home, [1.0], duration=1.0, drives={"slide": drive})
     moved = plant.simulate(
-        plant.home, [0.0], duration=0.01, drives={"slide": drive}, parameters={"slide.retracted": -0.1}
+        plant.home,
+        [0.0],
+        duration=0.01,
+        drives={"slide": drive},
+        parameters={"slide.retracted": -0.1},
     )
     assert moved.success
 
@@ -183,13 +239,17 @@ def test_a_hydraulic_cylinder_reaches_its_steady_rate():
     rate = run.dataset.joint_rate.values[-1, 0]
     p_a, p_b = run.dataset.drive_state.values[-1]
     assert np.isclose(p_a - p_b, 2e4 * rate / 1e-3, 1e-3)
-    assert np.isclose(rate, 0.5 * 2e-4 / 1e-3 * np.sqrt((14e6 - 1e5 - (p_a - p_b)) / (2 * 3.5e6)), 1e-3)
+    assert np.isclose(
+        rate, 0.5 * 2e-4 / 1e-3 * np.sqrt((14e6 - 1e5 - (p_a - p_b)) / (2 * 3.5e6)), 1e-3
+    )
     assert np.isclose(p_a + p_b, 14e6 + 1e5, 1e-3)
 
 
 def test_a_hydraulic_piston_stops_at_the_end_of_its_stroke():
     drive, robot = HydraulicCylinder(**OIL), damped(2e4)
-    run = robot.simulate(robot.home, [1.0], duration=6.0, drives={"slide": drive}, save_at=np.linspace(0, 6, 121))
+    run = robot.simulate(
+        robot.home, [1.0], duration=6.0, drives={"slide": drive}, save_at=np.linspace(0, 6, 121)
+    )
     assert run.success
     x, p = run.dataset.joint_position.values[:, 0], run.dataset.drive_state.values
     assert np.isclose(x[-1], 0.7 + (14e6 - 1e5) * 1e-3 / (14e6 * 1e-3 / (1e-3 * 0.8)), 0, 1e-6)
@@ -206,7 +266,12 @@ def test_oil_that_is_drawn_apart_keeps_a_pressure_above_zero():
     drive = HydraulicCylinder(**(OIL | {"initial_a": 2e5, "initial_b": 2e5}), air=1e-3)
     wrench = lw.control.Wrench("cart", force=(load, 0.0, 0.0))
     run = robot.simulate(
-        robot.home, [0.0], duration=3.0, drives={"slide": drive}, wrenches=[wrench], save_at=np.linspace(0, 3, 61)
+        robot.home,
+        [0.0],
+        duration=3.0,
+        drives={"slide": drive},
+        wrenches=[wrench],
+        save_at=np.linspace(0, 3, 61),
     )
     assert run.success
     x, (p_a, p_b) = run.dataset.joint_position.values[-1, 0], run.dataset.drive_state.values[-1]
@@ -220,13 +285,19 @@ def test_oil_that_is_drawn_apart_keeps_a_pressure_above_zero():
 
 def test_leakage_bleeds_a_pressure_difference():
     """Valve closed, piston held by a stiff spring: (p_a - p_b)' = -c beta (1/V_a + 1/V_b) (p_a - p_b)."""
-    slide = lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0), spring=lw.Spring(stiffness=1e12))
+    slide = lw.PrismaticJoint(
+        connects=("ground", "cart"), axis=(1, 0, 0), spring=lw.Spring(stiffness=1e12)
+    )
     body = lw.Body(mass=1e6, inertia=lw.Inertia(zz=1.0))
-    robot = lw.Robot(lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",)))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",))
+    )
     drive = HydraulicCylinder(**(OIL | {"initial_a": 9e6, "leakage": 1e-12}))
     V_a, V_b = 1e-4 + 1e-3 * 0.1, 1e-4 + 1e-3 * 0.7
     rate = 1e-12 * 1.4e9 * (1 / V_a + 1 / V_b)
-    run = robot.simulate(robot.home, [0.0], duration=0.05, drives={"slide": drive}, save_at=[0, 0.05], rtol=1e-6)
+    run = robot.simulate(
+        robot.home, [0.0], duration=0.05, drives={"slide": drive}, save_at=[0, 0.05], rtol=1e-6
+    )
     p_a, p_b = run.dataset.drive_state.values[-1]
     assert np.isclose(p_a - p_b, 2e6 * np.exp(-rate * 0.05), 1e-3)
 
@@ -247,7 +318,9 @@ def test_refusals(plant, drives, sentence):
 def test_numbers_that_no_drive_has_are_refused():
     for make, sentence in {
         lambda: Lag("a"): "time_constant of Lag is 'a'; give numbers",
-        lambda: DCMotor(1.0, 1e-3, 0.05, gear=np.nan): "gear of DCMotor is nan; give finite numbers",
+        lambda: DCMotor(
+            1.0, 1e-3, 0.05, gear=np.nan
+        ): "gear of DCMotor is nan; give finite numbers",
         lambda: Lag(0.1, initial_force=np.inf): "initial_force of Lag is inf",
     }.items():
         with pytest.raises(lw.LinkworkError, match=sentence):
@@ -267,8 +340,14 @@ def test_parameters_that_no_drive_has_are_refused(plant):
 
 @pytest.mark.parametrize("drive", [Saturated(5.0), Saturated(5.0, smooth=True), Lag(0.1)])
 def test_no_drive_hides_an_undefined_command(plant, drive):
-    run = plant.simulate(plant.home, lambda t, s: [lw.math.log(0.2 - t)], duration=0.4, drives={"slide": drive})
+    run = plant.simulate(
+        plant.home, lambda t, s: [lw.math.log(0.2 - t)], duration=0.4, drives={"slide": drive}
+    )
     assert run.status is lw.Status.NON_FINITE and np.isclose(run.attrs["final_time"], 0.2, 1e-6)
     assert "the controller's force on slide is infinite or undefined" in run.message
-    members = plant.ensemble(plant.home, lambda t, s: [lw.math.log(0.2 - t)], duration=0.4, drives={"slide": drive})
-    assert members.status[0] == lw.Status.NON_FINITE and "the controller's force on slide" in members.message(0)
+    members = plant.ensemble(
+        plant.home, lambda t, s: [lw.math.log(0.2 - t)], duration=0.4, drives={"slide": drive}
+    )
+    assert members.status[
+        0
+    ] == lw.Status.NON_FINITE and "the controller's force on slide" in members.message(0)

@@ -34,15 +34,24 @@ def test_a_terminal_event_ends_the_run_there(plant):
 
 
 def test_a_plain_function_is_an_event(plant):
-    run = plant.simulate(plant.home, [1.0], duration=1.0, events=[lambda t, state: state.rate("slide") - 0.25])
+    run = plant.simulate(
+        plant.home, [1.0], duration=1.0, events=[lambda t, state: state.rate("slide") - 0.25]
+    )
     assert np.allclose(run.dataset.event_time, [0.5], 0, 1e-8)
 
 
 def test_limits_as_events():
-    slide = lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0), limits=lw.Limits(lower=-0.5, upper=0.09))
+    slide = lw.PrismaticJoint(
+        connects=("ground", "cart"), axis=(1, 0, 0), limits=lw.Limits(lower=-0.5, upper=0.09)
+    )
     body = lw.Body(mass=2.0, inertia=lw.Inertia(zz=1.0))
-    robot = lw.Robot(lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",)))
-    assert [event.name for event in limit_events(robot)] == ["slide: lower limit", "slide: upper limit"]
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"cart": body}, joints={"slide": slide}, actuators=("slide",))
+    )
+    assert [event.name for event in limit_events(robot)] == [
+        "slide: lower limit",
+        "slide: upper limit",
+    ]
     run = robot.simulate(robot.home, [1.0], duration=2.0, events="limits")
     assert run.status is lw.Status.EVENT and "slide: upper limit" in run.message
     assert np.isclose(run.attrs["final_time"], 0.6, 1e-7)
@@ -63,12 +72,21 @@ def test_limits_of_a_free_turn_as_events():
 def test_actuator_singular_poses_as_events():
     """A slider-crank driven at its slider is singular where crank and rod are in line: crank angles k pi."""
     mechanism = lw.robots.slider_crank()
-    crank, slide = mechanism.actuators[0], next(name for name, j in mechanism.joints.items() if j.type == "prismatic")
-    robot = lw.Robot(mechanism.model_copy(update={"actuators": (slide,), "gravity": (0.0, 0.0, 0.0)}))
+    crank, slide = (
+        mechanism.actuators[0],
+        next(name for name, j in mechanism.joints.items() if j.type == "prismatic"),
+    )
+    robot = lw.Robot(
+        mechanism.model_copy(update={"actuators": (slide,), "gravity": (0.0, 0.0, 0.0)})
+    )
     start = robot.in_chart(robot.home, [crank]).with_rates([6.0])
     run = robot.simulate(start, duration=2.0, events=singular_events(robot, terminal=False))
     times = run.dataset.event_time.values
-    found = robot.simulate(start, duration=2.0, save_at=times).dataset.joint_position.sel(coordinate=crank).values
+    found = (
+        robot.simulate(start, duration=2.0, save_at=times)
+        .dataset.joint_position.sel(coordinate=crank)
+        .values
+    )
     assert len(times) == 4 and np.allclose(found / np.pi, np.round(found / np.pi), 0, 1e-7)
     ended = robot.simulate(start, duration=2.0, events="singular")
     assert ended.status is lw.Status.EVENT and np.isclose(ended.attrs["final_time"], times[0], 1e-7)
@@ -76,7 +94,9 @@ def test_actuator_singular_poses_as_events():
 
 def test_robots_without_singular_poses_of_their_actuators_are_refused():
     robot = lw.Robot(lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)}))
-    with pytest.raises(lw.LinkworkError, match="1 actuators and 2 freedoms have no actuator-singular poses"):
+    with pytest.raises(
+        lw.LinkworkError, match="1 actuators and 2 freedoms have no actuator-singular poses"
+    ):
         robot.simulate(robot.home, duration=1.0, events="singular")
 
 
@@ -84,12 +104,18 @@ def test_robots_without_singular_poses_of_their_actuators_are_refused():
     ("events", "sentence"),
     [
         ("limit", "there are no events 'limit'; give limits, singular"),
-        ([Event(lambda t, state: [state["slide"], 1.0], name="two")], "the event 'two' returns 2 values"),
+        (
+            [Event(lambda t, state: [state["slide"], 1.0], name="two")],
+            "the event 'two' returns 2 values",
+        ),
         (
             [Event(lambda t, state: 1.0 if state["slide"] else 2.0, name="if")],
             r"the event 'if' cannot be traced with symbols \(it branches on .*as a function of its arguments alone$",
         ),
-        ([Event(lambda t, state: None, name="none")], "the event 'none' returns None; give 1 number"),
+        (
+            [Event(lambda t, state: None, name="none")],
+            "the event 'none' returns None; give 1 number",
+        ),
         (5, "events are 5; give a list"),
         ("limits", "the joints of this robot have no limits to watch for"),
     ],
@@ -102,7 +128,9 @@ def test_refusals(plant, events, sentence):
 def test_an_event_that_is_zero_at_the_start_happens_when_it_is_zero_again():
     """x = t - t^2 / 2 under a constant force: back at zero after 2 s."""
     plant = cart(mass=2.0)
-    run = plant.simulate(plant.home.with_rates([1.0]), [-2.0], duration=3.0, events=lambda t, state: state["slide"])
+    run = plant.simulate(
+        plant.home.with_rates([1.0]), [-2.0], duration=3.0, events=lambda t, state: state["slide"]
+    )
     assert np.allclose(run.dataset.event_time, [2.0], 1e-9)
 
 
@@ -125,7 +153,9 @@ def test_a_run_stopped_and_resumed_is_the_uninterrupted_one():
     whole = robot.simulate(start, law, duration=1.0, drives=drives, max_steps=400)
     first = robot.simulate(start, law, duration=1.0, drives=drives, max_steps=150)
     assert first.status is lw.Status.TOO_MANY_STEPS
-    rest = robot.resume(first, law, duration=1.0 - first.attrs["final_time"], drives=drives, max_steps=250)
+    rest = robot.resume(
+        first, law, duration=1.0 - first.attrs["final_time"], drives=drives, max_steps=250
+    )
     assert rest.attrs["final_time"] == whole.attrs["final_time"]
     for name in ("final_q", "final_v"):
         assert np.array_equal(rest.attrs[name], whole.attrs[name])
@@ -181,9 +211,13 @@ def test_runs_that_cannot_be_resumed(plant):
     other = lw.Robot(lw.robots.prr3())
     with pytest.raises(lw.LinkworkError, match="belongs to another robot"):
         other.resume(run, duration=1.0)
-    with pytest.raises(lw.LinkworkError, match="0 extra states, but these drives and controllers have 1"):
+    with pytest.raises(
+        lw.LinkworkError, match="0 extra states, but these drives and controllers have 1"
+    ):
         plant.resume(run, [1.0], duration=1.0, drives={"slide": DCMotor(1, 1, 1)})
-    paceless = replace(run, attrs={name: fact for name, fact in run.attrs.items() if name != "final_pace"})
+    paceless = replace(
+        run, attrs={name: fact for name, fact in run.attrs.items() if name != "final_pace"}
+    )
     with pytest.raises(lw.LinkworkError, match="cannot be resumed: it does not hold 'final_pace'"):
         plant.resume(paceless, duration=1.0)
 
@@ -198,7 +232,12 @@ def test_methods_agree():
         robot.simulate(
             robot.home, law, duration=1.0, save_at=[1.0], method=method, step=step, rtol=1e-10
         ).dataset.joint_position.values
-        for method, step in (("dormand_prince", None), ("dop853", None), ("rodas", None), ("rk4", 1e-3))
+        for method, step in (
+            ("dormand_prince", None),
+            ("dop853", None),
+            ("rodas", None),
+            ("rk4", 1e-3),
+        )
     ]
     assert np.allclose(ends, ends[0], 0, 1e-8)
 
@@ -219,8 +258,12 @@ def test_methods_that_do_not_fit(plant, options, sentence):
 
 def test_the_determinant_of_the_actuation_is_a_number_of_the_observation():
     robot = lw.Robot(lw.robots.prr3())
-    state = robot.in_chart(robot.home, [name for name in robot.equations.tree.rates if name.startswith("p")][:3])
-    assert np.isclose(robot.observe(state).actuation_determinant, np.linalg.det(robot.actuation(state)), 1e-12)
+    state = robot.in_chart(
+        robot.home, [name for name in robot.equations.tree.rates if name.startswith("p")][:3]
+    )
+    assert np.isclose(
+        robot.observe(state).actuation_determinant, np.linalg.det(robot.actuation(state)), 1e-12
+    )
 
 
 def test_events_of_a_robot_whose_free_turns_are_driven():
@@ -228,7 +271,9 @@ def test_events_of_a_robot_whose_free_turns_are_driven():
     body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
     ball = lw.SphericalJoint(connects=("ground", "top"))
     actuators = ("ball.wx", "ball.wy", "ball.wz")
-    mechanism = lw.Mechanism(bodies={"top": body}, joints={"ball": ball}, actuators=actuators, gravity=(0, 0, 0))
+    mechanism = lw.Mechanism(
+        bodies={"top": body}, joints={"ball": ball}, actuators=actuators, gravity=(0, 0, 0)
+    )
     robot = lw.Robot(mechanism)
     passes = Event(lambda t, state: state.rate("ball.wx") - 0.2, name="passes")
     run = robot.simulate(robot.home, [0.1, 0, 0], duration=0.5, events=[passes])

@@ -92,7 +92,9 @@ def test_forces_over_time_are_inputs_of_one_trace(robot, traces):
     for force in (1.0, -3.0):
         assert np.isclose(reached(robot, [force], method="rodas"), pushed(force), 1e-7)
     ramp = lw.Sampled(np.array([0.0, DURATION]), np.array([[0.0], [6.0]]), "linear")
-    assert np.isclose(reached(robot, ramp, method="rodas"), 6.0 / DURATION * DURATION**3 / (6 * 2.0), 1e-7)
+    assert np.isclose(
+        reached(robot, ramp, method="rodas"), 6.0 / DURATION * DURATION**3 / (6 * 2.0), 1e-7
+    )
     assert len(traces) == 1
 
 
@@ -108,10 +110,14 @@ def test_a_signal_is_a_wrench_and_a_command_at_once(robot, traces):
 def test_wrenches_are_told_apart_by_their_numbers(robot, traces):
     force = np.array([1.0, 0.0, 0.0])
     assert np.isclose(reached(robot, wrenches=[Wrench("cart", force=force)]), pushed(1.0), 1e-9)
-    assert np.isclose(reached(robot, wrenches=[Wrench("cart", force=[1.0, 0.0, 0.0])]), pushed(1.0), 1e-9)
+    assert np.isclose(
+        reached(robot, wrenches=[Wrench("cart", force=[1.0, 0.0, 0.0])]), pushed(1.0), 1e-9
+    )
     wrench = Wrench("cart", force=force)
     force[0] = 5.0
-    assert np.isclose(reached(robot, wrenches=[wrench]), pushed(1.0), 1e-9)  # it keeps what it was made with
+    assert np.isclose(
+        reached(robot, wrenches=[wrench]), pushed(1.0), 1e-9
+    )  # it keeps what it was made with
     assert np.isclose(reached(robot, wrenches=[Wrench("cart", force=force)]), pushed(5.0), 1e-9)
 
 
@@ -124,7 +130,9 @@ def test_drives_of_the_package_are_data_and_others_are_not(robot, traces):
             return self.factor * command, ()
 
     for _ in range(2):
-        assert np.isclose(reached(robot, [8.0], drives={"slide": Saturated(2.0)}), pushed(2.0), 1e-9)
+        assert np.isclose(
+            reached(robot, [8.0], drives={"slide": Saturated(2.0)}), pushed(2.0), 1e-9
+        )
     assert len(traces) == 1
     assert np.isclose(reached(robot, [8.0], drives={"slide": Saturated(3.0)}), pushed(3.0), 1e-9)
     assert np.isclose(reached(robot, [8.0], drives={"slide": Halved()}), pushed(4.0), 1e-9)
@@ -134,7 +142,10 @@ def test_drives_of_the_package_are_data_and_others_are_not(robot, traces):
 
 def test_sampled_functions_are_called_and_not_traced(robot, traces):
     calls = []
-    first, second = (Sampler(lambda t, state, force=f: calls.append(force) or [force], rate=100) for f in (1.0, 2.0))
+    first, second = (
+        Sampler(lambda t, state, force=f: calls.append(force) or [force], rate=100)
+        for f in (1.0, 2.0)
+    )
     for sampler, force in ((first, 1.0), (second, 2.0), (first, 1.0)):
         assert np.isclose(reached(robot, sampler), pushed(force), 1e-9)
         assert set(calls) == {force}

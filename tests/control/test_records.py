@@ -12,7 +12,17 @@ import pytest
 
 import linkwork as lw
 from linkwork import control
-from linkwork.control import LQR, PD, DCMotor, Drive, HydraulicCylinder, Lag, PneumaticCylinder, Sampler, Saturated
+from linkwork.control import (
+    LQR,
+    PD,
+    DCMotor,
+    Drive,
+    HydraulicCylinder,
+    Lag,
+    PneumaticCylinder,
+    Sampler,
+    Saturated,
+)
 from linkwork.control.controllers import Controller, Form
 from linkwork.control.plant import Plant
 from linkwork.control.records import described, number, settled
@@ -31,7 +41,11 @@ def ready(base: type) -> set[type]:
     for module in pkgutil.iter_modules(control.__path__, f"{control.__name__}."):
         importlib.import_module(module.name)
     below = {kind for each in base.__subclasses__() for kind in (each, *ready(each))}
-    return {kind for kind in below if kind.__module__.startswith("linkwork.") and not inspect.isabstract(kind)}
+    return {
+        kind
+        for kind in below
+        if kind.__module__.startswith("linkwork.") and not inspect.isabstract(kind)
+    }
 
 
 def test_every_drive_and_controller_is_listed_and_exported():
@@ -55,7 +69,9 @@ def test_the_names_in_study_files_are_those_that_the_classes_say():
 @pytest.mark.parametrize("kind", control.DRIVES)
 def test_every_number_of_a_drive_is_described(kind):
     hints = get_type_hints(kind)
-    assert set(described(kind)) == {entry.name for entry in fields(kind) if hints[entry.name] is float}
+    assert set(described(kind)) == {
+        entry.name for entry in fields(kind) if hints[entry.name] is float
+    }
     assert all(told.unit for told in described(kind).values())
 
 
@@ -65,13 +81,17 @@ def test_the_bounds_that_are_described_are_held(kind):
     assert kind(**numbers)
     for name, told in described(kind).items():
         if told.kind is Positive:
-            with pytest.raises(lw.LinkworkError, match=f"{name} of {kind.__name__} is 0.0; give a positive number"):
+            with pytest.raises(
+                lw.LinkworkError, match=f"{name} of {kind.__name__} is 0.0; give a positive number"
+            ):
                 kind(**numbers | {name: 0.0})
 
 
 def test_docstrings_end_with_the_numbers():
     told = inspect.getdoc(DCMotor) or ""
-    assert "\nresistance: R [ohm], above 0\n" in told and told.endswith("\ninitial_current: i at the start [A]")
+    assert "\nresistance: R [ohm], above 0\n" in told and told.endswith(
+        "\ninitial_current: i at the start [A]"
+    )
     assert "\nkp: [N/m, N m/rad]; one number, or one by actuator\n" in (inspect.getdoc(PD) or "")
     assert "\nstroke: [m], above 0\n" in (inspect.getdoc(PneumaticCylinder) or "")
 
@@ -89,7 +109,10 @@ def test_ready_parts_are_settled_and_those_of_the_users_own_are_not():
     assert settled((law, {"slide": Saturated(2.0)}, [control.Wrench("cart", [1.0, 0, 0])]))
     assert settled(Sampler(law, compiled=True)) and settled(Sampler(lambda t, state: [1.0]))
     mine = [own, Halved(), {"slide": Halved()}, Sampler(own, compiled=True), lambda t, state: [1.0]]
-    mine += [control.Wrench("cart", lambda t, state: [1.0, 0, 0]), control.Event(lambda t, state: t)]
+    mine += [
+        control.Wrench("cart", lambda t, state: [1.0, 0, 0]),
+        control.Event(lambda t, state: t),
+    ]
     assert not any(map(settled, mine))
 
 
@@ -102,11 +125,22 @@ def test_a_law_in_one_file_is_one_of_studies():
         forms: ClassVar = (Form("stiff", "u = kp e", "Stiff", ("kp", "kd", "stiffness")),)
 
     made = record(Stiff, Stiff.forms[0])
-    given = {"type": "stiff", "goal": {"type": "pose", "joints": {"slide": 0.2}}, "stiffness": 3.0} | GAINS
+    given = {
+        "type": "stiff",
+        "goal": {"type": "pose", "joints": {"slide": 0.2}},
+        "stiffness": 3.0,
+    } | GAINS
     plant = cart(mass=2.0)
     law = made(**given).law(plant.home, plant)
-    assert type(law) is Stiff and (law.kp, law.kd, law.stiffness, law.goal) == (2.0, 1.0, 3.0, plant.home)
-    with pytest.raises(MechanismError, match=r"stiffness: -1.0 is not above 0; expected of the end \[N/m\]"):
+    assert type(law) is Stiff and (law.kp, law.kd, law.stiffness, law.goal) == (
+        2.0,
+        1.0,
+        3.0,
+        plant.home,
+    )
+    with pytest.raises(
+        MechanismError, match=r"stiffness: -1.0 is not above 0; expected of the end \[N/m\]"
+    ):
         made(**given | {"stiffness": -1.0})
     with pytest.raises(MechanismError, match="stiffness: is missing"):
         made(**{name: value for name, value in given.items() if name != "stiffness"})
@@ -116,9 +150,14 @@ def test_a_law_in_one_file_is_one_of_studies():
 
 def test_drives_of_studies_take_the_numbers_that_they_describe():
     assert drive({"type": "saturated", "limit": 2}, ()) == Saturated(2.0)
-    with pytest.raises(MechanismError, match="smooth: is not a known field; the fields here are limit"):
+    with pytest.raises(
+        MechanismError, match="smooth: is not a known field; the fields here are limit"
+    ):
         drive({"type": "saturated", "limit": 2, "smooth": 1}, ())
-    with pytest.raises(MechanismError, match=r"type: 'ideal' is not a type.*; the types are saturated, lag, dc_motor,"):
+    with pytest.raises(
+        MechanismError,
+        match=r"type: 'ideal' is not a type.*; the types are saturated, lag, dc_motor,",
+    ):
         drive({"type": "ideal"}, ())
 
 

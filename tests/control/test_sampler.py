@@ -30,7 +30,9 @@ def discrete(rate, steps, late=0, quantum=0.0):
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize(("delay", "quantise"), [(0.0, None), (0.06, None), (0.0, 0.01), (0.02, {"slide": 0.0031})])
+@pytest.mark.parametrize(
+    ("delay", "quantise"), [(0.0, None), (0.06, None), (0.0, 0.01), (0.02, {"slide": 0.0031})]
+)
 def test_the_discrete_recursion(plant, compiled, delay, quantise):
     sampler = Sampler(LAW, 50.0, delay=delay, quantise=quantise, compiled=compiled)
     run = plant.simulate(plant.home, sampler, duration=1.0, save_at=np.arange(51) / 50)
@@ -49,7 +51,9 @@ def test_the_held_command_is_recorded(plant):
 def test_a_fast_sampler_is_the_traced_controller(plant):
     """The difference falls in proportion to the period."""
     save = [0.5, 1.0]
-    exact = plant.simulate(plant.home, LAW, duration=1.0, save_at=save, rtol=1e-10).dataset.joint_position.values
+    exact = plant.simulate(
+        plant.home, LAW, duration=1.0, save_at=save, rtol=1e-10
+    ).dataset.joint_position.values
     gaps = [
         np.abs(
             plant.simulate(
@@ -85,7 +89,11 @@ def test_an_exception_ends_the_run_with_what_was_computed(plant, drives):
 
     run = plant.simulate(plant.home, Sampler(failing, 10.0), duration=1.0, drives=drives)
     assert run.status is lw.Status.CALLBACK_FAILED and not run.success
-    assert isinstance(run.error, RuntimeError) and "sensor lost" in run.message and "0.5 s" in run.message
+    assert (
+        isinstance(run.error, RuntimeError)
+        and "sensor lost" in run.message
+        and "0.5 s" in run.message
+    )
     time = run.coords["time"].values
     assert np.isclose(time[-1], 0.5) and len(time) > 2
     if drives is None:
@@ -94,7 +102,9 @@ def test_an_exception_ends_the_run_with_what_was_computed(plant, drives):
 
 def test_a_wrong_number_of_forces_ends_the_run(plant):
     run = plant.simulate(plant.home, Sampler(lambda t, s: [1.0, 2.0], 10.0), duration=1.0)
-    assert run.status is lw.Status.CALLBACK_FAILED and "returns 2 values; give 1: slide" in run.message
+    assert (
+        run.status is lw.Status.CALLBACK_FAILED and "returns 2 values; give 1: slide" in run.message
+    )
 
 
 def test_an_interrupt_cancels_the_run_and_keeps_what_was_computed(plant):
@@ -125,16 +135,24 @@ def test_a_run_goes_on_with_a_repaired_controller(plant, late, fault):
     def broken(t, state):
         if fault == "raised" and t > 0.45:
             raise RuntimeError("sensor lost")
-        return [LAW(t, state)[0] if fault == "raised" else LAW(t, state)[0] + 1e-30 * lw.math.sqrt(0.45 - t)]
+        return [
+            LAW(t, state)[0]
+            if fault == "raised"
+            else LAW(t, state)[0] + 1e-30 * lw.math.sqrt(0.45 - t)
+        ]
 
     with np.errstate(invalid="ignore"):
         failed = plant.simulate(
-            plant.home, Sampler(broken, 10.0, delay=late / 10, compiled="compiled" in fault), duration=1.0
+            plant.home,
+            Sampler(broken, 10.0, delay=late / 10, compiled="compiled" in fault),
+            duration=1.0,
         )
     assert not failed.success and failed.attrs["final_time"] == 0.5
     run = plant.resume(failed, Sampler(LAW, 10.0, delay=late / 10), duration=0.5)
     assert run.success
-    assert np.isclose(run.dataset.joint_position.values[-1, 0], discrete(10.0, 10, late)[-1], 0, 1e-9)
+    assert np.isclose(
+        run.dataset.joint_position.values[-1, 0], discrete(10.0, 10, late)[-1], 0, 1e-9
+    )
 
 
 def test_a_resumed_run_is_sampled_at_its_own_rate(plant):
@@ -153,13 +171,19 @@ def test_a_resumed_run_is_sampled_at_its_own_rate(plant):
 def test_a_resumed_run_needs_the_delay_that_it_had(plant):
     run = plant.simulate(plant.home, Sampler(LAW, 10.0), duration=0.45)
     with pytest.raises(
-        lw.LinkworkError, match="ended with 1 held inputs, but this controller holds 3; give it the delay"
+        lw.LinkworkError,
+        match="ended with 1 held inputs, but this controller holds 3; give it the delay",
     ):
         plant.resume(run, Sampler(LAW, 10.0, delay=0.2), duration=0.5)
 
 
 @pytest.mark.parametrize(
-    "wrap", [lambda law: law, lambda law: Sampler(law, 100.0), lambda law: Sampler(law, 100.0, compiled=True)]
+    "wrap",
+    [
+        lambda law: law,
+        lambda law: Sampler(law, 100.0),
+        lambda law: Sampler(law, 100.0, compiled=True),
+    ],
 )
 def test_undefined_forces_end_the_run_and_are_named(wrap):
     robot = lw.Robot(lw.robots.prr3())
@@ -179,7 +203,9 @@ def test_a_change_of_chart_keeps_what_is_held():
     law = lambda t, state: {name: 2.0 - state.rate(name)}  # noqa: E731
     ends = []
     for compiled in (False, True):
-        run = robot.simulate(robot.home, Sampler(law, 50.0, compiled=compiled), duration=4.0, save_at=[0, 4.0])
+        run = robot.simulate(
+            robot.home, Sampler(law, 50.0, compiled=compiled), duration=4.0, save_at=[0, 4.0]
+        )
         assert run.success
         ends.append(run.dataset.joint_position.values[-1])
     assert np.allclose(ends[0], ends[1], 0, 1e-7)
@@ -206,13 +232,20 @@ def test_refusals(options, sentence):
 
 @pytest.mark.parametrize("compiled", [False, True])
 def test_steps_of_unknown_coordinates_are_refused(plant, compiled):
-    with pytest.raises(lw.LinkworkError, match="there is no coordinate to quantise 'foo'; there are slide"):
-        plant.simulate(plant.home, Sampler(LAW, quantise={"foo": 1e-3}, compiled=compiled), duration=0.1)
+    with pytest.raises(
+        lw.LinkworkError, match="there is no coordinate to quantise 'foo'; there are slide"
+    ):
+        plant.simulate(
+            plant.home, Sampler(LAW, quantise={"foo": 1e-3}, compiled=compiled), duration=0.1
+        )
 
 
 @pytest.mark.parametrize(
     ("result", "sentence"),
-    [(lambda: 1 / 0, "raised ZeroDivisionError: division by zero."), (lambda: next(iter(())), "raised StopIteration.")],
+    [
+        (lambda: 1 / 0, "raised ZeroDivisionError: division by zero."),
+        (lambda: next(iter(())), "raised StopIteration."),
+    ],
 )
 def test_what_was_raised_is_told_with_its_text_if_it_has_one(plant, result, sentence):
     run = plant.simulate(plant.home, Sampler(lambda t, state: result(), 100.0), duration=0.1)

@@ -40,7 +40,9 @@ def test_a_traced_pulse_is_not_passed_over(plant, width, method):
     pulse = Pulse(width)
     run = plant.simulate(plant.home, pulse, duration=5.0, method=method, save_at=[5.0])
     assert run.variables["joint_rate"].values[-1, 0] == pytest.approx(pulse.rate, rel=1e-5)
-    assert run.variables["joint_position"].values[-1, 0] == pytest.approx(pulse.rate * (5.0 - CENTRE), rel=1e-5)
+    assert run.variables["joint_position"].values[-1, 0] == pytest.approx(
+        pulse.rate * (5.0 - CENTRE), rel=1e-5
+    )
 
 
 def test_a_traced_pulse_of_a_wrench_is_not_passed_over(plant):
@@ -56,7 +58,9 @@ def test_each_member_of_an_ensemble_finds_its_own_pulse(plant):
     np.testing.assert_allclose(many.final.rates[:, 0], pulse.rate, rtol=1e-5)
     alone = plant.simulate(plant.home, pulse, parameters={"centre": centres[3]}, duration=2.0)
     assert alone.statistics.nfev == pytest.approx(many.nfev[3], rel=0.1)
-    np.testing.assert_allclose(plant.ensemble(plant.home, pulse, duration=2.0).final.rates, pulse.rate, rtol=1e-5)
+    np.testing.assert_allclose(
+        plant.ensemble(plant.home, pulse, duration=2.0).final.rates, pulse.rate, rtol=1e-5
+    )
 
 
 def test_zeros_of_functions_of_time_are_all_found(plant):
@@ -75,11 +79,19 @@ def test_a_pulse_of_an_event_function_is_not_passed_over(plant, sampled):
         return signal(t)[0] if sampled else lw.math.exp(-(((t - 3.3) / 0.01) ** 2)) - 0.5
 
     run = plant.simulate(plant.home, duration=5.0, events=[Event(high)])
-    np.testing.assert_allclose(run.dataset.event_time.values, [3.3 - late, 3.3 + late], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        run.dataset.event_time.values, [3.3 - late, 3.3 + late], rtol=0, atol=1e-6
+    )
 
 
 def test_what_depends_on_the_state_is_not_taken_for_a_function_of_time(plant):
-    run = plant.simulate(plant.home, lambda t, state: [lw.math.cos(t) - state["slide"]], duration=2.0)
+    run = plant.simulate(
+        plant.home, lambda t, state: [lw.math.cos(t) - state["slide"]], duration=2.0
+    )
     assert run.success
-    smooth = plant.simulate(plant.home, lambda t, state: [lw.math.sin(6 * t)], duration=2.0, save_at=[2.0])
-    assert smooth.variables["joint_rate"].values[-1, 0] == pytest.approx((1 - math.cos(12)) / 6 / MASS, rel=1e-7)
+    smooth = plant.simulate(
+        plant.home, lambda t, state: [lw.math.sin(6 * t)], duration=2.0, save_at=[2.0]
+    )
+    assert smooth.variables["joint_rate"].values[-1, 0] == pytest.approx(
+        (1 - math.cos(12)) / 6 / MASS, rel=1e-7
+    )

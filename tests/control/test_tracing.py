@@ -39,7 +39,9 @@ def test_functions_of_symbols_and_numbers(name):
     numbers = np.array([0.1, 0.5, 0.9])
     assert np.allclose(function(numbers), FUNCTIONS[name](numbers), 1e-15, 0)
     traced = ca.Function("f", [x], [function(x)])
-    assert np.allclose([float(traced(value)) for value in numbers], FUNCTIONS[name](numbers), 1e-14, 0)
+    assert np.allclose(
+        [float(traced(value)) for value in numbers], FUNCTIONS[name](numbers), 1e-14, 0
+    )
 
 
 def test_vectors_of_symbols_behave_as_arrays():
@@ -66,9 +68,20 @@ def test_vectors_of_symbols_behave_as_arrays():
 def everything(t, state):
     """Read every kind of quantity, and mix them."""
     body = state.body("link_2")
-    first = state["slide_1"] + 2 * state.rate("pivot_2") + lw.math.sin(t) + lw.math.norm(state.positions)
-    second = lw.math.dot(state.tool_pose, [1, 2, 3]) + lw.math.dot(state.tool_velocity, [3, 2, 1]) + state.rates[4]
-    third = lw.math.dot(body.position, body.velocity) + body.rotation[0, 1] * body.angular_velocity[2]
+    first = (
+        state["slide_1"]
+        + 2 * state.rate("pivot_2")
+        + lw.math.sin(t)
+        + lw.math.norm(state.positions)
+    )
+    second = (
+        lw.math.dot(state.tool_pose, [1, 2, 3])
+        + lw.math.dot(state.tool_velocity, [3, 2, 1])
+        + state.rates[4]
+    )
+    third = (
+        lw.math.dot(body.position, body.velocity) + body.rotation[0, 1] * body.angular_velocity[2]
+    )
     return {"slide_1": first, "slide_3": third, "slide_2": second}
 
 
@@ -78,7 +91,8 @@ def test_a_traced_controller_gives_what_it_gives_with_numbers(robot):
     data = run.dataset
     for k, t in enumerate(run.coords["time"].values):
         state = robot.state(
-            data.joint_position.values[k], dict(zip(robot.rates[:3], data.joint_rate.values[k, :3], strict=True))
+            data.joint_position.values[k],
+            dict(zip(robot.rates[:3], data.joint_rate.values[k, :3], strict=True)),
         )
         seen = robot.observe(state)
         expected = everything(t, seen)
@@ -121,7 +135,9 @@ def test_parameters_change_without_compiling(plant, monkeypatch):
     start = plant.state([0.3])
     assert plant.simulate(start, law, duration=0.1).dataset is not None
     compiled = []
-    monkeypatch.setattr(kernel, "load", lambda *args: compiled.append(args) or pytest.fail("compiled anew"))
+    monkeypatch.setattr(
+        kernel, "load", lambda *args: compiled.append(args) or pytest.fail("compiled anew")
+    )
     run = plant.simulate(start, law, duration=1.0, save_at=TIMES, parameters={"stiffness": 18.0})
     assert np.allclose(run.dataset.joint_position.values[:, 0], 0.3 * np.cos(3 * TIMES), 0, 1e-7)
     assert not compiled
@@ -138,11 +154,15 @@ def test_references_over_time_become_inputs(plant):
 
     run = plant.simulate(plant.state([0.0], [3.0]), law, duration=1.0, save_at=TIMES)
     start = float(desired.derivative()(0.0)[0]) - 3.0  # the spline's own slope at the start
-    assert np.allclose(run.dataset.joint_position.values[:, 0] + start * TIMES, desired(TIMES)[:, 0], 0, 1e-8)
+    assert np.allclose(
+        run.dataset.joint_position.values[:, 0] + start * TIMES, desired(TIMES)[:, 0], 0, 1e-8
+    )
 
 
 def test_time_is_exact(plant):
-    run = plant.simulate(plant.home, lambda t, state: [2.0 * lw.math.cos(t)], duration=1.0, save_at=TIMES, rtol=1e-11)
+    run = plant.simulate(
+        plant.home, lambda t, state: [2.0 * lw.math.cos(t)], duration=1.0, save_at=TIMES, rtol=1e-11
+    )
     assert np.allclose(run.dataset.joint_position.values[:, 0], 1 - np.cos(TIMES), 0, 1e-9)
 
 
@@ -152,7 +172,11 @@ def test_the_same_law_in_every_chart():
     law = lambda t, state: {robot.actuators[0]: 0.5 - 0.2 * state.rate(robot.actuators[0])}  # noqa: E731
     run = robot.simulate(robot.home, law, duration=3.0, save_at=np.linspace(0, 3, 1501))
     data = run.dataset
-    power = (data.actuator_force * data.joint_rate.sel(rate=list(robot.actuators)).values).sum("actuator").values
+    power = (
+        (data.actuator_force * data.joint_rate.sel(rate=list(robot.actuators)).values)
+        .sum("actuator")
+        .values
+    )
     time = run.coords["time"].values
     work = np.concatenate([[0], np.cumsum(np.diff(time) * (power[1:] + power[:-1]) / 2)])
     energy = (data.kinetic_energy + data.potential_energy).values
@@ -237,13 +261,19 @@ def test_parameters_of_the_robot_and_of_the_controller_together():
     start, both = plant.state([0.3]), {"cart.mass": 4.0, "stiffness": 36.0}
     run = plant.simulate(start, law, duration=1.0, save_at=TIMES, parameters=both)
     assert np.allclose(run.dataset.joint_position.values[:, 0], 0.3 * np.cos(3 * TIMES), 0, 1e-7)
-    run = plant.simulate(start, law, duration=1.0, save_at=TIMES, parameters=both | {"hook.frame.position.x": 0.2})
-    assert np.allclose(run.dataset.joint_position.values[:, 0], 0.4 * np.cos(3 * TIMES) - 0.1, 0, 1e-7)
+    run = plant.simulate(
+        start, law, duration=1.0, save_at=TIMES, parameters=both | {"hook.frame.position.x": 0.2}
+    )
+    assert np.allclose(
+        run.dataset.joint_position.values[:, 0], 0.4 * np.cos(3 * TIMES) - 0.1, 0, 1e-7
+    )
 
 
 def test_unknown_parameters_are_refused(plant):
     with pytest.raises(lw.LinkworkError, match="there is no parameter 'kq'; there are k"):
-        plant.simulate(plant.home, lambda t, s: [-s.parameter("k", 1.0)], duration=1.0, parameters={"kq": 2.0})
+        plant.simulate(
+            plant.home, lambda t, s: [-s.parameter("k", 1.0)], duration=1.0, parameters={"kq": 2.0}
+        )
     with pytest.raises(lw.LinkworkError, match="there is no parameter 'k'; there are none"):
         plant.simulate(plant.home, [1.0], duration=1.0, parameters={"k": 2.0})
 
@@ -263,5 +293,7 @@ def test_quantities_have_one_place_each(robot):
 def test_a_motion_of_the_3_prr(robot):
     """PD about a motion follows it to the error that its stiffness leaves."""
     motion = circle_motion(robot)
-    run = robot.simulate(motion.state.at(0), lw.control.PD(motion, 5000, 200), duration=1.0, save_at=motion.time)
+    run = robot.simulate(
+        motion.state.at(0), lw.control.PD(motion, 5000, 200), duration=1.0, save_at=motion.time
+    )
     assert np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max() < 0.004

@@ -46,9 +46,9 @@ def test_every_robot_has_a_small_picture_of_all_its_joints(name):
     assert path.stat().st_size < 60_000
     identifiers = {element.get("id") for element in ElementTree.parse(path).iter()}
     pairs = built(name).mechanism.pairs
-    assert {joint for joint, described in pairs.items() if described.type != "free"} <= identifiers, (
-        "draw the pictures anew: python docs/images.py"
-    )
+    assert {
+        joint for joint, described in pairs.items() if described.type != "free"
+    } <= identifiers, "draw the pictures anew: python docs/images.py"
     assert "http" not in path.read_text(encoding="utf-8").replace("http://www.w3.org/", "")
 
 
@@ -60,7 +60,11 @@ def test_a_picture_is_drawn_like_the_one_that_is_kept():
     drawn = script("images").portrait(built("five_bar"))
     kept = (PICTURES / "five_bar.svg").read_text(encoding="utf-8")
     words = [
-        [element.text for element in ElementTree.fromstring(text).iter() if element.tag.endswith("}text")]
+        [
+            element.text
+            for element in ElementTree.fromstring(text).iter()
+            if element.tag.endswith("}text")
+        ]
         for text in (drawn, kept)
     ]
     assert words[0] == words[1]

@@ -28,7 +28,9 @@ def called(line):
         assert result.exit_code == 0, f"{line}: {result.output}"
 
 
-@pytest.mark.parametrize("page", named(page for page in PAGES if BLOCK.search(page.read_text(encoding="utf-8"))))
+@pytest.mark.parametrize(
+    "page", named(page for page in PAGES if BLOCK.search(page.read_text(encoding="utf-8")))
+)
 def test_code(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     matplotlib.use("agg")
@@ -43,7 +45,9 @@ def test_code(page, tmp_path, monkeypatch):
 
 def mechanisms():
     for page in PAGES:
-        for index, text in enumerate(re.findall(r"```yaml\n(linkwork:.*?)```", page.read_text(encoding="utf-8"), re.S)):
+        for index, text in enumerate(
+            re.findall(r"```yaml\n(linkwork:.*?)```", page.read_text(encoding="utf-8"), re.S)
+        ):
             yield pytest.param(text, id=f"{page.name}-{index}")
 
 

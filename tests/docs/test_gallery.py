@@ -35,7 +35,9 @@ def test_there_are_twelve_in_order():
 
 
 def test_the_page_is_what_the_examples_say():
-    assert gallery.PAGE.read_text(encoding="utf-8") == gallery.page(), "write it anew: python docs/gallery.py"
+    assert gallery.PAGE.read_text(encoding="utf-8") == gallery.page(), (
+        "write it anew: python docs/gallery.py"
+    )
 
 
 def test_every_example_has_its_picture_and_there_are_no_others():

@@ -14,9 +14,22 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    words = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "--quiet",
+        "--site-dir",
+        str(folder),
+    ]
     built = subprocess.run(
-        words, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+        words,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
     )
     assert built.returncode == 0, built.stdout + built.stderr
     return folder
@@ -27,31 +40,44 @@ def pages(site):
 
 
 def test_every_page_of_the_docs_is_in_the_site(site):
-    written = {path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")}
+    written = {
+        path.relative_to(ROOT / "docs").with_suffix(".html")
+        for path in (ROOT / "docs").rglob("*.md")
+    }
     assert written <= {path.relative_to(site) for path in pages(site)}
-    assert {"changelog.html", "contributing.html", "results"} <= {path.name for path in site.iterdir()}
+    assert {"changelog.html", "contributing.html", "results"} <= {
+        path.name for path in site.iterdir()
+    }
 
 
 def test_nothing_is_loaded_from_elsewhere(site):
     for path in pages(site):
         text = path.read_text(encoding="utf-8")
-        loaded = re.findall(r"<(?:script|link|img|iframe|source)\b[^>]*?(?:src|href)=\"((?:https?:)?//[^\"]+)", text)
+        loaded = re.findall(
+            r"<(?:script|link|img|iframe|source)\b[^>]*?(?:src|href)=\"((?:https?:)?//[^\"]+)", text
+        )
         assert loaded == [], path.name
     for path in site.rglob("*.css"):
-        assert not re.search(r"url\([\"']?(?:https?:)?//", path.read_text(encoding="utf-8")), path.name
+        assert not re.search(r"url\([\"']?(?:https?:)?//", path.read_text(encoding="utf-8")), (
+            path.name
+        )
 
 
 def test_every_link_leads_to_a_file_of_the_site(site):
     for path in pages(site):
         for target in re.findall(r"(?:href|src)=\"([^\"#?]+)", path.read_text(encoding="utf-8")):
             if not re.match(r"[a-z]+:", target):
-                assert (path.parent / target).exists(), f"{path.relative_to(site)} leads to {target}"
+                assert (path.parent / target).exists(), (
+                    f"{path.relative_to(site)} leads to {target}"
+                )
 
 
 def test_links_through_the_repository_lead_through_the_site(site):
     measured = (site / "benchmarks.html").read_text(encoding="utf-8")
     assert 'href="results/foundation.html"' in measured
-    assert 'href="../benchmarks.html"' in (site / "results" / "foundation.html").read_text(encoding="utf-8")
+    assert 'href="../benchmarks.html"' in (site / "results" / "foundation.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_classes_list_their_fields(site):

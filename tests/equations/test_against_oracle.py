@@ -21,12 +21,20 @@ CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
     "planar tree": partial(random_tree, 2, planar=True, effects=True, gears=1),
     "loops": partial(random_loops, 3, 2),
-    "loops with everything": partial(random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1),
-    "loop of a screw": partial(random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True),
+    "loops with everything": partial(
+        random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1
+    ),
+    "loop of a screw": partial(
+        random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True
+    ),
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
     "platform on rods": partial(random_loops, 0, 1, effects=True, platform="bare"),
-    "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1),
-    "planar loops, tilted": lambda: tilted(random_loops(3, 2, planar=True, effects=True, rods=1), 3),
+    "planar loops": partial(
+        random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1
+    ),
+    "planar loops, tilted": lambda: tilted(
+        random_loops(3, 2, planar=True, effects=True, rods=1), 3
+    ),
 }
 
 
@@ -61,7 +69,10 @@ class Sample:
     def values(self, name: str, *more: np.ndarray) -> dict[str, np.ndarray]:
         """Evaluate a derived function at this state."""
         function = getattr(functions, name)(self.equations)
-        return values(function, *[(self.q, self.v)[: function.n_in() - 1], (self.q, self.v, *more)][bool(more)])
+        return values(
+            function,
+            *[(self.q, self.v)[: function.n_in() - 1], (self.q, self.v, *more)][bool(more)],
+        )
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
         """Return L (m x n) and T (6r x n)."""
@@ -72,7 +83,12 @@ class Sample:
 def displaced(equations: Equations, step: np.ndarray) -> np.ndarray:
     """Return q after a step of the independent rates from the reference, the loops closed; a step that is too far is halved."""
     q, close_up = equations.reference, functions.closure_step(equations)
-    q = q + values(functions.motion(equations), q, step, np.zeros(len(equations.mechanism.actuators)))["derivatives"]
+    q = (
+        q
+        + values(
+            functions.motion(equations), q, step, np.zeros(len(equations.mechanism.actuators))
+        )["derivatives"]
+    )
     for _ in range(8):
         after = values(close_up, q)
         if after["residual"][0] < 1e-13:
@@ -103,7 +119,9 @@ def test_accelerations_under_actuator_forces(sample):
     v_dot = sample.values("motion", sample.u)["accelerations"]
     found = sample.values("joints_motion", v_dot)["accelerations"]
     accelerations = sample.oracle.accelerations(sample.poses, sample.twists, sample.u)
-    close(found, sample.oracle.joint_accelerations(sample.poses, sample.twists, accelerations), 1e-10)
+    close(
+        found, sample.oracle.joint_accelerations(sample.poses, sample.twists, accelerations), 1e-10
+    )
 
 
 def test_inverse_after_forward_dynamics(sample):
@@ -121,7 +139,11 @@ def test_inverse_after_forward_dynamics(sample):
 def test_energy_and_inertia(sample):
     """T = v' M v / 2, and with it M itself: M_ij from the energies of unit rates, one and two at a time."""
     energy = sample.values("energy")
-    close([energy["kinetic"][0], energy["potential"][0]], sample.oracle.energy(sample.poses, sample.twists), 1e-10)
+    close(
+        [energy["kinetic"][0], energy["potential"][0]],
+        sample.oracle.energy(sample.poses, sample.twists),
+        1e-10,
+    )
     M, n = sample.values("terms")["M"], sample.v.size
     close(sample.v @ M @ sample.v / 2, energy["kinetic"][0], 1e-12)
     _, T = sample.maps()
@@ -144,7 +166,9 @@ def test_power_balance(sample):
     state, along = ca.vertcat(equations.tree.q, equations.v), ca.vertcat(dq, dv)
     slope = ca.Function("slope", [state, along], [ca.jtimes(kinetic + potential, state, along)])
     motion = sample.values("motion", sample.u)
-    found = slope(np.append(sample.q, sample.v), np.append(motion["derivatives"], motion["accelerations"]))
+    found = slope(
+        np.append(sample.q, sample.v), np.append(motion["derivatives"], motion["accelerations"])
+    )
     expected = sample.oracle.power(sample.poses, sample.twists, sample.u)
     close(float(found), expected, 1e-9)
 

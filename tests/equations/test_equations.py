@@ -29,7 +29,9 @@ def case(request):
     mechanism = CASES[request.param]
     equations = derive(mechanism)
     q_all, v = random_state(mechanism, np.random.default_rng(7))
-    q = np.array([q_all[mechanism.coordinates.index(label)] for label in equations.tree.coordinates])
+    q = np.array(
+        [q_all[mechanism.coordinates.index(label)] for label in equations.tree.coordinates]
+    )
     return equations, LagrangeOracle(mechanism), q_all, q, v
 
 
@@ -80,11 +82,19 @@ def test_closure_step_closes_the_loops_quadratically(case):
 def test_jacobian_is_the_derivative_of_the_rows(case):
     """Phi is built from geometry; on closed configurations it must equal the derivative of phi."""
     equations, _, _, q, _ = case
-    exact = ca.Function("exact", [equations.tree.q], [ca.jacobian(equations.rows.phi, equations.tree.q)])
-    close(values(functions.constraints(equations), q)["Phi"].reshape(-1, q.size), np.array(exact(q)), 1e-10)
+    exact = ca.Function(
+        "exact", [equations.tree.q], [ca.jacobian(equations.rows.phi, equations.tree.q)]
+    )
+    close(
+        values(functions.constraints(equations), q)["Phi"].reshape(-1, q.size),
+        np.array(exact(q)),
+        1e-10,
+    )
 
 
-@pytest.mark.parametrize("form", [DoublePendulum(), SliderCrank()], ids=["double pendulum", "slider-crank"])
+@pytest.mark.parametrize(
+    "form", [DoublePendulum(), SliderCrank()], ids=["double pendulum", "slider-crank"]
+)
 def test_closed_forms(form):
     mechanism = form.mechanism()
     equations = derive(mechanism)
@@ -94,7 +104,10 @@ def test_closed_forms(form):
         if equations.mobility == 1:
             theta = random.uniform(-1, 1)
             q_all = dict(zip(mechanism.coordinates, form.coordinates(theta), strict=True))
-            q, expected = [q_all[label] for label in equations.tree.coordinates], [form.force(theta, v[0], a[0])]
+            q, expected = (
+                [q_all[label] for label in equations.tree.coordinates],
+                [form.force(theta, v[0], a[0])],
+            )
         else:
             q = random.normal(size=2)
             expected = form.force(q, v, a)

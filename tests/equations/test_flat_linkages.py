@@ -17,7 +17,8 @@ LINK = Body(mass=1.0, inertia=Inertia(zz=0.1))
 
 def hinge(first, second, at_first=0.0, at_second=0.0):
     return RevoluteJoint(
-        connects=(first, second), frames=(Frame(position=(at_first, 0, 0)), Frame(position=(at_second, 0, 0)))
+        connects=(first, second),
+        frames=(Frame(position=(at_first, 0, 0)), Frame(position=(at_second, 0, 0))),
     )
 
 
@@ -72,7 +73,9 @@ def ends_apart(mechanism, turned):
 
 def test_what_was_bent_is_told():
     (note,) = lw.Robot(FLAT["parallelogram"]).notes
-    assert "branches of motion meet at the given reference" in note and "home is bent to h0 = " in note
+    assert (
+        "branches of motion meet at the given reference" in note and "home is bent to h0 = " in note
+    )
     assert lw.Robot(lw.robots.four_bar()).notes == ()
 
 
@@ -95,7 +98,10 @@ def test_home_and_chart_are_the_same_in_every_process():
     found = []
     for seed in ("0", "1", "77"):
         done = subprocess.run(
-            [sys.executable, "-c", HOME], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True
+            [sys.executable, "-c", HOME],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
         )
         assert done.returncode == 0, done.stderr
         found.append(json.loads(done.stdout))
@@ -111,6 +117,7 @@ def test_a_linkage_that_cannot_close_is_still_refused():
 def test_an_angle_of_which_no_digits_are_left_is_refused(turned):
     mechanism = lw.robots.four_bar()
     with pytest.raises(
-        MechanismError, match=r"'crank_pivot' is 1e.1., which a computer keeps to .* only, so that no loop"
+        MechanismError,
+        match=r"'crank_pivot' is 1e.1., which a computer keeps to .* only, so that no loop",
     ):
         lw.Robot(mechanism.with_reference({"crank_pivot": turned}))

@@ -21,13 +21,27 @@ from linkwork.equations.closure import Cut
 from linkwork.equations.reference import unit
 from linkwork.equations.topology import span
 from linkwork.equations.tree import Tree, grow
-from linkwork.mechanism import Body, Frame, FreeJoint, Mechanism, PairJoint, PrismaticJoint, RevoluteJoint
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    FreeJoint,
+    Mechanism,
+    PairJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+)
 
 from tests.equations.evaluation import close
 from tests.oracle import pairs
 from tests.oracle.random_joints import FREEDOMS, random_joint, random_pose
 
-SIDES = [("a", "b"), ("b", "a"), ("ground", "a"), ("a", "ground"), ("ground", "b")]  # b hangs deeper than a
+SIDES = [
+    ("a", "b"),
+    ("b", "a"),
+    ("ground", "a"),
+    ("a", "ground"),
+    ("ground", "b"),
+]  # b hangs deeper than a
 CHAINS = {"a": ("slide", "hinge"), "b": ("hinge", "slide", "hinge")}  # from the body inward
 IN_TREE = [kind for kind in FREEDOMS[False] if kind != "rod"]
 WITH_DIRECTIONS = ("fixed", "revolute", "prismatic", "screw", "cylindrical", "planar")
@@ -52,7 +66,9 @@ class Closed:
         """Evaluate expressions of q."""
         return [
             np.array(value)
-            for value in ca.Function("at", [self.tree.q], expressions).call([self.q if q is None else q])
+            for value in ca.Function("at", [self.tree.q], expressions).call(
+                [self.q if q is None else q]
+            )
         ]
 
     def along(self, expression: ca.SX, w: np.ndarray) -> ca.SX:
@@ -78,7 +94,9 @@ def between_free_bodies(kind: str, connects: tuple[str, str], seed: int) -> Clos
     """Put a joint between two bodies, or one and ground; both hang on hinges and slides, and these on a free joint."""
     rng = np.random.default_rng(seed)
     poses = {body: random_pose(rng, planar=False) for body in CHAINS}
-    joint, coordinates = random_joint(rng, False, connects, kind, poses | {"ground": (np.zeros(3), np.eye(3))})
+    joint, coordinates = random_joint(
+        rng, False, connects, kind, poses | {"ground": (np.zeros(3), np.eye(3))}
+    )
     joints, values = {}, {}
     for body in CHAINS:
         for name, part, own in hung(rng, body, *poses[body]):
@@ -87,7 +105,9 @@ def between_free_bodies(kind: str, connects: tuple[str, str], seed: int) -> Clos
     mechanism = Mechanism(
         bodies={part.connects[1]: Body(mass=1) for part in joints.values()},
         joints=joints | {"cut": joint},
-        actuators=tuple(part.rates(name)[0] for name, part in joints.items()),  # which puts these into the tree
+        actuators=tuple(
+            part.rates(name)[0] for name, part in joints.items()
+        ),  # which puts these into the tree
     )
     topology = span(mechanism)
     assert topology.cuts == ("cut",)
@@ -102,10 +122,15 @@ def hung(rng: np.random.Generator, body: str, p: np.ndarray, R: np.ndarray):
     for k, kind in enumerate(CHAINS[body], start=1):
         inner, turn, along = f"{body}{k}", rng.uniform(-1, 1, 3), rng.uniform(-1, 1)
         frame = Frame(
-            position=tuple(rng.uniform(-1, 1, 3)), rotation=(0, 0, turn[2]) if kind == "hinge" else tuple(turn)
+            position=tuple(rng.uniform(-1, 1, 3)),
+            rotation=(0, 0, turn[2]) if kind == "hinge" else tuple(turn),
         )
         part = (
-            RevoluteJoint(connects=(inner, outer), frames=(frame, Frame()), axis=(0, 0, float(rng.choice([-1, 1]))))
+            RevoluteJoint(
+                connects=(inner, outer),
+                frames=(frame, Frame()),
+                axis=(0, 0, float(rng.choice([-1, 1]))),
+            )
             if kind == "hinge"
             else PrismaticJoint(connects=(inner, outer), frames=(frame, Frame()), axis=(1, 0, 0))
         )
@@ -121,9 +146,13 @@ def hung(rng: np.random.Generator, body: str, p: np.ndarray, R: np.ndarray):
 @every_kind
 @few
 @random_frames
-def test_rows_vanish_on_the_joints_own_motions_and_are_as_many_as_it_takes_freedoms(kind, connects, seed):
+def test_rows_vanish_on_the_joints_own_motions_and_are_as_many_as_it_takes_freedoms(
+    kind, connects, seed
+):
     case = between_free_bodies(kind, connects, seed)
-    phi, Phi, alignment = case.at(case.phi(), closure.jacobian(case.tree, case.cut), closure.alignment(case.cut))
+    phi, Phi, alignment = case.at(
+        case.phi(), closure.jacobian(case.tree, case.cut), closure.alignment(case.cut)
+    )
     assert len(case.cut.rows) == len(phi) == 6 - FREEDOMS[False][kind]
     assert len({row.name for row in case.cut.rows}) == len(phi)
     assert case.cut.swapped == (connects in (("b", "a"), ("a", "ground")))
@@ -169,8 +198,12 @@ def test_open_jacobian_is_the_derivative_where_the_joint_is_open(kind, connects,
     random = np.random.default_rng(seed)
     w = random.normal(size=len(case.tree.rates))
     q = unit(case.tree, case.q + 0.1 * random.normal(size=case.q.size))
-    found, exact = case.at(ca.mtimes(closure.open_jacobian(case.tree, case.cut), w), case.along(case.phi(), w), q=q)
-    rows = [k for k, row in enumerate(case.cut.rows) if row.pitch is None]  # a thread's: to first order only
+    found, exact = case.at(
+        ca.mtimes(closure.open_jacobian(case.tree, case.cut), w), case.along(case.phi(), w), q=q
+    )
+    rows = [
+        k for k, row in enumerate(case.cut.rows) if row.pitch is None
+    ]  # a thread's: to first order only
     close(found[rows], exact[rows], 1e-12)
 
 
@@ -201,7 +234,9 @@ def test_rates_of_a_cut_joint_are_the_derivatives_of_its_coordinates(kind, conne
     case = between_free_bodies(kind, connects, seed)
     w = case.closed_rates(seed)
     positions, rows = column(readings.positions(case.cut)), readings.rate_rows(case.tree, case.cut)
-    derivative, rates = (value.ravel() for value in case.at(case.along(positions, w), ca.mtimes(rows, w)))
+    derivative, rates = (
+        value.ravel() for value in case.at(case.along(positions, w), ca.mtimes(rows, w))
+    )
     assert rates.size == len(case.joint.rates("cut"))
     close(derivative, coordinate_derivatives(case.joint, case.coordinates, rates), 1e-12)
 
@@ -225,7 +260,9 @@ def test_a_flipped_frame_is_told_from_one_that_agrees(kind, connects, seed):
     first, second = case.joint.frames
     R = pairs.exponential(second.rotation) @ pairs.turned(across, np.pi)
     flipped = case.joint.model_copy(
-        update={"frames": (first, second.model_copy(update={"rotation": tuple(pairs.logarithm(R))}))}
+        update={
+            "frames": (first, second.model_copy(update={"rotation": tuple(pairs.logarithm(R))}))
+        }
     )
     (alignment,) = case.at(closure.alignment(closure.cut(case.tree, "cut", flipped)))
     assert alignment < -0.9
@@ -242,7 +279,9 @@ def test_a_joint_of_the_tree_moves_its_body_as_the_oracle_says(kind, backwards, 
     poses = {body: random_pose(rng, planar=False) for body in ("a", "b")}
     joint, coordinates = random_joint(rng, False, connects, kind, poses)
     bodies = {"a": Body(mass=1), "b": Body(mass=1, centre_of_mass=tuple(rng.normal(size=3)))}
-    mechanism = Mechanism(bodies=bodies, joints={"free": FreeJoint(connects=("ground", "a")), "joint": joint})
+    mechanism = Mechanism(
+        bodies=bodies, joints={"free": FreeJoint(connects=("ground", "a")), "joint": joint}
+    )
     tree = grow(mechanism, span(mechanism), {})
     (p_a, R_a), (p, R) = poses["a"], poses["b"]
     q = np.concatenate([p_a, pairs.quaternion(R_a), coordinates])
@@ -253,7 +292,9 @@ def test_a_joint_of_the_tree_moves_its_body_as_the_oracle_says(kind, backwards, 
     dq = tree.derivatives(w)
     turning = ca.jtimes(ca.reshape(orientations[9:], 3, 3).T, tree.q, dq)
     evaluate = ca.Function(
-        "b", [tree.q, w], [origins[3:], orientations[9:], twists, ca.jtimes(centre, tree.q, dq), turning, dq]
+        "b",
+        [tree.q, w],
+        [origins[3:], orientations[9:], twists, ca.jtimes(centre, tree.q, dq), turning, dq],
     )
     rates = rng.normal(size=len(tree.rates))
     found, R_found, t, moving, turning, dq = (np.array(value) for value in evaluate(q, rates))

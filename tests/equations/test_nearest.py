@@ -15,7 +15,9 @@ FIVE = ("motor_1", "motor_2", "elbow_1", "elbow_2", "tip")
 
 def home(equations: Equations) -> np.ndarray:
     """Coordinates of all joints at the reference."""
-    return np.array(equations.tree.evaluated("x", [equations.joints.positions()])(equations.reference)[0]).ravel()
+    return np.array(
+        equations.tree.evaluated("x", [equations.joints.positions()])(equations.reference)[0]
+    ).ravel()
 
 
 def nearest_five_bar(mechanism: Mechanism, base: float = 0.3, proximal: float = 0.25) -> np.ndarray:
@@ -50,7 +52,9 @@ def test_home_is_the_closed_pose_nearest_to_the_angles_of_the_reference():
 
 
 def test_angles_that_the_reference_names_are_kept_where_the_others_can_follow():
-    mechanism = robots.five_bar().model_copy(update={"reference": {"motor_1": 2.2, "motor_2": 0.94, "elbow_1": -1.4}})
+    mechanism = robots.five_bar().model_copy(
+        update={"reference": {"motor_1": 2.2, "motor_2": 0.94, "elbow_1": -1.4}}
+    )
     found = home(derive(mechanism))
     expected = nearest_five_bar(mechanism)
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-7)
@@ -61,7 +65,10 @@ def test_angles_that_the_reference_names_are_kept_where_the_others_can_follow():
 def rough(mechanism: Mechanism, seed: int = 3) -> Mechanism:
     """The mechanism with every coordinate of its reference off by some 0.05 rad or m."""
     random = np.random.default_rng(seed)
-    off = {label: value + 0.05 * random.standard_normal() for label, value in mechanism.reference.items()}
+    off = {
+        label: value + 0.05 * random.standard_normal()
+        for label, value in mechanism.reference.items()
+    }
     return mechanism.model_copy(update={"reference": off})
 
 
@@ -70,7 +77,9 @@ def sprung(mechanism: Mechanism, name: str) -> Mechanism:
     joint = mechanism.joints[name]
     spring = Spring(stiffness=3.0)
     own = {"spring": spring if len(joint.rates(name)) == 1 else {joint.freedoms[0]: spring}}
-    return mechanism.model_copy(update={"joints": {**mechanism.joints, name: joint.model_copy(update=own)}})
+    return mechanism.model_copy(
+        update={"joints": {**mechanism.joints, name: joint.model_copy(update=own)}}
+    )
 
 
 @pytest.mark.parametrize(
@@ -83,16 +92,25 @@ def sprung(mechanism: Mechanism, name: str) -> Mechanism:
         ("stewart", "ball_2"),
     ],
 )
-def test_a_spring_that_moves_the_cut_and_another_order_of_the_joints_leave_home_where_it_is(name, joint):
+def test_a_spring_that_moves_the_cut_and_another_order_of_the_joints_leave_home_where_it_is(
+    name, joint
+):
     mechanism = rough(getattr(robots, name)())
     equations, other = derive(mechanism), derive(sprung(mechanism, joint))
     assert {cut.joint for cut in equations.cuts} != {cut.joint for cut in other.cuts}
-    reordered = mechanism.model_copy(update={"joints": dict(reversed(list(mechanism.joints.items())))})
+    reordered = mechanism.model_copy(
+        update={"joints": dict(reversed(list(mechanism.joints.items())))}
+    )
     turned = dict(zip(reordered.coordinates, home(derive(reordered)), strict=True))
     expected = home(equations)
     np.testing.assert_allclose(home(other), expected, atol=1e-9)
-    np.testing.assert_allclose([turned[label] for label in mechanism.coordinates], expected, atol=1e-9)
-    moved = [x - mechanism.reference.get(label, x) for label, x in zip(mechanism.coordinates, expected, strict=True)]
+    np.testing.assert_allclose(
+        [turned[label] for label in mechanism.coordinates], expected, atol=1e-9
+    )
+    moved = [
+        x - mechanism.reference.get(label, x)
+        for label, x in zip(mechanism.coordinates, expected, strict=True)
+    ]
     assert 0.01 < np.abs(moved).max() < 0.4
 
 
@@ -111,7 +129,9 @@ def test_coordinates_out_of_reach_end_at_the_turning_point():
 
 
 def test_other_parameters_have_the_home_of_the_edited_description():
-    robot = lw.Robot(robots.five_bar()).free("elbow_1.frames.0.position.x", "elbow_2.frames.0.position.x")
+    robot = lw.Robot(robots.five_bar()).free(
+        "elbow_1.frames.0.position.x", "elbow_2.frames.0.position.x"
+    )
     values = dict.fromkeys(robot.parameters, 0.26)
     changed = robot.with_parameters(values)
     expected = nearest_five_bar(edited(robot.mechanism, values), proximal=0.26)

@@ -7,10 +7,24 @@ from scipy.spatial.transform import Rotation
 
 from linkwork.equations import derive, functions
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import choose_chart, choose_independent, independent_rows, solve, weakest
+from linkwork.equations.chart import (
+    choose_chart,
+    choose_independent,
+    independent_rows,
+    solve,
+    weakest,
+)
 from linkwork.equations.orientation import Orientation
 from linkwork.equations.topology import span
-from linkwork.mechanism import Body, FixedJoint, Frame, Inertia, Mechanism, PrismaticJoint, RevoluteJoint
+from linkwork.mechanism import (
+    Body,
+    FixedJoint,
+    Frame,
+    Inertia,
+    Mechanism,
+    PrismaticJoint,
+    RevoluteJoint,
+)
 from linkwork.robots import prr3, stewart
 
 from tests.equations.evaluation import close, values
@@ -33,7 +47,9 @@ def test_the_tree_of_the_paper_has_short_chains_and_cuts_two_wrists():
     assert topology.loops == 2
 
 
-@pytest.mark.parametrize("mechanism", [prr3(), stewart(), random_loops(2, gears=1, rods=1, platform="bare")])
+@pytest.mark.parametrize(
+    "mechanism", [prr3(), stewart(), random_loops(2, gears=1, rods=1, platform="bare")]
+)
 def test_every_joint_is_used_once(mechanism):
     topology = span(mechanism)
     used = sorted([branch.joint for branch in topology.branches] + list(topology.cuts))
@@ -66,7 +82,10 @@ def test_orientations_multiply_as_matrices_do(seed):
             )
             symbolic, expected = symbolic.then_constant(constant.as_matrix()), expected * constant
         axis = axes[int(random.integers(2))] * random.choice([-1, 1])
-        symbolic, expected = symbolic.then_turn(axis, angles[k]), expected * Rotation.from_rotvec(axis * values[k])
+        symbolic, expected = (
+            symbolic.then_turn(axis, angles[k]),
+            expected * Rotation.from_rotvec(axis * values[k]),
+        )
     found = np.array(ca.Function("R", [angles], [symbolic.matrix])(values))
     assert np.abs(found - expected.as_matrix()).max() < 1e-13
 
@@ -156,14 +175,24 @@ def test_a_chart_says_what_it_solves():
 
 def test_welded_bodies_move_as_one():
     """A body cut in two and welded together again has the dynamics of the whole."""
-    whole = Body(mass=2, centre_of_mass=(0.5, 0.1, 0), inertia=Inertia(xx=0.02, yy=0.3, zz=0.3, xy=0.01))
+    whole = Body(
+        mass=2, centre_of_mass=(0.5, 0.1, 0), inertia=Inertia(xx=0.02, yy=0.3, zz=0.3, xy=0.01)
+    )
     hinge = RevoluteJoint(connects=("ground", "a"), axis=(0, 0.6, 0.8))
-    weld = FixedJoint(connects=("a", "b"), frames=(Frame(position=(0.1, 0.2, 0.3), rotation=(1, 0, 0)), Frame()))
+    weld = FixedJoint(
+        connects=("a", "b"), frames=(Frame(position=(0.1, 0.2, 0.3), rotation=(1, 0, 0)), Frame())
+    )
     slide = PrismaticJoint(connects=("b", "c"), axis=(1, 0, 0))
     bodies = {"a": BAR, "b": whole, "c": BAR}
     mechanism = Mechanism(
-        bodies=bodies, joints={"hinge": hinge, "weld": weld, "slide": slide}, actuators=("hinge", "slide")
+        bodies=bodies,
+        joints={"hinge": hinge, "weld": weld, "slide": slide},
+        actuators=("hinge", "slide"),
     )
     oracle, equations = LagrangeOracle(mechanism), derive(mechanism)
     q, v, u = np.array([0.3, 0.2]), np.array([1.0, -0.5]), np.array([0.1, 0.2])
-    close(values(functions.motion(equations), q, v, u)["accelerations"], oracle.forward_dynamics(q, v, u), 1e-12)
+    close(
+        values(functions.motion(equations), q, v, u)["accelerations"],
+        oracle.forward_dynamics(q, v, u),
+        1e-12,
+    )

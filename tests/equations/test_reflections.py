@@ -21,7 +21,9 @@ def sparse_rows(seed: int, rows: int, columns: int, dependent: int = 0) -> np.nd
     return A
 
 
-@pytest.mark.parametrize(("rows", "columns", "dependent"), [(6, 9, 0), (30, 40, 5), (20, 12, 0), (12, 12, 0)])
+@pytest.mark.parametrize(
+    ("rows", "columns", "dependent"), [(6, 9, 0), (30, 40, 5), (20, 12, 0), (12, 12, 0)]
+)
 def test_independent_rows_and_null_space(rows, columns, dependent):
     for seed in range(5):
         A = sparse_rows(seed, rows, columns, dependent)
@@ -44,7 +46,9 @@ def test_without_rows_all_is_free():
 def test_null_space_of_mechanisms():
     for mechanism in (stewart(), n_four_bar(20), bricard()):
         equations = derive(mechanism)
-        Phi = np.array(equations.tree.evaluated("Phi", [equations.rows.Phi])(equations.reference)[0])
+        Phi = np.array(
+            equations.tree.evaluated("Phi", [equations.rows.Phi])(equations.reference)[0]
+        )
         _, values, rows = np.linalg.svd(Phi)
         N, rank = reflect(Phi).null_space, int((values > 1e-9).sum())
         assert np.allclose(N @ N.T, rows[rank:].T @ rows[rank:], atol=1e-11)
@@ -54,7 +58,9 @@ def test_reflections_of_a_ladder_stay_small():
     """The work grows with the number of loops, not with its cube."""
     for loops in (10, 40):
         equations = derive(n_four_bar(loops))
-        Phi = np.array(equations.tree.evaluated("Phi", [equations.rows.Phi])(equations.reference)[0])
+        Phi = np.array(
+            equations.tree.evaluated("Phi", [equations.rows.Phi])(equations.reference)[0]
+        )
         assert max(len(columns) for columns, _ in reflect(Phi).reflections) <= 6
 
 
@@ -62,8 +68,14 @@ def test_reflections_of_a_ladder_stay_small():
 def test_sparse_step_of_least_length(rows, columns, dependent):
     for seed in range(5):
         tolerance = 1e-3 if dependent else 1e-9  # rows that contradict each other cost digits
-        A, b = sparse_rows(seed, rows, columns, dependent), np.random.default_rng(seed).normal(size=rows)
+        A, b = (
+            sparse_rows(seed, rows, columns, dependent),
+            np.random.default_rng(seed).normal(size=rows),
+        )
         expected = -np.linalg.lstsq(A, b, rcond=1e-9)[0]
         assert np.allclose(
-            least_step(ca.sparsify(ca.DM(A)), b), expected, rtol=0, atol=tolerance * np.abs(expected).max()
+            least_step(ca.sparsify(ca.DM(A)), b),
+            expected,
+            rtol=0,
+            atol=tolerance * np.abs(expected).max(),
         )

@@ -16,9 +16,13 @@ from tests.oracle.random_joints import random_loops, random_tree
 
 CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
-    "loops with everything": partial(random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1),
+    "loops with everything": partial(
+        random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1
+    ),
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
-    "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1),
+    "planar loops": partial(
+        random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1
+    ),
     "3-PRR": robots.prr3,
 }
 
@@ -41,7 +45,11 @@ def test_it_is_inverse_dynamics(case):
     pi = regressor.values(mechanism)
     assert len(regressor.names(mechanism)) == pi.size
     Y = out["Y"].reshape(equations.mobility, pi.size)
-    close(Y @ pi + out["rest"], values(functions.inverse_dynamics(equations), q, v, dv)["forces"], 1e-11)
+    close(
+        Y @ pi + out["rest"],
+        values(functions.inverse_dynamics(equations), q, v, dv)["forces"],
+        1e-11,
+    )
     terms = values(functions.terms(equations), q, v)
     M = terms["M"].reshape(v.size, v.size)
     close(Y @ pi + out["rest"], M @ dv + terms["Cv"] + terms["G"] - terms["f"], 1e-11)
@@ -72,4 +80,8 @@ def test_names():
             *(f"inertia_at_origin.{element}" for element in ("xx", "yy", "zz", "xy", "xz", "yz")),
         )
     )
-    assert names[70:73] == ("slide_1.friction.viscous", "slide_1.friction.coulomb", "slide_1.rotor_inertia")
+    assert names[70:73] == (
+        "slide_1.friction.viscous",
+        "slide_1.friction.coulomb",
+        "slide_1.rotor_inertia",
+    )

@@ -18,15 +18,25 @@ from tests.oracle.random_joints import tilted
 def spherical(angles=(0.7, 1.1, 0.9)) -> Mechanism:
     """A loop of four hinges whose axes meet in a point 1 m off their frames: three rows of six are redundant."""
     frames = [Frame(position=(0, 0, -1))]
-    ends = [Frame(position=tuple(np.array([0, np.sin(a), -np.cos(a)])), rotation=(a, 0, 0)) for a in angles]
+    ends = [
+        Frame(position=tuple(np.array([0, np.sin(a), -np.cos(a)])), rotation=(a, 0, 0))
+        for a in angles
+    ]
     body = Body(mass=0.5, centre_of_mass=(0.1, 0.2, -0.8), inertia=Inertia(xx=0.2, yy=0.2, zz=0.1))
     names = ["ground", "crank", "coupler", "rocker"]
     joints = {"hinge_1": RevoluteJoint(connects=("ground", "crank"), frames=(frames[0], frames[0]))}
     for i, end in enumerate(ends[:2], start=1):
-        joints[f"hinge_{i + 1}"] = RevoluteJoint(connects=(names[i], names[i + 1]), frames=(end, frames[0]))
+        joints[f"hinge_{i + 1}"] = RevoluteJoint(
+            connects=(names[i], names[i + 1]), frames=(end, frames[0])
+        )
     back = Frame(position=tuple(np.array([0, np.sin(1.3), -np.cos(1.3)])), rotation=(1.3, 0, 0))
     joints["hinge_4"] = RevoluteJoint(connects=("ground", "rocker"), frames=(back, ends[2]))
-    reference = {"hinge_1": 1.19019805, "hinge_2": -0.44414325, "hinge_3": -1.79208441, "hinge_4": -2.03478605}
+    reference = {
+        "hinge_1": 1.19019805,
+        "hinge_2": -0.44414325,
+        "hinge_3": -1.79208441,
+        "hinge_4": -2.03478605,
+    }
     bodies = dict.fromkeys(names[1:], body)
     return Mechanism(bodies=bodies, joints=joints, actuators=("hinge_1",), reference=reference)
 
@@ -60,7 +70,9 @@ def test_six_decimals_have_the_mobility_and_the_accelerations_of_all_digits(name
     assert (decimal.mobility, len(decimal.redundant)) == (exact.mobility, len(exact.redundant))
     rates = np.full(exact.mobility, 0.7)
     expected, found = (
-        one.joint_accelerations(state, one.forward_dynamics(state, np.full(len(one.actuators), 0.1)))
+        one.joint_accelerations(
+            state, one.forward_dynamics(state, np.full(len(one.actuators), 0.1))
+        )
         for one in (exact, decimal)
         for state in [one.state(one.home.positions, rates)]
     )
@@ -95,7 +107,9 @@ def test_six_decimals_and_a_rough_reference_go_together(name):
     """The gap is that of numbers rounded by 5e-7 each, which add up around the loop; the freedoms are those of all digits."""
     exact = ROUGH[name]()
     random = np.random.default_rng(5)
-    off = {label: value + 0.02 * random.standard_normal() for label, value in exact.reference.items()}
+    off = {
+        label: value + 0.02 * random.standard_normal() for label, value in exact.reference.items()
+    }
     decimal, whole = derive(rounded(exact).model_copy(update={"reference": off})), derive(exact)
     assert (decimal.mobility, len(decimal.redundant)) == (whole.mobility, len(whole.redundant))
     positions = decimal.tree.evaluated("x", [decimal.joints.positions()])(decimal.reference)[0]
@@ -134,7 +148,9 @@ def test_the_members_of_an_ensemble_tell_the_gap_of_rows_that_are_not_held():
 def test_a_redundant_loop_that_is_really_open_is_refused():
     exact = robots.bennett()
     hinge = exact.joints["hinge_2"]
-    far = hinge.frames[0].model_copy(update={"position": (hinge.frames[0].position[0] + 5e-4, 0.0, 0.0)})
+    far = hinge.frames[0].model_copy(
+        update={"position": (hinge.frames[0].position[0] + 5e-4, 0.0, 0.0)}
+    )
     joints = exact.joints | {"hinge_2": hinge.model_copy(update={"frames": (far, hinge.frames[1])})}
     with pytest.raises(MechanismError, match="stays open by"):
         lw.Robot(exact.model_copy(update={"joints": joints}))
@@ -151,7 +167,8 @@ def drawn(tilt: float) -> Mechanism:
     """A four-bar that closes as it is drawn, at zero angles, one of its axes tilted."""
     points = {"left": (0, 0, 0), "top": (0.3, 0.4, 0), "end": (0.9, 0.6, 0), "right": (1, 0, 0)}
     frames = {
-        name: Frame(position=place, rotation=(tilt if name == "top" else 0.0, 0, 0)) for name, place in points.items()
+        name: Frame(position=place, rotation=(tilt if name == "top" else 0.0, 0, 0))
+        for name, place in points.items()
     }
     bodies = ("ground", "crank", "coupler", "rocker", "ground")
     body = Body(mass=0.5, centre_of_mass=(0.4, 0.3, 0), inertia=Inertia(xx=0.02, yy=0.02, zz=0.03))
@@ -159,7 +176,12 @@ def drawn(tilt: float) -> Mechanism:
         name: RevoluteJoint(connects=(bodies[i], bodies[i + 1]), frames=(frame, frame))
         for i, (name, frame) in enumerate(frames.items())
     }
-    return Mechanism(bodies=dict.fromkeys(bodies[1:4], body), joints=joints, actuators=("left",), gravity=(0, -9.81, 0))
+    return Mechanism(
+        bodies=dict.fromkeys(bodies[1:4], body),
+        joints=joints,
+        actuators=("left",),
+        gravity=(0, -9.81, 0),
+    )
 
 
 @pytest.mark.parametrize("tilt", [3e-10, 3e-8, 3e-7])
@@ -170,7 +192,10 @@ def test_a_linkage_that_closes_as_drawn_and_opens_by_rounding_as_it_moves_runs_t
     assert "redundant rows stay open" in note
     moved = decimal.assemble({"left": 0.3})
     np.testing.assert_allclose(moved.positions, exact.assemble({"left": 0.3}).positions, atol=1e-6)
-    runs = [one.simulate(one.home.with_rates([1.0]), duration=0.5, save_at=[0.25, 0.5]) for one in (exact, decimal)]
+    runs = [
+        one.simulate(one.home.with_rates([1.0]), duration=0.5, save_at=[0.25, 0.5])
+        for one in (exact, decimal)
+    ]
     assert all(run.success for run in runs)
     expected, found = (run.variables["joint_position"].values for run in runs)
     np.testing.assert_allclose(found, expected, atol=1e-5)
@@ -179,8 +204,14 @@ def test_a_linkage_that_closes_as_drawn_and_opens_by_rounding_as_it_moves_runs_t
 
 
 @pytest.mark.parametrize("make", [robots.four_bar, robots.bennett])
-def test_a_reference_with_seven_digits_of_a_loop_that_closes_is_closed_to_rounding_without_a_note(make):
+def test_a_reference_with_seven_digits_of_a_loop_that_closes_is_closed_to_rounding_without_a_note(
+    make,
+):
     home = lw.Robot(make()).home.positions
-    robot = lw.Robot(make().with_reference(dict(zip(make().coordinates, np.round(home, 7).tolist(), strict=True))))
+    robot = lw.Robot(
+        make().with_reference(
+            dict(zip(make().coordinates, np.round(home, 7).tolist(), strict=True))
+        )
+    )
     assert robot.closure_error(robot.home) < 1e-12 and not robot.notes
     np.testing.assert_allclose(robot.home.positions, home, atol=1e-6)

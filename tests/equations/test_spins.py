@@ -11,7 +11,9 @@ ROD = "rod: spin about the line through pin and wrist"
 
 
 def robot(bodies, joints, *actuators, **more):
-    return lw.Robot(lw.Mechanism(bodies=dict.fromkeys(bodies, BAR), joints=joints, actuators=actuators, **more))
+    return lw.Robot(
+        lw.Mechanism(bodies=dict.fromkeys(bodies, BAR), joints=joints, actuators=actuators, **more)
+    )
 
 
 def crank_and_rod(*actuators, springs=None, **pin):
@@ -24,7 +26,13 @@ def crank_and_rod(*actuators, springs=None, **pin):
         "slide": lw.PrismaticJoint(connects=("ground", "slider"), axis=(1, 0, 0)),
     }
     actuators = actuators or ("pivot",)
-    return robot(("crank", "rod", "slider"), joints, *actuators, reference={"slide": 0.7}, springs=springs or {})
+    return robot(
+        ("crank", "rod", "slider"),
+        joints,
+        *actuators,
+        reference={"slide": 0.7},
+        springs=springs or {},
+    )
 
 
 def test_a_rod_between_balls_spins_at_dead_centre_as_elsewhere():
@@ -54,7 +62,9 @@ def test_what_friction_springs_rotors_and_limits_act_on_is_not_idle(effect):
 
 @pytest.mark.parametrize(("aside", "idle"), [(0.1, ()), (0.0, (ROD,))])
 def test_a_spring_between_points_holds_a_spin_where_it_pulls_aside_of_the_line(aside, idle):
-    spring = lw.PointSpring(connects=("ground", "rod"), points=((0.1, 0.2, 0.3), (0.25, aside, 0.0)), stiffness=5.0)
+    spring = lw.PointSpring(
+        connects=("ground", "rod"), points=((0.1, 0.2, 0.3), (0.25, aside, 0.0)), stiffness=5.0
+    )
     assert crank_and_rod(springs={"coil": spring}).idle == idle
 
 
@@ -63,8 +73,12 @@ def test_what_an_actuator_drives_is_no_spin():
     joints = {
         "foot": lw.SphericalJoint(connects=("ground", "tube")),
         "tube": lw.CylindricalJoint(connects=("tube", "piston"), axis=(1, 0, 0)),
-        "head": lw.SphericalJoint(connects=("piston", "slider"), frames=(lw.Frame.planar(0.5), lw.Frame())),
-        "guide": lw.PrismaticJoint(connects=("ground", "slider"), frames=(lw.Frame.planar(0.8), lw.Frame())),
+        "head": lw.SphericalJoint(
+            connects=("piston", "slider"), frames=(lw.Frame.planar(0.5), lw.Frame())
+        ),
+        "guide": lw.PrismaticJoint(
+            connects=("ground", "slider"), frames=(lw.Frame.planar(0.8), lw.Frame())
+        ),
     }
     reference = {"tube.slide": 0.4, "guide": 0.4}
     bodies = ("tube", "piston", "slider")
@@ -104,11 +118,17 @@ def test_a_folded_slider_crank_is_not_idle():
     """Crank and rod are equally long: folded, they turn as one and the slider stands still."""
     joints = {
         "pivot": lw.RevoluteJoint(connects=("ground", "crank")),
-        "pin": lw.RevoluteJoint(connects=("crank", "rod"), frames=(lw.Frame.planar(0.3), lw.Frame())),
-        "wrist": lw.RevoluteJoint(connects=("rod", "slider"), frames=(lw.Frame.planar(0.3), lw.Frame())),
+        "pin": lw.RevoluteJoint(
+            connects=("crank", "rod"), frames=(lw.Frame.planar(0.3), lw.Frame())
+        ),
+        "wrist": lw.RevoluteJoint(
+            connects=("rod", "slider"), frames=(lw.Frame.planar(0.3), lw.Frame())
+        ),
         "slide": lw.PrismaticJoint(connects=("ground", "slider"), axis=(1, 0, 0)),
     }
-    found = robot(("crank", "rod", "slider"), joints, "pivot", reference={"pivot": 1.0, "pin": np.pi})
+    found = robot(
+        ("crank", "rod", "slider"), joints, "pivot", reference={"pivot": 1.0, "pin": np.pi}
+    )
     assert found.idle == ()
     modes = assembly_modes(found, {"pivot": 1.0})
     slides = np.sort(modes.states.positions[:, found.coordinates.index("slide")])
@@ -118,7 +138,9 @@ def test_a_folded_slider_crank_is_not_idle():
 def test_a_driven_wheel_with_a_rod_to_its_own_axis_is_not_idle():
     joints = {
         "hinge": lw.RevoluteJoint(connects=("ground", "wheel")),
-        "rod": lw.RodJoint(connects=("wheel", "arm"), length=1.0, frames=(lw.Frame(), lw.Frame.planar(0, 1))),
+        "rod": lw.RodJoint(
+            connects=("wheel", "arm"), length=1.0, frames=(lw.Frame(), lw.Frame.planar(0, 1))
+        ),
         "pivot": lw.RevoluteJoint(connects=("ground", "arm")),
     }
     found = robot(("wheel", "arm"), joints, "hinge", "pivot", tools={"tip": lw.Tool(body="arm")})
@@ -154,11 +176,15 @@ def test_a_rotor_that_a_spring_holds_is_not_idle():
     assert elastic("motor").idle == elastic("bearing").idle == elastic().idle == ()
 
 
-@pytest.mark.parametrize(("actuator", "undriven"), [("motor", "bearing|spring"), ("bearing", "motor|spring")])
+@pytest.mark.parametrize(
+    ("actuator", "undriven"), [("motor", "bearing|spring"), ("bearing", "motor|spring")]
+)
 def test_inverse_dynamics_of_an_elastic_joint_names_what_nothing_drives(actuator, undriven):
     found = elastic(actuator)
     state = found.assemble({"motor": 0.5, "bearing": 0.2})
-    with pytest.raises(lw.LinkworkError, match=f"the actuators do not drive ({undriven}); add actuators"):
+    with pytest.raises(
+        lw.LinkworkError, match=f"the actuators do not drive ({undriven}); add actuators"
+    ):
         found.inverse_dynamics(state, [1.0, 1.0])
 
 
@@ -169,13 +195,16 @@ def test_inverse_dynamics_of_an_elastic_joint_in_series_is_refused_and_with_a_se
         "spring": lw.RevoluteJoint(connects=("rotor", "arm"), spring=lw.Spring(stiffness=8.0)),
     }
     one, both = (
-        robot(("rotor", "arm"), joints, *names, gravity=(0.0, 0.0, 0.0)) for names in (("motor",), ("motor", "spring"))
+        robot(("rotor", "arm"), joints, *names, gravity=(0.0, 0.0, 0.0))
+        for names in (("motor",), ("motor", "spring"))
     )
     assert one.idle == both.idle == ()
     with pytest.raises(lw.LinkworkError, match="the actuators do not drive spring; add actuators"):
         one.inverse_dynamics(one.state({"motor": 0.4, "spring": 0.1}), [2.0, 2.0])
     at_rest = both.state({"motor": 0.4, "spring": 0.1})
-    np.testing.assert_allclose(both.inverse_dynamics(at_rest, [0.0, 0.0]), [0.0, 8.0 * 0.1], atol=1e-12)
+    np.testing.assert_allclose(
+        both.inverse_dynamics(at_rest, [0.0, 0.0]), [0.0, 8.0 * 0.1], atol=1e-12
+    )
 
 
 def test_forces_of_an_elastic_joint_with_both_sides_driven():
@@ -184,4 +213,6 @@ def test_forces_of_an_elastic_joint_with_both_sides_driven():
     state = found.assemble({"motor": 0.5, "bearing": 0.2}, rates={"motor": 0.0, "bearing": 0.3})
     inertia = 0.1 + 1.0 * 0.5**2
     expected = [(inertia + 0.2) * 2.0 + 8.0 * 0.3, inertia * 3.0 + 0.5 * 0.3 - 8.0 * 0.3]
-    np.testing.assert_allclose(found.inverse_dynamics(state, {"motor": 2.0, "bearing": 3.0}), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        found.inverse_dynamics(state, {"motor": 2.0, "bearing": 3.0}), expected, atol=1e-12
+    )

@@ -34,11 +34,17 @@ def test_what_is_derived_does_not_depend_on_the_units(name):
         scale = Scale(mechanism, *factors)
         scaled = derive(scale.mechanism)
         assert scaled.chart.independent == plain.chart.independent
-        assert (scaled.redundant, scaled.idle, scaled.chart.blocks) == (plain.redundant, plain.idle, plain.chart.blocks)
+        assert (scaled.redundant, scaled.idle, scaled.chart.blocks) == (
+            plain.redundant,
+            plain.idle,
+            plain.chart.blocks,
+        )
         of_q = np.where(scaled.tree.units == 1, 1.0, scale.L)
         assert np.allclose(scaled.reference / of_q, plain.reference, rtol=0, atol=1e-9)
         rates = scale.rates(plain.independent)
-        found = evaluated(scaled, plain.reference * of_q, v * rates, u * scale.forces(mechanism.actuators))
+        found = evaluated(
+            scaled, plain.reference * of_q, v * rates, u * scale.forces(mechanism.actuators)
+        )
         assert same(found[0], q_dot, of_q / scale.T, 1e-12)
         assert same(found[1], accelerations, rates / scale.T, 1e-9)
         assert np.allclose(found[2], pivot, rtol=1e-6)
@@ -60,4 +66,9 @@ def evaluated(equations, q, v, u):
 
 def same(found, expected, factors, tolerance):
     """Tell whether numbers are the expected ones times their factors, to a part of the largest of them."""
-    return np.allclose(found / factors, expected, rtol=tolerance, atol=tolerance * np.abs(expected).max(initial=0.0))
+    return np.allclose(
+        found / factors,
+        expected,
+        rtol=tolerance,
+        atol=tolerance * np.abs(expected).max(initial=0.0),
+    )

@@ -36,7 +36,10 @@ def joints(model: mj.MjModel):
         else:
             yield (
                 joint,
-                *(tuple(f"{joint.name}.{part}" for part in (*places, *turning)) for turning in (QUATERNION, TURNING)),
+                *(
+                    tuple(f"{joint.name}.{part}" for part in (*places, *turning))
+                    for turning in (QUATERNION, TURNING)
+                ),
             )
 
 
@@ -55,7 +58,10 @@ def set_state(
 ) -> None:
     """Set qpos, qvel and the controls, and evaluate the forward dynamics."""
     for joint, labels, names in joints(model):
-        q, v = np.array([coordinates[label] for label in labels]), np.array([rates[name] for name in names])
+        q, v = (
+            np.array([coordinates[label] for label in labels]),
+            np.array([rates[name] for name in names]),
+        )
         if len(q) > 1:
             v[-3:] = rotation(q[-4:]).T @ v[-3:]
         data.qpos[joint.qposadr[0] :][: len(q)], data.qvel[joint.dofadr[0] :][: len(v)] = q, v

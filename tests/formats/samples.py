@@ -150,7 +150,8 @@ MODELS = {
     "tree.xml": TREE,
     "four_bar.xml": FOUR_BAR.format(equality=LOOPS),
     "spatial.xml": SPATIAL.format(
-        more=TENDONS, equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>'
+        more=TENDONS,
+        equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>',
     ).replace('<joint name="spin"', '<site name="hub" pos="0 0 0.1"/><joint name="spin"'),
     "arm.urdf": URDF,
 }

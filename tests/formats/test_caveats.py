@@ -52,11 +52,23 @@ def test_a_file_that_is_read_whole_has_none(tmp_path):
     [
         ({}, "<geom> is a mesh, whose mass is left out"),
         ({"more": ""}, WEIGHT),
-        ({"more": INERTIAL, "joint": 'springdamper="1 1"'}, "<joint 'a'> says springdamper, which is left out"),
-        ({"more": INERTIAL, "joint": 'frictionloss="1"'}, "has dry friction, which is smoothed here"),
+        (
+            {"more": INERTIAL, "joint": 'springdamper="1 1"'},
+            "<joint 'a'> says springdamper, which is left out",
+        ),
+        (
+            {"more": INERTIAL, "joint": 'frictionloss="1"'},
+            "has dry friction, which is smoothed here",
+        ),
         ({"more": INERTIAL, "joint": 'stiffness="1 2"'}, "has a stiffness that is not linear"),
-        ({"more": INERTIAL + "<replicate count='3'/>"}, "<replicate> is left out: it is not known here"),
-        ({"more": INERTIAL.replace("/>", "/><plugin/>")}, "<plugin> is left out: it is not known here"),
+        (
+            {"more": INERTIAL + "<replicate count='3'/>"},
+            "<replicate> is left out: it is not known here",
+        ),
+        (
+            {"more": INERTIAL.replace("/>", "/><plugin/>")},
+            "<plugin> is left out: it is not known here",
+        ),
     ],
 )
 def test_what_changes_the_motion_is_warned_of(change, words, tmp_path):
@@ -114,10 +126,16 @@ def test_commands_print_them_and_strict_refuses_them(tmp_path, monkeypatch):
     for command in words.values():
         last = refused(
             *command,
-            *(("--overwrite",) if command[0] in ("export", "convert", "report", "simulate") else ()),
+            *(
+                ("--overwrite",)
+                if command[0] in ("export", "convert", "report", "simulate")
+                else ()
+            ),
             "--strict",
         )
-        assert "whose mass is left out" in last and last.endswith("--strict refuses a model that is not read whole\n")
+        assert "whose mass is left out" in last and last.endswith(
+            "--strict refuses a model that is not read whole\n"
+        )
     assert call("--strict", "info", "prr3").exit_code == 0
     assert call("--strict", "export", model(tmp_path, more=INERTIAL), "whole.yaml").exit_code == 0
 
@@ -126,7 +144,9 @@ def test_studies_tell_them_too(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     name = model(tmp_path).name
     vary, outputs = "{arm.mass: {type: values, values: [1, 2]}}", "{end: final joint_position.a}"
-    Path("study.yaml").write_text(f"study: 1\nrobot: {name}\nduration: 0.01\nvary: {vary}\noutputs: {outputs}\n")
+    Path("study.yaml").write_text(
+        f"study: 1\nrobot: {name}\nduration: 0.01\nvary: {vary}\noutputs: {outputs}\n"
+    )
     result = call("sweep", "study.yaml")
     assert result.exit_code == 0, result.output
     assert "linkwork: warning: gripper.xml, line 3: <geom> is a mesh" in result.stderr
@@ -135,8 +155,14 @@ def test_studies_tell_them_too(tmp_path, monkeypatch):
 
 
 def test_a_model_whose_masses_are_all_meshes_says_so(tmp_path):
-    (told,) = [c for c in caveats(model(tmp_path, inertial='<geom type="mesh" mesh="m"/>', more="")) if "no mass" in c]
-    assert "and 1 more: <body> ('palm', 'arm') has no mass here: all of it is that of meshes" in told
+    (told,) = [
+        c
+        for c in caveats(model(tmp_path, inertial='<geom type="mesh" mesh="m"/>', more=""))
+        if "no mass" in c
+    ]
+    assert (
+        "and 1 more: <body> ('palm', 'arm') has no mass here: all of it is that of meshes" in told
+    )
 
 
 def test_springs_that_are_left_out_are_told_where_tendons_that_do_not_pull_come_first(tmp_path):

@@ -20,14 +20,18 @@ def arms(n, *more):
 
 
 def bodies(n, tag=""):
-    inside = "".join(f'<body{tag.format(k)}><joint name="j{k}"/>{INERTIA}<site name="s.{k}"/></body>' for k in range(n))
+    inside = "".join(
+        f'<body{tag.format(k)}><joint name="j{k}"/>{INERTIA}<site name="s.{k}"/></body>'
+        for k in range(n)
+    )
     motors = "".join(f'<motor joint="j{k}"/>' for k in range(n))
     return f"<mujoco><worldbody>{inside}</worldbody><actuator>{motors}</actuator></mujoco>"
 
 
 def chain(n):
     joints = "".join(
-        f'<joint name="j.{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/></joint>' for k in range(n)
+        f'<joint name="j.{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
+        for k in range(n)
     )
     return f'<robot name="r"><link name="l0"/>{"".join(LINK.format(k + 1) for k in range(n))}{joints}</robot>'
 
@@ -38,7 +42,9 @@ LONG = {
     "gears.yaml": lambda n: arms(
         n, *(f"  g{k}: {{type: gear, ratios: {{j{k}: 1, j{k + 1}: 1}}}}\n" for k in range(n - 1))
     ),
-    "tools.yaml": lambda n: arms(n, "tools:\n", "".join(f"  t{k}: {{body: b{k}}}\n" for k in range(n))),
+    "tools.yaml": lambda n: arms(
+        n, "tools:\n", "".join(f"  t{k}: {{body: b{k}}}\n" for k in range(n))
+    ),
     "bodies.xml": lambda n: bodies(n, ' name="b.{0}"'),
     "unnamed.xml": bodies,
     "hinges.xml": lambda n: "".join(
@@ -79,7 +85,10 @@ def test_the_work_of_reading_grows_with_the_length(name, tmp_path):
 
 
 def nested_defaults(n):
-    kinds = (f'<default class="c{i}">' + "".join(f'<t{i}_{k} a="1"/>' for k in range(n)) for i in range(n))
+    kinds = (
+        f'<default class="c{i}">' + "".join(f'<t{i}_{k} a="1"/>' for k in range(n))
+        for i in range(n)
+    )
     return f"<mujoco><default>{''.join(kinds)}{'</default>' * n}</default><worldbody/></mujoco>"
 
 
@@ -103,7 +112,9 @@ def test_nested_defaults_take_no_more_memory_than_they_hold(tmp_path):
         (
             bodies(2, ' name="b{0}"').replace(
                 "<actuator>",
-                "<equality>" + '<connect body1="b0" body2="b1" anchor="1 0 0"/>' * 101 + "</equality><actuator>",
+                "<equality>"
+                + '<connect body1="b0" body2="b1" anchor="1 0 0"/>' * 101
+                + "</equality><actuator>",
             ),
             "line 1: <connect>: and 100 more hold the same two bodies together; three fix them",
         ),
@@ -122,7 +133,8 @@ def test_a_refusal_does_not_list_thousands_of_names(tmp_path):
     path = tmp_path / "arms.yaml"
     path.write_text(arms(1000, "actuators: [nobody]"))
     with pytest.raises(
-        MechanismError, match=r"there is no joint 'nobody'; the joint names are j0, j1, .* and 900 more"
+        MechanismError,
+        match=r"there is no joint 'nobody'; the joint names are j0, j1, .* and 900 more",
     ) as it:
         load(path)
     assert len(str(it.value)) < 1000
@@ -133,10 +145,16 @@ def test_files_that_include_files_count_as_one(tmp_path, monkeypatch):
     path.write_text('<mujoco><include file="0.xml"/></mujoco>')
     for k in range(40):
         inside = f"{'<worldbody>' * 30}<include file='{k + 1}.xml'/>{'</worldbody>' * 30}"
-        (tmp_path / f"{k}.xml").write_text(f"<mujocoinclude>{inside if k < 39 else ''}</mujocoinclude>")
-    with pytest.raises(MechanismError, match="is nested deeper than 250, with the files that include its own"):
+        (tmp_path / f"{k}.xml").write_text(
+            f"<mujocoinclude>{inside if k < 39 else ''}</mujocoinclude>"
+        )
+    with pytest.raises(
+        MechanismError, match="is nested deeper than 250, with the files that include its own"
+    ):
         load(path)
-    path.write_text("<mujoco>" + "".join(f'<include file="{k}.xml"/>' for k in range(9)) + "</mujoco>")
+    path.write_text(
+        "<mujoco>" + "".join(f'<include file="{k}.xml"/>' for k in range(9)) + "</mujoco>"
+    )
     for k in range(9):
         (tmp_path / f"{k}.xml").write_text(f"<mujocoinclude>{'<worldbody/>' * 100}</mujocoinclude>")
     load(path)
@@ -163,7 +181,9 @@ FRAMES = [
 @pytest.mark.parametrize(("frame", "words"), FRAMES)
 def test_frames_that_are_huge_or_degenerate(frame, words, tmp_path):
     path = tmp_path / "model.xml"
-    path.write_text(f"<mujoco><worldbody>\n<body {frame}><joint/>{INERTIA}</body></worldbody></mujoco>")
+    path.write_text(
+        f"<mujoco><worldbody>\n<body {frame}><joint/>{INERTIA}</body></worldbody></mujoco>"
+    )
     if words is None:
         load(path)
         return

@@ -65,7 +65,9 @@ def by_joint(path, robot, state, forces, softness):
     model, data = compiled(path, softness)
     mj.mj_resetDataKeyframe(model, data, 0)
     values = dict(zip(robot.coordinates, state.positions, strict=True))
-    names = [name for name in (model.joint(index).name for index in range(model.njnt)) if name in values]
+    names = [
+        name for name in (model.joint(index).name for index in range(model.njnt)) if name in values
+    ]
     for name in names:
         data.joint(name).qpos[0] = values[name]
     mj.mj_forward(model, data)
@@ -83,11 +85,19 @@ def test_mujoco_gives_the_accelerations_up_to_its_softness(name, tmp_path):
     at_rest = "rod" in kinds
     state = robot.home.with_rates(rng.normal(size=robot.mobility) * (not at_rest))
     if not kinds & {"spherical", "rod"}:
-        start = dict(zip(robot.independent, [state[name] for name in robot.independent], strict=True))
+        start = dict(
+            zip(robot.independent, [state[name] for name in robot.independent], strict=True)
+        )
         moved = {name: value + rng.uniform(-0.05, 0.05) for name, value in start.items()}
         state = robot.assemble(joints=moved, rates=rng.normal(size=robot.mobility))
     forces = rng.normal(size=len(mechanism.actuators))
-    ours = dict(zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, forces)), strict=True))
+    ours = dict(
+        zip(
+            robot.rates,
+            robot.joint_accelerations(state, robot.forward_dynamics(state, forces)),
+            strict=True,
+        )
+    )
     scale = max(map(abs, ours.values()))
     errors = []
     for softness in (1, STIFFER):
@@ -102,8 +112,16 @@ def test_reading_back_gives_the_same_joints_and_the_same_motion(name, tmp_path):
     mechanism, rng = getattr(lw.robots, name)(), np.random.default_rng(2)
     path, _ = write(mechanism, tmp_path)
     back = load(path).mechanism
-    kinds = {label: joint.type for label, joint in mechanism.joints.items() if joint.type not in ("fixed", "free")}
-    assert {label: joint.type for label, joint in back.joints.items() if joint.type not in ("fixed", "free")} == kinds
+    kinds = {
+        label: joint.type
+        for label, joint in mechanism.joints.items()
+        if joint.type not in ("fixed", "free")
+    }
+    assert {
+        label: joint.type
+        for label, joint in back.joints.items()
+        if joint.type not in ("fixed", "free")
+    } == kinds
     assert back.actuators == mechanism.actuators
     assert set(back.bodies) == set(mechanism.bodies)
     assert set(back.tools) == set(mechanism.tools)
@@ -112,7 +130,13 @@ def test_reading_back_gives_the_same_joints_and_the_same_motion(name, tmp_path):
     states = near.home.with_rates(list(rates.values())), far.state(far.home.positions, rates)
     forces = rng.normal(size=len(mechanism.actuators))
     a = [
-        dict(zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, forces)), strict=True))
+        dict(
+            zip(
+                robot.rates,
+                robot.joint_accelerations(state, robot.forward_dynamics(state, forces)),
+                strict=True,
+            )
+        )
         for robot, state in zip((near, far), states, strict=True)
     ]
     scale = max(map(abs, a[0].values()))
@@ -129,7 +153,9 @@ def held(mechanism):
     for name, joint in mechanism.joints.items():
         fields = {}
         if isinstance(joint, ManyFreedoms):
-            fields["friction"] = {key: Friction(viscous=value.viscous) for key, value in joint.friction.items()}
+            fields["friction"] = {
+                key: Friction(viscous=value.viscous) for key, value in joint.friction.items()
+            }
             fields["spring"] = {
                 key: value.model_copy(update={"stiffness": value.stiffness * (key != "turn")})
                 for key, value in joint.spring.items()
@@ -141,9 +167,18 @@ def held(mechanism):
 
 
 RANDOM = {
-    **{f"tree {seed}": lambda seed=seed: random_tree(seed, 7, effects=seed % 2 == 0) for seed in range(6)},
-    **{f"loops {seed}": lambda seed=seed: random_loops(seed, 2, effects=seed % 2 == 0) for seed in range(8)},
-    **{f"planar loops {seed}": lambda seed=seed: random_loops(seed, 2, planar=True) for seed in range(2)},
+    **{
+        f"tree {seed}": lambda seed=seed: random_tree(seed, 7, effects=seed % 2 == 0)
+        for seed in range(6)
+    },
+    **{
+        f"loops {seed}": lambda seed=seed: random_loops(seed, 2, effects=seed % 2 == 0)
+        for seed in range(8)
+    },
+    **{
+        f"planar loops {seed}": lambda seed=seed: random_loops(seed, 2, planar=True)
+        for seed in range(2)
+    },
     "gears in a tree": lambda: random_tree(1, 7, gears=2),
 }
 RODS = {
@@ -166,7 +201,14 @@ def exported(name, moving=True):
         {"ground": np.eye(4)} | {body: poses.pose(p, R) for body, (p, R) in placed.items()},
         dict(zip(mechanism.coordinates, oracle.coordinates(placed), strict=True)),
     )
-    return mechanism, to_mjcf(mechanism, home)[0], placed, twists, forces, oracle.accelerations(placed, twists, forces)
+    return (
+        mechanism,
+        to_mjcf(mechanism, home)[0],
+        placed,
+        twists,
+        forces,
+        oracle.accelerations(placed, twists, forces),
+    )
 
 
 def difference(one, other):
@@ -177,7 +219,8 @@ def check_in_mujoco(name, moving):
     _, text, _, twists, forces, accelerations = exported(name, moving)
     scale = max(np.max(np.abs(pair)) for pair in accelerations.values())
     errors = [
-        difference(body_accelerations(*compiled(text, softness), twists, forces), accelerations) / scale
+        difference(body_accelerations(*compiled(text, softness), twists, forces), accelerations)
+        / scale
         for softness in (1, STIFFER)
     ]
     assert errors[0] < 1
@@ -211,7 +254,9 @@ def test_every_kind_of_joint_read_back(name, tmp_path):
     assert difference(again, accelerations) < 1e-9 * scale
     values = MaximalOracle(back).coordinates(placed)
     ours = dict(zip(back.coordinates, values, strict=True))
-    at_home = dict(zip(mechanism.coordinates, MaximalOracle(mechanism).coordinates(placed), strict=True))
+    at_home = dict(
+        zip(mechanism.coordinates, MaximalOracle(mechanism).coordinates(placed), strict=True)
+    )
     for label, value in at_home.items():
         kind = mechanism.joints[label.partition(".")[0]].type
         if back.reference.get(label, 0.0) and kind not in ("spherical", "free"):
@@ -227,11 +272,17 @@ def slider_crank(**fields):
     joints = {
         "shaft": RevoluteJoint(connects=("ground", "crank")),
         "pin": RevoluteJoint(
-            connects=("crank", "rod"), frames=(Frame.planar(0.2), Frame()), friction=Friction(viscous=0.1)
+            connects=("crank", "rod"),
+            frames=(Frame.planar(0.2), Frame()),
+            friction=Friction(viscous=0.1),
         ),
-        "wrist": RevoluteJoint(connects=("rod", "piston"), frames=(Frame.planar(0.5), Frame()), rotor_inertia=0.01),
+        "wrist": RevoluteJoint(
+            connects=("rod", "piston"), frames=(Frame.planar(0.5), Frame()), rotor_inertia=0.01
+        ),
         "bore": PrismaticJoint(
-            connects=("ground", "piston"), axis=(1, 0, 0), spring=Spring(stiffness=20, rest=0.5, damping=1)
+            connects=("ground", "piston"),
+            axis=(1, 0, 0),
+            spring=Spring(stiffness=20, rest=0.5, damping=1),
         ),
     }
     return Mechanism(
@@ -248,13 +299,17 @@ def test_a_joint_that_closes_a_loop_with_effects_leads_to_a_part_of_its_body(tmp
     mechanism = slider_crank()
     path, notes = write(mechanism, tmp_path)
     model, _ = compiled(path)
-    parts = [model.body(index).name for index in range(model.nbody) if "." in model.body(index).name]
+    parts = [
+        model.body(index).name for index in range(model.nbody) if "." in model.body(index).name
+    ]
     assert len(parts) == 1
     assert any("leads to a part of its body, welded to it" in note for note in notes)
     assert sum(model.body_mass) == pytest.approx(3.0)
     back = load(path).mechanism
     assert all(body.mass == 1.0 for body in back.bodies.values())
-    assert {name: joint.type for name, joint in back.joints.items()} == {n: j.type for n, j in mechanism.joints.items()}
+    assert {name: joint.type for name, joint in back.joints.items()} == {
+        n: j.type for n, j in mechanism.joints.items()
+    }
     assert back.joints["bore"].spring == Spring(stiffness=20, rest=0.5)
     assert back.joints["bore"].friction.viscous == 1
 
@@ -276,10 +331,14 @@ def test_massless_bodies_inside_a_chain_become_several_joints_of_one_body(tmp_pa
     bar = Body(mass=1.0, centre_of_mass=(0, 0.1, 0), inertia=Inertia(xx=0.02, yy=0.01, zz=0.03))
     joints = {
         "turn": RevoluteJoint(
-            connects=("ground", "cross"), axis=(0, 1, 1), frames=(Frame(position=(0, 0, 1)), Frame())
+            connects=("ground", "cross"),
+            axis=(0, 1, 1),
+            frames=(Frame(position=(0, 0, 1)), Frame()),
         ),
         "tilt": RevoluteJoint(
-            connects=("bar", "cross"), axis=(1, 0, 0), frames=(Frame(position=(0.1, 0, 0)), Frame(position=(0, 0.2, 0)))
+            connects=("bar", "cross"),
+            axis=(1, 0, 0),
+            frames=(Frame(position=(0.1, 0, 0)), Frame(position=(0, 0.2, 0))),
         ),
     }
     mechanism = Mechanism(
@@ -298,13 +357,22 @@ def test_massless_bodies_inside_a_chain_become_several_joints_of_one_body(tmp_pa
     set_state(model, data, values, rates, 0.3)
     for one in (robot, back):
         state = one.state(values, rates)
-        a = dict(zip(one.rates, one.joint_accelerations(state, one.forward_dynamics(state, [0.3])), strict=True))
+        a = dict(
+            zip(
+                one.rates,
+                one.joint_accelerations(state, one.forward_dynamics(state, [0.3])),
+                strict=True,
+            )
+        )
         assert a["turn"] == pytest.approx(data.joint("turn").qacc[0], rel=1e-9)
         assert a["tilt"] == pytest.approx(data.joint("tilt").qacc[0], rel=1e-9)
 
 
 def pendulum(joint, body=None, **fields):
-    bodies = {"bob": body or Body(mass=1.0, centre_of_mass=(0, 0, -0.5), inertia=Inertia(xx=0.02, yy=0.02, zz=0.01))}
+    bodies = {
+        "bob": body
+        or Body(mass=1.0, centre_of_mass=(0, 0, -0.5), inertia=Inertia(xx=0.02, yy=0.02, zz=0.01))
+    }
     return Mechanism(bodies=bodies, joints={"j": joint}, **fields)
 
 
@@ -312,7 +380,9 @@ NOTED = {
     "Coulomb friction is written as frictionloss": pendulum(
         RevoluteJoint(connects=("ground", "bob"), friction=Friction(coulomb=0.1))
     ),
-    "limits are stops in MuJoCo": pendulum(RevoluteJoint(connects=("ground", "bob"), limits=Limits(upper=1.0))),
+    "limits are stops in MuJoCo": pendulum(
+        RevoluteJoint(connects=("ground", "bob"), limits=Limits(upper=1.0))
+    ),
     "bodies that give zz alone": pendulum(
         RevoluteJoint(connects=("ground", "bob")), Body(mass=1, inertia=Inertia(zz=1))
     ),
@@ -352,7 +422,9 @@ def test_limits_and_frictions_come_back(tmp_path):
 
 
 def test_a_free_body_is_a_freejoint_and_one_with_effects_is_slides_and_a_ball(tmp_path):
-    path, _ = write(pendulum(FreeJoint(connects=("ground", "bob")), reference={"j.x": 1.0}), tmp_path)
+    path, _ = write(
+        pendulum(FreeJoint(connects=("ground", "bob")), reference={"j.x": 1.0}), tmp_path
+    )
     assert compiled(path)[0].nv == 6
     assert load(path).mechanism.reference == {"j.x": 1.0}
     damped = FreeJoint(connects=("ground", "bob"), friction={"y": Friction(viscous=2.0)})
@@ -367,7 +439,9 @@ REFUSED = {
     "bodies.world: is the name that MJCF gives to ground": Mechanism(
         bodies={"world": Body(mass=1)}, joints={"j": RevoluteJoint(connects=("ground", "world"))}
     ),
-    "bodies.bob: moves without mass and inertia": pendulum(RevoluteJoint(connects=("ground", "bob")), Body(mass=0)),
+    "bodies.bob: moves without mass and inertia": pendulum(
+        RevoluteJoint(connects=("ground", "bob")), Body(mass=0)
+    ),
     "joints.j: has a spring or a limit and is turned at home": pendulum(
         SphericalJoint(connects=("ground", "bob"), spring={"turn": Spring(stiffness=1)}),
         reference={"j.qw": 0.8, "j.qx": 0.6},
@@ -395,11 +469,15 @@ def test_a_free_joint_that_closes_a_loop_and_a_fixed_one_are_left_out(tmp_path):
         "pose": FreeJoint(connects=("ground", "a")),
     }
     _, notes = write(Mechanism(joints=joints, **fields), tmp_path)
-    assert "joints.pose: holds nothing that the rest of the model does not, and is left out" in notes
+    assert (
+        "joints.pose: holds nothing that the rest of the model does not, and is left out" in notes
+    )
 
 
 def test_a_gear_of_a_free_joints_native_coordinate_is_possible(tmp_path):
-    fields = {"bodies": {"a": Body(mass=1.0, inertia=Inertia(xx=1, yy=1, zz=1)), "b": Body(mass=1.0)}}
+    fields = {
+        "bodies": {"a": Body(mass=1.0, inertia=Inertia(xx=1, yy=1, zz=1)), "b": Body(mass=1.0)}
+    }
     joints = {
         "float": FreeJoint(connects=("ground", "a")),
         "rail": PrismaticJoint(connects=("ground", "b"), axis=(1, 0, 0)),
@@ -413,11 +491,17 @@ def test_planar_and_rod_and_fixed(tmp_path):
     plate = Body(mass=1.0, inertia=Inertia(xx=0.1, yy=0.1, zz=0.2))
     joints = {
         "table": PlanarJoint(connects=("ground", "plate")),
-        "link": RodJoint(connects=("ground", "plate"), length=0.5, frames=(Frame.planar(0.5), Frame())),
-        "knob": FixedJoint(connects=("plate", "knob"), frames=(Frame(position=(0, 0, 0.1)), Frame())),
+        "link": RodJoint(
+            connects=("ground", "plate"), length=0.5, frames=(Frame.planar(0.5), Frame())
+        ),
+        "knob": FixedJoint(
+            connects=("plate", "knob"), frames=(Frame(position=(0, 0, 0.1)), Frame())
+        ),
     }
     mechanism = Mechanism(
-        bodies={"plate": plate, "knob": plate}, joints=joints, reference={"table.x": 0.1, "table.y": 0.3}
+        bodies={"plate": plate, "knob": plate},
+        joints=joints,
+        reference={"table.x": 0.1, "table.y": 0.3},
     )
     path, _ = write(mechanism, tmp_path)
     back = load(path).mechanism
@@ -428,7 +512,10 @@ def test_planar_and_rod_and_fixed(tmp_path):
 
 def test_a_chain_too_deep_is_refused():
     bodies = {f"b{k}": Body(mass=1.0, inertia=Inertia(xx=1, yy=1, zz=1)) for k in range(300)}
-    joints = {f"j{k}": RevoluteJoint(connects=("ground" if k == 0 else f"b{k - 1}", f"b{k}")) for k in range(300)}
+    joints = {
+        f"j{k}": RevoluteJoint(connects=("ground" if k == 0 else f"b{k - 1}", f"b{k}"))
+        for k in range(300)
+    }
     home = Home({body: np.eye(4) for body in ("ground", *bodies)}, dict.fromkeys(joints, 0.0))
     with pytest.raises(MechanismError, match="a chain of more than 240 bodies is too deep"):
         to_mjcf(Mechanism(bodies=bodies, joints=joints), home)
@@ -436,7 +523,9 @@ def test_a_chain_too_deep_is_refused():
 
 # ------------------------------------------------------------------------------------ balls, and bodies of next to nothing
 
-BRICK = Body(mass=1.3, centre_of_mass=(0.1, 0.05, -0.1), inertia=Inertia(xx=0.03, yy=0.04, zz=0.05, xy=0.004))
+BRICK = Body(
+    mass=1.3, centre_of_mass=(0.1, 0.05, -0.1), inertia=Inertia(xx=0.03, yy=0.04, zz=0.05, xy=0.004)
+)
 TURNED = {"position": (0.2, -0.1, 0.3), "rotation": (0.3, -0.5, 0.4)}
 
 
@@ -444,8 +533,12 @@ def test_a_ball_that_slides_follow_in_a_loop_has_a_body_of_its_own(tmp_path):
     """A damped free joint that is described from the body to ground is a ball and three slides in MuJoCo."""
     joints = {
         "float": FreeJoint(connects=("a", "ground"), friction={"x": Friction(viscous=0.5)}),
-        "near": SphericalJoint(connects=("ground", "b"), frames=(Frame(position=(0.5, 0, 0)), Frame())),
-        "far": SphericalJoint(connects=("b", "a"), frames=(Frame(position=(0, 0.7, 0)), Frame(**TURNED))),
+        "near": SphericalJoint(
+            connects=("ground", "b"), frames=(Frame(position=(0.5, 0, 0)), Frame())
+        ),
+        "far": SphericalJoint(
+            connects=("b", "a"), frames=(Frame(position=(0, 0.7, 0)), Frame(**TURNED))
+        ),
     }
     reference = {"float.x": -0.3, "float.y": -0.6, "float.qw": 0.8, "float.qz": 0.6}
     mechanism = Mechanism(bodies={"a": BRICK, "b": BRICK}, joints=joints, reference=reference)
@@ -466,8 +559,12 @@ def chain(second, **fields):
 
 
 def test_a_driven_ball_whose_body_vanishes_is_driven_in_its_own_sense():
-    slide = PrismaticJoint(connects=("cross", "brick"), axis=(0.6, 0, 0.8), frames=(Frame(**TURNED), Frame()))
-    mechanism = chain(slide, actuators=("ball.wx", "ball.wz"), reference={"ball.qw": 0.8, "ball.qy": 0.6})
+    slide = PrismaticJoint(
+        connects=("cross", "brick"), axis=(0.6, 0, 0.8), frames=(Frame(**TURNED), Frame())
+    )
+    mechanism = chain(
+        slide, actuators=("ball.wx", "ball.wz"), reference={"ball.qw": 0.8, "ball.qy": 0.6}
+    )
     oracle, rng = MaximalOracle(mechanism), np.random.default_rng(3)
     placed, twists = random_motion(oracle, rng, 0.0)
     home = Home(
@@ -495,6 +592,8 @@ def test_what_is_added_to_light_bodies_is_enough_for_mujoco(tmp_path):
         "left": RevoluteJoint(connects=("fork", "a")),
         "right": RevoluteJoint(connects=("fork", "b")),
     }
-    mechanism = Mechanism(bodies={"fork": Body(mass=0.0), "a": feather, "b": feather}, joints=joints)
+    mechanism = Mechanism(
+        bodies={"fork": Body(mass=0.0), "a": feather, "b": feather}, joints=joints
+    )
     path, _ = write(mechanism, tmp_path)
     assert compiled(path)[0].body("fork").mass[0] < 1e-10

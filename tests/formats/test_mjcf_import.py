@@ -8,7 +8,14 @@ import pytest
 
 import linkwork as lw
 from linkwork.formats import load
-from linkwork.mechanism import CylindricalJoint, FreeJoint, MechanismError, PlanarJoint, RevoluteJoint, UniversalJoint
+from linkwork.mechanism import (
+    CylindricalJoint,
+    FreeJoint,
+    MechanismError,
+    PlanarJoint,
+    RevoluteJoint,
+    UniversalJoint,
+)
 
 from tests.formats import samples
 from tests.formats.mujoco_side import accelerations, compiled, set_state
@@ -32,7 +39,9 @@ def assert_same_bodies(mechanism, text):
         R = R.reshape(3, 3)
         assert body.mass == pytest.approx(theirs.mass[0], rel=1e-12, abs=1e-15)
         np.testing.assert_allclose(body.centre_of_mass, theirs.ipos, atol=1e-12)
-        np.testing.assert_allclose(body.inertia.tensor(), R @ np.diag(theirs.inertia) @ R.T, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            body.inertia.tensor(), R @ np.diag(theirs.inertia) @ R.T, rtol=1e-9, atol=1e-12
+        )
 
 
 def assert_same_motion(mechanism, text, seed=0):
@@ -43,7 +52,11 @@ def assert_same_motion(mechanism, text, seed=0):
     check_places(robot, robot.home, data)
     check_axes(robot, data)
     coordinates = dict(
-        zip(robot.coordinates, robot.home.positions + rng.uniform(-0.8, 0.8, len(robot.coordinates)), strict=True)
+        zip(
+            robot.coordinates,
+            robot.home.positions + rng.uniform(-0.8, 0.8, len(robot.coordinates)),
+            strict=True,
+        )
     )
     for label in [label for label in coordinates if label.endswith(".qw")]:
         labels = [f"{label[:-1]}{part}" for part in "wxyz"]
@@ -51,7 +64,13 @@ def assert_same_motion(mechanism, text, seed=0):
         coordinates |= dict(zip(labels, q / np.linalg.norm(q), strict=True))
     state = robot.state(coordinates, rng.normal(size=robot.mobility))
     forces = rng.normal(size=len(mechanism.actuators))
-    set_state(model, data, coordinates, dict(zip(robot.rates, robot.joint_rates(state), strict=True)), forces)
+    set_state(
+        model,
+        data,
+        coordinates,
+        dict(zip(robot.rates, robot.joint_rates(state), strict=True)),
+        forces,
+    )
     check_places(robot, state, data)
     ours = robot.joint_accelerations(state, robot.forward_dynamics(state, forces))
     theirs = accelerations(model, data)
@@ -76,7 +95,9 @@ def check_axes(robot, data):
         if joint.type not in ("revolute", "prismatic"):
             continue
         (p, R), frame = poses[joint.connects[1]], joint.frames[1]
-        np.testing.assert_allclose(R @ turned(frame.rotation, joint.axis), data.joint(name).xaxis, atol=1e-12)
+        np.testing.assert_allclose(
+            R @ turned(frame.rotation, joint.axis), data.joint(name).xaxis, atol=1e-12
+        )
         if joint.type == "revolute":
             np.testing.assert_allclose(p + R @ frame.position, data.joint(name).xanchor, atol=1e-12)
 
@@ -95,7 +116,9 @@ def test_a_tree_is_the_tree_that_mujoco_reads(tmp_path):
     mechanism = imported.mechanism
     (note,) = imported.notes
     assert "<geom> is no shape here and is not shown: its type is ellipsoid" in note
-    assert_same_bodies(mechanism.model_copy(update={"bodies": named_bodies(mechanism)}), samples.TREE)
+    assert_same_bodies(
+        mechanism.model_copy(update={"bodies": named_bodies(mechanism)}), samples.TREE
+    )
     assert_same_motion(mechanism, samples.TREE)
     assert mechanism.name == "tree"
     assert mechanism.actuators == ("shoulder", "rail", "pitch")
@@ -216,9 +239,13 @@ def without_names(text):
 
 def test_two_hinges_with_names_of_their_own_stay_two(tmp_path):
     text = BODY.format(
-        head="", body='<joint name="a" axis="1 0 0"/><joint name="b2" axis="0 1 0"/>' + INERTIAL, tail=""
+        head="",
+        body='<joint name="a" axis="1 0 0"/><joint name="b2" axis="0 1 0"/>' + INERTIAL,
+        tail="",
     )
-    assert [type(joint) for joint in read(text, tmp_path).mechanism.joints.values()] == [RevoluteJoint] * 2
+    assert [type(joint) for joint in read(text, tmp_path).mechanism.joints.values()] == [
+        RevoluteJoint
+    ] * 2
 
 
 @pytest.mark.parametrize("lead", [0.02, -0.3])
@@ -241,14 +268,22 @@ def test_a_slide_that_follows_a_hinge_on_its_axis_is_a_screw(lead, tmp_path):
 
 def test_a_free_joint_made_of_slides_and_a_ball(tmp_path):
     slides = "".join(
-        f'<joint name="f.{n}" type="slide" axis="{a}" ref="0.{k}"/>' for k, (n, a) in enumerate(TURNED_AXES, 1)
+        f'<joint name="f.{n}" type="slide" axis="{a}" ref="0.{k}"/>'
+        for k, (n, a) in enumerate(TURNED_AXES, 1)
     )
-    text = BODY.format(head="", body=f'{slides}<joint name="f.turn" type="ball" pos="0.1 0 0"/>{INERTIAL}', tail="")
+    text = BODY.format(
+        head="", body=f'{slides}<joint name="f.turn" type="ball" pos="0.1 0 0"/>{INERTIAL}', tail=""
+    )
     mechanism = read(text, tmp_path).mechanism
     (joint,) = mechanism.joints.values()
     assert isinstance(joint, FreeJoint)
     robot, (model, data) = lw.Robot(mechanism), compiled(text)
-    data.qpos[:] = 0.3, -0.2, 0.5, *np.array([0.8, 0.2, -0.4, 0.4]) / np.linalg.norm([0.8, 0.2, -0.4, 0.4])
+    data.qpos[:] = (
+        0.3,
+        -0.2,
+        0.5,
+        *np.array([0.8, 0.2, -0.4, 0.4]) / np.linalg.norm([0.8, 0.2, -0.4, 0.4]),
+    )
     mj.mj_kinematics(model, data)
     E = np.array([axis.split() for _, axis in TURNED_AXES], float)
     E /= np.linalg.norm(E, axis=1)[:, None]
@@ -257,7 +292,9 @@ def test_a_free_joint_made_of_slides_and_a_ball(tmp_path):
     at_key = lw.Robot(read(text.replace("</mujoco>", f"{key}</mujoco>"), tmp_path).mechanism)
     for one, state in ((robot, robot.state([*data.qpos[:3], *quaternion])), (at_key, at_key.home)):
         np.testing.assert_allclose(one.body_poses(state)["b"][0], data.body("b").xpos, atol=1e-12)
-        np.testing.assert_allclose(one.body_poses(state)["b"][1], data.body("b").xmat.reshape(3, 3), atol=1e-12)
+        np.testing.assert_allclose(
+            one.body_poses(state)["b"][1], data.body("b").xmat.reshape(3, 3), atol=1e-12
+        )
 
 
 TURNED_AXES = (("x", "0 1 1"), ("y", "1 0 0"), ("z", "0 1 -1"))
@@ -265,7 +302,11 @@ TURNED_AXES = (("x", "0 1 1"), ("y", "1 0 0"), ("z", "0 1 -1"))
 
 def test_the_keyframe_home_is_the_reference(tmp_path):
     keys = '<keyframe><key name="other" qpos="0 0"/><key name="home" qpos="0.3 -0.2"/></keyframe>'
-    text = BODY.format(head="", body='<joint name="p" ref="40"/><joint name="q" axis="1 0 0"/>' + INERTIAL, tail=keys)
+    text = BODY.format(
+        head="",
+        body='<joint name="p" ref="40"/><joint name="q" axis="1 0 0"/>' + INERTIAL,
+        tail=keys,
+    )
     assert read(text, tmp_path).mechanism.reference == {"p": 0.3, "q": -0.2}
 
 
@@ -299,7 +340,9 @@ LEFT_OUT = {
 
 @pytest.mark.parametrize("tail", LEFT_OUT)
 def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
-    text = BODY.format(head="\n", body='<joint name="j"/><site name="s"/>' + INERTIAL, tail="\n" + tail)
+    text = BODY.format(
+        head="\n", body='<joint name="j"/><site name="s"/>' + INERTIAL, tail="\n" + tail
+    )
     (note,) = read(text, tmp_path).notes
     assert note.startswith("model.xml, line 3: ")
     assert LEFT_OUT[tail] in note
@@ -308,11 +351,23 @@ def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ('<geom type="mesh" mesh="hull" name="hull"/>', "<geom 'hull'> is a mesh, whose mass is left out"),
-        ('<geom size="0.1" shellinertia="true"/>', "is a shell (shellinertia); it is weighed as a solid"),
-        ('<joint damping="1 2 3"/>', "has a damping that is not linear; its higher powers are left out"),
+        (
+            '<geom type="mesh" mesh="hull" name="hull"/>',
+            "<geom 'hull'> is a mesh, whose mass is left out",
+        ),
+        (
+            '<geom size="0.1" shellinertia="true"/>',
+            "is a shell (shellinertia); it is weighed as a solid",
+        ),
+        (
+            '<joint damping="1 2 3"/>',
+            "has a damping that is not linear; its higher powers are left out",
+        ),
         ('<joint frictionloss="0.3"/>', "has dry friction, which is smoothed here"),
-        ('<joint springdamper="1 1"/>', "says springdamper, which is left out: give stiffness and damping"),
+        (
+            '<joint springdamper="1 1"/>',
+            "says springdamper, which is left out: give stiffness and damping",
+        ),
         ('<joint name="a.b"/>', "<joint 'a.b'> is called 'a_b' here"),
         ('<replicate count="4"/>', "<replicate> is left out: it is not known here"),
         ('<joint type="free" stiffness="2"/>', "has a spring, which is left out"),
@@ -374,11 +429,23 @@ def test_refusals_name_file_line_and_element(body, tmp_path):
         ('<compiler angle="grad"/>', "", "angle 'grad' is not one of degree, radian"),
         ("<default><default/></default>", "", "<default>: has no attribute 'class'; add it"),
         ("", '<actuator><motor joint="k"/></actuator>', "there is no joint 'k' to drive"),
-        ("", '<equality><connect body1="b" body2="c" anchor="0 0 0"/></equality>', "there is no body 'c'"),
-        ("", '<equality><connect body1="b" body2="b" anchor="0 0 0"/></equality>', "holds 'b' to itself"),
+        (
+            "",
+            '<equality><connect body1="b" body2="c" anchor="0 0 0"/></equality>',
+            "there is no body 'c'",
+        ),
+        (
+            "",
+            '<equality><connect body1="b" body2="b" anchor="0 0 0"/></equality>',
+            "holds 'b' to itself",
+        ),
         ("", '<equality><weld site1="s" site2="t"/></equality>', "there is no site 's'"),
         ("", '<equality><joint joint1="k"/></equality>', "there is no joint 'k'"),
-        ("", '<keyframe><key name="home" qpos="1 2 3"/></keyframe>', "qpos holds 3 numbers; give 1"),
+        (
+            "",
+            '<keyframe><key name="home" qpos="1 2 3"/></keyframe>',
+            "qpos holds 3 numbers; give 1",
+        ),
         ("", "<worldbody><joint/></worldbody>", "stands in the world itself, which does not move"),
     ],
 )

@@ -34,8 +34,16 @@ def assert_same_accelerations(mechanism, text, bound=1e-5, rates=True):
     state = robot.home.with_rates(rng.normal(size=robot.mobility) * rates)
     forces = rng.normal(size=len(mechanism.actuators))
     values = dict(zip(robot.coordinates, robot.home.positions, strict=True))
-    set_state(model, data, values, dict(zip(robot.rates, robot.joint_rates(state), strict=True)), forces)
-    ours = dict(zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, forces)), strict=True))
+    set_state(
+        model, data, values, dict(zip(robot.rates, robot.joint_rates(state), strict=True)), forces
+    )
+    ours = dict(
+        zip(
+            robot.rates,
+            robot.joint_accelerations(state, robot.forward_dynamics(state, forces)),
+            strict=True,
+        )
+    )
     theirs = accelerations(model, data)
     scale = max(map(abs, ours.values()))
     for name, value in theirs.items():
@@ -43,7 +51,9 @@ def assert_same_accelerations(mechanism, text, bound=1e-5, rates=True):
 
 
 def test_two_connects_are_a_revolute_joint(tmp_path):
-    text = samples.FOUR_BAR.format(equality=ANCHOR.format(z=-0.1) + ANCHOR.format(z=0.3).replace("pin", "pin2"))
+    text = samples.FOUR_BAR.format(
+        equality=ANCHOR.format(z=-0.1) + ANCHOR.format(z=0.3).replace("pin", "pin2")
+    )
     imported = read(text, tmp_path)
     assert kinds(imported.mechanism)["pin"] == "revolute"
     assert imported.notes == ()
@@ -74,7 +84,9 @@ def test_one_connect_in_a_loop_that_is_not_planar_is_a_spherical_joint(tmp_path)
 def test_a_connect_between_sites_meets_where_they_are(tmp_path):
     near = '<site name="end" pos="0.35 0.2 0.05"/>'
     text = samples.SPATIAL.format(more="", equality='<connect site1="end" site2="seat"/>')
-    text = text.replace('<joint name="ball" type="ball"/>', f'<joint name="ball" type="ball"/>{near}')
+    text = text.replace(
+        '<joint name="ball" type="ball"/>', f'<joint name="ball" type="ball"/>{near}'
+    )
     mechanism = read(text, tmp_path).mechanism
     joint = mechanism.joints["loop_rod_slider"]
     assert joint.type == "spherical"
@@ -111,7 +123,9 @@ def test_three_connects_are_a_fixed_joint_and_so_is_a_weld(tmp_path):
 def test_welds_hold_where_mujoco_has_no_gap(weld, tmp_path):
     """At the poses that the fixed joint demands, MuJoCo sees no gap."""
     text = samples.SPATIAL.format(more="", equality=f'<weld name="w" {weld}/>')
-    text = text.replace('<joint name="spin"', '<site name="hub" pos="0.1 0 0" euler="0 5 0"/><joint name="spin"')
+    text = text.replace(
+        '<joint name="spin"', '<site name="hub" pos="0.1 0 0" euler="0 5 0"/><joint name="spin"'
+    )
     text = text.replace('<joint name="rail" type="slide" axis="1 0.2 0" ref="0.1"/>', "").replace(
         '<joint name="roll" type="hinge" axis="1 0.2 0"/>', '<freejoint name="loose"/>'
     )
@@ -127,10 +141,15 @@ def test_welds_hold_where_mujoco_has_no_gap(weld, tmp_path):
 
 def test_a_weld_without_torque_is_a_connect(tmp_path):
     equality = '<weld name="w" body1="rod" body2="slider" torquescale="0" anchor="0 0 0"/>'
-    assert kinds(read(samples.SPATIAL.format(more="", equality=equality), tmp_path).mechanism)["w"] == "spherical"
+    assert (
+        kinds(read(samples.SPATIAL.format(more="", equality=equality), tmp_path).mechanism)["w"]
+        == "spherical"
+    )
 
 
-@pytest.mark.parametrize(("one", "two", "offset"), [("rail", "spin", 0.12), ("spin", "rail", -0.01)])
+@pytest.mark.parametrize(
+    ("one", "two", "offset"), [("rail", "spin", 0.12), ("spin", "rail", -0.01)]
+)
 def test_a_linear_joint_equality_is_a_gear(one, two, offset, tmp_path):
     equality = f'<joint name="g" joint1="{one}" joint2="{two}" polycoef="0.02 0.3 0 0 0"/>'
     text = samples.SPATIAL.format(more="", equality=equality)
@@ -150,16 +169,22 @@ def test_a_joint_equality_of_one_joint_locks_it(tmp_path):
     mechanism = read(text, tmp_path).mechanism
     robot = lw.Robot(mechanism)
     assert (
-        robot.mobility == lw.Robot(read(samples.SPATIAL.format(more="", equality=""), tmp_path).mechanism).mobility - 1
+        robot.mobility
+        == lw.Robot(read(samples.SPATIAL.format(more="", equality=""), tmp_path).mechanism).mobility
+        - 1
     )
     assert robot.home["roll"] == pytest.approx(0.25)
 
 
-STRAIGHT = '<tendon><spatial name="cable" {0}><site site="hub"/><site site="seat"/></spatial></tendon>'
+STRAIGHT = (
+    '<tendon><spatial name="cable" {0}><site site="hub"/><site site="seat"/></spatial></tendon>'
+)
 
 
 def with_hub(text):
-    return text.replace('<joint name="spin"', '<site name="hub" pos="0.1 0 0.1"/><joint name="spin"')
+    return text.replace(
+        '<joint name="spin"', '<site name="hub" pos="0.1 0 0.1"/><joint name="spin"'
+    )
 
 
 def test_a_tendon_held_at_its_length_is_a_rod(tmp_path):
@@ -174,7 +199,11 @@ def test_a_tendon_held_at_its_length_is_a_rod(tmp_path):
 
 @pytest.mark.parametrize("length", ["", 'springlength="0.2"', 'springlength="0.2 0.2"'])
 def test_a_tendon_with_stiffness_is_a_spring_between_two_points(length, tmp_path):
-    text = with_hub(samples.SPATIAL.format(more=STRAIGHT.format(f'stiffness="30" damping="2" {length}'), equality=""))
+    text = with_hub(
+        samples.SPATIAL.format(
+            more=STRAIGHT.format(f'stiffness="30" damping="2" {length}'), equality=""
+        )
+    )
     imported = read(text, tmp_path)
     assert imported.notes == ()
     assert imported.mechanism.springs["cable"].stiffness == 30
@@ -183,9 +212,13 @@ def test_a_tendon_with_stiffness_is_a_spring_between_two_points(length, tmp_path
 
 def test_a_held_tendon_of_joints_is_a_gear(tmp_path):
     coefficients = {"rail": 2, "spin": -1, "roll": 0.5}
-    parts = "".join(f'<joint joint="{name}" coef="{value}"/>' for name, value in coefficients.items())
+    parts = "".join(
+        f'<joint joint="{name}" coef="{value}"/>' for name, value in coefficients.items()
+    )
     tendon = f'<tendon><fixed name="f">{parts}</fixed></tendon>'
-    text = samples.SPATIAL.format(more=tendon, equality='<tendon tendon1="f" polycoef="0.01 0 0 0 0"/>')
+    text = samples.SPATIAL.format(
+        more=tendon, equality='<tendon tendon1="f" polycoef="0.01 0 0 0 0"/>'
+    )
     gear = read(text, tmp_path).mechanism.joints["f"]
     assert gear.ratios == coefficients
     assert gear.offset == pytest.approx(2 * 0.1 + 0.01)
@@ -194,11 +227,12 @@ def test_a_held_tendon_of_joints_is_a_gear(tmp_path):
 def test_points_that_cannot_meet_stay_spherical_joints_and_are_noted(tmp_path):
     sites = '<site name="a" pos="0 0 0"/><site name="b" pos="0 0 0.2"/>'
     text = samples.SPATIAL.format(
-        more="", equality='<connect name="c1" site1="a" site2="seat"/><connect name="c2" site1="b" site2="seat2"/>'
+        more="",
+        equality='<connect name="c1" site1="a" site2="seat"/><connect name="c2" site1="b" site2="seat2"/>',
     )
-    text = text.replace('<joint name="ball" type="ball"/>', f'<joint name="ball" type="ball"/>{sites}').replace(
-        '<site name="seat"', '<site name="seat2" pos="0 0 0.3"/><site name="seat"'
-    )
+    text = text.replace(
+        '<joint name="ball" type="ball"/>', f'<joint name="ball" type="ball"/>{sites}'
+    ).replace('<site name="seat"', '<site name="seat2" pos="0 0 0.3"/><site name="seat"')
     imported = read(text, tmp_path)
     assert "hold points together that lie differently far apart" in imported.notes[0]
     assert [kinds(imported.mechanism)[name] for name in ("c1", "c2")] == ["spherical", "spherical"]

@@ -38,11 +38,18 @@ def test_what_is_read_can_be_written_as_a_mechanism_file(text, tmp_path):
 
 
 def test_suffixes_that_are_not_known(tmp_path):
-    with pytest.raises(MechanismError, match=r"a model file ends in \.yaml, \.yml, \.xml, \.mjcf, \.urdf, not '\.sdf'"):
+    with pytest.raises(
+        MechanismError,
+        match=r"a model file ends in \.yaml, \.yml, \.xml, \.mjcf, \.urdf, not '\.sdf'",
+    ):
         load(tmp_path / "robot.sdf")
-    with pytest.raises(MechanismError, match=r"URDF holds no closed loops and is not written; write \.xml"):
+    with pytest.raises(
+        MechanismError, match=r"URDF holds no closed loops and is not written; write \.xml"
+    ):
         save(lw.robots.prr3(), tmp_path / "robot.urdf")
-    with pytest.raises(MechanismError, match=r"a model is written as \.yaml, \.yml, \.xml, \.mjcf, not '\.obj'"):
+    with pytest.raises(
+        MechanismError, match=r"a model is written as \.yaml, \.yml, \.xml, \.mjcf, not '\.obj'"
+    ):
         save(lw.robots.prr3(), tmp_path / "robot.obj")
 
 
@@ -50,7 +57,8 @@ def test_suffixes_that_are_not_known(tmp_path):
 def test_a_mechanism_is_not_loaded_from_a_model_file_whatever_its_name(name, tmp_path):
     (tmp_path / name).write_text(f"\n{samples.URDF}")
     with pytest.raises(
-        MechanismError, match=r"is a model file, not a mechanism file; read it by linkwork\.formats\.load"
+        MechanismError,
+        match=r"is a model file, not a mechanism file; read it by linkwork\.formats\.load",
     ):
         lw.Mechanism.load(tmp_path / name)
 

@@ -8,9 +8,23 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.formats import load, poses, save
-from linkwork.mechanism import Body, Box, Capsule, Cylinder, Frame, Inertia, MechanismError, Polygon, Sphere
+from linkwork.mechanism import (
+    Body,
+    Box,
+    Capsule,
+    Cylinder,
+    Frame,
+    Inertia,
+    MechanismError,
+    Polygon,
+    Sphere,
+)
 
-TYPES = {"box": mj.mjtGeom.mjGEOM_BOX, "cylinder": mj.mjtGeom.mjGEOM_CYLINDER, "sphere": mj.mjtGeom.mjGEOM_SPHERE}
+TYPES = {
+    "box": mj.mjtGeom.mjGEOM_BOX,
+    "cylinder": mj.mjtGeom.mjGEOM_CYLINDER,
+    "sphere": mj.mjtGeom.mjGEOM_SPHERE,
+}
 TYPES["capsule"] = mj.mjtGeom.mjGEOM_CAPSULE
 TURNED = Frame(position=(0.1, -0.2, 0.3), rotation=(0.4, 1.0, -0.3))
 SHAPES = (
@@ -63,7 +77,10 @@ def pendulum(*shapes, **bodies):
     return lw.Mechanism(
         bodies={"arm": Body(mass=1.0, inertia=inertia, shapes=shapes), **bodies},
         joints={"hinge": lw.RevoluteJoint(connects=("ground", "arm"))}
-        | {f"hinge_{name}": lw.RevoluteJoint(connects=("arm", name), axis=(1.0, 0.0, 0.0)) for name in bodies},
+        | {
+            f"hinge_{name}": lw.RevoluteJoint(connects=("arm", name), axis=(1.0, 0.0, 0.0))
+            for name in bodies
+        },
     )
 
 
@@ -90,7 +107,10 @@ def assert_same_shape(one, other):
 
 
 def test_geoms_are_where_mujoco_has_them(tmp_path):
-    imported, model = read(MJCF.format(more=""), tmp_path), mj.MjModel.from_xml_string(MJCF.format(more=""))
+    imported, model = (
+        read(MJCF.format(more=""), tmp_path),
+        mj.MjModel.from_xml_string(MJCF.format(more="")),
+    )
     shapes = imported.mechanism.bodies["b"].shapes
     assert [shape.colour for shape in shapes] == COLOURS
     assert imported.notes == ()
@@ -102,7 +122,10 @@ def test_geoms_are_where_mujoco_has_them(tmp_path):
 @pytest.mark.parametrize(
     ("geom", "words"),
     [
-        ('<geom type="ellipsoid" size="1 1 1"/>', "its type is ellipsoid, not one of box, cylinder, sphere, capsule"),
+        (
+            '<geom type="ellipsoid" size="1 1 1"/>',
+            "its type is ellipsoid, not one of box, cylinder, sphere, capsule",
+        ),
         ('<geom size="0.1" rgba="1 0 0 0.5"/>', "is half transparent; shapes are opaque here"),
         ('<geom size="0.1" rgba="1 0 0 0"/>', None),
         ('<geom type="box" size="1 1 1" group="3"/>', None),
@@ -116,7 +139,9 @@ def test_what_is_not_shown_is_named_or_hidden_in_mujoco_too(geom, words, tmp_pat
 
 
 def test_geoms_of_the_world_are_named(tmp_path):
-    text = MJCF.format(more="").replace("<worldbody>", '<worldbody><geom type="plane" size="1 1 1"/><geom size="1"/>')
+    text = MJCF.format(more="").replace(
+        "<worldbody>", '<worldbody><geom type="plane" size="1 1 1"/><geom size="1"/>'
+    )
     (note,) = read(text, tmp_path).notes
     assert "<geom> stands in the world and is not shown: only bodies have shapes here" in note
 
@@ -143,8 +168,15 @@ def test_shapes_come_back(tmp_path):
 
 def test_a_body_in_parts_is_shown_once(tmp_path):
     wedge = Body(mass=1.0, inertia=Inertia(xx=1.0, yy=1.0, zz=1.0), shapes=SHAPES)
-    ways = {("ground", "a"): (1.0, 0.0, 0.0), ("a", "b"): (0.0, 1.0, 0.0), ("ground", "b"): (0.6, 0.8, 0.0)}
-    joints = {f"slide_{n}": lw.PrismaticJoint(connects=ends, axis=axis) for n, (ends, axis) in enumerate(ways.items())}
+    ways = {
+        ("ground", "a"): (1.0, 0.0, 0.0),
+        ("a", "b"): (0.0, 1.0, 0.0),
+        ("ground", "b"): (0.6, 0.8, 0.0),
+    }
+    joints = {
+        f"slide_{n}": lw.PrismaticJoint(connects=ends, axis=axis)
+        for n, (ends, axis) in enumerate(ways.items())
+    }
     save(lw.Mechanism(bodies={"a": wedge, "b": wedge}, joints=joints), tmp_path / "model.xml")
     model = mj.MjModel.from_xml_path(str(tmp_path / "model.xml"))
     assert sorted(model.body_geomnum) == [0, 0, 4, 4]  # the world and a part have none
@@ -160,7 +192,11 @@ def test_polygons_are_left_out_of_mjcf_and_named(tmp_path):
 
 
 def test_visuals_are_where_pinocchio_has_them(tmp_path):
-    solids = ['<box size="0.1 0.2 0.3"/>', '<cylinder radius="0.1" length="0.5"/>', '<sphere radius="0.2"/>']
+    solids = [
+        '<box size="0.1 0.2 0.3"/>',
+        '<cylinder radius="0.1" length="0.5"/>',
+        '<sphere radius="0.2"/>',
+    ]
     colour = '<material name="own"><color rgba="1 0.5 0 1"/></material>'
     text = URDF.format("".join(map(VISUAL.format, solids, (colour, "<material name='blue'/>", ""))))
     imported = read(text, tmp_path, "arm.urdf")
@@ -170,22 +206,34 @@ def test_visuals_are_where_pinocchio_has_them(tmp_path):
     base, *theirs = geometry.geometryObjects
     assert "base" in base.name
     for shape, item in zip(shapes, theirs, strict=True):
-        np.testing.assert_allclose(poses.of_frame(shape.frame), item.placement.homogeneous, atol=1e-12)
+        np.testing.assert_allclose(
+            poses.of_frame(shape.frame), item.placement.homogeneous, atol=1e-12
+        )
     box, cylinder, ball, pad = (item.geometry for item in theirs)
     assert shapes[0].size == pytest.approx(2 * box.halfSide)
-    assert (shapes[1].radius, shapes[1].length) == pytest.approx((cylinder.radius, 2 * cylinder.halfLength))
+    assert (shapes[1].radius, shapes[1].length) == pytest.approx(
+        (cylinder.radius, 2 * cylinder.halfLength)
+    )
     assert (shapes[2].radius, shapes[3].radius) == pytest.approx((ball.radius, pad.radius))
     assert [shape.colour for shape in shapes] == [(1, 0.5, 0), (0, 0, 1), None, None]
-    assert any("<visual> of 'base' is not shown: only bodies have shapes here, not ground" in n for n in imported.notes)
+    assert any(
+        "<visual> of 'base' is not shown: only bodies have shapes here, not ground" in n
+        for n in imported.notes
+    )
 
 
 def test_capsules_and_other_visuals_of_links(tmp_path):
     solids = ['<capsule radius="0.1" length="0.5"/>', '<mesh filename="hull.stl"/>']
-    imported = read(URDF.format("".join(VISUAL.format(solid, "") for solid in solids)), tmp_path, "arm.urdf")
+    imported = read(
+        URDF.format("".join(VISUAL.format(solid, "") for solid in solids)), tmp_path, "arm.urdf"
+    )
     capsule, pad = imported.mechanism.bodies["a"].shapes
     assert isinstance(capsule, Capsule) and capsule.length == 0.5
     assert isinstance(pad, Sphere)
-    assert any("<visual> is not shown: it is mesh, not one of box, cylinder" in note for note in imported.notes)
+    assert any(
+        "<visual> is not shown: it is mesh, not one of box, cylinder" in note
+        for note in imported.notes
+    )
 
 
 @pytest.mark.parametrize(

@@ -58,8 +58,14 @@ def assert_moves_like_the_five_bar(mechanism):
     near, far = lw.Robot(known), lw.Robot(mechanism.model_copy(update={"reference": reference}))
     assert far.mobility == 2
     rates, forces = {"motor_1": 0.7, "motor_2": -1.2}, [0.3, -0.4]
-    states = [robot.assemble(joints={"motor_1": 2.1, "motor_2": 1.0}, rates=rates) for robot in (near, far)]
-    a = [robot.forward_dynamics(state, forces) for robot, state in zip((near, far), states, strict=True)]
+    states = [
+        robot.assemble(joints={"motor_1": 2.1, "motor_2": 1.0}, rates=rates)
+        for robot in (near, far)
+    ]
+    a = [
+        robot.forward_dynamics(state, forces)
+        for robot, state in zip((near, far), states, strict=True)
+    ]
     np.testing.assert_allclose(a[1], a[0], rtol=1e-9)
 
 
@@ -73,7 +79,10 @@ def test_a_loop_element(tmp_path):
 def test_a_loop_without_a_word_on_the_actuators(tmp_path):
     imported = read(five_bar(LOOP), tmp_path)
     assert imported.mechanism.actuators == ()
-    assert any("nothing says which joints are driven; name the actuators" in note for note in imported.notes)
+    assert any(
+        "nothing says which joints are driven; name the actuators" in note
+        for note in imported.notes
+    )
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "fixed", "spherical", "planar"])
@@ -128,7 +137,9 @@ def test_a_mechanism_file_of_the_same_name_is_no_file_of_loops(tmp_path):
     assert "loop_1" not in read(five_bar(), tmp_path).mechanism.joints
 
 
-def ball_chain(masses=(0, 0), axes=("1 0 0", "0 1 0", "0 0 1"), places=("0.1 0 0", "0 0 0", "0 0 0")):
+def ball_chain(
+    masses=(0, 0), axes=("1 0 0", "0 1 0", "0 0 1"), places=("0.1 0 0", "0 0 0", "0 0 0")
+):
     links, joints = '<link name="base"/>', ""
     names = ["base", "x_link", "y_link", "arm"]
     for k, name in enumerate(names[1:]):
@@ -147,7 +158,9 @@ def test_three_hinges_through_one_point_are_a_spherical_joint(tmp_path):
     plain = read(ball_chain(), tmp_path).mechanism
     assert [joint.type for joint in plain.joints.values()] == ["revolute"] * 3
     imported = read(ball_chain(), tmp_path, NO_LOOPS)
-    assert {name: joint.type for name, joint in imported.mechanism.joints.items()} == {"b2": "spherical"}
+    assert {name: joint.type for name, joint in imported.mechanism.joints.items()} == {
+        "b2": "spherical"
+    }
     assert "robot.urdf: b0, b1 and b2 are one spherical joint, 'b2'" in imported.notes
     near, far = lw.Robot(plain), lw.Robot(imported.mechanism)
     for robot in (near, far):
@@ -183,7 +196,12 @@ def test_driven_hinges_stay_hinges(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "type_"),
-    [("SPHERICAL", "spherical"), ("FIXED", "fixed"), ("UJOINT_ZX", "universal"), ("UJOINT_YZ", "universal")],
+    [
+        ("SPHERICAL", "spherical"),
+        ("FIXED", "fixed"),
+        ("UJOINT_ZX", "universal"),
+        ("UJOINT_YZ", "universal"),
+    ],
 )
 def test_types_of_joints(kind, type_, tmp_path):
     sidecar = f"closed_loop: []\nname_mot: [motor_1]\njoint_name: [elbow_1]\njoint_type: [{kind}]\n"
@@ -198,7 +216,10 @@ def test_the_type_of_a_joint_that_is_not_there_is_noted(tmp_path):
     loops = "closed_loop: []\nname_mot: [motor_1]\n"
     sidecar = loops + "joint_name: [left_ball, elbow_1]\njoint_type: [SPHERICAL, FIXED]\n"
     read_ = read(five_bar(), tmp_path, sidecar)
-    assert "robot.yaml: the type of 'left_ball' is left out: robot.urdf has no such joint" in read_.notes
+    assert (
+        "robot.yaml: the type of 'left_ball' is left out: robot.urdf has no such joint"
+        in read_.notes
+    )
     assert read_.mechanism.joints["elbow_1"].type == "fixed"
 
 
@@ -227,11 +248,17 @@ def test_refusals_name_the_file_and_the_line(sidecar, tmp_path):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (LOOP.replace("revolute", "helical"), "<loop 'tip'>: type 'helical' is not one of revolute"),
+        (
+            LOOP.replace("revolute", "helical"),
+            "<loop 'tip'>: type 'helical' is not one of revolute",
+        ),
         (LOOP.replace("distal_2", "distal_3"), "<successor>: there is no link 'distal_3'"),
         (LOOP.replace('"tip"', '"motor_1"'), "has the name of another joint"),
         (LOOP + LOOP, "has the name of another joint"),
-        ('<coupling name="c"><predecessor link="distal_1"/></coupling>', "holds no <successor>; add one"),
+        (
+            '<coupling name="c"><predecessor link="distal_1"/></coupling>',
+            "holds no <successor>; add one",
+        ),
     ],
 )
 def test_loop_elements_that_are_refused(extra, words, tmp_path):

@@ -41,14 +41,25 @@ def test_an_arm_moves_as_pinocchio_says(tmp_path):
         values = dict(zip(order, rng.uniform(-1, 1, 3), strict=True))
         rates, forces = dict(zip(order, rng.normal(size=3), strict=True)), rng.normal(size=3)
         q = np.concatenate(
-            [[np.cos(value), np.sin(value)] if name == "elbow" else [value] for name, value in values.items()]
+            [
+                [np.cos(value), np.sin(value)] if name == "elbow" else [value]
+                for name, value in values.items()
+            ]
         )
         a = pin.aba(
-            theirs, data, q, np.array(list(rates.values())), np.array([forces[robot.actuators.index(n)] for n in order])
+            theirs,
+            data,
+            q,
+            np.array(list(rates.values())),
+            np.array([forces[robot.actuators.index(n)] for n in order]),
         )
         state = robot.state(values, rates)
         ours = dict(
-            zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, forces)), strict=True)
+            zip(
+                robot.rates,
+                robot.joint_accelerations(state, robot.forward_dynamics(state, forces)),
+                strict=True,
+            )
         )
         np.testing.assert_allclose([ours[name] for name in order], a, rtol=1e-9, atol=1e-10)
         pin.framesForwardKinematics(theirs, data, q)
@@ -72,9 +83,12 @@ def test_what_an_arm_says_of_itself(tmp_path):
     assert "pod" in mechanism.bodies and "tool0" not in mechanism.bodies
     first, second = imported.notes
     assert (
-        first == "arm.urdf: the root link 'stand' is taken as ground and stands still, so that its mass plays no part"
+        first
+        == "arm.urdf: the root link 'stand' is taken as ground and stands still, so that its mass plays no part"
     )
-    assert second.startswith("arm.urdf: nothing says which joints are driven; all hinges and slides")
+    assert second.startswith(
+        "arm.urdf: nothing says which joints are driven; all hinges and slides"
+    )
 
 
 def test_dynamics_mimics_and_transmissions(tmp_path):
@@ -109,12 +123,22 @@ def accelerations(text, tmp_path, q, v, u):
     """Return those of linkwork and of Pinocchio for a chain of hinges and slides, in the file's order of joints."""
     robot = lw.Robot(read(text, tmp_path).mechanism)
     complete = text.replace('"/></inertial>', '" ixy="0" ixz="0" iyz="0"/></inertial>')
-    theirs = pin.buildModelFromXML(complete.replace("</joint>", '<limit effort="1" velocity="1"/></joint>'))
+    theirs = pin.buildModelFromXML(
+        complete.replace("</joint>", '<limit effort="1" velocity="1"/></joint>')
+    )
     order = [name for name in theirs.names if name != "universe"]
     state = robot.state(dict(zip(order, q, strict=True)), dict(zip(order, v, strict=True)))
     forces = [u[order.index(name)] for name in robot.actuators]
-    ours = dict(zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, forces)), strict=True))
-    return [ours[name] for name in order], pin.aba(theirs, theirs.createData(), *map(np.array, (q, v, u)))
+    ours = dict(
+        zip(
+            robot.rates,
+            robot.joint_accelerations(state, robot.forward_dynamics(state, forces)),
+            strict=True,
+        )
+    )
+    return [ours[name] for name in order], pin.aba(
+        theirs, theirs.createData(), *map(np.array, (q, v, u))
+    )
 
 
 def test_moments_that_no_body_has_are_kept_and_noted(tmp_path):
@@ -122,7 +146,10 @@ def test_moments_that_no_body_has_are_kept_and_noted(tmp_path):
         'ixx="0.1" iyy="0.1" izz="0.1"', 'ixx="0.1" iyy="0.2" izz="0.9"'
     )
     imported = read(text, tmp_path)
-    assert any("<link> ('a', 'b') has moments of inertia that no rigid body has" in note for note in imported.notes)
+    assert any(
+        "<link> ('a', 'b') has moments of inertia that no rigid body has" in note
+        for note in imported.notes
+    )
     assert not imported.mechanism.caveats
     ours, theirs = accelerations(text, tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
     np.testing.assert_allclose(ours, theirs, rtol=1e-11)
@@ -135,16 +162,16 @@ def test_rounding_below_zero_in_moments_is_zero(tmp_path):
         text = arm().replace('ixx="0.1" iyy="0.1" izz="0.1"', moments, 1)
         tensor = read(text, tmp_path).mechanism.bodies["a"].inertia.tensor()
         assert np.linalg.eigvalsh(tensor)[0] >= -1e-30
-        np.testing.assert_allclose(np.diag(tensor), [float(word.split('"')[1]) for word in moments.split()], atol=1e-18)
+        np.testing.assert_allclose(
+            np.diag(tensor), [float(word.split('"')[1]) for word in moments.split()], atol=1e-18
+        )
     with pytest.raises(MechanismError, match=r"line 2: <link 'a'>: inertia\.yy: -0\.01 is below 0"):
         read(arm().replace('iyy="0.1"', 'iyy="-0.01"', 1), tmp_path)
 
 
 def test_the_mass_of_links_that_are_frames_stays_with_their_bodies(tmp_path):
     pod = '<link name="pod"><inertial><mass value="1e-6"/><inertia ixx="1e-7" iyy="1e-7" izz="1e-7"/></inertial></link>'
-    fixed = (
-        '<joint name="f" type="fixed"><parent link="b"/><child link="pod"/><origin xyz="0 30 1" rpy="1 2 3"/></joint>'
-    )
+    fixed = '<joint name="f" type="fixed"><parent link="b"/><child link="pod"/><origin xyz="0 30 1" rpy="1 2 3"/></joint>'
     text = arm(extra=pod + fixed)
     assert set(read(text, tmp_path).mechanism.bodies) == {"a", "b"}
     ours, theirs = accelerations(text, tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
@@ -154,7 +181,13 @@ def test_the_mass_of_links_that_are_frames_stays_with_their_bodies(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "solid", ["box size='0 0 0'", "box size='1 1 -1'", "sphere radius='0'", "cylinder radius='1' length='0'"]
+    "solid",
+    [
+        "box size='0 0 0'",
+        "box size='1 1 -1'",
+        "sphere radius='0'",
+        "cylinder radius='1' length='0'",
+    ],
 )
 def test_a_visual_without_size_is_noted_and_refuses_nothing(solid, tmp_path):
     visual = f"<visual><geometry><{solid}/></geometry></visual>"
@@ -166,14 +199,24 @@ def test_a_visual_without_size_is_noted_and_refuses_nothing(solid, tmp_path):
 
 def test_fixed_joints_that_are_driven_or_mimicked(tmp_path):
     drive = '<transmission><joint name="{}"/></transmission>'
-    fixed = LINK.format("c") + '<joint name="m" type="fixed"><parent link="b"/><child link="c"/>{}</joint>'
+    fixed = (
+        LINK.format("c")
+        + '<joint name="m" type="fixed"><parent link="b"/><child link="c"/>{}</joint>'
+    )
     imported = read(arm(fixed.format("") + drive.format("m") + drive.format("k")), tmp_path)
     assert imported.mechanism.actuators == ("k",)
-    assert any("<joint 'm'> is driven by a transmission, which is left out" in note for note in imported.notes)
+    assert any(
+        "<joint 'm'> is driven by a transmission, which is left out" in note
+        for note in imported.notes
+    )
     imported = read(arm(fixed.format('<mimic joint="j"/>')), tmp_path)
-    assert any("<joint 'm'> is fixed, so that it mimics no other" in note for note in imported.notes)
+    assert any(
+        "<joint 'm'> is fixed, so that it mimics no other" in note for note in imported.notes
+    )
     assert not imported.mechanism.gears and not imported.mechanism.caveats
-    with pytest.warns(ModelWarning, match="<joint 'k'> mimics a joint that is fixed; it moves freely here"):
+    with pytest.warns(
+        ModelWarning, match="<joint 'k'> mimics a joint that is fixed; it moves freely here"
+    ):
         imported = read(arm(fixed.format(""), second='<mimic joint="m"/>'), tmp_path)
     assert not imported.mechanism.gears
 
@@ -193,8 +236,11 @@ def test_names_that_a_mechanism_does_not_take_are_changed_and_noted(tmp_path):
 
 
 def test_light_links_that_carry_a_joint_stay_bodies(tmp_path):
-    text = samples.URDF.replace('<link name="tool0"/>', '<link name="tool0"/><link name="wheel"/>').replace(
-        "</robot>", '<joint name="w" type="continuous"><parent link="tool0"/><child link="wheel"/></joint></robot>'
+    text = samples.URDF.replace(
+        '<link name="tool0"/>', '<link name="tool0"/><link name="wheel"/>'
+    ).replace(
+        "</robot>",
+        '<joint name="w" type="continuous"><parent link="tool0"/><child link="wheel"/></joint></robot>',
     )
     mechanism = read(text, tmp_path).mechanism
     assert {"tool0", "wheel"} <= set(mechanism.bodies)
@@ -204,7 +250,10 @@ def test_light_links_that_carry_a_joint_stay_bodies(tmp_path):
 def test_elements_that_are_not_read_are_named(tmp_path):
     extra = "<gazebo/><material name='m'/>"
     imported = read(arm(extra, first="<spin/><joint_properties friction='0.0'/>"), tmp_path)
-    assert any("<gazebo> is left out: it is no part of a mechanism known here" in note for note in imported.notes)
+    assert any(
+        "<gazebo> is left out: it is no part of a mechanism known here" in note
+        for note in imported.notes
+    )
     assert any("<spin> in a <joint> is left out" in note for note in imported.notes)
     assert not any("joint_properties" in note or "material" in note for note in imported.notes)
 
@@ -217,8 +266,12 @@ REFUSED = {
     arm(
         kind="screw"
     ): "<joint 'k'>: type 'screw' is not one of revolute, continuous, prismatic, fixed, floating, planar",
-    arm(second='<axis xyz="0 0 0"/>'): "<axis>: axis has no length; give a direction such as '0 0 1'",
-    arm(second='<origin xyz="0 0"/>').replace('<origin xyz="0 0 1"/>', ""): "<origin>: xyz holds 2 numbers; give 3",
+    arm(
+        second='<axis xyz="0 0 0"/>'
+    ): "<axis>: axis has no length; give a direction such as '0 0 1'",
+    arm(second='<origin xyz="0 0"/>').replace(
+        '<origin xyz="0 0 1"/>', ""
+    ): "<origin>: xyz holds 2 numbers; give 3",
     arm(second='<mimic joint="m"/>'): "<mimic>: there is no hinge or slide 'm'",
     arm(
         extra='<transmission><joint name="m"/></transmission>'
@@ -248,5 +301,7 @@ def test_a_circle_of_links_is_refused(tmp_path):
         '<link name="c"/><link name="d"/><joint name="m" type="fixed"><parent link="c"/><child link="d"/></joint>'
         '<joint name="n" type="fixed"><parent link="d"/><child link="c"/></joint></robot>'
     )
-    with pytest.raises(MechanismError, match="hangs in a circle of joints that does not reach the root link"):
+    with pytest.raises(
+        MechanismError, match="hangs in a circle of joints that does not reach the root link"
+    ):
         read(text, tmp_path)

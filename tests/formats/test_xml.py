@@ -24,7 +24,10 @@ HOSTILE = {
     "": "is not well-formed XML: no element found",
     "\0\1\2": "is not well-formed XML",
     '<?xml version="1.0" encoding="klingon"?><mujoco/>': "encoding",
-    "<mujoco>" + "<body>" * 300 + "</body>" * 300 + "</mujoco>": "line 1: elements are nested deeper than 250",
+    "<mujoco>"
+    + "<body>" * 300
+    + "</body>" * 300
+    + "</mujoco>": "line 1: elements are nested deeper than 250",
     "<sdf version='1.9'/>": "<sdf>: is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>",
 }
 
@@ -56,7 +59,9 @@ def test_files_of_too_many_elements(tmp_path, monkeypatch):
 
 
 def test_what_is_no_file(tmp_path):
-    with pytest.raises(MechanismError, match=r"none\.xml: cannot be read: no such file or directory"):
+    with pytest.raises(
+        MechanismError, match=r"none\.xml: cannot be read: no such file or directory"
+    ):
         load(tmp_path / "none.xml")
     (tmp_path / "folder.xml").mkdir()
     with pytest.raises(MechanismError, match=r"folder\.xml: is not a file; name a model file"):
@@ -65,7 +70,9 @@ def test_what_is_no_file(tmp_path):
 
 def test_other_encodings_are_read(tmp_path):
     path = tmp_path / "model.xml"
-    path.write_bytes('<?xml version="1.0" encoding="iso-8859-1"?><mujoco model="Gerät"/>'.encode("latin-1"))
+    path.write_bytes(
+        '<?xml version="1.0" encoding="iso-8859-1"?><mujoco model="Gerät"/>'.encode("latin-1")
+    )
     assert load(path).mechanism.name == "Gerät"
 
 
@@ -76,7 +83,9 @@ def test_includes_in_a_circle_and_without_end(tmp_path):
     with pytest.raises(MechanismError, match="is included twice; include it once"):
         load(path)
     for k in range(60):
-        (tmp_path / f"{k}.xml").write_text(f'<mujocoinclude><include file="{k + 1}.xml"/></mujocoinclude>')
+        (tmp_path / f"{k}.xml").write_text(
+            f'<mujocoinclude><include file="{k + 1}.xml"/></mujocoinclude>'
+        )
     path.write_text('<mujoco><include file="0.xml"/></mujoco>')
     with pytest.raises(MechanismError, match="more than 50 files are included"):
         load(path)
@@ -107,7 +116,10 @@ def garbled(text):
     for place in range(1, count):
         for change in ("drop", "double", "rename"):
             root = ET.fromstring(text)
-            element, parents = list(root.iter())[place], {child: parent for parent in root.iter() for child in parent}
+            element, parents = (
+                list(root.iter())[place],
+                {child: parent for parent in root.iter() for child in parent},
+            )
             if change == "drop":
                 parents[element].remove(element)
             elif change == "double":

@@ -37,7 +37,9 @@ class Case:
 
     def __str__(self) -> str:
         method = [] if self.task in METHOD_FREE else [self.method or "usual method"]
-        return ", ".join([self.subject, f"{self.start} start", self.task, *method, f"seed {self.seed}"])
+        return ", ".join(
+            [self.subject, f"{self.start} start", self.task, *method, f"seed {self.seed}"]
+        )
 
 
 def cases(names: Sequence[str] = (), each: int = EACH) -> Iterator[Case]:

@@ -32,7 +32,11 @@ def slides(mechanism: Mechanism) -> frozenset[str]:
     found = set()
     for name, joint in mechanism.pairs.items():
         labels = joint.coordinates(name)
-        found |= {name if labels == (name,) else f"{name}.{freedom}" for freedom in joint.freedoms if freedom in SLIDES}
+        found |= {
+            name if labels == (name,) else f"{name}.{freedom}"
+            for freedom in joint.freedoms
+            if freedom in SLIDES
+        }
     return frozenset(found)
 
 
@@ -45,7 +49,9 @@ def units(mechanism: Mechanism, labels: tuple[str, ...], length: float) -> np.nd
 def force_units(mechanism: Mechanism, length: float, mass: float) -> np.ndarray:
     """Return the unit of each actuator's force (mass length / s^2) or moment (mass length^2 / s^2)."""
     own = slides(mechanism)
-    return np.array([mass * length * (1.0 if label in own else length) for label in mechanism.actuators])
+    return np.array(
+        [mass * length * (1.0 if label in own else length) for label in mechanism.actuators]
+    )
 
 
 # Other units
@@ -66,13 +72,20 @@ def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mech
                 coulomb=friction.coulomb * size * unit,
                 coulomb_rate=friction.coulomb_rate * unit,
             ),
-            "spring": Spring(stiffness=spring.stiffness * size, rest=spring.rest * unit, damping=spring.damping * size),
+            "spring": Spring(
+                stiffness=spring.stiffness * size,
+                rest=spring.rest * unit,
+                damping=spring.damping * size,
+            ),
             "rotor_inertia": rotor * size,
         }
 
     def joint(one: Joint) -> Joint:
         if isinstance(one, GearJoint):
-            ratios = {label: ratio / (length if label in own else 1.0) for label, ratio in one.ratios.items()}
+            ratios = {
+                label: ratio / (length if label in own else 1.0)
+                for label, ratio in one.ratios.items()
+            }
             return one.model_copy(update={"ratios": ratios})
         update: dict[str, Any] = {"frames": tuple(placed(frame, length) for frame in one.frames)}
         if isinstance(one, ScrewJoint):
@@ -87,7 +100,10 @@ def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mech
             if isinstance(one.rotor_inertia, float):
                 update |= parts[one.freedoms[0]]
             else:
-                update |= {field: {f: part[field] for f, part in parts.items()} for field in next(iter(parts.values()))}
+                update |= {
+                    field: {f: part[field] for f, part in parts.items()}
+                    for field in next(iter(parts.values()))
+                }
         return one.model_copy(update=update)
 
     springs = {
@@ -105,14 +121,18 @@ def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mech
         update={
             "name": f"{mechanism.name} x{length:g} m x{mass:g} kg",
             "gravity": stretched(mechanism.gravity, length),
-            "bodies": {name: heavier(body, length, mass) for name, body in mechanism.bodies.items()},
+            "bodies": {
+                name: heavier(body, length, mass) for name, body in mechanism.bodies.items()
+            },
             "joints": {name: joint(one) for name, one in mechanism.joints.items()},
             "springs": springs,
             "tools": {
-                name: Tool(body=tool.body, frame=placed(tool.frame, length)) for name, tool in mechanism.tools.items()
+                name: Tool(body=tool.body, frame=placed(tool.frame, length))
+                for name, tool in mechanism.tools.items()
             },
             "reference": {
-                label: value * (length if label in own else 1.0) for label, value in mechanism.reference.items()
+                label: value * (length if label in own else 1.0)
+                for label, value in mechanism.reference.items()
             },
         }
     )
@@ -120,9 +140,15 @@ def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mech
 
 def heavier(body: Body, length: float, mass: float) -> Body:
     """Return a body of other size and mass."""
-    moments = body.inertia.model_dump(exclude_none=True, include={"xx", "yy", "zz", "xy", "xz", "yz"})
+    moments = body.inertia.model_dump(
+        exclude_none=True, include={"xx", "yy", "zz", "xy", "xz", "yz"}
+    )
     inertia = Inertia(**{name: value * mass * length**2 for name, value in moments.items()})
-    return Body(mass=body.mass * mass, centre_of_mass=stretched(body.centre_of_mass, length), inertia=inertia)
+    return Body(
+        mass=body.mass * mass,
+        centre_of_mass=stretched(body.centre_of_mass, length),
+        inertia=inertia,
+    )
 
 
 def placed(frame: Frame, length: float) -> Frame:
@@ -140,7 +166,10 @@ def stretched(vector: tuple[float, ...], factor: float) -> Any:
 def noisy(mechanism: Mechanism, seed: int, size: float = 1e-15) -> Mechanism:
     """Return the mechanism with noise in every number of its frames and axes; planar bodies get all their moments."""
     rng = np.random.default_rng(seed)
-    return renumbered(spatial(mechanism), lambda x: x * (1 + size * rng.uniform(-1, 1)) + size * rng.uniform(-1, 1))
+    return renumbered(
+        spatial(mechanism),
+        lambda x: x * (1 + size * rng.uniform(-1, 1)) + size * rng.uniform(-1, 1),
+    )
 
 
 def rounded(mechanism: Mechanism, digits: int = 6) -> Mechanism:
@@ -161,13 +190,17 @@ def renumbered(mechanism: Mechanism, number: Callable[[float], float]) -> Mechan
     def joint(one: Joint) -> Joint:
         if not isinstance(one, PairJoint):
             return one
-        frames = tuple(Frame(position=vector(f.position), rotation=vector(f.rotation)) for f in one.frames)
+        frames = tuple(
+            Frame(position=vector(f.position), rotation=vector(f.rotation)) for f in one.frames
+        )
         update: dict[str, Any] = {"frames": frames}
         if "axis" in type(one).model_fields:
             update["axis"] = unit(one.axis)  # pyright: ignore
         return one.model_copy(update=update)
 
-    return mechanism.model_copy(update={"joints": {name: joint(one) for name, one in mechanism.joints.items()}})
+    return mechanism.model_copy(
+        update={"joints": {name: joint(one) for name, one in mechanism.joints.items()}}
+    )
 
 
 def spatial(mechanism: Mechanism) -> Mechanism:
@@ -175,9 +208,15 @@ def spatial(mechanism: Mechanism) -> Mechanism:
 
     def whole(body: Body) -> Body:
         zz = body.inertia.zz
-        return body.model_copy(update={"inertia": Inertia(xx=zz, yy=zz, zz=zz)}) if body.inertia.planar else body
+        return (
+            body.model_copy(update={"inertia": Inertia(xx=zz, yy=zz, zz=zz)})
+            if body.inertia.planar
+            else body
+        )
 
-    return mechanism.model_copy(update={"bodies": {name: whole(body) for name, body in mechanism.bodies.items()}})
+    return mechanism.model_copy(
+        update={"bodies": {name: whole(body) for name, body in mechanism.bodies.items()}}
+    )
 
 
 # Other grounds
@@ -189,18 +228,25 @@ def floating(mechanism: Mechanism, mass: float = 3.0) -> Mechanism:
     def moved(one: Joint) -> Joint:
         if not isinstance(one, PairJoint):
             return one
-        return one.model_copy(update={"connects": tuple("base" if b == GROUND else b for b in one.connects)})
+        return one.model_copy(
+            update={"connects": tuple("base" if b == GROUND else b for b in one.connects)}
+        )
 
-    base = Body(mass=mass, centre_of_mass=(0.1, -0.05, 0.02), inertia=Inertia(xx=0.2, yy=0.3, zz=0.25))
+    base = Body(
+        mass=mass, centre_of_mass=(0.1, -0.05, 0.02), inertia=Inertia(xx=0.2, yy=0.3, zz=0.25)
+    )
     whole = spatial(mechanism)
     return whole.model_copy(
         update={
             "name": f"floating {mechanism.name}",
             "bodies": {"base": base, **whole.bodies},
-            "joints": {"float": FreeJoint(connects=(GROUND, "base"))} | {n: moved(j) for n, j in whole.joints.items()},
+            "joints": {"float": FreeJoint(connects=(GROUND, "base"))}
+            | {n: moved(j) for n, j in whole.joints.items()},
             "springs": {
                 name: spring.model_copy(
-                    update={"connects": tuple("base" if b == GROUND else b for b in spring.connects)}
+                    update={
+                        "connects": tuple("base" if b == GROUND else b for b in spring.connects)
+                    }
                 )
                 for name, spring in whole.springs.items()
             },

@@ -49,13 +49,21 @@ class Seen:
         w = rates / units(judged, judged.rates, subject.length)
         oracle = MaximalOracle(judged, dict(zip(judged.coordinates, q, strict=True)))
         poses = oracle.poses(oracle.near)
-        gap = max((np.abs(part).max(initial=0) for part in oracle.residuals(poses).values()), default=0.0)
+        gap = max(
+            (np.abs(part).max(initial=0) for part in oracle.residuals(poses).values()), default=0.0
+        )
         if subject.accuracy >= ROUNDED:
             poses = oracle.assemble(poses)
         rows = oracle.rows(poses, oracle._rest)
         left, right = np.vstack([rows.A, rows.F]), np.concatenate([np.zeros(len(rows.A)), w])
         t = np.linalg.lstsq(left, right, rcond=1e-9)[0]
-        return cls(oracle, poses, oracle.by_body(t), float(gap), float(np.abs(left @ t - right).max(initial=0)))
+        return cls(
+            oracle,
+            poses,
+            oracle.by_body(t),
+            float(gap),
+            float(np.abs(left @ t - right).max(initial=0)),
+        )
 
     def accelerations(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the accelerations of all joints, and those of the bodies (r, 6), under actuator forces."""
@@ -96,8 +104,13 @@ def state_is_right(subject: Subject, state: lw.State, forces: np.ndarray) -> Non
         np.array(seen.oracle.energy(seen.poses, seen.twists)),
         max(1e-8, subject.accuracy),
     )
-    if len(robot.actuators) == robot.mobility and weak_rates(subject, state.positions, robot.actuators) > DRIVEN:
-        again = robot.inverse_dynamics(state, v_dot) / force_units(judged, subject.length, subject.mass)
+    if (
+        len(robot.actuators) == robot.mobility
+        and weak_rates(subject, state.positions, robot.actuators) > DRIVEN
+    ):
+        again = robot.inverse_dynamics(state, v_dot) / force_units(
+            judged, subject.length, subject.mass
+        )
         agree("forces from accelerations", again, forces, subject.accuracy, loose)
     if robot.mobility:
         M = robot.mass_matrix(state)
@@ -108,10 +121,14 @@ def state_is_right(subject: Subject, state: lw.State, forces: np.ndarray) -> Non
 def closed(subject: Subject, seen: Seen) -> None:
     """The loops are closed and the rates keep them so."""
     size = 1 + max((np.abs(p).max() for p, _ in seen.poses.values()), default=0.0)
-    speed = 1 + max((np.abs(part).max() for twist in seen.twists.values() for part in twist), default=0.0)
+    speed = 1 + max(
+        (np.abs(part).max() for twist in seen.twists.values() for part in twist), default=0.0
+    )
     loose = 1e-5 if subject.accuracy >= ROUNDED else 1e-10
     assert seen.open < loose * size, f"the loops are open by {seen.open:.3g}"
-    assert seen.sliding < max(loose, 1e-8) * speed, f"the rates open the loops by {seen.sliding:.3g}"
+    assert seen.sliding < max(loose, 1e-8) * speed, (
+        f"the rates open the loops by {seen.sliding:.3g}"
+    )
 
 
 def tolerance(seen: Seen) -> float:
@@ -122,13 +139,19 @@ def tolerance(seen: Seen) -> float:
 def nearness(seen: Seen) -> float:
     """Return the least singular value of the constraints that counts, over the largest."""
     A = seen.oracle.rows(seen.poses, seen.oracle._rest).A
-    values = np.linalg.svd(A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300), compute_uv=False)
+    values = np.linalg.svd(
+        A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300), compute_uv=False
+    )
     values = values[values > 1e-9 * values.max(initial=0)]
     return float(values.min(initial=1.0) / values.max(initial=1.0))
 
 
 def agree(
-    what: str, found: np.ndarray, expected: np.ndarray, allowed: float, more: Callable[[], float] = lambda: 0.0
+    what: str,
+    found: np.ndarray,
+    expected: np.ndarray,
+    allowed: float,
+    more: Callable[[], float] = lambda: 0.0,
 ) -> None:
     """Require numbers to agree, relative to the largest of them and 1; what is more than allowed may be allowed by `more`."""
     error = np.abs(found - expected).max(initial=0) / (1 + np.abs(expected).max(initial=0))
@@ -147,7 +170,10 @@ def nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return Chebyshev's points on [0, 1], the matrix of integrals from 0 to them, and that of coefficients."""
     x = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
     coefficients = np.linalg.inv(chebyshev.chebvander(x, NODES - 1))
-    integral = np.array([chebyshev.chebval(x, chebyshev.chebint(c, lbnd=-1)) for c in coefficients.T]).T / 2
+    integral = (
+        np.array([chebyshev.chebval(x, chebyshev.chebint(c, lbnd=-1)) for c in coefficients.T]).T
+        / 2
+    )
     return (x + 1) / 2, integral, coefficients
 
 
@@ -168,7 +194,13 @@ def run_is_right(subject: Subject, run: lw.Run, forces: np.ndarray, allowed: flo
         closed(subject, seen)
         joints, bodies = seen.accelerations(forces)
         found = data["joint_acceleration"].values[k] / a_unit
-        agree(f"accelerations at {t[k]:.6g} s", found, joints, subject.accuracy, lambda seen=seen: tolerance(seen))
+        agree(
+            f"accelerations at {t[k]:.6g} s",
+            found,
+            joints,
+            subject.accuracy,
+            lambda seen=seen: tolerance(seen),
+        )
         y, slope = seen.flow(bodies)
         states.append(y)
         slopes.append(slope)
@@ -188,7 +220,9 @@ def run_is_right(subject: Subject, run: lw.Run, forces: np.ndarray, allowed: flo
     return float(worst)
 
 
-def balance_is_right(subject: Subject, run: lw.Run, energies: np.ndarray, powers: np.ndarray, allowed: float) -> None:
+def balance_is_right(
+    subject: Subject, run: lw.Run, energies: np.ndarray, powers: np.ndarray, allowed: float
+) -> None:
     """The run's energies are the oracle's, and its balance is finite and tells of no loss that there is not."""
     _, integral, coefficients = nodes()
     data, joule = run.dataset, subject.mass * subject.length**2
@@ -233,5 +267,6 @@ def weak_rates(subject: Subject, positions: np.ndarray, names: tuple[str, ...]) 
     if shown.shape[0] != shown.shape[1]:
         return 0.0
     return float(
-        np.linalg.svd(shown, compute_uv=False).min(initial=1.0) / np.linalg.norm(every, axis=1).max(initial=1e-300)
+        np.linalg.svd(shown, compute_uv=False).min(initial=1.0)
+        / np.linalg.norm(every, axis=1).max(initial=1e-300)
     )

@@ -69,19 +69,31 @@ def catalogue() -> Iterator[Subject]:
 def random() -> Iterator[Subject]:
     """Yield random trees and loops, planar and spatial, with and without springs, friction, rotors, gears and rods."""
     for seed in range(1, 6):
-        yield Subject(f"planar loops {seed}", partial(planar_loops, seed, 1 + seed % 3, 1 + seed % 2))
-        yield Subject(f"planar effects {seed}", partial(random_loops, seed, 1 + seed % 2, planar=True, effects=True))
+        yield Subject(
+            f"planar loops {seed}", partial(planar_loops, seed, 1 + seed % 3, 1 + seed % 2)
+        )
+        yield Subject(
+            f"planar effects {seed}",
+            partial(random_loops, seed, 1 + seed % 2, planar=True, effects=True),
+        )
     for seed in range(1, 4):
         yield Subject(f"spatial loop {seed}", partial(spatial_loops, seed, 1, 1 + seed % 2))
         yield Subject(f"mixed loop {seed}", partial(random_loops, seed, 1, effects=seed % 2 == 0))
         yield Subject(f"tree {seed}", partial(random_tree, seed, 4, effects=True))
         yield Subject(f"open tree {seed}", partial(open_tree, seed, 4, planar=seed % 2 == 0))
-        yield Subject(f"tilted loop {seed}", lambda s=seed: tilted(random_loops(s, 1, planar=True, effects=True), s))
+        yield Subject(
+            f"tilted loop {seed}",
+            lambda s=seed: tilted(random_loops(s, 1, planar=True, effects=True), s),
+        )
     yield Subject("geared loop", partial(random_loops, 11, 1, planar=True, gears=1))
     yield Subject("rods", partial(random_loops, 12, 1, planar=True, rods=1))
     yield Subject("hexapod", partial(random_loops, 13, 0, platform="free"))
-    yield Subject("too many motors", partial(random_loops, 14, 1, freedoms=2, planar=True, actuation=1))
-    yield Subject("too few motors", partial(random_loops, 15, 1, freedoms=2, planar=True, actuation=-1))
+    yield Subject(
+        "too many motors", partial(random_loops, 14, 1, freedoms=2, planar=True, actuation=1)
+    )
+    yield Subject(
+        "too few motors", partial(random_loops, 15, 1, freedoms=2, planar=True, actuation=-1)
+    )
 
 
 PLANAR = {
@@ -115,7 +127,17 @@ def other_units() -> Iterator[Subject]:
     """Yield mechanisms with lengths and masses far from 1."""
     sizes = [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (1e-6, 1e-6), (1e-3, 1e3)]
     plain = PLANAR | SPATIAL | {"tree 1": partial(random_tree, 1, 4, effects=True)}
-    chosen = ["five bar", "prr3", "slider crank", "delta", "bennett", "mixed loop 2", "tree 1", "four bar", "rpr3"]
+    chosen = [
+        "five bar",
+        "prr3",
+        "slider crank",
+        "delta",
+        "bennett",
+        "mixed loop 2",
+        "tree 1",
+        "four bar",
+        "rpr3",
+    ]
     for i, name in enumerate(chosen):
         for length, mass in (sizes[i % 6], sizes[(i + 1) % 6]):
             change = partial(changes.scaled, length=length, mass=mass)
@@ -125,13 +147,17 @@ def other_units() -> Iterator[Subject]:
 def floating() -> Iterator[Subject]:
     """Yield mechanisms on a free base, with and without loops."""
     yield Subject("two floating bodies", two_floating_bodies)
-    yield Subject("floating tree", lambda: changes.floating(random_tree(21, 3, kinds=("revolute", "universal"))))
+    yield Subject(
+        "floating tree",
+        lambda: changes.floating(random_tree(21, 3, kinds=("revolute", "universal"))),
+    )
     yield Subject("floating four bar", lambda: changes.floating(robots.four_bar()))
     yield Subject("floating slider crank", lambda: changes.floating(robots.slider_crank()))
     yield Subject(
         "free body",
         lambda: Mechanism(
-            bodies={"top": Body(mass=2.0, inertia=BOX)}, joints={"float": FreeJoint(connects=("ground", "top"))}
+            bodies={"top": Body(mass=2.0, inertia=BOX)},
+            joints={"float": FreeJoint(connects=("ground", "top"))},
         ),
     )
 
@@ -141,7 +167,9 @@ def flat() -> Iterator[Subject]:
     yield Subject("flat parallelogram", partial(parallelogram, flat=True))
     yield Subject("folding parallelogram", partial(parallelogram, flat=False))
     yield Subject("n four bar 3", partial(robots.n_four_bar, 3))
-    yield Subject("stretched arm", lambda: robots.double_pendulum().model_copy(update={"reference": {}}))
+    yield Subject(
+        "stretched arm", lambda: robots.double_pendulum().model_copy(update={"reference": {}})
+    )
     yield Subject("dead centre", dead_centre)
     yield Subject("stretched five bar", stretched_five_bar)
 
@@ -157,11 +185,16 @@ def redundant() -> Iterator[Subject]:
 def two_floating_bodies() -> Mechanism:
     """A floating base with a leg on a hinge."""
     return Mechanism(
-        bodies={"base": Body(mass=1.0, inertia=BOX), "leg": Body(mass=0.5, centre_of_mass=(0, 0, -0.3), inertia=BOX)},
+        bodies={
+            "base": Body(mass=1.0, inertia=BOX),
+            "leg": Body(mass=0.5, centre_of_mass=(0, 0, -0.3), inertia=BOX),
+        },
         joints={
             "float": FreeJoint(connects=("ground", "base")),
             "hip": lw.RevoluteJoint(
-                connects=("base", "leg"), frames=(Frame(position=(0.1, 0, -0.1)), Frame()), axis=(0, 1, 0)
+                connects=("base", "leg"),
+                frames=(Frame(position=(0.1, 0, -0.1)), Frame()),
+                axis=(0, 1, 0),
             ),
         },
         actuators=("hip",),
@@ -190,7 +223,9 @@ def stretched_five_bar() -> Mechanism:
 
 def hinge(first: str, second: str, position, far, axis=(0, 0, 1)) -> lw.RevoluteJoint:
     """Hinge two bodies at points of both."""
-    return lw.RevoluteJoint(connects=(first, second), frames=(Frame(position=position), Frame(position=far)), axis=axis)
+    return lw.RevoluteJoint(
+        connects=(first, second), frames=(Frame(position=position), Frame(position=far)), axis=axis
+    )
 
 
 def sarrus() -> Mechanism:
@@ -213,13 +248,23 @@ def sarrus() -> Mechanism:
 
 def three_cranks() -> Mechanism:
     """A coupler on three equal parallel cranks: one crank more than it needs."""
-    bodies, joints, reference = {"coupler": Body(mass=2.0, centre_of_mass=(0.6, 0.1, 0), inertia=BOX)}, {}, {}
+    bodies, joints, reference = (
+        {"coupler": Body(mass=2.0, centre_of_mass=(0.6, 0.1, 0), inertia=BOX)},
+        {},
+        {},
+    )
     for i, x in enumerate((0.0, 0.7, 1.3), start=1):
         bodies[f"crank_{i}"] = Body(mass=0.5, centre_of_mass=(0.2, 0, 0), inertia=BOX)
         joints[f"pivot_{i}"] = hinge("ground", f"crank_{i}", (x, 0, 0), (0, 0, 0))
         joints[f"pin_{i}"] = hinge(f"crank_{i}", "coupler", (0.4, 0, 0), (x, 0, 0))
         reference |= {f"pivot_{i}": 1.1, f"pin_{i}": -1.1}
-    return Mechanism(gravity=(0, -9.81, 0), bodies=bodies, joints=joints, reference=reference, actuators=("pivot_1",))
+    return Mechanism(
+        gravity=(0, -9.81, 0),
+        bodies=bodies,
+        joints=joints,
+        reference=reference,
+        actuators=("pivot_1",),
+    )
 
 
 def cardan_shaft() -> Mechanism:
@@ -234,7 +279,9 @@ def cardan_shaft() -> Mechanism:
             "bearing_1": lw.RevoluteJoint(connects=("ground", "input"), axis=(1, 0, 0)),
             "cross": lw.UniversalJoint(connects=("input", "output"), axes=((0, 1, 0), (0, 0, 1))),
             "bearing_2": lw.RevoluteJoint(
-                connects=("output", "ground"), frames=(Frame(), Frame(rotation=(0, 0, bend))), axis=(1, 0, 0)
+                connects=("output", "ground"),
+                frames=(Frame(), Frame(rotation=(0, 0, bend))),
+                axis=(1, 0, 0),
             ),
         },
         reference={"cross.angle_2": bend},

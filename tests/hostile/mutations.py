@@ -23,17 +23,100 @@ from linkwork.mechanism.files import written
 from tests.formats import samples
 
 NUMBERS = (
-    *("nan", "inf", "-inf", ".nan", ".inf", "1e400", "-1e400", "1e-400", "-0", "0", "-1", "1e308", "-1e308", "1e200"),
-    *("1e160", "-1e120", "1e60", "1e30", "1e16", "1e-16", "1e-30", "1e-160", "1e-200", "5e-324", "9" * 400, "0x10"),
-    *("1_000", "1,5", "", " ", "x", "1 2", "0 0 0", "1 2 3 4", "0 0 0 0", "1e200 0 0", "1e-200 0 0", "nan nan nan"),
+    *(
+        "nan",
+        "inf",
+        "-inf",
+        ".nan",
+        ".inf",
+        "1e400",
+        "-1e400",
+        "1e-400",
+        "-0",
+        "0",
+        "-1",
+        "1e308",
+        "-1e308",
+        "1e200",
+    ),
+    *(
+        "1e160",
+        "-1e120",
+        "1e60",
+        "1e30",
+        "1e16",
+        "1e-16",
+        "1e-30",
+        "1e-160",
+        "1e-200",
+        "5e-324",
+        "9" * 400,
+        "0x10",
+    ),
+    *(
+        "1_000",
+        "1,5",
+        "",
+        " ",
+        "x",
+        "1 2",
+        "0 0 0",
+        "1 2 3 4",
+        "0 0 0 0",
+        "1e200 0 0",
+        "1e-200 0 0",
+        "nan nan nan",
+    ),
     *("3.141592653589793", "2147483648", "1e9", "true", "null", "~", "١", "1e-9"),
 )
 WORDS = (
-    *("", " ", "ground", "world", "a.b", ".", "..", "x" * 5000, "\x7f", "é", "字", "\u202e", "a/b", "$", "{}", "%s"),
-    *("nan", "0", "null", "linkwork", "main", "../x.xml", "/etc/passwd", "model.xml", "home", "tip", "qw"),
+    *(
+        "",
+        " ",
+        "ground",
+        "world",
+        "a.b",
+        ".",
+        "..",
+        "x" * 5000,
+        "\x7f",
+        "é",
+        "字",
+        "\u202e",
+        "a/b",
+        "$",
+        "{}",
+        "%s",
+    ),
+    *(
+        "nan",
+        "0",
+        "null",
+        "linkwork",
+        "main",
+        "../x.xml",
+        "/etc/passwd",
+        "model.xml",
+        "home",
+        "tip",
+        "qw",
+    ),
 )
 BYTES = (
-    *(b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"<", b">", b"&", b'"', b"]]>", b"<!DOCTYPE a>", b"<!--", b"&#0;", b"&x;"),
+    *(
+        b"\x00",
+        b"\xff\xfe",
+        b"\xef\xbb\xbf",
+        b"<",
+        b">",
+        b"&",
+        b'"',
+        b"]]>",
+        b"<!DOCTYPE a>",
+        b"<!--",
+        b"&#0;",
+        b"&x;",
+    ),
     *(
         b"\n",
         b"\t",
@@ -72,7 +155,16 @@ PLUS = """<robot name="plus"><material name="red"><color rgba="1 0 0 1"/></mater
 <coupling name="gear"><predecessor link="a"/><successor link="b"/><ratio value="-2"/></coupling>
 <transmission name="t"><joint name="j"/><actuator name="x"/></transmission></robot>"""
 XML = samples.MODELS | {"plus.urdf": PLUS}
-ROBOTS = ("prr3", "five_bar", "slider_crank", "bennett", "delta", "stewart", "andrews", "hydraulic_crane")
+ROBOTS = (
+    "prr3",
+    "five_bar",
+    "slider_crank",
+    "bennett",
+    "delta",
+    "stewart",
+    "andrews",
+    "hydraulic_crane",
+)
 
 
 @functools.cache
@@ -140,7 +232,9 @@ def escaped(value: str) -> str:
 
 def pick(root: ET.Element, chance: random.Random) -> tuple[ET.Element, ET.Element]:
     """Return an element and its parent."""
-    return chance.choice([(child, parent) for parent in root.iter() for child in parent] or [(root, root)])
+    return chance.choice(
+        [(child, parent) for parent in root.iter() for child in parent] or [(root, root)]
+    )
 
 
 def drop(root: ET.Element, chance: random.Random) -> None:
@@ -194,7 +288,12 @@ def rename(root: ET.Element, chance: random.Random) -> None:
 
 def number(root: ET.Element, chance: random.Random) -> None:
     """Change one number of one attribute, or all of it."""
-    places = [(element, key) for element in root.iter() for key, value in element.attrib.items() if _is_numbers(value)]
+    places = [
+        (element, key)
+        for element in root.iter()
+        for key, value in element.attrib.items()
+        if _is_numbers(value)
+    ]
     if not places:
         return
     element, key = chance.choice(places)
@@ -220,7 +319,10 @@ def word(root: ET.Element, chance: random.Random) -> None:
         case 2:
             del element.attrib[key]
         case _:
-            element.set(name, other.attrib[name] if chance.random() < 0.5 else chance.choice((*NUMBERS, *WORDS)))
+            element.set(
+                name,
+                other.attrib[name] if chance.random() < 0.5 else chance.choice((*NUMBERS, *WORDS)),
+            )
 
 
 def _is_numbers(value: str) -> bool:
@@ -266,7 +368,11 @@ def flowing(root: Any, anchored: bool) -> str:
             anchor = f"&{seen[id(item)]} " if anchored else ""
             opening, closing = "{}" if isinstance(item, dict) else "[]"
             parts.append(anchor + opening)
-            inside = [(f"{json.dumps(str(key))}: ", part) for key, part in item.items()] if opening == "{" else item
+            inside = (
+                [(f"{json.dumps(str(key))}: ", part) for key, part in item.items()]
+                if opening == "{"
+                else item
+            )
             waiting.append(_Mark(closing))
             for number, part in reversed(list(enumerate(inside))):
                 key, part = part if opening == "{" else ("", part)
@@ -285,7 +391,13 @@ def _places(data: Any) -> Iterator[tuple[Any, Any]]:
     waiting = [data]
     while waiting:
         item = waiting.pop()
-        inside = item.items() if isinstance(item, dict) else enumerate(item) if isinstance(item, list) else ()
+        inside = (
+            item.items()
+            if isinstance(item, dict)
+            else enumerate(item)
+            if isinstance(item, list)
+            else ()
+        )
         for key, value in list(inside):
             yield item, key
             waiting.append(value)

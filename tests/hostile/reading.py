@@ -45,7 +45,9 @@ def outcome(path: Path) -> str:
         return READ
     except LinkworkError as refusal:
         sentence = str(refusal)
-        clear = sentence.startswith(str(path)) and "\n" not in sentence and len(sentence) < MOST_LETTERS
+        clear = (
+            sentence.startswith(str(path)) and "\n" not in sentence and len(sentence) < MOST_LETTERS
+        )
         return REFUSED if clear else f"is refused by {sentence[:300]!r}"
     except Hung:
         return f"takes more than {LONGEST:g} s"
@@ -61,7 +63,9 @@ def most_memory() -> float:
     if told.exists():
         (line,) = [line for line in told.read_text().splitlines() if line.startswith("VmHWM")]
         return float(line.split()[1]) / 1e3
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (
+        1e6 if sys.platform == "darwin" else 1e3
+    )
 
 
 def main(first: int, last: int) -> None:

@@ -68,7 +68,11 @@ def start(subject: Subject, kind: str, seed: int) -> Start:
         q = singular(subject)
         return Start(q, motions(subject, q) @ rng.normal(size=robot.mobility), still)
     q = scattered(subject, rng)
-    turns = rng.integers(-3, 4, len(robot.coordinates)) * turning(subject) if kind == "turned" else still
+    turns = (
+        rng.integers(-3, 4, len(robot.coordinates)) * turning(subject)
+        if kind == "turned"
+        else still
+    )
     return Start(q, motions(subject, q) @ rng.normal(size=robot.mobility), turns)
 
 
@@ -77,7 +81,9 @@ def turning(subject: Subject) -> np.ndarray:
     mechanism = subject.described
     geared = {label for gear in mechanism.gears.values() for label in gear.ratios}
     pairs_ = mechanism.pairs.items()
-    angles = {label for name, joint in pairs_ if joint.type != "screw" for label in joint.angles(name)}
+    angles = {
+        label for name, joint in pairs_ if joint.type != "screw" for label in joint.angles(name)
+    }
     if not angles - geared:
         raise NoStart("there is no angle to turn")
     return np.array([label in angles - geared for label in mechanism.coordinates])
@@ -118,7 +124,9 @@ def singular_along(subject: Subject, rng: np.random.Generator) -> np.ndarray:
     raise NoStart("there is none on this way")
 
 
-def between(subject: Subject, q: np.ndarray, N: np.ndarray, step: np.ndarray, first: float) -> np.ndarray:
+def between(
+    subject: Subject, q: np.ndarray, N: np.ndarray, step: np.ndarray, first: float
+) -> np.ndarray:
     """Halve a step until the determinant of the rates vanishes."""
     low, high, there = 0.0, 1.0, q
     for _ in range(HALVINGS):
@@ -138,7 +146,11 @@ def determined(
     M, unit = motions(subject, there), units(subject)[:, None]
     U, _, Vt = np.linalg.svd((M / unit).T @ (N / unit))
     M = M @ (U @ Vt)
-    return there, M, float(np.linalg.det((M / unit)[list(subject.robot.equations.chart.independent)]))
+    return (
+        there,
+        M,
+        float(np.linalg.det((M / unit)[list(subject.robot.equations.chart.independent)])),
+    )
 
 
 def chart(subject: Subject, start: Start, other: bool) -> tuple[str, ...]:
@@ -159,7 +171,11 @@ def chart(subject: Subject, start: Start, other: bool) -> tuple[str, ...]:
 
 def share(rows: np.ndarray) -> float:
     """Return the least part of the free motions that some rates show: the smallest singular value of their rows of N."""
-    return float(np.linalg.svd(rows, compute_uv=False).min(initial=1.0)) if rows.shape[0] == rows.shape[1] else 0.0
+    return (
+        float(np.linalg.svd(rows, compute_uv=False).min(initial=1.0))
+        if rows.shape[0] == rows.shape[1]
+        else 0.0
+    )
 
 
 # Closed configurations, by singular values
@@ -211,7 +227,9 @@ def moved(subject: Subject, q: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the quaternion product a b."""
-    return np.array([a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
+    return np.array(
+        [a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))]
+    )
 
 
 @cache

@@ -54,7 +54,9 @@ class Setting:
     @property
     def u(self) -> np.ndarray:
         """The same in the robot's units."""
-        return self.forces * force_units(self.subject.judged, self.subject.length, self.subject.mass)
+        return self.forces * force_units(
+            self.subject.judged, self.subject.length, self.subject.mass
+        )
 
     @property
     def options(self) -> dict[str, Any]:
@@ -62,7 +64,11 @@ class Setting:
         if self.method in FIXED:
             return {"method": self.method, "step": self.subject.duration / FIXED[self.method]}
         rtol = RTOL.get(self.method, 1e-9)
-        return {"method": self.method, "rtol": rtol, "atol": rtol / 100 * min(1.0, self.subject.length)}
+        return {
+            "method": self.method,
+            "rtol": rtol,
+            "atol": rtol / 100 * min(1.0, self.subject.length),
+        }
 
     @property
     def duration(self) -> float:
@@ -92,7 +98,9 @@ class Setting:
         if run.status is lw.Status.FINISHED:
             judges.run_is_right(self.subject, run, self.forces, self.allowed)
         else:
-            stopped_for_a_reason(self.subject, run.status, run.message, np.asarray(run.attrs["final_q"]))
+            stopped_for_a_reason(
+                self.subject, run.status, run.message, np.asarray(run.attrs["final_q"])
+            )
 
 
 # Tasks
@@ -118,7 +126,10 @@ def simulate(of: Setting) -> None:
     size = units(of.subject.judged, of.subject.judged.coordinates, of.subject.length)
     first = run.dataset["joint_position"].values[0]
     judges.agree(
-        "the first positions", same_turns(first, given, of.subject) / size, given / size, max(1e-7, of.subject.accuracy)
+        "the first positions",
+        same_turns(first, given, of.subject) / size,
+        given / size,
+        max(1e-7, of.subject.accuracy),
     )
     of.judge(run)
 
@@ -137,7 +148,9 @@ def ensemble(of: Setting) -> None:
     positions, rates = (many.dataset[name].values for name in ("joint_position", "joint_rate"))
     for i in range(len(factors)):
         alone = of.run(states.at(i))
-        assert many.status[i] == alone.status, f"member {i}: {many.message(i)} Alone: {alone.message}"
+        assert many.status[i] == alone.status, (
+            f"member {i}: {many.message(i)} Alone: {alone.message}"
+        )
         assert alone.message.startswith(many.message(i))  # alone its error is estimated, too
         kept = len(alone.dataset["time"])
         for found, name in ((positions, "joint_position"), (rates, "joint_rate")):
@@ -155,7 +168,9 @@ def resume(of: Setting) -> None:
     if half.success:
         half.save(of.folder / "half.nc")
         half = lw.Run.load(of.folder / "half.nc")
-        last = of.robot.resume(half, of.u, duration=of.duration / 2, save_at=(of.duration + of.times) / 2, **of.options)
+        last = of.robot.resume(
+            half, of.u, duration=of.duration / 2, save_at=(of.duration + of.times) / 2, **of.options
+        )
         assert last.status == whole.status, f"{last.message} Whole: {whole.message}"
         if last.success:
             judges.run_is_right(of.subject, last, of.forces, of.allowed)
@@ -182,9 +197,15 @@ def events(of: Setting) -> None:
     of.judge(plain)
     if not plain.success:
         return
-    fine = of.robot.simulate(state, of.u, duration=of.duration, save_at=np.linspace(0, of.duration, 1201), **of.options)
+    fine = of.robot.simulate(
+        state, of.u, duration=of.duration, save_at=np.linspace(0, of.duration, 1201), **of.options
+    )
     q, t = fine.dataset["joint_position"].values[:, index], fine.dataset["time"].values
-    level = float(np.quantile(q, 0.3702)) if np.ptp(q) > 1e-9 * of.subject.length else float(q[0]) + of.subject.length
+    level = (
+        float(np.quantile(q, 0.3702))
+        if np.ptp(q) > 1e-9 * of.subject.length
+        else float(q[0]) + of.subject.length
+    )
     run = of.run(state, events=[Event(lambda t, state: state[name] - level, name="passes")])
     passed = np.flatnonzero((q[1:] - level) * (q[:-1] - level) < 0)
     found = run.dataset.event_time.values
@@ -193,7 +214,10 @@ def events(of: Setting) -> None:
     )
     assert np.all((t[passed] - 1e-6 <= found) & (found <= t[passed + 1] + 1e-6))
     judges.agree(
-        "a run with events", run.dataset["joint_position"].values, plain.dataset["joint_position"].values, 1e-9
+        "a run with events",
+        run.dataset["joint_position"].values,
+        plain.dataset["joint_position"].values,
+        1e-9,
     )
 
 
@@ -204,26 +228,41 @@ def written(of: Setting) -> None:
     again = replace(of.subject, name="again", change=lambda _: lw.Mechanism.load(path))
     assert again.described == of.subject.described
     state = of.state()
-    other = again.robot.state(state.positions, dict(zip(state.independent, state.rates, strict=True)))
+    other = again.robot.state(
+        state.positions, dict(zip(state.independent, state.rates, strict=True))
+    )
     judges.state_is_right(again, other, of.forces)
 
 
 def energy(of: Setting) -> None:
     """Over a longer time, without actuators, energy changes by what friction and dampers take; here: never grows."""
     run = of.robot.simulate(
-        of.state(), duration=10 * of.duration, save_at=np.linspace(0, 10 * of.duration, 41), **of.options
+        of.state(),
+        duration=10 * of.duration,
+        save_at=np.linspace(0, 10 * of.duration, 41),
+        **of.options,
     )
     if not run.success:
-        return stopped_for_a_reason(of.subject, run.status, run.message, np.asarray(run.attrs["final_q"]))
+        return stopped_for_a_reason(
+            of.subject, run.status, run.message, np.asarray(run.attrs["final_q"])
+        )
     found = []
-    for q, w in zip(run.dataset["joint_position"].values[::8], run.dataset["joint_rate"].values[::8], strict=True):
+    for q, w in zip(
+        run.dataset["joint_position"].values[::8],
+        run.dataset["joint_rate"].values[::8],
+        strict=True,
+    ):
         seen = judges.Seen.of(of.subject, q, w)
         judges.closed(of.subject, seen)
         found.append(sum(seen.oracle.energy(seen.poses, seen.twists)))
     scale, told = 1 + np.ptp(found) + np.abs(found).max(), run.dataset["energy_balance"].values
     assert np.isfinite(told).all(), f"the energy balance is {told}"
-    grown = max(np.maximum.accumulate(found[::-1])[::-1] - found) if dissipative(of) else np.ptp(found)
-    assert grown <= 100 * of.allowed * scale, f"energies are {found}, with nothing that adds any ({run.message})"
+    grown = (
+        max(np.maximum.accumulate(found[::-1])[::-1] - found) if dissipative(of) else np.ptp(found)
+    )
+    assert grown <= 100 * of.allowed * scale, (
+        f"energies are {found}, with nothing that adds any ({run.message})"
+    )
 
 
 TASKS: dict[str, Callable[[Setting], None]] = {
@@ -241,8 +280,12 @@ TASKS: dict[str, Callable[[Setting], None]] = {
 
 def dissipative(of: Setting) -> bool:
     """Tell whether friction or dampers act."""
-    parts = [part for joint in of.subject.judged.pairs.values() for part in joint.effects().values()]
-    losses = [friction.viscous + friction.coulomb + spring.damping for friction, spring, *_ in parts]
+    parts = [
+        part for joint in of.subject.judged.pairs.values() for part in joint.effects().values()
+    ]
+    losses = [
+        friction.viscous + friction.coulomb + spring.damping for friction, spring, *_ in parts
+    ]
     return any(losses) or any(spring.damping for spring in of.subject.judged.springs.values())
 
 
@@ -258,7 +301,10 @@ def same_turns(found: np.ndarray, given: np.ndarray, subject: Subject) -> np.nda
 
 def stacked(states: list[lw.State]) -> lw.State:
     """Stack states."""
-    parts = {name: np.stack([getattr(state, name) for state in states]) for name in ("positions", "rates", "q")}
+    parts = {
+        name: np.stack([getattr(state, name) for state in states])
+        for name in ("positions", "rates", "q")
+    }
     return replace(states[0], **parts)
 
 
@@ -269,7 +315,9 @@ def stopped_for_a_reason(subject: Subject, status: lw.Status, message: str, q: n
     """A run may stop where the constraints become dependent, and nowhere else."""
     positions = subject.robot.kernel("positions")(q)[0]
     assert status in (lw.Status.SINGULAR, lw.Status.CLOSURE_LOST), message
-    assert judges.dependent(subject, positions), f"{message} But the constraints are independent there."
+    assert judges.dependent(subject, positions), (
+        f"{message} But the constraints are independent there."
+    )
 
 
 def refusal_holds(subject: Subject, begin: Start | None, error: lw.LinkworkError) -> None:

@@ -18,7 +18,9 @@ CASES = [*cases()] if EVERY else [*cases(SAMPLED, 6)]
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(one, marks=pytest.mark.xdist_group(one.subject)) for one in CASES], ids=str
+    "case",
+    [pytest.param(one, marks=pytest.mark.xdist_group(one.subject)) for one in CASES],
+    ids=str,
 )
 def test_a_hostile_case_is_answered_rightly_or_refused_truly(case: Case, tmp_path):
     subject, begin = subjects()[case.subject], None

@@ -20,8 +20,16 @@ FIRST = range(0, FILES, AT_ONCE) if ALL else range(1)
 
 @pytest.mark.parametrize("first", FIRST)
 def test_mutated_files_are_read_or_refused(first):
-    words = sys.executable, "-m", "tests.hostile.reading", str(first), str(first + (AT_ONCE if ALL else SAMPLE))
-    ended = subprocess.run(words, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    words = (
+        sys.executable,
+        "-m",
+        "tests.hostile.reading",
+        str(first),
+        str(first + (AT_ONCE if ALL else SAMPLE)),
+    )
+    ended = subprocess.run(
+        words, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False
+    )
     assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
     assert not found["faults"]

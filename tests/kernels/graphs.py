@@ -101,7 +101,9 @@ def random_function(seed: int, operations: int = 60) -> ca.Function:
             value = _GENTLE_BINARY[rng.integers(len(_GENTLE_BINARY))](x, y)
         values.append(value / (1 + 0.1 * value * value) if rng.random() < 0.5 else value)
     banded = ca.SX(ca.Sparsity.banded(4, 1), ca.vertcat(*values[-10:]))
-    return ca.Function(f"random_{seed}", [a, b, c], [ca.vertcat(*values[-6:]), banded], ["a", "b", "c"], ["d", "e"])
+    return ca.Function(
+        f"random_{seed}", [a, b, c], [ca.vertcat(*values[-6:]), banded], ["a", "b", "c"], ["d", "e"]
+    )
 
 
 def evaluate(f: ca.Function, *arrays: np.ndarray) -> list[np.ndarray]:

@@ -28,7 +28,9 @@ def compiled(machine: Machine, n: int, kind: Kind) -> Callable[[np.ndarray], np.
     code = Code(object_code(module_text(program, machine, kind), machine), (kind,))
     lanes = {"one": 1, "batch": machine.lanes, "wide": ABREAST * machine.lanes}[kind]
     counted = [ctypes.c_int64] if kind == "batch" else []
-    function = ctypes.CFUNCTYPE(None, *counted, ctypes.c_void_p, ctypes.c_void_p)(code.addresses[kind])
+    function = ctypes.CFUNCTYPE(None, *counted, ctypes.c_void_p, ctypes.c_void_p)(
+        code.addresses[kind]
+    )
 
     def sines_and_cosines(angles: np.ndarray) -> np.ndarray:
         states = len(angles)
@@ -49,9 +51,22 @@ def compiled(machine: Machine, n: int, kind: Kind) -> Callable[[np.ndarray], np.
 
 @pytest.mark.parametrize(("machine", "bound"), MACHINES)
 @pytest.mark.parametrize("n", [1, 3, 5, 40])
-def test_one_state_and_many_in_place_and_by_call_give_the_same_bits(machine: Machine, bound: float, n: int):
+def test_one_state_and_many_in_place_and_by_call_give_the_same_bits(
+    machine: Machine, bound: float, n: int
+):
     limit = elementary.LARGEST_ANGLE if machine.has_fma else elementary.LARGEST_ANGLE_WITHOUT_FMA
-    odd = [0.0, -0.0, limit, -limit, np.nextafter(limit, np.inf), 1e15, -1e300, np.inf, -np.inf, np.nan]
+    odd = [
+        0.0,
+        -0.0,
+        limit,
+        -limit,
+        np.nextafter(limit, np.inf),
+        1e15,
+        -1e300,
+        np.inf,
+        -np.inf,
+        np.nan,
+    ]
     for k, value in enumerate([1.0, *odd]):
         angles = np.random.default_rng(k).normal(scale=10, size=(STATES, n))
         angles[5, n // 2] = value
@@ -60,7 +75,9 @@ def test_one_state_and_many_in_place_and_by_call_give_the_same_bits(machine: Mac
         np.testing.assert_array_equal(one, batch)
         np.testing.assert_array_equal(one, wide)
         np.testing.assert_array_equal(one[:, [n // 2, n + n // 2]], alone)
-        exact = np.hstack([np.vectorize(_or_nan(math.sin))(angles), np.vectorize(_or_nan(math.cos))(angles)])
+        exact = np.hstack(
+            [np.vectorize(_or_nan(math.sin))(angles), np.vectorize(_or_nan(math.cos))(angles)]
+        )
         np.testing.assert_array_equal(np.isnan(one), np.isnan(exact))
         assert np.nanmax(np.abs(one - exact) / np.spacing(np.abs(exact))) <= bound + 0.6
 

@@ -85,7 +85,12 @@ def test_the_program_is_made_once_for_all_kinds_and_not_at_all_from_the_cache(
     monkeypatch.setattr(kernel_module, "trace", lambda f: traced.append(f) or trace(f))
     for _ in range(2):
         kernel = compile_function(simple())
-        assert kernel.address and kernel.batch_address and kernel.wide_address and kernel.operations == 2
+        assert (
+            kernel.address
+            and kernel.batch_address
+            and kernel.wide_address
+            and kernel.operations == 2
+        )
         assert len(traced) == 1
 
 
@@ -101,29 +106,41 @@ def test_threads_that_ask_at_once_compile_once(folder: Path, monkeypatch: pytest
     monkeypatch.setattr(modules, "object_code", slow)
     kernel = compile_function(simple())
     with ThreadPoolExecutor(8) as pool:
-        addresses = list(pool.map(lambda k: kernel.batch_address if k % 2 else kernel.address, range(8)))
+        addresses = list(
+            pool.map(lambda k: kernel.batch_address if k % 2 else kernel.address, range(8))
+        )
     assert len(compiled) == 2
     assert len(set(addresses)) == 2
 
 
-@pytest.mark.parametrize("damage", [lambda data: data[:-9], lambda data: b"", lambda data: data[:-1] + b"?"])
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:-9], lambda data: b"", lambda data: data[:-1] + b"?"]
+)
 def test_a_damaged_entry_is_compiled_anew(folder: Path, damage):
     assert_right(compile_function(simple()))
     file = entry(folder)
     file.write_bytes(damage(file.read_bytes()))
-    with pytest.warns(RuntimeWarning, match=rf"The cached kernel {file} is damaged; it is compiled anew\."):
+    with pytest.warns(
+        RuntimeWarning, match=rf"The cached kernel {file} is damaged; it is compiled anew\."
+    ):
         kernel = compile_function(simple())
         assert not kernel.from_cache
     assert_right(kernel)
     assert compile_function(simple()).from_cache
 
 
-@pytest.mark.parametrize("inside", [lambda tmp: tmp / "file" / "cache", lambda tmp: Path("/proc/none/cache")])
-def test_a_folder_that_cannot_be_written_is_warned_of_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inside):
+@pytest.mark.parametrize(
+    "inside", [lambda tmp: tmp / "file" / "cache", lambda tmp: Path("/proc/none/cache")]
+)
+def test_a_folder_that_cannot_be_written_is_warned_of_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inside
+):
     (tmp_path / "file").write_text("not a folder")
     place = inside(tmp_path)
     monkeypatch.setenv("LINKWORK_CACHE_DIR", str(place))
-    with pytest.warns(RuntimeWarning, match=rf"cannot be cached in {place} .* set LINKWORK_CACHE_DIR") as seen:
+    with pytest.warns(
+        RuntimeWarning, match=rf"cannot be cached in {place} .* set LINKWORK_CACHE_DIR"
+    ) as seen:
         kernels = [compile_function(simple(factor)) for factor in (1.0, 2.0, 2.0)]
         assert not any(kernel.from_cache for kernel in kernels)
     assert len(seen) == 1

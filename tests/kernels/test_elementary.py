@@ -42,14 +42,24 @@ def sine_and_cosine(machine: Machine, x: np.ndarray) -> np.ndarray:
     angle = ca.SX.sym("x")
     program = trace(ca.Function("f", [angle], [ca.sin(angle), ca.cos(angle)]))
     code = Code(object_code(module_text(program, machine, "batch"), machine), ("batch",))
-    batch = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(code.addresses["batch"])
+    batch = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(
+        code.addresses["batch"]
+    )
     blocks = -(-len(x) // machine.lanes)
     memory = np.zeros(3 * blocks * machine.lanes + 16)
     memory = memory[-memory.ctypes.data % 64 // 8 :]
-    inputs, outputs = memory[: blocks * machine.lanes], memory[-(-blocks * machine.lanes // 8) * 8 :]
+    inputs, outputs = (
+        memory[: blocks * machine.lanes],
+        memory[-(-blocks * machine.lanes // 8) * 8 :],
+    )
     inputs[: len(x)] = x
     batch(blocks, inputs.ctypes.data, outputs.ctypes.data)
-    return outputs[: 2 * inputs.size].reshape(blocks, 2, -1).transpose(1, 0, 2).reshape(2, -1)[:, : len(x)]
+    return (
+        outputs[: 2 * inputs.size]
+        .reshape(blocks, 2, -1)
+        .transpose(1, 0, 2)
+        .reshape(2, -1)[:, : len(x)]
+    )
 
 
 @pytest.mark.parametrize(("machine", "bound"), MACHINES)
@@ -61,7 +71,9 @@ def test_errors_in_units_in_the_last_place(machine: Machine, bound: float, point
         for function, values in zip((mpmath.sin, mpmath.cos), found, strict=True):
             exact = [function(mpmath.mpf(float(angle))) for angle in x]
             ulp = np.spacing(np.abs(np.array(exact, dtype=float)))
-            errors = np.array([float(mpmath.mpf(float(v)) - e) for v, e in zip(values, exact, strict=True)])
+            errors = np.array(
+                [float(mpmath.mpf(float(v)) - e) for v, e in zip(values, exact, strict=True)]
+            )
             assert np.max(np.abs(errors) / ulp) <= bound
 
 

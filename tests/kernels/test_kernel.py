@@ -93,7 +93,9 @@ def test_batches_of_any_size(count: int):
     results = kernel(*batch)
     assert [result.shape for result in results] == [(count, 6), (count, 16)]
     for i in range(count):
-        for result, expected in zip(results, evaluate(f, *[array[i] for array in batch]), strict=True):
+        for result, expected in zip(
+            results, evaluate(f, *[array[i] for array in batch]), strict=True
+        ):
             assert_close(result[i], expected)
 
 
@@ -125,10 +127,19 @@ def test_results_are_the_callers_own():
 
 def test_outputs_that_are_inputs_constants_and_structural_zeros():
     x, s = ca.SX.sym("x", 2), ca.SX.sym("s", ca.Sparsity.upper(2))
-    outputs = [x, ca.SX([3, np.nan]), ca.SX(ca.Sparsity.diag(2), ca.vertcat(-x)), s, ca.SX(2, 1), x[:0]]
+    outputs = [
+        x,
+        ca.SX([3, np.nan]),
+        ca.SX(ca.Sparsity.diag(2), ca.vertcat(-x)),
+        s,
+        ca.SX(2, 1),
+        x[:0],
+    ]
     kernel = compile_function(ca.Function("f", [x, s], outputs))
     for result, expected in zip(
-        kernel([1, 2], [5, 6, 7, 8]), ([1, 2], [3, np.nan], [-1, 0, 0, -2], [5, 0, 7, 8], [0, 0], []), strict=True
+        kernel([1, 2], [5, 6, 7, 8]),
+        ([1, 2], [3, np.nan], [-1, 0, 0, -2], [5, 0, 7, 8], [0, 0], []),
+        strict=True,
     ):
         np.testing.assert_array_equal(result, expected)
     assert kernel.operations == 2
@@ -153,12 +164,16 @@ def test_a_lane_out_of_the_ordinary_leaves_the_others_alone(odd: float):
                 np.testing.assert_array_equal(result[i], before[i])
 
 
-@pytest.mark.parametrize("angles", [(1e15, 0.1), (1e200, 0.1), (0.1, 1e200), (np.nan, 1e200), (1e200, np.nan)])
+@pytest.mark.parametrize(
+    "angles", [(1e15, 0.1), (1e200, 0.1), (0.1, 1e200), (np.nan, 1e200), (1e200, np.nan)]
+)
 def test_one_large_angle_of_several(angles: tuple[float, float]):
     x = ca.SX.sym("x", 2)
     f = ca.Function("f", [x], [ca.sin(x), ca.cos(x)])
     kernel = compile_function(f)
-    for result, batch, expected in zip(kernel(angles), kernel([angles]), evaluate(f, np.array(angles)), strict=True):
+    for result, batch, expected in zip(
+        kernel(angles), kernel([angles]), evaluate(f, np.array(angles)), strict=True
+    ):
         np.testing.assert_allclose(result, expected, rtol=RELATIVE)
         np.testing.assert_allclose(batch[0], expected, rtol=RELATIVE)
 
@@ -205,7 +220,9 @@ def test_the_addresses_are_c_functions():
     f = random_function(4)
     kernel = compile_function(f)
     one = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.address)
-    many = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(kernel.batch_address)
+    many = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(
+        kernel.batch_address
+    )
     blocks, lanes = 3, kernel.lanes
     x, y = _aligned(blocks, kernel.n_in, lanes), _aligned(blocks, kernel.n_out, lanes)
     x[...] = np.random.default_rng(0).normal(size=x.shape)
@@ -254,8 +271,14 @@ def test_one_state_as_flat_vectors():
     assert_close(kernel.flat(x[:5], x[5:]), expected)
     kernel.flat(2 * x)
     assert_close(first, expected)  # it is the caller's own
-    for parts, shown in ((x[1:],), r"\(11,\)"), ((x[:8], x[7:]), r"\(8,\) and \(5,\)"), ((x[None],), r"\(1, 12\)"):
-        with pytest.raises(KernelError, match=rf"'random_5' takes 12 numbers, not parts of {shown}"):
+    for parts, shown in (
+        ((x[1:],), r"\(11,\)"),
+        ((x[:8], x[7:]), r"\(8,\) and \(5,\)"),
+        ((x[None],), r"\(1, 12\)"),
+    ):
+        with pytest.raises(
+            KernelError, match=rf"'random_5' takes 12 numbers, not parts of {shown}"
+        ):
             kernel.flat(*parts)
 
 
@@ -300,9 +323,18 @@ x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [
-        (ca.Function("f", [x], [ca.erfinv(x)]), "Function 'f' uses the operation OP_ERFINV, which cannot be compiled."),
-        (ca.Function("f", [x], [y], {"allow_free": True}), r"free variables \(y\); every symbol has to be an input."),
-        (ca.Function("f", [ca.MX.sym("m")], [1]), r"'f' is a MXFunction; only functions of SX .* \(try expand\(\)\)."),
+        (
+            ca.Function("f", [x], [ca.erfinv(x)]),
+            "Function 'f' uses the operation OP_ERFINV, which cannot be compiled.",
+        ),
+        (
+            ca.Function("f", [x], [y], {"allow_free": True}),
+            r"free variables \(y\); every symbol has to be an input.",
+        ),
+        (
+            ca.Function("f", [ca.MX.sym("m")], [1]),
+            r"'f' is a MXFunction; only functions of SX .* \(try expand\(\)\).",
+        ),
         (lambda q: q, "compiled from a casadi.Function, not from function."),
     ],
 )
@@ -324,12 +356,16 @@ def test_arrays_that_do_not_fit_are_refused_in_a_sentence():
     with pytest.raises(KernelError, match=r"Kernel 'f' takes 2 arrays \(x, y\), not 1."):
         kernel([1, 2])
     with pytest.raises(
-        KernelError, match=r"Input 'x' of kernel 'f' has the shape \(3,\); its last dimension has to be 2."
+        KernelError,
+        match=r"Input 'x' of kernel 'f' has the shape \(3,\); its last dimension has to be 2.",
     ):
         kernel([1, 2, 3], [1])
     with pytest.raises(
-        KernelError, match=r"Input 'y' of kernel 'f' has the shape \(\); its last dimension has to be 1."
+        KernelError,
+        match=r"Input 'y' of kernel 'f' has the shape \(\); its last dimension has to be 1.",
     ):
         kernel([1, 2], 1)
-    with pytest.raises(KernelError, match=r"batches of kernel 'f' do not fit each other: x \(4,\), y \(3,\)."):
+    with pytest.raises(
+        KernelError, match=r"batches of kernel 'f' do not fit each other: x \(4,\), y \(3,\)."
+    ):
         kernel(np.zeros((4, 2)), np.zeros((3, 1)))

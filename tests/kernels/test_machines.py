@@ -16,11 +16,17 @@ from tests.kernels.graphs import random_function
 
 HERE = this_machine()
 AVX2 = Machine(HERE.triple, "haswell", "+avx,+avx2,+fma")
-AVX512 = Machine(HERE.triple, "skylake-avx512", f"{AVX2.features},+avx512f,+avx512bw,+avx512cd,+avx512dq,+avx512vl")
+AVX512 = Machine(
+    HERE.triple,
+    "skylake-avx512",
+    f"{AVX2.features},+avx512f,+avx512bw,+avx512cd,+avx512dq,+avx512vl",
+)
 MACHINES = {"AVX2": AVX2, "AVX-512": AVX512}
 BATCH = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
 
-pytestmark = pytest.mark.skipif(not HERE.triple.startswith("x86"), reason="code for x86 is not made here")
+pytestmark = pytest.mark.skipif(
+    not HERE.triple.startswith("x86"), reason="code for x86 is not made here"
+)
 
 
 @pytest.fixture(scope="module")

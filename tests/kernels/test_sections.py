@@ -74,7 +74,9 @@ def test_sections_in_turn_give_the_programs_results(short, seed: int, angles_in_
     assert max(len(section.nodes) for section in plan.sections) <= 10 + len(program.results)
     inputs = np.random.default_rng(seed).normal(size=4)
     with np.errstate(all="ignore"):
-        np.testing.assert_array_equal(carried_out(program, inputs, angles_in_vector), evaluate(program, inputs))
+        np.testing.assert_array_equal(
+            carried_out(program, inputs, angles_in_vector), evaluate(program, inputs)
+        )
 
 
 def test_a_large_program_is_compiled_in_pieces_and_a_small_one_is_not():

@@ -26,7 +26,20 @@ NUMPY = {
     "select": lambda c, a, b: a if c != 0 else b,
 }
 NUMBERS = (0.0, -0.0, 1.0, -1.0, 2.0, -0.5, 3.0, 0.1)
-OPERATIONS = ("add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "tan", "fabs", "lt", "if_else_zero")
+OPERATIONS = (
+    "add",
+    "sub",
+    "mul",
+    "div",
+    "neg",
+    "sqrt",
+    "sin",
+    "cos",
+    "tan",
+    "fabs",
+    "lt",
+    "if_else_zero",
+)
 
 x, y, z, d = (ca.SX.sym(name) for name in "xyzd")
 
@@ -76,7 +89,13 @@ def test_what_is_left(results: list[ca.SX], expected: dict[str, int]):
 
 
 def test_nothing_is_folded_that_may_not_be_finite():
-    nodes = (Node("input"), Node("const", (), 0.0), Node("mul", (0, 1)), Node("sub", (0, 0)), Node("div", (1, 1)))
+    nodes = (
+        Node("input"),
+        Node("const", (), 0.0),
+        Node("mul", (0, 1)),
+        Node("sub", (0, 0)),
+        Node("div", (1, 1)),
+    )
     program = simplify(Program("f", (("x", 1),), (("y", 3),), nodes, (2, 3, 4)))
     assert np.isnan(evaluate(program, np.array([np.inf]))).all()
 
@@ -85,7 +104,9 @@ def test_constants_are_folded_as_ieee_arithmetic_does():
     a, b, root = ca.SX(0.1), ca.SX(3), ca.sqrt(ca.SX(2))
     program = simplify(trace(ca.Function("f", [], [a + 0.2, b * 0.1, a / b, root])))
     assert program.operations == 0
-    np.testing.assert_array_equal(evaluate(program, np.zeros(0)), [0.1 + 0.2, 3 * 0.1, 0.1 / 3, 2**0.5])
+    np.testing.assert_array_equal(
+        evaluate(program, np.zeros(0)), [0.1 + 0.2, 3 * 0.1, 0.1 / 3, 2**0.5]
+    )
 
 
 def test_a_small_product_of_constants_is_not_folded():
@@ -96,14 +117,23 @@ def test_a_small_product_of_constants_is_not_folded():
 
 def random_program(seed: int) -> Program:
     rng = np.random.default_rng(seed)
-    nodes = [Node("input", (), k) for k in range(4)] + [Node("const", (), value) for value in NUMBERS]
+    nodes = [Node("input", (), k) for k in range(4)] + [
+        Node("const", (), value) for value in NUMBERS
+    ]
     while len(nodes) < 80:
         op = OPERATIONS[rng.integers(len(OPERATIONS))]
         arity = 1 if op in ("neg", "sqrt", "sin", "cos", "tan", "fabs") else 2
-        nodes.append(Node(op, tuple(int(k) for k in rng.integers(max(0, len(nodes) - 25), len(nodes), arity))))
+        nodes.append(
+            Node(
+                op, tuple(int(k) for k in rng.integers(max(0, len(nodes) - 25), len(nodes), arity))
+            )
+        )
         if op == "if_else_zero":
             condition = nodes[-1].args[0]
-            nodes += [Node("not", (condition,)), Node("if_else_zero", (len(nodes), int(rng.integers(12))))]
+            nodes += [
+                Node("not", (condition,)),
+                Node("if_else_zero", (len(nodes), int(rng.integers(12)))),
+            ]
             nodes.append(Node("add", (len(nodes) - 3, len(nodes) - 1)))
     results = tuple(range(len(nodes) - 30, len(nodes)))
     return Program("f", (("x", 4),), (("y", 30),), tuple(nodes), results)
@@ -123,7 +153,9 @@ def test_random_programs_keep_their_values(seed: int):
 def test_operands_come_first_and_each_value_once(seed: int):
     simple = simplify(random_program(seed))
     assert all(a < k for k, node in enumerate(simple.nodes) for a in node.args)
-    assert len({(node.op, node.args, str(node.value)) for node in simple.nodes}) == len(simple.nodes)
+    assert len({(node.op, node.args, str(node.value)) for node in simple.nodes}) == len(
+        simple.nodes
+    )
     used = set(simple.results).union(*(node.args for node in simple.nodes))
     assert used == set(range(len(simple.nodes)))
     assert simplify(simple).operations <= simple.operations

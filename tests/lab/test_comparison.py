@@ -7,7 +7,13 @@ import pytest
 
 import linkwork as lw
 from linkwork.lab import engines, overlays
-from linkwork.lab.comparison import NOC, PRESCRIBED, compare, largest_differences, position_differences
+from linkwork.lab.comparison import (
+    NOC,
+    PRESCRIBED,
+    compare,
+    largest_differences,
+    position_differences,
+)
 
 from tests.catalogue import built
 
@@ -43,7 +49,11 @@ def test_engines_agree_with_linkwork(comparison, name):
 
 def test_differences_are_the_largest_over_time_by_unit(comparison):
     robot, curve = comparison.robot, comparison[NOC]
-    positions, accelerations, tool = curve.positions.copy(), curve.accelerations.copy(), curve.tool.copy()
+    positions, accelerations, tool = (
+        curve.positions.copy(),
+        curve.accelerations.copy(),
+        curve.tool.copy(),
+    )
     positions[7, robot.coordinates.index("slide_2")] += 0.25
     positions[9, robot.coordinates.index("wrist_1")] -= 0.5
     accelerations[3, 2] += 4.0
@@ -92,7 +102,12 @@ def arm_comparison(arm):
 def test_another_robot_goes_through_the_same_machinery(arm_comparison):
     for curve in arm_comparison.curves:
         found = largest_differences(arm_comparison.robot, curve, arm_comparison[NOC])
-        assert set(found) == {("joint position", "rad"), ("acceleration", "rad/s²"), ("tool", "m"), ("tool", "rad")}
+        assert set(found) == {
+            ("joint position", "rad"),
+            ("acceleration", "rad/s²"),
+            ("tool", "m"),
+            ("tool", "rad"),
+        }
         assert found["tool", "m"] < 1e-8
     figure = overlays.series_figure(arm_comparison, "positions", "position", "m", "rad")
     assert {axes.get_ylabel() for axes in figure.axes} >= {"position [rad]"}

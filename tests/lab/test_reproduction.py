@@ -71,13 +71,16 @@ def test_tables_and_captions_are_escaped(drawn):
         '{% from "parts.html" import show_table, show_picture %}{{ show_table(table) }}{{ show_picture(picture) }}'
     )
     page = template.render(
-        table=PageTable("<b>", ("<i> [m]",), [("<u>",)]), picture=picture("p", "<s>", drawn["robot"])
+        table=PageTable("<b>", ("<i> [m]",), [("<u>",)]),
+        picture=picture("p", "<s>", drawn["robot"]),
     )
     assert not {"b", "i", "u", "s"} & set(Reader(page).tags)
 
 
 def test_without_engines_the_page_says_so_and_shows_the_rest(comparison, drawn):
-    alone = dataclasses.replace(comparison, curves=comparison.curves[:2], failures={"mujoco": "MuJoCo refuses: <it>"})
+    alone = dataclasses.replace(
+        comparison, curves=comparison.curves[:2], failures={"mujoco": "MuJoCo refuses: <it>"}
+    )
     page = reproduction.render(alone, drawn)
     assert "Exudyn is not shown: not installed; pip install" in page
     assert "MuJoCo is not shown: MuJoCo refuses: &lt;it&gt;." in page
@@ -99,12 +102,18 @@ def test_an_engine_that_fails_is_reported_and_loses_nothing(robot, monkeypatch):
 
 def test_the_command_without_engines_writes_everything(tmp_path, monkeypatch):
     monkeypatch.setattr(engines, "available", lambda: ())
-    result = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["reproduce", "--out", str(tmp_path / "new" / "demo")])
+    result = CliRunner(env={"COLUMNS": "80"}).invoke(
+        app, ["reproduce", "--out", str(tmp_path / "new" / "demo")]
+    )
     assert result.exit_code == 0, result.output
     assert "Pinocchio is not shown: not installed" in result.output
     folder = tmp_path / "new" / "demo"
     written = {path.name for path in folder.iterdir()}
-    assert written == {"report.html", "reproduction.nc", *(f"{name}.svg" for name in reproduction.CAPTIONS)}
+    assert written == {
+        "report.html",
+        "reproduction.nc",
+        *(f"{name}.svg" for name in reproduction.CAPTIONS),
+    }
     data = xarray.load_dataset(folder / "reproduction.nc")
     assert list(data.source.values) == ["prescribed", "noc"]
     assert float(data.spline_error.max()) < 1e-9
@@ -129,6 +138,8 @@ def test_numbers_in_few_digits(value, text):
     assert short(value) == text
 
 
-@pytest.mark.parametrize(("value", "text"), [(None, "–"), (1.084, "1.08 s"), (0.0306, "30.6 ms"), (3.06e-5, "30.6 µs")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "–"), (1.084, "1.08 s"), (0.0306, "30.6 ms"), (3.06e-5, "30.6 µs")]
+)
 def test_wall_times_in_their_unit(value, text):
     assert duration(value) == text

@@ -33,7 +33,23 @@ from linkwork.mechanism import (
 )
 
 TRAPS = (
-    *("on", "Yes", "nO", "true", "null", "~", "1", "-7", "1e3", "010", "0x1F", "0o17", "1_000", "1:30", "2024-01-01"),
+    *(
+        "on",
+        "Yes",
+        "nO",
+        "true",
+        "null",
+        "~",
+        "1",
+        "-7",
+        "1e3",
+        "010",
+        "0x1F",
+        "0o17",
+        "1_000",
+        "1:30",
+        "2024-01-01",
+    ),
     *(
         "<<",
         "=",
@@ -54,7 +70,23 @@ TRAPS = (
         "[",
         "{",
     ),
-    *("a,b", "a]", "?", "|", ">", "é", "关节", "link 1", "x" * 300, "type", "linkwork", "self", "ground_", "-", "---"),
+    *(
+        "a,b",
+        "a]",
+        "?",
+        "|",
+        ">",
+        "é",
+        "关节",
+        "link 1",
+        "x" * 300,
+        "type",
+        "linkwork",
+        "self",
+        "ground_",
+        "-",
+        "---",
+    ),
 )
 QUATERNION = ("qw", "qx", "qy", "qz")
 
@@ -83,7 +115,13 @@ names = st.sampled_from(TRAPS) | st.text(min_size=1, max_size=6).filter(valid_na
 def inertias(draw):
     if draw(st.booleans()):
         return Inertia(zz=draw(non_negative))
-    points = np.array(draw(st.lists(st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 3), min_size=3, max_size=4)))
+    points = np.array(
+        draw(
+            st.lists(
+                st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 3), min_size=3, max_size=4
+            )
+        )
+    )
     tensor = np.sum([p @ p * np.eye(3) - np.outer(p, p) for p in points], axis=0)
     tensor[np.abs(tensor) < np.finfo(float).tiny] = 0
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()
@@ -93,7 +131,9 @@ def inertias(draw):
 parts = st.floats(0, 1, allow_subnormal=False)
 looks = {"frame": frames, "colour": st.none() | st.tuples(parts, parts, parts)}
 corners = st.lists(st.integers(0, 99), min_size=6, max_size=9, unique=True).map(
-    lambda hundredths: tuple((float(np.cos(t)), float(np.sin(t))) for t in np.sort(hundredths) * 2 * np.pi / 100)
+    lambda hundredths: tuple(
+        (float(np.cos(t)), float(np.sin(t))) for t in np.sort(hundredths) * 2 * np.pi / 100
+    )
 )
 shapes = st.one_of(
     st.builds(Box, size=st.tuples(positive, positive, positive), **looks),
@@ -135,7 +175,9 @@ def effects_by(freedoms):
 
 def crossing(first, second):
     """Return the first direction and one perpendicular to it, in the second's plane if that is another direction."""
-    other = second if np.linalg.norm(np.cross(first, second)) > 0.1 else np.roll(first, 1) * (1, -1, 2)
+    other = (
+        second if np.linalg.norm(np.cross(first, second)) > 0.1 else np.roll(first, 1) * (1, -1, 2)
+    )
     normal = np.cross(first, other)
     return first, tuple((normal / np.linalg.norm(normal)).tolist())
 
@@ -152,7 +194,9 @@ def pair_joints(first, second):
         st.builds(RevoluteJoint, **one, axis=directions),
         st.builds(PrismaticJoint, **one, axis=directions),
         st.builds(ScrewJoint, **one, axis=directions, pitch=numbers),
-        st.builds(CylindricalJoint, **common, **effects_by(CylindricalJoint.freedoms), axis=directions),
+        st.builds(
+            CylindricalJoint, **common, **effects_by(CylindricalJoint.freedoms), axis=directions
+        ),
         st.builds(UniversalJoint, **common, **effects_by(UniversalJoint.freedoms), axes=axes),
         st.builds(SphericalJoint, **common, **effects_by(SphericalJoint.freedoms)),
         st.builds(PlanarJoint, **common, **effects_by(PlanarJoint.freedoms)),
@@ -176,7 +220,9 @@ def mechanisms(draw):
             joints[next(joint_names)] = draw(pair_joints(*draw(two)))
     labels = [label for name, joint in joints.items() for label in joint.coordinates(name)]
     rates = [label for name, joint in joints.items() for label in joint.rates(name)]
-    geared = [label for label in labels if label in joints or label.rpartition(".")[2] not in QUATERNION]
+    geared = [
+        label for label in labels if label in joints or label.rpartition(".")[2] not in QUATERNION
+    ]
     if len(geared) > 1 and draw(st.booleans()):
         ratios = st.dictionaries(st.sampled_from(geared), positive, min_size=2)
         joints[next(joint_names)] = draw(st.builds(GearJoint, ratios=ratios, offset=numbers))
@@ -195,7 +241,11 @@ def mechanisms(draw):
         joints=joints,
         springs=draw(st.dictionaries(names, points, max_size=2)) if body_names else {},
         actuators=draw(st.lists(st.sampled_from(rates), unique=True)) if rates else (),
-        tools=draw(st.dictionaries(names, st.builds(Tool, body=st.sampled_from(body_names), frame=frames), max_size=2))
+        tools=draw(
+            st.dictionaries(
+                names, st.builds(Tool, body=st.sampled_from(body_names), frame=frames), max_size=2
+            )
+        )
         if body_names
         else {},
         reference=draw(st.dictionaries(st.sampled_from(labels), numbers)) if labels else {},

@@ -12,10 +12,31 @@ from linkwork.mechanism.document import MAX_DEPTH, MAX_ENTRIES, read_document
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        *(("1", 1), ("-7", -7), ("+3", 3), ("1.5", 1.5), (".5", 0.5), ("5.", 5.0), ("1e-3", 1e-3), ("1E3", 1e3)),
-        *(("010", 10), ("-.5e+2", -50.0), (".inf", math.inf), ("-.INF", -math.inf), ("9" * 400, math.inf)),
+        *(
+            ("1", 1),
+            ("-7", -7),
+            ("+3", 3),
+            ("1.5", 1.5),
+            (".5", 0.5),
+            ("5.", 5.0),
+            ("1e-3", 1e-3),
+            ("1E3", 1e3),
+        ),
+        *(
+            ("010", 10),
+            ("-.5e+2", -50.0),
+            (".inf", math.inf),
+            ("-.INF", -math.inf),
+            ("9" * 400, math.inf),
+        ),
         *(("~", None), ("null", None), ("", None), ("'~'", "~"), ("'1'", "1"), ('"on"', "on")),
-        *(("1:30", "1:30"), ("2024-01-01", "2024-01-01"), ("1_000", "1_000"), ("0x1F", "0x1F"), ("e3", "e3")),
+        *(
+            ("1:30", "1:30"),
+            ("2024-01-01", "2024-01-01"),
+            ("1_000", "1_000"),
+            ("0x1F", "0x1F"),
+            ("e3", "e3"),
+        ),
         *(("٣", "٣"), ("a b", "a b"), ('"\\t"', "\t"), ("=", "="), ("1e", "1e"), (".", ".")),
         *(("[1, [a], {}]", [1, ["a"], {}]), ("- 1\n  - 2", ["1 - 2"])),
     ],
@@ -29,7 +50,9 @@ def test_whole_numbers_stay_whole():
 
 
 def test_lines_of_elements():
-    root = read_document("# first\na: 1\n\nb:\n  c: [1,\n    2]\n  d:\n    - x\n    - y: 1\n'e.f': {g: 1}\n")
+    root = read_document(
+        "# first\na: 1\n\nb:\n  c: [1,\n    2]\n  d:\n    - x\n    - y: 1\n'e.f': {g: 1}\n"
+    )
     lines = {
         (): 2,
         ("a",): 2,
@@ -58,16 +81,31 @@ def test_aliases_stand_for_what_their_anchors_hold():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("a: 1\nb: on", "line 2: b: on without quotes means true or false, which nothing in a mechanism is; put it in"),
+        (
+            "a: 1\nb: on",
+            "line 2: b: on without quotes means true or false, which nothing in a mechanism is; put it in",
+        ),
         ("a:\n  yes: 1", "line 2: a: yes without quotes means true or false"),
         ("a: [x, False]", "line 1: a.1: False without quotes means true or false"),
-        ("a:\n  1: 2", "line 2: a: the key 1 is a number; put it in quotes to use it as a name: '1'"),
-        ("a:\n  1e3: 2", "line 2: a: the key 1e3 is a number; put it in quotes to use it as a name: '1e3'"),
+        (
+            "a:\n  1: 2",
+            "line 2: a: the key 1 is a number; put it in quotes to use it as a name: '1'",
+        ),
+        (
+            "a:\n  1e3: 2",
+            "line 2: a: the key 1e3 is a number; put it in quotes to use it as a name: '1e3'",
+        ),
         ("{~: 1}", "line 1: a key is empty; give a name before each colon"),
         ("? [a]\n: 1", "line 1: a key is not plain text; give a name before each colon"),
         ("a: &x b\n*x : 1", "line 2: a key is not plain text"),
-        ("a:\n  b: 1\n  c: 2\n  b: 3", "line 4: a.b: is given twice, first in line 2; keep one of them"),
-        ("a: &x {b: 1}\nc:\n  <<: *x", "line 3: c: merging by << is not read; write the fields out"),
+        (
+            "a:\n  b: 1\n  c: 2\n  b: 3",
+            "line 4: a.b: is given twice, first in line 2; keep one of them",
+        ),
+        (
+            "a: &x {b: 1}\nc:\n  <<: *x",
+            "line 3: c: merging by << is not read; write the fields out",
+        ),
         ("a: 1\nb:\n\tc: 2", "line 3: is indented by a tab; indent by spaces"),
         ("a: 1\nb: [1, 2", "line 2: is not YAML: "),
         ("a: b: c", "line 1: is not YAML: mapping values are not allowed"),
@@ -77,11 +115,17 @@ def test_aliases_stand_for_what_their_anchors_hold():
             "line 1: a: the tag 'tag:yaml.org,2002:python/object/apply:os.syst",
         ),
         ("a: !!python/name:os.system", "line 1: a: the tag "),
-        ("a: !mine 1", "line 1: a: the tag '!mine' is not read; give plain numbers, text, lists and mappings"),
+        (
+            "a: !mine 1",
+            "line 1: a: the tag '!mine' is not read; give plain numbers, text, lists and mappings",
+        ),
         ("!!map {a: 1}", "line 1: the tag "),
         ("a: *x", "line 1: a: the alias *x stands for nothing: no finished &x comes before it"),
         ("a: &x [*x]", "line 1: a.0: the alias *x stands for nothing"),
-        ("a: 1\nb: x\0y", "line 2: holds the character U+0000, which no YAML text may; is it a binary file?"),
+        (
+            "a: 1\nb: x\0y",
+            "line 2: holds the character U+0000, which no YAML text may; is it a binary file?",
+        ),
         ("a: \x1b[0m", "line 1: holds the character U+001B"),
         ("a: '\ud800'", "line 1: holds the character U+D800"),
     ],
@@ -105,7 +149,10 @@ LAUGHS = "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in ra
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("a0: &a0 [ha, ha]\n" + LAUGHS, f"holds more than {MAX_ENTRIES} entries, with aliases written out"),
+        (
+            "a0: &a0 [ha, ha]\n" + LAUGHS,
+            f"holds more than {MAX_ENTRIES} entries, with aliases written out",
+        ),
         ("[" * 3_000_000, "is nested deeper"),
         ("- " * 1_000_000, "is nested deeper"),
         ("".join(" " * i + "a:\n" for i in range(2000)), "is nested deeper"),
@@ -125,7 +172,9 @@ def test_entries_are_counted(monkeypatch):
     assert read_document("[&x [1, 2], *x, *x]").data == [[1, 2]] * 3
     assert read_document("{a: [1, 2, 3, 4, 5, 6, 7, 8]}").data
     for text in ("[&x [1, 2], *x, *x, 1]", "{a: [1, 2, 3, 4, 5, 6, 7, 8, 9]}"):
-        with pytest.raises(MechanismError, match="line 1: holds more than 10 entries, with aliases written out"):
+        with pytest.raises(
+            MechanismError, match="line 1: holds more than 10 entries, with aliases written out"
+        ):
             read_document(text)
 
 

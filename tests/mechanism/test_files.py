@@ -62,7 +62,9 @@ def test_round_trip_of_any_mechanism(mechanism):
 @pytest.mark.parametrize("name", TRAPS)
 def test_names_that_yaml_might_misread(tmp_path, name):
     hinge = RevoluteJoint(connects=("ground", name))
-    mechanism = Mechanism(name=name, bodies={name: Body(mass=1)}, joints={name: hinge}, actuators=(name,))
+    mechanism = Mechanism(
+        name=name, bodies={name: Body(mass=1)}, joints={name: hinge}, actuators=(name,)
+    )
     mechanism.save(tmp_path / "x.yaml")
     assert Mechanism.load(tmp_path / "x.yaml") == mechanism
 
@@ -77,9 +79,7 @@ def test_numbers_of_numpy_are_written_as_numbers(tmp_path):
 def test_defaults_are_left_out(tmp_path):
     hinge = RevoluteJoint(connects=("ground", "a"))
     Mechanism(bodies={"a": Body(mass=1e-5)}, joints={"h": hinge}).save(tmp_path / "x.yaml")
-    expected = (
-        "linkwork: 1\nbodies:\n  a: {mass: 1.0e-05}\njoints:\n  h:\n    type: revolute\n    connects: [ground, a]\n"
-    )
+    expected = "linkwork: 1\nbodies:\n  a: {mass: 1.0e-05}\njoints:\n  h:\n    type: revolute\n    connects: [ground, a]\n"
     assert (tmp_path / "x.yaml").read_text() == expected
 
 
@@ -95,39 +95,107 @@ def test_a_hand_written_file(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("linkwork: 1\n", "", "line 2: linkwork: is missing; the first line should be 'linkwork: 1'"),
-        ("linkwork: 1", "linkwork: 7", "line 2: linkwork: 7 is not a format version this program reads; give 1"),
-        ("{mass: 1.0}", "{mass: -1}", "line 4: bodies.upper.mass: -1 is below 0; expected mass [kg], zero or more"),
+        (
+            "linkwork: 1\n",
+            "",
+            "line 2: linkwork: is missing; the first line should be 'linkwork: 1'",
+        ),
+        (
+            "linkwork: 1",
+            "linkwork: 7",
+            "line 2: linkwork: 7 is not a format version this program reads; give 1",
+        ),
+        (
+            "{mass: 1.0}",
+            "{mass: -1}",
+            "line 4: bodies.upper.mass: -1 is below 0; expected mass [kg], zero or more",
+        ),
         ("{mass: 1.0}", "{mass: '1,5'}", "line 4: bodies.upper.mass: '1,5' is not a number"),
-        ("{mass: 1.0}", "", "line 4: bodies.upper: is empty; give the fields mass, centre_of_mass, inertia"),
+        (
+            "{mass: 1.0}",
+            "",
+            "line 4: bodies.upper: is empty; give the fields mass, centre_of_mass, inertia",
+        ),
         ("    mass: 2.0\n", "", "line 5: bodies.lower.mass: is missing"),
-        ("    mass: 2.0\n", "    mas: 2.0\n", "line 6: bodies.lower.mas: is not a known field (did you mean mass?)"),
+        (
+            "    mass: 2.0\n",
+            "    mas: 2.0\n",
+            "line 6: bodies.lower.mas: is not a known field (did you mean mass?)",
+        ),
         ("0.1, 0, 0]", "0.1, 0]", "line 7: bodies.lower.centre_of_mass: give 3 numbers, not 2"),
-        ("{zz: 0.1}", "\n      zz: 1\n      xx: 3\n      yy: 1\n", "line 8: bodies.lower.inertia: principal moments"),
-        ("type: revolute", "type: revolut", "line 11: joints.shoulder.type: 'revolut' is not a type (did you mean"),
+        (
+            "{zz: 0.1}",
+            "\n      zz: 1\n      xx: 3\n      yy: 1\n",
+            "line 8: bodies.lower.inertia: principal moments",
+        ),
+        (
+            "type: revolute",
+            "type: revolut",
+            "line 11: joints.shoulder.type: 'revolut' is not a type (did you mean",
+        ),
         ("    type: revolute\n", "", "line 10: joints.shoulder.type: is missing; the types are"),
-        ("type: revolute", "type: screw", "line 10: joints.shoulder.pitch: is missing; expected advance"),
+        (
+            "type: revolute",
+            "type: screw",
+            "line 10: joints.shoulder.pitch: is missing; expected advance",
+        ),
         ("[ground, upper]", "[ground, uper]", "line 12: joints.shoulder.connects"),
-        ("[ground, upper]", "[ground, 1]", "line 12: joints.shoulder.connects.1: 1 is not text; put it in quotes"),
+        (
+            "[ground, upper]",
+            "[ground, 1]",
+            "line 12: joints.shoulder.connects.1: 1 is not text; put it in quotes",
+        ),
         (
             "[ground, upper]",
             "\n    - ground\n    - on\n",
             "line 14: joints.shoulder.connects.1: on without quotes means",
         ),
-        ("axis: [0, 0, 1]", "axis: [0, 0, 0]", "line 13: joints.shoulder.axis: axis [0.0, 0.0, 0.0] has no length"),
+        (
+            "axis: [0, 0, 1]",
+            "axis: [0, 0, 0]",
+            "line 13: joints.shoulder.axis: axis [0.0, 0.0, 0.0] has no length",
+        ),
         (
             "axis: [0, 0, 1]",
             "axis:\n      - 0\n      - z\n      - 1\n",
             "line 15: joints.shoulder.axis.1: 'z' is not a",
         ),
-        ("- position: [0, 0, 0]", "- positon: [0, 0, 0]", "line 19: joints.elbow.frames.1.positon: is not a known"),
-        ("turn: {viscous", "turn: {viscos", "line 21: joints.elbow.friction.turn.viscos: is not a known field (did"),
-        ("turn: {viscous: 0.1}", "spin: {}", "line 20: joints.elbow.friction: there is no freedom 'spin'"),
-        ("actuators: [shoulder]", "actuators: shoulder", "line 22: actuators: 'shoulder' is not a list"),
-        ("shoulder: 0.5", "shoulder: .nan", "line 24: reference.shoulder: nan is not a finite number"),
+        (
+            "- position: [0, 0, 0]",
+            "- positon: [0, 0, 0]",
+            "line 19: joints.elbow.frames.1.positon: is not a known",
+        ),
+        (
+            "turn: {viscous",
+            "turn: {viscos",
+            "line 21: joints.elbow.friction.turn.viscos: is not a known field (did",
+        ),
+        (
+            "turn: {viscous: 0.1}",
+            "spin: {}",
+            "line 20: joints.elbow.friction: there is no freedom 'spin'",
+        ),
+        (
+            "actuators: [shoulder]",
+            "actuators: shoulder",
+            "line 22: actuators: 'shoulder' is not a list",
+        ),
+        (
+            "shoulder: 0.5",
+            "shoulder: .nan",
+            "line 24: reference.shoulder: nan is not a finite number",
+        ),
         ("  elbow.qw: 1.0", "  elbow.qw: x", "line 25: reference.elbow.qw: 'x' is not a number"),
-        ("actuators:", "self: 1\nactuators:", "line 22: self: is not a known field; the fields here are name"),
-        ("actuators:", "tools: {t: {body: hand}}\nactuators:", "line 22: tools.t.body: there is no body 'hand'"),
+        (
+            "actuators:",
+            "self: 1\nactuators:",
+            "line 22: self: is not a known field; the fields here are name",
+        ),
+        (
+            "actuators:",
+            "tools: {t: {body: hand}}\nactuators:",
+            "line 22: tools.t.body: there is no body 'hand'",
+        ),
     ],
 )
 def test_refusals_name_file_line_and_element(tmp_path, old, new, sentence):
@@ -144,7 +212,9 @@ def test_refusals_name_file_line_and_element(tmp_path, old, new, sentence):
 @pytest.mark.parametrize("text", ["", "# nothing\n", "---\n", "- 1", "mechanism", "42"])
 def test_documents_that_hold_no_mechanism(tmp_path, text):
     (tmp_path / "x.yaml").write_text(text)
-    with pytest.raises(MechanismError, match=r"x.yaml: line [12]: holds no mechanism; the first line should be"):
+    with pytest.raises(
+        MechanismError, match=r"x.yaml: line [12]: holds no mechanism; the first line should be"
+    ):
         Mechanism.load(tmp_path / "x.yaml")
 
 
@@ -175,7 +245,9 @@ def test_any_bytes_are_refused_in_one_line(content):
 def test_files_that_are_no_text(tmp_path):
     path = tmp_path / "x.yaml"
     path.write_bytes(b"linkwork: 1\n\xff\xfe\x00\x80")
-    with pytest.raises(MechanismError, match="line 2: is not UTF-8 text; a mechanism file is YAML text"):
+    with pytest.raises(
+        MechanismError, match="line 2: is not UTF-8 text; a mechanism file is YAML text"
+    ):
         Mechanism.load(path)
     path.write_bytes(b"linkwork: 1\nname: a\0b")
     with pytest.raises(MechanismError, match=r"line 2: holds the character U\+0000"):
@@ -204,7 +276,9 @@ def test_a_file_without_permission(tmp_path):
 def test_a_huge_file_is_refused_unread(tmp_path):
     with (tmp_path / "x.yaml").open("wb") as file:
         file.truncate(1000 * MAX_BYTES)
-    with pytest.raises(MechanismError, match="is larger than 20 MB; a mechanism file is far smaller"):
+    with pytest.raises(
+        MechanismError, match="is larger than 20 MB; a mechanism file is far smaller"
+    ):
         Mechanism.load(tmp_path / "x.yaml")
 
 
@@ -227,6 +301,7 @@ def test_places_that_cannot_be_written(tmp_path):
 def test_model_files_are_sent_to_the_formats(tmp_path, name):
     (tmp_path / name).write_text("<robot/>")
     with pytest.raises(
-        MechanismError, match=r"read it by linkwork.formats.load\(path\).mechanism, or turn it .* convert'"
+        MechanismError,
+        match=r"read it by linkwork.formats.load\(path\).mechanism, or turn it .* convert'",
     ):
         Mechanism.load(tmp_path / name)

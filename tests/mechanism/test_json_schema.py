@@ -42,7 +42,9 @@ def test_every_field_is_described():
 def test_saved_files_satisfy_it(mechanism):
     with TemporaryDirectory() as folder:
         mechanism.save(Path(folder) / "x.yaml")
-        VALIDATOR.validate(read_document((Path(folder) / "x.yaml").read_text(encoding="utf-8")).data)
+        VALIDATOR.validate(
+            read_document((Path(folder) / "x.yaml").read_text(encoding="utf-8")).data
+        )
 
 
 @pytest.mark.parametrize("name", robots.__all__)

@@ -30,19 +30,51 @@ def changed(path, value):
             "bodies.link_1.mass: -0.5 is below 0; expected mass [kg], zero or more",
         ),
         ("bodies.link_1.mass", math.nan, "bodies.link_1.mass: nan is not a finite number"),
-        ("bodies.link_1.mass", "heavy", "bodies.link_1.mass: 'heavy' is not a number; expected mass"),
-        ("bodies.link_1.weight", 1.0, "bodies.link_1.weight: is not a known field; the fields here are mass,"),
+        (
+            "bodies.link_1.mass",
+            "heavy",
+            "bodies.link_1.mass: 'heavy' is not a number; expected mass",
+        ),
+        (
+            "bodies.link_1.weight",
+            1.0,
+            "bodies.link_1.weight: is not a known field; the fields here are mass,",
+        ),
         (
             "bodies.link_1.inertia",
             {"xx": 1.0, "yy": 1.0, "zz": 3.0},
             "bodies.link_1.inertia: principal moments 1, 1, 3 kg m^2 violate the triangle inequality",
         ),
-        ("bodies.link_1.inertia", {"xx": 1.0, "zz": 3.0}, "bodies.link_1.inertia: give xx, yy and zz, or zz alone"),
-        ("bodies.link_1.inertia", {"zz": 3.0, "xy": 1.0}, "bodies.link_1.inertia: xy, xz and yz need xx and yy too"),
-        ("bodies.extra", {"mass": 1.0}, "bodies.extra: no chain of joints connects it to ground; add a joint"),
-        ("bodies.ground", {"mass": 1.0}, "bodies.ground: 'ground' is the fixed frame and cannot be described"),
-        ("joints.slide_1.axis", (0, 0, 0), "joints.slide_1.axis: axis [0.0, 0.0, 0.0] has no length; give a direction"),
-        ("joints.slide_1.axis", (0, 1), "joints.slide_1.axis: give 3 numbers, not 2; expected unit axis"),
+        (
+            "bodies.link_1.inertia",
+            {"xx": 1.0, "zz": 3.0},
+            "bodies.link_1.inertia: give xx, yy and zz, or zz alone",
+        ),
+        (
+            "bodies.link_1.inertia",
+            {"zz": 3.0, "xy": 1.0},
+            "bodies.link_1.inertia: xy, xz and yz need xx and yy too",
+        ),
+        (
+            "bodies.extra",
+            {"mass": 1.0},
+            "bodies.extra: no chain of joints connects it to ground; add a joint",
+        ),
+        (
+            "bodies.ground",
+            {"mass": 1.0},
+            "bodies.ground: 'ground' is the fixed frame and cannot be described",
+        ),
+        (
+            "joints.slide_1.axis",
+            (0, 0, 0),
+            "joints.slide_1.axis: axis [0.0, 0.0, 0.0] has no length; give a direction",
+        ),
+        (
+            "joints.slide_1.axis",
+            (0, 1),
+            "joints.slide_1.axis: give 3 numbers, not 2; expected unit axis",
+        ),
         (
             "joints.slide_1.type",
             "slider",
@@ -58,10 +90,22 @@ def changed(path, value):
             ("link_1", "link_1"),
             "joints.slide_1: connects 'link_1' to itself; name two bodies",
         ),
-        ("actuators", ("motor",), "actuators: there is no joint 'motor'; the joint names are slide_1"),
+        (
+            "actuators",
+            ("motor",),
+            "actuators: there is no joint 'motor'; the joint names are slide_1",
+        ),
         ("actuators", ("slide_1", "slide_1"), "actuators: 'slide_1' is named twice"),
-        ("tools.centre.body", "hand", "tools.centre.body: there is no body 'hand'; the body names are slider_1"),
-        ("reference.elbow", 0.1, "reference: there is no joint 'elbow'; the joint names are slide_1"),
+        (
+            "tools.centre.body",
+            "hand",
+            "tools.centre.body: there is no body 'hand'; the body names are slider_1",
+        ),
+        (
+            "reference.elbow",
+            0.1,
+            "reference: there is no joint 'elbow'; the joint names are slide_1",
+        ),
         ("name", "a.b", None),
     ],
 )
@@ -129,8 +173,14 @@ def test_quaternion_of_zero_length_is_refused():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Frame(position=(0, 1e200, 0)), r"position\.1: 1e\+200 is above 1e\+50; expected p_BF"),
-        (lambda: Frame(rotation=(-1e200, 0, 0)), r"rotation\.0: -1e\+200 is below -1e\+50; expected rotation vector"),
+        (
+            lambda: Frame(position=(0, 1e200, 0)),
+            r"position\.1: 1e\+200 is above 1e\+50; expected p_BF",
+        ),
+        (
+            lambda: Frame(rotation=(-1e200, 0, 0)),
+            r"rotation\.0: -1e\+200 is below -1e\+50; expected rotation vector",
+        ),
         (lambda: Body(mass=1e308), r"mass: 1e\+308 is above 1e\+50; expected mass \[kg\]"),
         (lambda: Inertia(zz=1e155), r"zz: 1e\+155 is above 1e\+50; expected moment of inertia"),
     ],

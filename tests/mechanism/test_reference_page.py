@@ -44,14 +44,24 @@ def test_every_field_and_its_default_is_there(record):
         if name in ("friction", "spring", "limits", "rotor_inertia"):
             assert row(name)[0][-1].strip() == "none"
             continue
-        default = None if field.is_required() or name == "type" else field.get_default(call_default_factory=True)
+        default = (
+            None
+            if field.is_required() or name == "type"
+            else field.get_default(call_default_factory=True)
+        )
         cells = [cells[-1].strip().strip("`") for cells in row(name)]
         if field.is_required() or name == "type":
             assert "required" in cells, name
         elif isinstance(default, float):
             assert any(cell == f"{default:g}" for cell in cells), name
-        elif isinstance(default, tuple) and all(isinstance(item, float) for item in default) and default:
-            assert any(cell == str([float(f"{x:g}") for x in default]).replace(".0", "") for cell in cells), name
+        elif (
+            isinstance(default, tuple)
+            and all(isinstance(item, float) for item in default)
+            and default
+        ):
+            assert any(
+                cell == str([float(f"{x:g}") for x in default]).replace(".0", "") for cell in cells
+            ), name
         else:
             assert any(cell and cell != "required" for cell in cells), name
 
@@ -69,7 +79,15 @@ def test_every_joint_type_with_freedoms_coordinates_rates_and_fields(kind):
         for name in names:
             part = name.removeprefix("j.")
             assert f"`.{part}`" in column or (part in ("qx", "qy") and "`.qw` ... `.qz`" in column)
-    own = set(joint.model_fields) - {"type", "connects", "frames", "friction", "spring", "limits", "rotor_inertia"}
+    own = set(joint.model_fields) - {
+        "type",
+        "connects",
+        "frames",
+        "friction",
+        "spring",
+        "limits",
+        "rotor_inertia",
+    }
     assert set(re.findall(r"`(\w+)`", cells[5])) == own
 
 
@@ -104,7 +122,10 @@ def test_limits():
             "bodies: {}\njoints: {hinge: {type: revolute, connects: [ground, arm], axis: [0, 0, 0]}}",
             "joints.hinge.axis",
         ),
-        ("bodies: {arm: {mass: 1, centre_of_mass: [0, 0]}}\njoints: {}", "bodies.arm.centre_of_mass: give 3"),
+        (
+            "bodies: {arm: {mass: 1, centre_of_mass: [0, 0]}}\njoints: {}",
+            "bodies.arm.centre_of_mass: give 3",
+        ),
         ("bodies: {arm: {mas: 1}}\njoints: {}", "bodies.arm.mas: is not a known field"),
         ("bodies: {}\njoints: {hinge: {type: revolut}}", "joints.hinge.type: 'revolut'"),
         ("joints: {hinge: {connects: [ground, on]}}", "joints.hinge.connects.1: on without quotes"),

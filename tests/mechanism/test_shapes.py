@@ -46,21 +46,45 @@ def arm(**fields):
     ("shape", "sentence"),
     [
         ("{type: sphere, radius: 0}", "radius: 0 is not above 0; expected radius [m]"),
-        ("{type: box, size: [1, 2, -3]}", "size.2: -3 is not above 0; expected lengths along x, y and z [m]"),
+        (
+            "{type: box, size: [1, 2, -3]}",
+            "size.2: -3 is not above 0; expected lengths along x, y and z [m]",
+        ),
         ("{type: box, size: [1, 2]}", "size: give 3 numbers, not 2"),
         (
             "{type: ball, radius: 1}",
             "type: 'ball' is not a type; the types are box, cylinder, sphere, capsule, polygon",
         ),
         ("{radius: 1}", "type: is missing; the types are box, cylinder, sphere, capsule, polygon"),
-        ("{type: capsule, radius: 1}", "length: is missing; expected length along z between the middles"),
-        ("{type: sphere, radius: 1, mass: 2}", "mass: is not a known field; the fields here are type, frame, colour"),
-        ("{type: sphere, radius: 1, colour: [0, 0, 1.5]}", "colour.2: 1.5 is above 1; expected red, green and blue"),
-        ("{type: sphere, radius: 1, colour: red}", "colour: 'red' is not a list; expected red, green and blue"),
-        ("{type: polygon, points: [[0, 0], [1, 0]], thickness: 1}", "points: give 3 entries or more, not 2"),
-        ("{type: polygon, points: [[0, 0], [1, 0], [0, 1], [1, 1]], thickness: 1}", f"points: {CORNERS}"),
+        (
+            "{type: capsule, radius: 1}",
+            "length: is missing; expected length along z between the middles",
+        ),
+        (
+            "{type: sphere, radius: 1, mass: 2}",
+            "mass: is not a known field; the fields here are type, frame, colour",
+        ),
+        (
+            "{type: sphere, radius: 1, colour: [0, 0, 1.5]}",
+            "colour.2: 1.5 is above 1; expected red, green and blue",
+        ),
+        (
+            "{type: sphere, radius: 1, colour: red}",
+            "colour: 'red' is not a list; expected red, green and blue",
+        ),
+        (
+            "{type: polygon, points: [[0, 0], [1, 0]], thickness: 1}",
+            "points: give 3 entries or more, not 2",
+        ),
+        (
+            "{type: polygon, points: [[0, 0], [1, 0], [0, 1], [1, 1]], thickness: 1}",
+            f"points: {CORNERS}",
+        ),
         ("{type: polygon, points: [[0, 0], [1, 0], [2, 0]], thickness: 1}", f"points: {CORNERS}"),
-        ("{type: polygon, points: [[0, 0], [2, 0], [0.5, 0.5], [0, 2]], thickness: 1}", f"points: {CORNERS}"),
+        (
+            "{type: polygon, points: [[0, 0], [2, 0], [0.5, 0.5], [0, 2]], thickness: 1}",
+            f"points: {CORNERS}",
+        ),
         (f"{{type: polygon, points: {PENTAGRAM}, thickness: 1}}", f"points: {CORNERS}"),
     ],
 )
@@ -77,11 +101,14 @@ def test_polygons_run_either_way():
 
 
 @pytest.mark.parametrize(
-    "path", ["arm.shapes.0.size.x", "arm.shapes.0.frame.position.0", "arm.shapes.0.frame.rotation.z"]
+    "path",
+    ["arm.shapes.0.size.x", "arm.shapes.0.frame.position.0", "arm.shapes.0.frame.rotation.z"],
 )
 def test_numbers_of_shapes_cannot_be_free(path):
     mechanism = arm(shapes=(Box(size=(1.0, 1.0, 1.0)),))
-    with pytest.raises(MechanismError, match=f"'{path}' enters no equation of motion and cannot be free"):
+    with pytest.raises(
+        MechanismError, match=f"'{path}' enters no equation of motion and cannot be free"
+    ):
         free_numbers(mechanism, [path])
     changed = edited(mechanism, {path: 0.5}).bodies["arm"].shapes[0]
     assert changed != mechanism.bodies["arm"].shapes[0]
@@ -90,7 +117,9 @@ def test_numbers_of_shapes_cannot_be_free(path):
 def test_a_body_called_shapes_has_free_numbers():
     bodies = {"shapes": Body(mass=2.0)}
     joints = {"axis": RevoluteJoint(connects=("ground", "shapes"))}
-    assert free_numbers(Mechanism(bodies=bodies, joints=joints), ["shapes.mass"]) == {"shapes.mass": 2.0}
+    assert free_numbers(Mechanism(bodies=bodies, joints=joints), ["shapes.mass"]) == {
+        "shapes.mass": 2.0
+    }
 
 
 def test_a_body_keeps_its_shapes_under_a_payload():

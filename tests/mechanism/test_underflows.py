@@ -5,7 +5,16 @@ from functools import partial
 import pytest
 
 from linkwork.formats import load
-from linkwork.mechanism import Box, Capsule, Cylinder, Frame, Mechanism, MechanismError, Polygon, Sphere
+from linkwork.mechanism import (
+    Box,
+    Capsule,
+    Cylinder,
+    Frame,
+    Mechanism,
+    MechanismError,
+    Polygon,
+    Sphere,
+)
 from linkwork.robots import four_bar
 from linkwork.sweeps.designs import Values
 from linkwork.sweeps.study import Study
@@ -25,7 +34,8 @@ MJCF = """<mujoco><worldbody><body name="arm"><joint name="hinge"/>
 @pytest.mark.parametrize("number", ["1e-400", "-1E-330", "4e-310", "0.00001e-318"])
 def test_a_number_that_a_double_does_not_hold_is_refused_with_its_line(number):
     with pytest.raises(
-        MechanismError, match=f"line 5: bodies.arm.inertia.zz: {number} is nearer to zero than any number"
+        MechanismError,
+        match=f"line 5: bodies.arm.inertia.zz: {number} is nearer to zero than any number",
     ):
         Mechanism.parse(ARM.format(mass=1, zz=number))
 
@@ -60,12 +70,19 @@ def test_sizes_of_shapes_are_refused_as_other_lengths_are(shape):
 
 def test_so_are_the_numbers_of_a_study():
     with pytest.raises(MechanismError, match="duration: 1e-310 is nearer to zero"):
-        Study(robot=four_bar(), duration=1e-310, vary={"crank.mass": Values(values=(1,))}, outputs={"e": "last energy"})
+        Study(
+            robot=four_bar(),
+            duration=1e-310,
+            vary={"crank.mass": Values(values=(1,))},
+            outputs={"e": "last energy"},
+        )
 
 
 def test_what_follows_from_numbers_is_zero_where_it_is_nothing_beside_one(tmp_path):
     """An axis of length 2 with a component of 3e-308 has one of 1.5e-308 at length 1, which no file may hold."""
-    arm = Mechanism.parse(ARM.format(mass=1, zz=1).replace("arm]}", "arm], axis: [3.0e-308, 0, 2]}"))
+    arm = Mechanism.parse(
+        ARM.format(mass=1, zz=1).replace("arm]}", "arm], axis: [3.0e-308, 0, 2]}")
+    )
     assert arm.joints["hinge"].axis == (0, 0, 1)
     assert Frame.from_quaternion((0, 0, 0), (4, 3e-308, 0, 0)).rotation == (0, 0, 0)
     arm.save(tmp_path / "arm.yaml")

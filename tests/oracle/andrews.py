@@ -27,8 +27,29 @@ m1, m2, m3, m4, m5, m6, m7 = 0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.0070
 I1, I2, I3, I4, I5, I6, I7 = 2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5
 xa, ya, xb, yb, xc, yc = -0.06934, -0.00227, -0.03635, 0.03273, 0.014, 0.072
 c0, l0, torque = 4530.0, 0.07785, 0.033
-d, da, e, ea, rr, ra, ss, sa, sb = 0.028, 0.0115, 0.02, 0.01421, 0.007, 0.00092, 0.035, 0.01874, 0.01043
-sc, sd, ta, tb, u, ua, ub, zf, zt, fa = 0.018, 0.02, 0.02308, 0.00916, 0.04, 0.01228, 0.00449, 0.02, 0.04, 0.01421
+d, da, e, ea, rr, ra, ss, sa, sb = (
+    0.028,
+    0.0115,
+    0.02,
+    0.01421,
+    0.007,
+    0.00092,
+    0.035,
+    0.01874,
+    0.01043,
+)
+sc, sd, ta, tb, u, ua, ub, zf, zt, fa = (
+    0.018,
+    0.02,
+    0.02308,
+    0.00916,
+    0.04,
+    0.01228,
+    0.00449,
+    0.02,
+    0.04,
+    0.01421,
+)
 
 START = np.array(
     [
@@ -163,7 +184,9 @@ def closed(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q, np.concatenate([v[:1], np.linalg.solve(G[:, 1:], -G[:, 0] * v[0])])
 
 
-def motion(times: ArrayLike, start: np.ndarray = START, tolerance: float = 1e-13) -> tuple[np.ndarray, np.ndarray]:
+def motion(
+    times: ArrayLike, start: np.ndarray = START, tolerance: float = 1e-13
+) -> tuple[np.ndarray, np.ndarray]:
     """Return q and q' (times, 7) from rest at t = 0, by Dormand and Prince's method of order 8."""
 
     def rates(_: float, y: np.ndarray) -> np.ndarray:

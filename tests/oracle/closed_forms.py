@@ -32,16 +32,24 @@ class Pendulum:
     tilt: float = 0.6
 
     def mechanism(self) -> Mechanism:
-        plane = Frame(rotation=(-self.tilt, 0.0, 0.0))  # the plane's y axis is tilted away from the ground's
+        plane = Frame(
+            rotation=(-self.tilt, 0.0, 0.0)
+        )  # the plane's y axis is tilted away from the ground's
         return Mechanism(
             gravity=DOWN,
             bodies={"bob": bar(self.m, self.a, self.I)},
-            joints={"hinge": RevoluteJoint(connects=("ground", "bob"), frames=(plane, Frame.planar(angle=pi / 2)))},
+            joints={
+                "hinge": RevoluteJoint(
+                    connects=("ground", "bob"), frames=(plane, Frame.planar(angle=pi / 2))
+                )
+            },
             actuators=("hinge",),
         )
 
     def force(self, q: float, rate: float, acceleration: float) -> float:
-        return (self.I + self.m * self.a**2) * acceleration + self.m * g * cos(self.tilt) * self.a * sin(q)
+        return (self.I + self.m * self.a**2) * acceleration + self.m * g * cos(
+            self.tilt
+        ) * self.a * sin(q)
 
 
 @dataclass(frozen=True)
@@ -59,7 +67,9 @@ class DoublePendulum:
             bodies={f"bar_{i + 1}": bar(self.m[i], self.a[i], self.I[i]) for i in (0, 1)},
             joints={
                 "shoulder": RevoluteJoint(connects=("ground", "bar_1")),
-                "elbow": RevoluteJoint(connects=("bar_1", "bar_2"), frames=(Frame.planar(self.l1), Frame())),
+                "elbow": RevoluteJoint(
+                    connects=("bar_1", "bar_2"), frames=(Frame.planar(self.l1), Frame())
+                ),
             },
             actuators=("shoulder", "elbow"),
         )
@@ -103,12 +113,18 @@ class SliderCrank:
             },
             joints={
                 "main": RevoluteJoint(connects=("ground", "crank")),
-                "pin": RevoluteJoint(connects=("crank", "rod"), frames=(Frame.planar(self.r), Frame())),
-                "wrist": RevoluteJoint(connects=("slider", "rod"), frames=(Frame(), Frame.planar(self.l))),
+                "pin": RevoluteJoint(
+                    connects=("crank", "rod"), frames=(Frame.planar(self.r), Frame())
+                ),
+                "wrist": RevoluteJoint(
+                    connects=("slider", "rod"), frames=(Frame(), Frame.planar(self.l))
+                ),
                 "guide": PrismaticJoint(connects=("ground", "slider"), axis=(1.0, 0.0, 0.0)),
             },
             actuators=("main",),
-            reference=dict(zip(("main", "pin", "wrist", "guide"), self.coordinates(0.5), strict=True)),
+            reference=dict(
+                zip(("main", "pin", "wrist", "guide"), self.coordinates(0.5), strict=True)
+            ),
         )
 
     def coordinates(self, theta: float) -> tuple[float, float, float, float]:

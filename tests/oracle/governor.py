@@ -18,7 +18,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-h, length, section, side, density, ball, k, damping, rest, g = 1.0, 1.0, 0.01, 0.1, 3000.0, 5.0, 8e5, 4e4, 0.5, 9.81
+h, length, section, side, density, ball, k, damping, rest, g = (
+    1.0,
+    1.0,
+    0.01,
+    0.1,
+    3000.0,
+    5.0,
+    8e5,
+    4e4,
+    0.5,
+    9.81,
+)
 c, b = side / 2, length / 2
 rod = density * section**2 * length
 slider = density * side**3
@@ -42,7 +53,10 @@ def accelerations(y: np.ndarray, rates: np.ndarray, torque: float = 0.0) -> np.n
     F = k * (span - rest) + damping * (span_a * a_ + span_s * s_)
     return np.concatenate(
         [
-            [(torque - np.sum(J_a * a_) * q_) / (J_0 + np.sum(J)), -g - np.sum(F * span_s) / slider],
+            [
+                (torque - np.sum(J_a * a_) * q_) / (J_0 + np.sum(J)),
+                -g - np.sum(F * span_s) / slider,
+            ],
             (J_a * q_**2 / 2 + W * cos - F * span_a) / E,
         ]
     )
@@ -59,5 +73,12 @@ def motion(times: ArrayLike, spin: float = 2 * np.pi, tolerance: float = 1e-10) 
 
     start = np.concatenate([START, [spin, 0.0, 0.0, 0.0]])
     return solve_ivp(
-        rates, (0.0, np.max(times)), start, method="Radau", t_eval=times, rtol=tolerance, atol=1e-12, jac=jacobian
+        rates,
+        (0.0, np.max(times)),
+        start,
+        method="Radau",
+        t_eval=times,
+        rtol=tolerance,
+        atol=1e-12,
+        jac=jacobian,
     ).y

@@ -36,10 +36,16 @@ from linkwork.mechanism import GROUND, FixedJoint, Frame, Mechanism, PrismaticJo
 
 from tests.oracle.arithmetic import Arithmetic, arithmetic, axial, skew, solve
 
-FREE = {FixedJoint: (), RevoluteJoint: (0,), PrismaticJoint: (3,)}  # free components of s: omega along e, v along e
+FREE = {
+    FixedJoint: (),
+    RevoluteJoint: (0,),
+    PrismaticJoint: (3,),
+}  # free components of s: omega along e, v along e
 ALL_COORDINATES, PLANAR_COORDINATES = (0, 1, 2, 3, 4, 5), (2, 3, 4)
 
-Pose = tuple[np.ndarray, np.ndarray]  # R, and the position c of the mass centre (of the frame's origin for ground)
+Pose = tuple[
+    np.ndarray, np.ndarray
+]  # R, and the position c of the mass centre (of the frame's origin for ground)
 
 
 class OracleError(ValueError):
@@ -121,7 +127,9 @@ class LagrangeOracle:
     @cached_property
     def reference(self) -> np.ndarray:
         """Return the reference coordinates with the loops closed (m,)."""
-        return self.assemble(np.array([self.mechanism.reference.get(name, 0.0) for name in self.moving]))
+        return self.assemble(
+            np.array([self.mechanism.reference.get(name, 0.0) for name in self.moving])
+        )
 
     # Questions
 
@@ -129,7 +137,9 @@ class LagrangeOracle:
         """Return all joint coordinates with the loops closed near q_guess, the actuated ones at q_a (m,)."""
         q = self.numbers.array(q_guess)
         if q_a is not None:
-            q[[self.moving.index(name) for name in self.mechanism.actuators]] = self.numbers.array(q_a)
+            q[[self.moving.index(name) for name in self.mechanism.actuators]] = self.numbers.array(
+                q_a
+            )
         return self._placed(q).q
 
     def independent_joints(self, q_all: ArrayLike) -> tuple[str, ...]:
@@ -153,7 +163,9 @@ class LagrangeOracle:
         placed = self._placed(q_all)
         return placed.J[placed.free] @ self._velocity(placed, rates)
 
-    def all_accelerations(self, q_all: ArrayLike, rates: ArrayLike, accelerations: ArrayLike) -> np.ndarray:
+    def all_accelerations(
+        self, q_all: ArrayLike, rates: ArrayLike, accelerations: ArrayLike
+    ) -> np.ndarray:
         """Return q'' of all joints (m,)."""
         placed = self._placed(q_all)
         bias = self._bias(placed, self._velocity(placed, rates))
@@ -166,7 +178,9 @@ class LagrangeOracle:
         t_dot, _, bias = self._multipliers(placed, rates, forces)
         return placed.J[placed.actuated] @ t_dot + bias[placed.actuated]
 
-    def joint_reactions(self, q_all: ArrayLike, rates: ArrayLike, forces: ArrayLike) -> dict[str, np.ndarray]:
+    def joint_reactions(
+        self, q_all: ArrayLike, rates: ArrayLike, forces: ArrayLike
+    ) -> dict[str, np.ndarray]:
         """Return each joint's constraint wrench (moment, force) on its second body.
 
         It is taken at the second frame's origin, in base axes, without the actuator's own force. Parts that redundant
@@ -180,9 +194,13 @@ class LagrangeOracle:
             reactions[joint.name] = np.concatenate([components[:3] @ E, components[3:] @ E])
         return reactions
 
-    def inverse_dynamics(self, q_all: ArrayLike, rates: ArrayLike, accelerations: ArrayLike) -> np.ndarray:
+    def inverse_dynamics(
+        self, q_all: ArrayLike, rates: ArrayLike, accelerations: ArrayLike
+    ) -> np.ndarray:
         """Return the actuator forces tau (n,)."""
-        return self._forces(self._placed(q_all), rates, self.numbers.array(accelerations), gravity=True)
+        return self._forces(
+            self._placed(q_all), rates, self.numbers.array(accelerations), gravity=True
+        )
 
     def mass_matrix(self, q_all: ArrayLike) -> np.ndarray:
         """Return M (n, n): the forces of unit accelerations from rest, without gravity, column by column."""
@@ -207,13 +225,17 @@ class LagrangeOracle:
         right[: len(placed.actuated)] = self.numbers.array(rates)
         return solve(placed.J[rows], right)
 
-    def _acceleration(self, placed: Placement, bias: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+    def _acceleration(
+        self, placed: Placement, bias: np.ndarray, accelerations: np.ndarray
+    ) -> np.ndarray:
         rows = placed.square
         right = self.numbers.zeros(len(rows), *accelerations.shape[1:])
         right[: len(placed.actuated)] = accelerations
         return solve(placed.J[rows], (right.T - bias[rows]).T)
 
-    def _forces(self, placed: Placement, rates: ArrayLike, accelerations: np.ndarray, gravity: bool) -> np.ndarray:
+    def _forces(
+        self, placed: Placement, rates: ArrayLike, accelerations: np.ndarray, gravity: bool
+    ) -> np.ndarray:
         t = self._velocity(placed, rates)
         Mtot, h, w = self._inertia(placed, t)
         t_dot = self._acceleration(placed, self._bias(placed, t), accelerations)
@@ -234,10 +256,16 @@ class LagrangeOracle:
         wrenches[placed.constrained] = solution[len(t) :]
         return solution[: len(t)], wrenches, bias
 
-    def _inertia(self, placed: Placement, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _inertia(
+        self, placed: Placement, t: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return Mtot, h = [omega x I omega; 0] and the wrenches of gravity w, in the kept coordinates."""
         twists, size = self._by_body(placed, t), 6 * len(self.mechanism.bodies)
-        Mtot, h, w = self.numbers.zeros(size, size), self.numbers.zeros(size), self.numbers.zeros(size)
+        Mtot, h, w = (
+            self.numbers.zeros(size, size),
+            self.numbers.zeros(size),
+            self.numbers.zeros(size),
+        )
         gravity = self.numbers.array(self.mechanism.gravity)
         for i, (name, body) in enumerate(self.mechanism.bodies.items()):
             turn, shift = slice(6 * i, 6 * i + 3), slice(6 * i + 3, 6 * i + 6)
@@ -255,11 +283,15 @@ class LagrangeOracle:
         for joint in self.joints:
             E, _, o = self._axes(joint, placed.poses)
             (W_1, v_1, d_1), (W_2, v_2, d_2) = (
-                (skew(twists[body][:3]), twists[body][3:], o - placed.poses[body][1]) for body in joint.bodies
+                (skew(twists[body][:3]), twists[body][3:], o - placed.poses[body][1])
+                for body in joint.bodies
             )
             omega = twists[joint.bodies[1]][:3] - twists[joint.bodies[0]][:3]
             v = v_2 + W_2 @ d_2 - v_1 - W_1 @ d_1
-            parts += [E @ -(W_1 @ omega), E @ (W_2 @ (W_2 @ d_2) - W_1 @ (W_1 @ d_1) - 2 * (W_1 @ v))]
+            parts += [
+                E @ -(W_1 @ omega),
+                E @ (W_2 @ (W_2 @ d_2) - W_1 @ (W_1 @ d_1) - 2 * (W_1 @ v)),
+            ]
         return np.concatenate(parts)
 
     # Geometry
@@ -275,9 +307,13 @@ class LagrangeOracle:
         return Joint(name, joint.connects, (first, second), E, FREE[type(joint)])
 
     def _frame(self, frame: Frame) -> Pose:
-        return self.numbers.rotation(self.numbers.array(frame.rotation)), self.numbers.array(frame.position)
+        return self.numbers.rotation(self.numbers.array(frame.rotation)), self.numbers.array(
+            frame.position
+        )
 
-    def _axes(self, joint: Joint, poses: Mapping[str, Pose]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _axes(
+        self, joint: Joint, poses: Mapping[str, Pose]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return a joint's axes E (rows, base axes) and the origins o_1, o_2 of its frames."""
         (R_1, p_1), (_, p_2) = (self._frame_pose(joint, side, poses) for side in (0, 1))
         return joint.E @ R_1.T, p_1, p_2
@@ -289,14 +325,19 @@ class LagrangeOracle:
 
     def _tree_poses(self, q: np.ndarray) -> dict[str, Pose]:
         """Place the bodies by shortest paths from ground; the other joints are off by as much as q is."""
-        joints, coordinates = {joint.name: joint for joint in self.joints}, dict(zip(self.moving, q, strict=True))
+        joints, coordinates = (
+            {joint.name: joint for joint in self.joints},
+            dict(zip(self.moving, q, strict=True)),
+        )
         graph = self.mechanism.graph()
         poses = {GROUND: (self.numbers.eye(3), self.numbers.zeros(3))}
         for body, path in nx.single_source_shortest_path(graph, GROUND).items():
             if body == GROUND:
                 continue
             joint = joints[next(iter(graph[path[-2]][body]))]
-            R_12, p_12 = joint.motion(self.numbers, coordinates.get(joint.name, self.numbers.number(0)))
+            R_12, p_12 = joint.motion(
+                self.numbers, coordinates.get(joint.name, self.numbers.number(0))
+            )
             side = joint.bodies.index(body)
             R_near, p_near = self._frame_pose(joint, 1 - side, poses)
             R_F, p_F = joint.frames[side]
@@ -355,10 +396,14 @@ class LagrangeOracle:
         error, _ = self._errors(poses, q)
         worst = float(max(abs(error), default=0))
         if not worst < 10 * self.numbers.settled:
-            raise OracleError(f"{self.mechanism.name}: the loops do not close from this guess, {worst:.3g} remains")
+            raise OracleError(
+                f"{self.mechanism.name}: the loops do not close from this guess, {worst:.3g} remains"
+            )
         return Placement(poses, q, self._rows(poses)[:, rows["columns"]], **rows)
 
-    def _moved(self, poses: Mapping[str, Pose], step: np.ndarray, columns: np.ndarray) -> dict[str, Pose]:
+    def _moved(
+        self, poses: Mapping[str, Pose], step: np.ndarray, columns: np.ndarray
+    ) -> dict[str, Pose]:
         full = self.numbers.zeros(6 * len(self.mechanism.bodies))
         full[columns] = step
         moved = dict(poses)
@@ -389,11 +434,15 @@ class LagrangeOracle:
 
     def _free(self) -> np.ndarray:
         """Return the rows of the joint rates in J, in the order of q."""
-        return np.array([6 * j + i for j, joint in enumerate(self.joints) for i in joint.free], dtype=int)
+        return np.array(
+            [6 * j + i for j, joint in enumerate(self.joints) for i in joint.free], dtype=int
+        )
 
     def _planar(self, poses: Mapping[str, Pose]) -> bool:
         """Tell whether every joint moves in the plane z = constant: it turns about z, or slides across z."""
-        axes = [(joint.free, abs(self._axes(joint, poses)[0][0])) for joint in self.joints if joint.free]
+        axes = [
+            (joint.free, abs(self._axes(joint, poses)[0][0])) for joint in self.joints if joint.free
+        ]
         return all((max(e[0], e[1]) if free == (0,) else e[2]) < 1e-12 for free, e in axes)
 
     def _by_body(self, placed: Placement, t: np.ndarray) -> dict[str, np.ndarray]:

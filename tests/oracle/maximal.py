@@ -32,7 +32,9 @@ from tests.oracle.arithmetic import skew
 from tests.oracle.lagrange import OracleError, pivoted
 
 Poses = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body -> (p of the frame's origin, R_0B)
-Twists = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body -> (omega, v of the mass centre), ground's axes
+Twists = Mapping[
+    str, tuple[np.ndarray, np.ndarray]
+]  # body -> (omega, v of the mass centre), ground's axes
 
 DEPENDENT = 1e-9  # singular values of A below this part of the largest count as zero
 
@@ -98,7 +100,9 @@ class MaximalOracle:
         bodies = [GROUND, *self.mechanism.bodies]
         poses = {body: (np.zeros(3), np.eye(3)) for body in bodies} | dict(guess or {})
         for island in nx.connected_components(graph):
-            for body, path in nx.single_source_shortest_path(graph, min(island, key=bodies.index)).items():
+            for body, path in nx.single_source_shortest_path(
+                graph, min(island, key=bodies.index)
+            ).items():
                 if path[1:]:
                     poses[body] = self._hung(body, min(graph[path[-2]][body]), poses, coordinates)
         return {body: poses[body] for body in self.mechanism.bodies}
@@ -118,20 +122,26 @@ class MaximalOracle:
         near = MaximalOracle(self.mechanism, {**self.near, **held})
         for _ in range(50):
             rows = self.rows(poses, self._rest)
-            gap = np.concatenate([*near.residuals(poses).values(), near.coordinates(poses)[shown] - [*held.values()]])
+            gap = np.concatenate(
+                [*near.residuals(poses).values(), near.coordinates(poses)[shown] - [*held.values()]]
+            )
             step = np.linalg.lstsq(np.vstack([rows.A, rows.F[fixed]]), -gap, rcond=DEPENDENT)[0]
             poses = self.moved(poses, step * min(1, 0.5 / np.max(abs(step), initial=0.5)))
             if np.max(abs(step), initial=0) < 1e-9:
                 break
         worst = max((np.max(abs(r), initial=0) for r in near.residuals(poses).values()), default=0)
         if not worst < 1e-9:
-            raise OracleError(f"{self.mechanism.name}: the loops do not close from here, {worst:.3g} remains")
+            raise OracleError(
+                f"{self.mechanism.name}: the loops do not close from here, {worst:.3g} remains"
+            )
         return poses
 
     def moved(self, poses: Poses, step: np.ndarray) -> Poses:
         """Turn each body about its mass centre and shift it, by step (6r) in the order of t."""
         moved = {}
-        for (name, body), (turn, shift) in zip(self.mechanism.bodies.items(), step.reshape(-1, 2, 3), strict=True):
+        for (name, body), (turn, shift) in zip(
+            self.mechanism.bodies.items(), step.reshape(-1, 2, 3), strict=True
+        ):
             p, R = poses[name]
             c, R_new = p + R @ body.centre_of_mass + shift, pairs.exponential(turn) @ R
             moved[name] = c - R_new @ body.centre_of_mass, R_new
@@ -141,11 +151,19 @@ class MaximalOracle:
         """Return by joint how far it is from its own motion [m, rad], one number per constraint; gears in their unit."""
         shown = dict(zip(self.mechanism.coordinates, self.coordinates(poses), strict=True))
         gears = {
-            name: np.array([sum(ratio * shown[label] for label, ratio in gear.ratios.items()) - gear.offset])
+            name: np.array(
+                [sum(ratio * shown[label] for label, ratio in gear.ratios.items()) - gear.offset]
+            )
             for name, gear in self.mechanism.gears.items()
         }
-        found = {name: self._relative(joint, poses, self._rest) for name, joint in self.mechanism.pairs.items()}
-        parts = {name: pairs.residual(self.mechanism.pairs[name], seen.R, seen.p) for name, seen in found.items()}
+        found = {
+            name: self._relative(joint, poses, self._rest)
+            for name, joint in self.mechanism.pairs.items()
+        }
+        parts = {
+            name: pairs.residual(self.mechanism.pairs[name], seen.R, seen.p)
+            for name, seen in found.items()
+        }
         return {name: (parts | gears)[name] for name in self.mechanism.joints}
 
     def coordinates(self, poses: Poses) -> np.ndarray:
@@ -153,7 +171,11 @@ class MaximalOracle:
         near, shown = {**self.mechanism.reference, **self.near}, [np.zeros(0)]
         for name, joint in self.mechanism.pairs.items():
             seen = self._relative(joint, poses, self._rest)
-            shown.append(pairs.coordinates(joint, seen.R, seen.p, [near.get(n, 0) for n in joint.coordinates(name)]))
+            shown.append(
+                pairs.coordinates(
+                    joint, seen.R, seen.p, [near.get(n, 0) for n in joint.coordinates(name)]
+                )
+            )
         return np.concatenate(shown)
 
     def motions(self, poses: Poses) -> np.ndarray:
@@ -173,13 +195,19 @@ class MaximalOracle:
         if not (F @ N).size:
             return ()
         R, pivots = pivoted((F @ N).T)
-        return tuple(self.mechanism.rates[i] for i in pivots[: np.sum(abs(np.diag(R)) > DEPENDENT * abs(R[0, 0]))])
+        return tuple(
+            self.mechanism.rates[i]
+            for i in pivots[: np.sum(abs(np.diag(R)) > DEPENDENT * abs(R[0, 0]))]
+        )
 
     # Motion
 
     def by_body(self, t: np.ndarray) -> Twists:
         """Split t (6r) into the twists of the bodies."""
-        return {name: (t[6 * i : 6 * i + 3], t[6 * i + 3 : 6 * i + 6]) for name, i in self._order.items()}
+        return {
+            name: (t[6 * i : 6 * i + 3], t[6 * i + 3 : 6 * i + 6])
+            for name, i in self._order.items()
+        }
 
     def rates(self, poses: Poses, twists: Twists) -> np.ndarray:
         """Return all joint rates w in the mechanism's order [m/s, rad/s]."""
@@ -191,22 +219,36 @@ class MaximalOracle:
 
     def twists(self, poses: Poses, rates: Mapping[str, float]) -> Twists:
         """Return the twists at which these joints have these rates: A t = 0, F t = w; as small as that allows."""
-        rows, chosen = self.rows(poses, self._rest), [self.mechanism.rates.index(name) for name in rates]
-        return self.by_body(self._met(rows, chosen, np.zeros(len(rows.A)), np.array([*rates.values()])))
+        rows, chosen = (
+            self.rows(poses, self._rest),
+            [self.mechanism.rates.index(name) for name in rates],
+        )
+        return self.by_body(
+            self._met(rows, chosen, np.zeros(len(rows.A)), np.array([*rates.values()]))
+        )
 
-    def accelerations(self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()) -> Twists:
+    def accelerations(
+        self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()
+    ) -> Twists:
         """Return (alpha, a of the mass centre) of every body in ground's axes, from the actuator forces."""
         return self.by_body(self._dynamics(poses, twists, forces)[0])
 
-    def joint_accelerations(self, poses: Poses, twists: Twists, accelerations: Twists) -> np.ndarray:
+    def joint_accelerations(
+        self, poses: Poses, twists: Twists, accelerations: Twists
+    ) -> np.ndarray:
         """Return w' of all joints in the order of the rates [m/s^2, rad/s^2]."""
         rows = self.rows(poses, twists)
         return rows.F @ self._stacked(accelerations) + rows.b
 
     def accelerations_of(self, poses: Poses, twists: Twists, rates: Mapping[str, float]) -> Twists:
         """Return the bodies' accelerations at which these rates have these derivatives (as small as that allows)."""
-        rows, chosen = self.rows(poses, twists), [self.mechanism.rates.index(name) for name in rates]
-        return self.by_body(self._met(rows, chosen, -rows.a, np.array([*rates.values()]) - rows.b[chosen]))
+        rows, chosen = (
+            self.rows(poses, twists),
+            [self.mechanism.rates.index(name) for name in rates],
+        )
+        return self.by_body(
+            self._met(rows, chosen, -rows.a, np.array([*rates.values()]) - rows.b[chosen])
+        )
 
     def inverse_dynamics(self, poses: Poses, twists: Twists, accelerations: Twists) -> np.ndarray:
         """Return the least actuator forces u that bring about the bodies' accelerations: N'F_a' u = N'(M t' - W ...)."""
@@ -214,7 +256,11 @@ class MaximalOracle:
         N, S = self.motions(poses), self.rows(poses, twists).F[self._actuated]
         wanted = N.T @ (M @ self._stacked(accelerations) - applied)
         u = np.linalg.lstsq((S @ N).T, wanted, rcond=DEPENDENT)[0]
-        require_small((S @ N).T @ u - wanted, wanted, f"{self.mechanism.name}: the actuators cannot bring this about")
+        require_small(
+            (S @ N).T @ u - wanted,
+            wanted,
+            f"{self.mechanism.name}: the actuators cannot bring this about",
+        )
         return u
 
     # Forces
@@ -254,7 +300,9 @@ class MaximalOracle:
             potential += spring.stiffness * (stretch - spring.rest_length) ** 2 / 2
         return float(kinetic), float(potential)
 
-    def power(self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()) -> float:
+    def power(
+        self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()
+    ) -> float:
         """Return the rate of the energy: the actuators' power less what friction and dampers take [W]."""
         w = self.rates(poses, twists)
         power = np.dot(np.asarray(forces, dtype=float), w[self._actuated])
@@ -272,10 +320,16 @@ class MaximalOracle:
         M, applied = self._newton_euler(poses, twists, forces)
         inverse, N = pseudo_inverse(rows.A)
         given = -inverse @ rows.a
-        require_small(rows.A @ given + rows.a, rows.a, f"{name}: the constraints contradict each other at these rates")
+        require_small(
+            rows.A @ given + rows.a,
+            rows.a,
+            f"{name}: the constraints contradict each other at these rates",
+        )
         reduced, pushed = N.T @ M @ N, N.T @ (applied - M @ given)
         y = np.linalg.lstsq(reduced, pushed, rcond=1e-13)[0]
-        require_small(reduced @ y - pushed, pushed, f"{name}: something without inertia moves freely")
+        require_small(
+            reduced @ y - pushed, pushed, f"{name}: something without inertia moves freely"
+        )
         t_dot = given + N @ y
         return t_dot, inverse.T @ (M @ t_dot - applied), rows
 
@@ -289,9 +343,13 @@ class MaximalOracle:
             applied[turn] = -pairs.cross(omega, M[turn, turn] @ omega)
             applied[shift] = body.mass * np.array(self.mechanism.gravity)
         for spring, D, stretch, stretching in self._point_springs(poses, twists):
-            applied -= D * (spring.stiffness * (stretch - spring.rest_length) + spring.damping * stretching)
+            applied -= D * (
+                spring.stiffness * (stretch - spring.rest_length) + spring.damping * stretching
+            )
         for freedom in self._freedoms(poses):
-            f[freedom.rates] -= freedom.spring.stiffness * freedom.q + resistance(freedom, w[freedom.rates])
+            f[freedom.rates] -= freedom.spring.stiffness * freedom.q + resistance(
+                freedom, w[freedom.rates]
+            )
             J[freedom.rates] = freedom.rotor
         f[self._actuated] += np.asarray(forces, dtype=float)
         return M + rows.F.T @ (J[:, None] * rows.F), applied + rows.F.T @ (f - J * rows.b)
@@ -321,7 +379,8 @@ class MaximalOracle:
         """Yield every point spring with D, its length l and l' = D t."""
         for spring in self.mechanism.springs.values():
             (x_1, V_1), (x_2, V_2) = (
-                self._point(body, point, poses) for body, point in zip(spring.connects, spring.points, strict=True)
+                self._point(body, point, poses)
+                for body, point in zip(spring.connects, spring.points, strict=True)
             )
             length = float(np.linalg.norm(x_2 - x_1))
             D = (x_2 - x_1) / length @ (V_2 - V_1) if length else 0 * V_1[0]
@@ -356,13 +415,19 @@ class MaximalOracle:
         g = R_1'[-omega_1 x omega_2;   A_2 - A_1 - 2 omega_1 x r' + omega_1 x (omega_1 x r)]
         """
         (R_1, o_1, W_1, V_1, A_1), (R_2, o_2, W_2, V_2, A_2) = (
-            self._frame(body, frame, poses, twists) for body, frame in zip(joint.connects, joint.frames, strict=True)
+            self._frame(body, frame, poses, twists)
+            for body, frame in zip(joint.connects, joint.frames, strict=True)
         )
         t, r = self._stacked(twists), o_2 - o_1
         omega_1, omega_2, slip = W_1 @ t, W_2 @ t, (V_2 - V_1) @ t
         G = np.vstack([R_1.T @ (W_2 - W_1), R_1.T @ (V_2 - V_1 + skew(r) @ W_1)])
         turning = -pairs.cross(omega_1, omega_2)
-        sliding = A_2 - A_1 - 2 * pairs.cross(omega_1, slip) + pairs.cross(omega_1, pairs.cross(omega_1, r))
+        sliding = (
+            A_2
+            - A_1
+            - 2 * pairs.cross(omega_1, slip)
+            + pairs.cross(omega_1, pairs.cross(omega_1, r))
+        )
         g = np.concatenate([R_1.T @ turning, R_1.T @ sliding])
         return Relative(R_1.T @ R_2, R_1.T @ r, G @ t, G, g, R_1, o_1)
 
@@ -392,10 +457,13 @@ class MaximalOracle:
         """Return (p, R) of a body that hangs on a placed one by a joint at given coordinates."""
         joint = self.mechanism.pairs[name]
         default = {label: float(label.endswith(".qw")) for label in joint.coordinates(name)}
-        R_12, p_12 = pairs.motion(joint, [coordinates.get(label, default[label]) for label in default])
+        R_12, p_12 = pairs.motion(
+            joint, [coordinates.get(label, default[label]) for label in default]
+        )
         side = joint.connects.index(body)
         (R_near, p_near), (R_far, p_far) = (
-            (pairs.exponential(joint.frames[i].rotation), np.array(joint.frames[i].position)) for i in (1 - side, side)
+            (pairs.exponential(joint.frames[i].rotation), np.array(joint.frames[i].position))
+            for i in (1 - side, side)
         )
         R, p = (R_12, p_12) if side else (R_12.T, -R_12.T @ p_12)
         p_0, R_0 = poses[joint.connects[1 - side]]
@@ -413,13 +481,19 @@ class MaximalOracle:
         return {name: (np.zeros(3), np.zeros(3)) for name in self.mechanism.bodies}
 
     def _stacked(self, twists: Twists) -> np.ndarray:
-        return np.concatenate([np.zeros(0), *(part for name in self.mechanism.bodies for part in twists[name])])
+        return np.concatenate(
+            [np.zeros(0), *(part for name in self.mechanism.bodies for part in twists[name])]
+        )
 
-    def _met(self, rows: Rows, chosen: list[int], held: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    def _met(
+        self, rows: Rows, chosen: list[int], held: np.ndarray, wanted: np.ndarray
+    ) -> np.ndarray:
         """Solve A t = held, F_chosen t = wanted for the least t."""
         left, right = np.vstack([rows.A, rows.F[chosen]]), np.concatenate([held, wanted])
         t = np.linalg.lstsq(left, right, rcond=DEPENDENT)[0]
-        require_small(left @ t - right, right, f"{self.mechanism.name}: these rates do not go together")
+        require_small(
+            left @ t - right, right, f"{self.mechanism.name}: these rates do not go together"
+        )
         return t
 
 

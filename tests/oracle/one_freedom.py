@@ -36,7 +36,9 @@ class OneFreedom:
         J, V = self.terms(complex(s))
         return J.real * rate**2 / 2 + V.real
 
-    def motion(self, times: ArrayLike, s: float, rate: float, tolerance: float = 1e-13) -> np.ndarray:
+    def motion(
+        self, times: ArrayLike, s: float, rate: float, tolerance: float = 1e-13
+    ) -> np.ndarray:
         """Return (s, s') at the times (2, times), from (s, s') at t = 0, without force."""
         return solve_ivp(
             lambda _, y: [y[1], self.acceleration(y[0], y[1])],
@@ -60,7 +62,9 @@ def n_four_bar(loops: int) -> OneFreedom:
 
     N + 1 rods turn about their ends, J = 1/3 each, and lift their middles; N couplers move with the cranks' tips.
     """
-    return OneFreedom(lambda s: (complex((loops + 1) / 3 + loops), ((loops + 1) / 2 + loops) * g * np.sin(s)))
+    return OneFreedom(
+        lambda s: (complex((loops + 1) / 3 + loops), ((loops + 1) / 2 + loops) * g * np.sin(s))
+    )
 
 
 # The spatial slider-crank: s = t, the crank's angle.
@@ -94,7 +98,10 @@ def spatial_slider_crank() -> OneFreedom:
 
 # The Bricard linkage: s = psi, going round the closed curve of its configurations.
 
-ALONG, ACROSS = 0.1**2 / 6, (1 + 0.1**2) / 12  # moments of a rod of 1 kg, 1 m, 0.1 m square about its middle
+ALONG, ACROSS = (
+    0.1**2 / 6,
+    (1 + 0.1**2) / 12,
+)  # moments of a rod of 1 kg, 1 m, 0.1 m square about its middle
 RIGHT_ANGLES = np.arcsin(1 / np.sqrt(3))  # psi at which all neighbouring rods are perpendicular
 
 
@@ -142,4 +149,6 @@ def bricard() -> OneFreedom:
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return a x b."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

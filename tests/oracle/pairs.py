@@ -69,7 +69,9 @@ def rows(joint: PairJoint, R: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np
     raise NotImplementedError(f"the oracle knows no {type(joint).__name__}")
 
 
-def rest(joint: PairJoint, R: np.ndarray, p: np.ndarray, omega: np.ndarray, u: np.ndarray) -> np.ndarray:
+def rest(
+    joint: PairJoint, R: np.ndarray, p: np.ndarray, omega: np.ndarray, u: np.ndarray
+) -> np.ndarray:
     """Return beta, one number per row of A."""
     beta = np.zeros(len(rows(joint, R, p)[1]))
     match joint:
@@ -81,7 +83,9 @@ def rest(joint: PairJoint, R: np.ndarray, p: np.ndarray, omega: np.ndarray, u: n
     return beta
 
 
-def coordinates(joint: PairJoint, R: np.ndarray, p: np.ndarray, near: Sequence[float]) -> np.ndarray:
+def coordinates(
+    joint: PairJoint, R: np.ndarray, p: np.ndarray, near: Sequence[float]
+) -> np.ndarray:
     """Return the joint's coordinates at (R, p), angles within half a turn of `near`'s.
 
     A screw's turns are counted by its advance. Where R has parts that the joint does not allow, an angle is that of the

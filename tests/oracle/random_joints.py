@@ -59,11 +59,29 @@ FREEDOMS = {
 }
 SLIDES = {"prismatic": 1, "cylindrical": 1, "planar": 2}
 CHAIN = {  # what loops are made of, and how often
-    False: {"revolute": 6, "prismatic": 2, "screw": 2, "cylindrical": 2, "universal": 4, "spherical": 3, "planar": 1},
+    False: {
+        "revolute": 6,
+        "prismatic": 2,
+        "screw": 2,
+        "cylindrical": 2,
+        "universal": 4,
+        "spherical": 3,
+        "planar": 1,
+    },
     True: {"revolute": 5, "prismatic": 2},
 }
 TREE = {  # what trees are made of
-    False: ("revolute", "prismatic", "screw", "cylindrical", "universal", "spherical", "planar", "free", "fixed"),
+    False: (
+        "revolute",
+        "prismatic",
+        "screw",
+        "cylindrical",
+        "universal",
+        "spherical",
+        "planar",
+        "free",
+        "fixed",
+    ),
     True: ("revolute", "prismatic", "planar", "fixed"),
 }
 
@@ -86,7 +104,10 @@ def random_tree(
     rng = np.random.default_rng(seed)
     names = [f"body_{i}" for i in range(1, bodies + 1)]
     chosen = [str(kind) for kind in kinds or rng.permutation(TREE[planar])]
-    edges = [(str(rng.choice([GROUND, *names[:i]])), name, chosen[i % len(chosen)]) for i, name in enumerate(names)]
+    edges = [
+        (str(rng.choice([GROUND, *names[:i]])), name, chosen[i % len(chosen)])
+        for i, name in enumerate(names)
+    ]
     return built(f"tree {seed}", edges, rng, planar, effects, gears, actuation)
 
 
@@ -112,7 +133,11 @@ def random_loops(
     rng = np.random.default_rng(seed)
     bodies, edges = [GROUND], []
     for loop in range(loops):
-        start, end = (GROUND, GROUND) if loop == 0 else (str(name) for name in rng.choice(bodies, 2, replace=False))
+        start, end = (
+            (GROUND, GROUND)
+            if loop == 0
+            else (str(name) for name in rng.choice(bodies, 2, replace=False))
+        )
         extra = freedoms + gears + rods if loop == 0 else 0
         chain = list(kinds) if kinds and loop == 0 else random_chain(rng, planar, extra)
         between = [f"body_{len(bodies) + k}" for k in range(len(chain) - 1)]
@@ -180,7 +205,9 @@ def random_chain(rng: np.random.Generator, planar: bool, extra: int = 0) -> list
         fitting = {
             kind: often
             for kind, often in CHAIN[planar].items()
-            if freedoms[kind] <= left and SLIDES.get(kind, 0) <= slides and not (kind == "spherical" and kind in chain)
+            if freedoms[kind] <= left
+            and SLIDES.get(kind, 0) <= slides
+            and not (kind == "spherical" and kind in chain)
         }
         chances = np.array([*fitting.values()])
         chain.append(str(rng.choice([*fitting], p=chances / chances.sum())))
@@ -190,18 +217,28 @@ def random_chain(rng: np.random.Generator, planar: bool, extra: int = 0) -> list
 
 
 def built(
-    name: str, edges: Iterable[Edge], rng: np.random.Generator, planar: bool, effects: bool, gears: int, actuation: int
+    name: str,
+    edges: Iterable[Edge],
+    rng: np.random.Generator,
+    planar: bool,
+    effects: bool,
+    gears: int,
+    actuation: int,
 ) -> Mechanism:
     """Place the bodies at random, put a joint for every edge between its bodies, add the rest, choose the actuators."""
     edges = [(b, a, kind) if rng.random() < 0.5 else (a, b, kind) for a, b, kind in edges]
-    bodies = sorted({body for edge in edges for body in edge[:2]} - {GROUND}, key=lambda body: int(body[5:]))
+    bodies = sorted(
+        {body for edge in edges for body in edge[:2]} - {GROUND}, key=lambda body: int(body[5:])
+    )
     poses = {GROUND: (np.zeros(3), np.eye(3))} | {body: random_pose(rng, planar) for body in bodies}
     poses |= {body: random_pose(rng, planar, 0.1, 0.1) for body in only_rods(edges)}
     joints: dict[str, Any] = {}
     reference: dict[str, float] = {}
     for i, (first, second, kind) in enumerate(edges, start=1):
         joint, q = random_joint(rng, planar, (first, second), kind, poses)
-        joints[f"{kind}_{i}"] = joint.model_copy(update=random_effects(rng, joint)) if effects else joint
+        joints[f"{kind}_{i}"] = (
+            joint.model_copy(update=random_effects(rng, joint)) if effects else joint
+        )
         reference |= zip(joint.coordinates(f"{kind}_{i}"), q, strict=True)
     joints |= {f"gear_{i + 1}": random_gear(rng, reference) for i in range(gears)}
     names = [GROUND, *bodies]
@@ -238,7 +275,10 @@ def random_joint(
         form["length"] = float(np.linalg.norm(p))
     else:
         R, p = pairs.motion(TYPES[kind](connects=connects, **form), q)
-    frames = (framed(R_1.T @ (p_F - p_1), R_1.T @ R_F), framed(R_2.T @ (p_F + R_F @ p - p_2), R_2.T @ R_F @ R))
+    frames = (
+        framed(R_1.T @ (p_F - p_1), R_1.T @ R_F),
+        framed(R_2.T @ (p_F + R_F @ p - p_2), R_2.T @ R_F @ R),
+    )
     return TYPES[kind](connects=connects, frames=frames, **form), q
 
 
@@ -266,14 +306,18 @@ def random_coordinates(rng: np.random.Generator, joint: PairJoint) -> np.ndarray
     return q
 
 
-def random_effects(rng: np.random.Generator, joint: PairJoint, coulomb: bool = True) -> dict[str, Any]:
+def random_effects(
+    rng: np.random.Generator, joint: PairJoint, coulomb: bool = True
+) -> dict[str, Any]:
     """Return friction, springs with dampers and rotors for a joint's freedoms, some left out."""
 
     def some(freedom: str) -> dict[str, Any]:
         viscous, dry, stiffness, damping, rotor = rng.uniform(0.1, 1, 5) * rng.integers(0, 2, 5)
         rest = 0.0 if freedom == "turn" else float(rng.uniform(-1, 1))
         return {
-            "friction": Friction(viscous=viscous, coulomb=dry * coulomb, coulomb_rate=float(rng.uniform(0.05, 0.2))),
+            "friction": Friction(
+                viscous=viscous, coulomb=dry * coulomb, coulomb_rate=float(rng.uniform(0.05, 0.2))
+            ),
             "spring": Spring(stiffness=10 * stiffness, rest=rest, damping=damping),
             "rotor_inertia": float(rotor),
         }
@@ -287,10 +331,15 @@ def random_effects(rng: np.random.Generator, joint: PairJoint, coulomb: bool = T
 
 def random_gear(rng: np.random.Generator, reference: dict[str, float]) -> GearJoint:
     """Return a gear between two or three angles or slides, that fits the reference."""
-    scalars = [label for label in reference if label.rpartition(".")[2] not in ("qw", "qx", "qy", "qz")]
+    scalars = [
+        label for label in reference if label.rpartition(".")[2] not in ("qw", "qx", "qy", "qz")
+    ]
     geared = rng.choice(scalars, min(int(rng.integers(2, 4)), len(scalars)), replace=False)
     ratios = {str(label): float(rng.choice([-1, 1]) * rng.uniform(0.3, 2)) for label in geared}
-    return GearJoint(ratios=ratios, offset=float(sum(ratio * reference[label] for label, ratio in ratios.items())))
+    return GearJoint(
+        ratios=ratios,
+        offset=float(sum(ratio * reference[label] for label, ratio in ratios.items())),
+    )
 
 
 def random_spring(rng: np.random.Generator, planar: bool, bodies: Sequence[str]) -> PointSpring:
@@ -307,10 +356,14 @@ def random_spring(rng: np.random.Generator, planar: bool, bodies: Sequence[str])
     )
 
 
-def random_pose(rng: np.random.Generator, planar: bool, spread: float = 1.0, turn: float = 2.0) -> pairs.Pose:
+def random_pose(
+    rng: np.random.Generator, planar: bool, spread: float = 1.0, turn: float = 2.0
+) -> pairs.Pose:
     """Return (p, R): position within +-spread [m], rotation vector within +-turn; planar: in and about z alone."""
     keep_turn, keep_shift = ((0, 0, 1), (1, 1, 0)) if planar else (1, 1)
-    return rng.uniform(-spread, spread, 3) * keep_shift, pairs.exponential(rng.uniform(-turn, turn, 3) * keep_turn)
+    return rng.uniform(-spread, spread, 3) * keep_shift, pairs.exponential(
+        rng.uniform(-turn, turn, 3) * keep_turn
+    )
 
 
 def only_rods(edges: Sequence[Edge]) -> list[str]:

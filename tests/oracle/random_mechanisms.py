@@ -12,7 +12,17 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linkwork.mechanism import GROUND, Body, FixedJoint, Frame, Inertia, Joint, Mechanism, PrismaticJoint, RevoluteJoint
+from linkwork.mechanism import (
+    GROUND,
+    Body,
+    FixedJoint,
+    Frame,
+    Inertia,
+    Joint,
+    Mechanism,
+    PrismaticJoint,
+    RevoluteJoint,
+)
 
 from tests.oracle.lagrange import LagrangeOracle, OracleError
 
@@ -25,8 +35,16 @@ def open_tree(seed: int, bodies: int = 5, planar: bool = False) -> Mechanism:
     rng = np.random.default_rng(seed)
     edges: list[Edge] = []
     for i in range(1, bodies + 1):
-        before = GROUND if i == 1 else str(rng.choice([GROUND, *(f"body_{k}" for k in range(1, i))]))
-        edges.append((before, f"body_{i}", str(rng.choice(["revolute", "prismatic", "fixed"], p=[0.6, 0.3, 0.1]))))
+        before = (
+            GROUND if i == 1 else str(rng.choice([GROUND, *(f"body_{k}" for k in range(1, i))]))
+        )
+        edges.append(
+            (
+                before,
+                f"body_{i}",
+                str(rng.choice(["revolute", "prismatic", "fixed"], p=[0.6, 0.3, 0.1])),
+            )
+        )
     return assembled(f"tree {seed}", edges, rng, planar)
 
 
@@ -42,7 +60,9 @@ def spatial_loops(seed: int, loops: int = 1, freedoms: int = 1) -> Mechanism:
     return assembled(f"spatial loops {seed}", looped(rng, loops, 6, freedoms), rng, planar=False)
 
 
-def random_state(mechanism: Mechanism, rng: np.random.Generator, spread: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
+def random_state(
+    mechanism: Mechanism, rng: np.random.Generator, spread: float = 0.2
+) -> tuple[np.ndarray, np.ndarray]:
     """Return joint coordinates (m,) of an assembled configuration near the reference, and actuated rates (n,)."""
     oracle = LagrangeOracle(mechanism)
     reference, n = oracle.reference, len(mechanism.actuators)
@@ -64,7 +84,11 @@ def looped(rng: np.random.Generator, loops: int, closure: int, freedoms: int) ->
     bodies = [GROUND]
     for loop in range(loops):
         count = closure + (freedoms if loop == 0 else int(rng.integers(0, 2)))
-        start, end = (GROUND, GROUND) if loop == 0 else (str(name) for name in rng.choice(bodies, 2, replace=False))
+        start, end = (
+            (GROUND, GROUND)
+            if loop == 0
+            else (str(name) for name in rng.choice(bodies, 2, replace=False))
+        )
         types = ["revolute"] * count
         types[int(rng.integers(count))] = "prismatic"
         if loop == 0:
@@ -76,10 +100,14 @@ def looped(rng: np.random.Generator, loops: int, closure: int, freedoms: int) ->
     return [*edges, (bodies[-1], branch, "revolute")]
 
 
-def assembled(name: str, edges: Iterable[Edge], rng: np.random.Generator, planar: bool) -> Mechanism:
+def assembled(
+    name: str, edges: Iterable[Edge], rng: np.random.Generator, planar: bool
+) -> Mechanism:
     """Place the bodies at random, put a joint for every edge between its bodies, and choose the actuators."""
     edges = [(b, a, kind) if rng.random() < 0.5 else (a, b, kind) for a, b, kind in edges]
-    bodies = sorted({body for edge in edges for body in edge[:2]} - {GROUND}, key=lambda body: int(body[5:]))
+    bodies = sorted(
+        {body for edge in edges for body in edge[:2]} - {GROUND}, key=lambda body: int(body[5:])
+    )
     poses = {GROUND: np.eye(4)} | {body: random_pose(rng, planar) for body in bodies}
     joints, reference = {}, {}
     for i, (first, second, kind) in enumerate(edges, start=1):
@@ -108,7 +136,11 @@ def random_pose(rng: np.random.Generator, planar: bool, spread: float = 1.0) -> 
 
 
 def random_joint(
-    rng: np.random.Generator, planar: bool, connects: tuple[str, str], kind: str, poses: dict[str, np.ndarray]
+    rng: np.random.Generator,
+    planar: bool,
+    connects: tuple[str, str],
+    kind: str,
+    poses: dict[str, np.ndarray],
 ) -> tuple[Joint, float]:
     """Return a joint between two placed bodies and the coordinate at which its frames fit."""
     X_1, X_2 = (poses[body] for body in connects)
@@ -129,7 +161,9 @@ def random_joint(
         case "prismatic":
             return PrismaticJoint(connects=connects, frames=frames, axis=tuple(axis)), coordinate
         case _:
-            return FixedJoint(connects=connects, frames=(frames[0], frame(np.linalg.inv(X_2) @ X_F))), 0.0
+            return FixedJoint(
+                connects=connects, frames=(frames[0], frame(np.linalg.inv(X_2) @ X_F))
+            ), 0.0
 
 
 def random_body(rng: np.random.Generator, planar: bool) -> Body:
@@ -139,11 +173,15 @@ def random_body(rng: np.random.Generator, planar: bool) -> Body:
     second_moment = mass * spread @ spread.T
     I = np.trace(second_moment) * np.eye(3) - second_moment  # noqa: E741
     if planar:
-        return Body(mass=mass, centre_of_mass=(centre[0], centre[1], 0.0), inertia=Inertia(zz=I[2, 2]))
+        return Body(
+            mass=mass, centre_of_mass=(centre[0], centre[1], 0.0), inertia=Inertia(zz=I[2, 2])
+        )
     inertia = Inertia(xx=I[0, 0], yy=I[1, 1], zz=I[2, 2], xy=I[0, 1], xz=I[0, 2], yz=I[1, 2])
     return Body(mass=mass, centre_of_mass=tuple(centre), inertia=inertia)
 
 
 def frame(X: np.ndarray) -> Frame:
     """Return the frame of pose X."""
-    return Frame(position=tuple(X[:3, 3]), rotation=tuple(Rotation.from_matrix(X[:3, :3]).as_rotvec()))
+    return Frame(
+        position=tuple(X[:3, 3]), rotation=tuple(Rotation.from_matrix(X[:3, :3]).as_rotvec())
+    )

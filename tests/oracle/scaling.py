@@ -20,7 +20,8 @@ class Scale:
     def __init__(self, mechanism: Mechanism, L: float = 1.0, M: float = 1.0, T: float = 1.0):
         self.L, self.M, self.T, self.original = L, M, T, mechanism
         self.slides = {
-            label: (joint.freedoms[0] if len(joint.freedoms) == 1 else label.rpartition(".")[2]) in SLIDES
+            label: (joint.freedoms[0] if len(joint.freedoms) == 1 else label.rpartition(".")[2])
+            in SLIDES
             for name, joint in mechanism.joints.items()
             for label in (*joint.coordinates(name), *joint.rates(name))
         }
@@ -56,7 +57,10 @@ class Scale:
         for body in fields["bodies"].values():
             body["mass"] *= M
             body["centre_of_mass"] = times(body["centre_of_mass"], L)
-            body["inertia"] = {key: x * M * L**2 if isinstance(x, float) else x for key, x in body["inertia"].items()}
+            body["inertia"] = {
+                key: x * M * L**2 if isinstance(x, float) else x
+                for key, x in body["inertia"].items()
+            }
             body["shapes"] = ()
         for name, joint in fields["joints"].items():
             self._scale_joint(item, name, joint)
@@ -74,7 +78,9 @@ class Scale:
         L = self.L
         if joint["type"] == "gear":
             units = {label: self.factor(label) for label in joint["ratios"]}
-            joint["ratios"] = {label: ratio / units[label] for label, ratio in joint["ratios"].items()}
+            joint["ratios"] = {
+                label: ratio / units[label] for label, ratio in joint["ratios"].items()
+            }
             return
         for frame in joint["frames"]:
             frame["position"] = times(frame["position"], L)
@@ -88,7 +94,9 @@ class Scale:
             if len(own) == 1 and own != ("turn",):
                 joint[key] = self._effect(key, joint[key], own[0] in SLIDES)
             else:
-                joint[key] = {f: self._effect(key, part, f in SLIDES) for f, part in joint[key].items()}
+                joint[key] = {
+                    f: self._effect(key, part, f in SLIDES) for f, part in joint[key].items()
+                }
 
     def _effect(self, key: str, part: Any, slide: bool) -> Any:
         """Scale friction, spring, limits or rotor of a freedom: per force unit F and coordinate unit x."""
@@ -100,7 +108,10 @@ class Scale:
         }  # fmt: skip
         if key == "rotor_inertia":
             return part * F / (x / T**2)
-        return {field: value if value is None else value * factors[field] for field, value in part.items()}
+        return {
+            field: value if value is None else value * factors[field]
+            for field, value in part.items()
+        }
 
 
 def times(vector: Any, factor: float) -> tuple[float, ...]:

@@ -36,7 +36,11 @@ g = 9.81
 
 
 def body(mass: float, *moments: float, at=(0.0, 0.0, 0.0)) -> Body:
-    return Body(mass=mass, centre_of_mass=at, inertia=Inertia(**dict(zip(("xx", "yy", "zz"), moments, strict=True))))
+    return Body(
+        mass=mass,
+        centre_of_mass=at,
+        inertia=Inertia(**dict(zip(("xx", "yy", "zz"), moments, strict=True))),
+    )
 
 
 def state(mechanism: Mechanism, coordinates, rates):
@@ -71,14 +75,18 @@ def test_slider_crank():
     mechanism = crank.mechanism()
     for theta, rate, wanted in np.random.default_rng(4).normal(scale=2, size=(5, 3)):
         oracle = MaximalOracle(mechanism)
-        poses = oracle.poses(dict(zip(mechanism.coordinates, crank.coordinates(theta), strict=True)))
+        poses = oracle.poses(
+            dict(zip(mechanism.coordinates, crank.coordinates(theta), strict=True))
+        )
         assert oracle.mobility(poses) == 1
         twists = oracle.twists(poses, {"main": rate})
         tau = crank.force(theta, rate, wanted)
         found = oracle.accelerations(poses, twists, [tau])
         close(oracle.joint_accelerations(poses, twists, found)[0], wanted, 1e-11)
         close(
-            oracle.inverse_dynamics(poses, twists, oracle.accelerations_of(poses, twists, {"main": wanted})),
+            oracle.inverse_dynamics(
+                poses, twists, oracle.accelerations_of(poses, twists, {"main": wanted})
+            ),
             [tau],
             1e-11,
         )
@@ -117,8 +125,14 @@ def test_screw_with_every_effect_of_a_joint():
     close(accelerations(mechanism, [q], [w], [tau]), [push / (I + m * h**2 + J)], 1e-13)
     oracle, poses, twists = state(mechanism, [q], [w])
     close(oracle.coordinates(poses), [q], 1e-14)
-    close(oracle.energy(poses, twists), [(I + m * h**2 + J) * w**2 / 2, m * g * h * q + k * (q - rest) ** 2 / 2], 1e-14)
-    close(oracle.power(poses, twists, [tau]), tau * w - (c + d + F / sqrt(w**2 + r**2)) * w**2, 1e-14)
+    close(
+        oracle.energy(poses, twists),
+        [(I + m * h**2 + J) * w**2 / 2, m * g * h * q + k * (q - rest) ** 2 / 2],
+        1e-14,
+    )
+    close(
+        oracle.power(poses, twists, [tau]), tau * w - (c + d + F / sqrt(w**2 + r**2)) * w**2, 1e-14
+    )
 
 
 def test_rotor_between_two_turning_bodies():
@@ -143,13 +157,18 @@ def test_spinning_top_precesses_steadily():
     omega_3 = (m * g * l + I_1 * Omega**2 * cos(theta)) / (I_3 * Omega)
     z, e = np.array([0, 0, 1]), np.array([0, -sin(theta), cos(theta)])
     top = Mechanism(
-        bodies={"top": body(m, I_c, I_c, I_3, at=(0, 0, l))}, joints={"tip": SphericalJoint(connects=("ground", "top"))}
+        bodies={"top": body(m, I_c, I_c, I_3, at=(0, 0, l))},
+        joints={"tip": SphericalJoint(connects=("ground", "top"))},
     )
     q = (cos(theta / 2), sin(theta / 2), 0, 0)
     omega, spin = Omega * z + (omega_3 - Omega * cos(theta)) * e, omega_3 - Omega * cos(theta)
     close(accelerations(top, q, omega), Omega * spin * np.cross(z, e), 1e-12)
-    backwards = top.model_copy(update={"joints": {"tip": SphericalJoint(connects=("top", "ground"))}})
-    R = pairs.from_quaternion(q)  # -R' omega: the ground's angular velocity relative to the top, in the top's axes
+    backwards = top.model_copy(
+        update={"joints": {"tip": SphericalJoint(connects=("top", "ground"))}}
+    )
+    R = pairs.from_quaternion(
+        q
+    )  # -R' omega: the ground's angular velocity relative to the top, in the top's axes
     found = accelerations(backwards, (q[0], -q[1], 0, 0), -R.T @ omega)
     close(found, -R.T @ (Omega * spin * np.cross(z, e)), 1e-12)
 
@@ -157,17 +176,32 @@ def test_spinning_top_precesses_steadily():
 def test_free_body_obeys_euler():
     I, omega, v = np.array([0.2, 0.5, 0.6]), np.array([1.0, -2.0, 3.0]), np.array([0.3, 0.1, -0.2])  # noqa: E741
     mechanism = Mechanism(
-        gravity=(1.0, 2.0, -3.0), bodies={"b": body(2, *I)}, joints={"f": FreeJoint(connects=("ground", "b"))}
+        gravity=(1.0, 2.0, -3.0),
+        bodies={"b": body(2, *I)},
+        joints={"f": FreeJoint(connects=("ground", "b"))},
     )
     found = accelerations(mechanism, [1, 2, 3, 1, 0, 0, 0], [*v, *omega])
-    close(found, [1, 2, -3, *((np.roll(I, -1) - np.roll(I, 1)) * np.roll(omega, -1) * np.roll(omega, 1) / I)], 1e-13)
+    close(
+        found,
+        [
+            1,
+            2,
+            -3,
+            *((np.roll(I, -1) - np.roll(I, 1)) * np.roll(omega, -1) * np.roll(omega, 1) / I),
+        ],
+        1e-13,
+    )
 
 
 def test_planar_joint_slides_and_resists():
     m, c, slope = 1.5, 0.8, 0.3
     plane = Frame(rotation=(slope, 0, 0))
-    joint = PlanarJoint(connects=("ground", "b"), frames=(plane, Frame()), friction={"y": Friction(viscous=c)})
-    mechanism = Mechanism(bodies={"b": body(m, 0.1, 0.1, 0.1)}, joints={"p": joint}, actuators=("p.angle", "p.x"))
+    joint = PlanarJoint(
+        connects=("ground", "b"), frames=(plane, Frame()), friction={"y": Friction(viscous=c)}
+    )
+    mechanism = Mechanism(
+        bodies={"b": body(m, 0.1, 0.1, 0.1)}, joints={"p": joint}, actuators=("p.angle", "p.x")
+    )
     found = accelerations(mechanism, [0.3, -0.4, 2.0], [0.5, 0.7, 0.9], [0.2, 0.3])
     close(found, [0.3 / m, -g * sin(slope) - c * 0.7 / m, 0.2 / 0.1], 1e-13)
     force = reaction(mechanism, [0.3, -0.4, 2.0], [0.5, 0.7, 0.9], "p")
@@ -248,7 +282,9 @@ def test_hooke_joint_between_shafts():
             "in": RevoluteJoint(connects=("ground", "in")),
             "cross": UniversalJoint(connects=("in", "out")),
             "out": RevoluteJoint(
-                connects=("out", "ground"), frames=(Frame(), Frame(rotation=(0, beta, 0))), axis=(0, 0, -1)
+                connects=("out", "ground"),
+                frames=(Frame(), Frame(rotation=(0, beta, 0))),
+                axis=(0, 0, -1),
             ),
         },
         actuators=("in",),
@@ -257,7 +293,10 @@ def test_hooke_joint_between_shafts():
     poses = oracle.assemble(oracle.poses({"in": q, "cross.angle_2": beta}), {"in": q})
     k = cos(beta) / (1 - (sin(beta) * cos(q)) ** 2)
     k_q = -(k**2) / cos(beta) * sin(beta) ** 2 * sin(2 * q)
-    assert oracle.mobility(poses) == 1 and len(oracle.rows(poses, oracle.by_body(np.zeros(12))).A) == 14
+    assert (
+        oracle.mobility(poses) == 1
+        and len(oracle.rows(poses, oracle.by_body(np.zeros(12))).A) == 14
+    )
     close(oracle.coordinates(poses)[[0, 3]], [q, atan2(tan(q), cos(beta))], 1e-12)
     twists = oracle.twists(poses, {"in": w})
     close(oracle.rates(poses, twists)[[0, 3]], [w, k * w], 1e-12)
@@ -274,7 +313,11 @@ def test_point_spring_between_free_bodies():
         joints={"a": FreeJoint(connects=("ground", "a")), "b": FreeJoint(connects=("a", "b"))},
         springs={
             "s": PointSpring(
-                connects=("a", "b"), points=((0, 0, 0), (0, 0.5, 0)), stiffness=7, rest_length=0.4, damping=0.3
+                connects=("a", "b"),
+                points=((0, 0, 0), (0, 0.5, 0)),
+                stiffness=7,
+                rest_length=0.4,
+                damping=0.3,
             )
         },
     )
@@ -308,7 +351,10 @@ def test_agrees_with_the_older_oracle(make):
     close(found, older.all_accelerations(q, rates, older.forward_dynamics(q, rates, forces)), 1e-9)
     if len(oracle.rows(poses, twists).A) + oracle.mobility(poses) > 6 * len(mechanism.bodies):
         return  # dependent rows leave reactions open
-    wanted, reactions = older.joint_reactions(q, rates, forces), oracle.reactions(poses, twists, forces)
+    wanted, reactions = (
+        older.joint_reactions(q, rates, forces),
+        oracle.reactions(poses, twists, forces),
+    )
     for name, joint in mechanism.pairs.items():
         (p_1, R_1), (p_2, R_2) = (poses.get(b, (np.zeros(3), np.eye(3))) for b in joint.connects)
         r = p_2 + R_2 @ joint.frames[1].position - p_1 - R_1 @ joint.frames[0].position
@@ -325,7 +371,9 @@ def test_what_has_no_answer_is_refused():
     with pytest.raises(OracleError, match="do not go together"):
         oracle.twists(poses, {"main": 1.0, "guide": 3.0})
     nothing = Mechanism(
-        bodies={"b": body(0, 0, 0, 0)}, joints={"r": RevoluteJoint(connects=("ground", "b"))}, actuators=("r",)
+        bodies={"b": body(0, 0, 0, 0)},
+        joints={"r": RevoluteJoint(connects=("ground", "b"))},
+        actuators=("r",),
     )
     oracle = MaximalOracle(nothing)
     with pytest.raises(OracleError, match="without inertia"):

@@ -11,7 +11,14 @@ from linkwork.mechanism import FreeJoint, GearJoint, PointSpring, RevoluteJoint
 
 from tests.oracle import OracleError, pairs
 from tests.oracle.maximal import MaximalOracle
-from tests.oracle.random_joints import built, random_loops, random_motion, random_pose, random_tree, tilted
+from tests.oracle.random_joints import (
+    built,
+    random_loops,
+    random_motion,
+    random_pose,
+    random_tree,
+    tilted,
+)
 from tests.oracle.test_pairs import CLOSING, close
 
 RANDOM = {
@@ -24,7 +31,9 @@ RANDOM = {
     "platform": partial(random_loops, 3, 1, effects=True, platform="free"),
     "bare platform": partial(random_loops, 4, 1, platform="bare"),
     "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1),
-    "spinning rod": partial(random_loops, 6, 1, kinds=("spherical", "spherical", "universal"), effects=True),
+    "spinning rod": partial(
+        random_loops, 6, 1, kinds=("spherical", "spherical", "universal"), effects=True
+    ),
 }
 
 
@@ -43,13 +52,18 @@ def case(request):
 
 def along(oracle, poses, twists, rates, h):
     """Return poses and twists after h, to second order, with the bodies' accelerations `rates`."""
-    t, t_dot = (np.concatenate([part for b in oracle.mechanism.bodies for part in s[b]]) for s in (twists, rates))
+    t, t_dot = (
+        np.concatenate([part for b in oracle.mechanism.bodies for part in s[b]])
+        for s in (twists, rates)
+    )
     return oracle.moved(poses, h * t + h**2 / 2 * t_dot), oracle.by_body(t + h * t_dot)
 
 
 def central(function, oracle, poses, twists, rates, h=1e-4):
     """Return the derivative of function(poses, twists) along the motion, with an error of order h^4."""
-    values = {k: np.asarray(function(*along(oracle, poses, twists, rates, k * h))) for k in (-2, -1, 1, 2)}
+    values = {
+        k: np.asarray(function(*along(oracle, poses, twists, rates, k * h))) for k in (-2, -1, 1, 2)
+    }
     return (8 * (values[1] - values[-1]) - (values[2] - values[-2])) / (12 * h)
 
 
@@ -64,7 +78,11 @@ def test_rates_and_rows_are_derivatives_on_any_motion(case):
     found = central(oracle.rates, oracle, poses, twists, rates)
     close(oracle.joint_accelerations(poses, twists, rates), found, 1e-9)
     found = central(
-        lambda p, t: oracle.rows(p, t).A @ np.concatenate([*sum(t.values(), ())]), oracle, poses, twists, rates
+        lambda p, t: oracle.rows(p, t).A @ np.concatenate([*sum(t.values(), ())]),
+        oracle,
+        poses,
+        twists,
+        rates,
     )
     close(rows.A @ stacked + rows.a, found, 1e-9)
 
@@ -85,8 +103,13 @@ def test_coordinates_and_residuals_change_as_the_rows_say(case):
             omega = np.array([w[f"{name}.{part}"] for part in ("wx", "wy", "wz")])
             expected += [-(omega @ v) / 2, *(s * omega + np.cross(omega, v)) / 2]
     close(central(lambda p, _: oracle.coordinates(p), oracle, poses, twists, rest), expected, 1e-9)
-    rows, t = oracle.rows(poses, twists), np.concatenate([part for pair in twists.values() for part in pair])
-    found = central(lambda p, _: np.concatenate([*oracle.residuals(p).values()]), oracle, poses, twists, rest)
+    rows, t = (
+        oracle.rows(poses, twists),
+        np.concatenate([part for pair in twists.values() for part in pair]),
+    )
+    found = central(
+        lambda p, _: np.concatenate([*oracle.residuals(p).values()]), oracle, poses, twists, rest
+    )
     order = np.concatenate([np.flatnonzero(rows.owner == name) for name in mechanism.joints])
     close(found, (rows.A @ t)[order], 1e-9)
 
@@ -102,8 +125,12 @@ def test_forces_come_back_from_accelerations(case):
     oracle, poses, twists, forces = case
     wanted = oracle.accelerations(poses, twists, forces)
     close(oracle.inverse_dynamics(poses, twists, wanted), forces, 1e-9)
-    rates = dict(zip(oracle.mechanism.rates, oracle.joint_accelerations(poses, twists, wanted), strict=True))
-    again = oracle.accelerations_of(poses, twists, {name: rates[name] for name in oracle.mechanism.actuators})
+    rates = dict(
+        zip(oracle.mechanism.rates, oracle.joint_accelerations(poses, twists, wanted), strict=True)
+    )
+    again = oracle.accelerations_of(
+        poses, twists, {name: rates[name] for name in oracle.mechanism.actuators}
+    )
     for name, pair in wanted.items():
         close(np.concatenate(again[name]), np.concatenate(pair), 1e-9)
 
@@ -117,7 +144,10 @@ def test_reactions_balance_every_body():
     oracle, rng = MaximalOracle(mechanism), np.random.default_rng(8)
     poses, twists = random_motion(oracle, rng)
     forces = rng.normal(size=len(mechanism.actuators))
-    found, reactions = oracle.accelerations(poses, twists, forces), oracle.reactions(poses, twists, forces)
+    found, reactions = (
+        oracle.accelerations(poses, twists, forces),
+        oracle.reactions(poses, twists, forces),
+    )
     ground = (np.zeros(3), np.eye(3))
     for name, data in mechanism.bodies.items():
         (p, R), (omega, _), (alpha, a) = poses[name], twists[name], found[name]
@@ -126,7 +156,10 @@ def test_reactions_balance_every_body():
         for joint_name, joint in mechanism.pairs.items():
             if name in joint.connects:
                 p_1, R_1 = poses.get(joint.connects[0], ground)
-                sign, o = 1 if joint.connects[1] == name else -1, p_1 + R_1 @ joint.frames[0].position
+                sign, o = (
+                    1 if joint.connects[1] == name else -1,
+                    p_1 + R_1 @ joint.frames[0].position,
+                )
                 M, f = reactions[joint_name][:3].copy(), reactions[joint_name][3:]
                 if isinstance(joint, RevoluteJoint):
                     M += forces[mechanism.actuators.index(joint_name)] * (
@@ -142,13 +175,27 @@ def test_floating_mechanism_keeps_its_momentum():
     kinds = ["free", *(kind for kind in CLOSING if kind != "free")]
     names = ["ground", *(f"body_{i}" for i in range(1, len(kinds) + 1))]
     mechanism = built(
-        "floating", zip(names, names[1:], kinds, strict=False), np.random.default_rng(31), False, True, 0, 0
+        "floating",
+        zip(names, names[1:], kinds, strict=False),
+        np.random.default_rng(31),
+        False,
+        True,
+        0,
+        0,
     )
     root = next(name for name, joint in mechanism.joints.items() if isinstance(joint, FreeJoint))
-    quiet = FreeJoint(**{field: getattr(mechanism.joints[root], field) for field in ("connects", "frames")})
-    angles = [name for name in mechanism.coordinates if name.startswith(("revolute", "screw", "universal"))]
+    quiet = FreeJoint(
+        **{field: getattr(mechanism.joints[root], field) for field in ("connects", "frames")}
+    )
+    angles = [
+        name
+        for name in mechanism.coordinates
+        if name.startswith(("revolute", "screw", "universal"))
+    ]
     gear = GearJoint(ratios=dict(zip(angles, (1.0, -0.5, 2.0), strict=False)))
-    spring = PointSpring(connects=("body_2", "body_6"), points=((0, 1, 0), (1, 0, 0)), stiffness=20, damping=3)
+    spring = PointSpring(
+        connects=("body_2", "body_6"), points=((0, 1, 0), (1, 0, 0)), stiffness=20, damping=3
+    )
     mechanism = mechanism.model_copy(
         update={
             "gravity": (0, 0, 0),
@@ -165,9 +212,15 @@ def test_floating_mechanism_keeps_its_momentum():
         (p, R), (omega, _), (alpha, a) = poses[name], twists[name], found[name]
         I = R @ data.inertia.tensor() @ R.T  # noqa: E741
         linear += data.mass * a
-        angular += np.cross(p + R @ data.centre_of_mass, data.mass * a) + I @ alpha + np.cross(omega, I @ omega)
+        angular += (
+            np.cross(p + R @ data.centre_of_mass, data.mass * a)
+            + I @ alpha
+            + np.cross(omega, I @ omega)
+        )
         largest = max(largest, np.linalg.norm(data.mass * a))
-    assert largest > 1 and max(abs(linear)) < 1e-11 * largest and max(abs(angular)) < 1e-11 * largest
+    assert (
+        largest > 1 and max(abs(linear)) < 1e-11 * largest and max(abs(angular)) < 1e-11 * largest
+    )
 
 
 @pytest.mark.parametrize("planar", [True, False])
@@ -181,7 +234,11 @@ def test_moving_everything_changes_nothing(planar):
     oracle = MaximalOracle(moved)
     poses = {name: (p_0 + R_0 @ p, R_0 @ R) for name, (p, R) in poses.items()}
     twists = {name: (R_0 @ omega, R_0 @ v) for name, (omega, v) in twists.items()}
-    close(oracle.joint_accelerations(poses, twists, oracle.accelerations(poses, twists, forces)), wanted, 1e-9)
+    close(
+        oracle.joint_accelerations(poses, twists, oracle.accelerations(poses, twists, forces)),
+        wanted,
+        1e-9,
+    )
 
 
 @pytest.mark.parametrize("actuation", [-1, 1])
@@ -198,7 +255,9 @@ def test_other_numbers_of_actuators(actuation):
         assert np.linalg.norm(least) < np.linalg.norm(forces) - 1e-3
     else:
         close(least, forces, 1e-10)
-        still = oracle.accelerations_of(poses, twists, dict.fromkeys(oracle.independent_rates(poses), 0.0))
+        still = oracle.accelerations_of(
+            poses, twists, dict.fromkeys(oracle.independent_rates(poses), 0.0)
+        )
         with pytest.raises(OracleError, match="cannot bring this about"):
             oracle.inverse_dynamics(poses, twists, still)
     again = oracle.accelerations(poses, twists, least)

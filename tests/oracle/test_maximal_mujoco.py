@@ -22,7 +22,13 @@ from linkwork.mechanism import (
 
 from tests.oracle import pairs
 from tests.oracle.maximal import MaximalOracle, Poses
-from tests.oracle.random_joints import TREE, random_coordinates, random_effects, random_joint, random_pose
+from tests.oracle.random_joints import (
+    TREE,
+    random_coordinates,
+    random_effects,
+    random_joint,
+    random_pose,
+)
 from tests.oracle.random_mechanisms import random_body
 from tests.oracle.test_pairs import close
 
@@ -57,7 +63,9 @@ def tree(rng: np.random.Generator) -> Mechanism:
 
     The joints' order is MuJoCo's, depth first.
     """
-    kinds = [str(kind) for kind in rng.permutation([kind for kind in TREE[False] if kind != "screw"])]
+    kinds = [
+        str(kind) for kind in rng.permutation([kind for kind in TREE[False] if kind != "screw"])
+    ]
     names = [f"body_{i}" for i in range(len(kinds))]
     parents = [str(rng.choice(["ground", *names[:i]])) for i in range(len(kinds))]
     joints = {}
@@ -65,13 +73,24 @@ def tree(rng: np.random.Generator) -> Mechanism:
         poses = {parent: random_pose(rng, False), name: random_pose(rng, False)}
         joint, _ = random_joint(rng, False, (parent, name), kind, poses)
         frames = (joint.frames[0], Frame())
-        joints[name] = joint.model_copy(update={"frames": frames, **random_effects(rng, joint, coulomb=False)})
+        joints[name] = joint.model_copy(
+            update={"frames": frames, **random_effects(rng, joint, coulomb=False)}
+        )
 
     def below(body: str) -> list[str]:
-        return [each for name in names if joints[name].connects[0] == body for each in (name, *below(name))]
+        return [
+            each
+            for name in names
+            if joints[name].connects[0] == body
+            for each in (name, *below(name))
+        ]
 
     bodies = {name: random_body(rng, False) for name in names}
-    return Mechanism(gravity=GRAVITY, bodies=bodies, joints={f"to_{name}": joints[name] for name in below("ground")})
+    return Mechanism(
+        gravity=GRAVITY,
+        bodies=bodies,
+        joints={f"to_{name}": joints[name] for name in below("ground")},
+    )
 
 
 def document(mechanism: Mechanism) -> str:
@@ -85,7 +104,9 @@ def document(mechanism: Mechanism) -> str:
         joints = "".join(
             f'<joint type="{kind}" axis="{numbers(axis)}" stiffness="{spring.stiffness!r}" springref="{spring.rest!r}" '
             f'damping="{friction.viscous + spring.damping!r}" armature="{rotor!r}"/>'
-            for (kind, axis), (friction, spring, _, rotor) in zip(parts(joint), joint.effects().values(), strict=True)  # pyright: ignore
+            for (kind, axis), (friction, spring, _, rotor) in zip(
+                parts(joint), joint.effects().values(), strict=True
+            )  # pyright: ignore
         )
         return (
             f'<body name="{name}" pos="{numbers(frame.position)}" '
@@ -95,7 +116,11 @@ def document(mechanism: Mechanism) -> str:
         )
 
     def below(body: str) -> str:
-        return "".join(element(joint.connects[1]) for joint in mechanism.pairs.values() if joint.connects[0] == body)
+        return "".join(
+            element(joint.connects[1])
+            for joint in mechanism.pairs.values()
+            if joint.connects[0] == body
+        )
 
     return (
         f'<mujoco><compiler angle="radian"/><option gravity="{numbers(mechanism.gravity)}"><flag energy="enable"/>'

@@ -15,13 +15,32 @@ from linkwork.lab.textbook import Textbook
 from linkwork.mechanism import Mechanism
 from linkwork.robots._prr3 import prr3
 
-from tests.oracle import LagrangeOracle, OracleError, open_tree, planar_loops, random_state, spatial_loops
+from tests.oracle import (
+    LagrangeOracle,
+    OracleError,
+    open_tree,
+    planar_loops,
+    random_state,
+    spatial_loops,
+)
 from tests.oracle.closed_forms import DOWN, DoublePendulum, Pendulum, SliderCrank
 
 RANDOM: dict[str, Callable[[], Mechanism]] = {
-    **{f"tree {s} planar {p}": partial(open_tree, s, planar=p) for s in (0, 1) for p in (True, False)},
-    **{f"planar {s}, {loops} loops": partial(planar_loops, s, loops) for s in (0, 1) for loops in (1, 2, 3)},
-    **{f"spatial {s}, {loops} loops": partial(spatial_loops, s, loops) for s in (0, 1) for loops in (1, 2)},
+    **{
+        f"tree {s} planar {p}": partial(open_tree, s, planar=p)
+        for s in (0, 1)
+        for p in (True, False)
+    },
+    **{
+        f"planar {s}, {loops} loops": partial(planar_loops, s, loops)
+        for s in (0, 1)
+        for loops in (1, 2, 3)
+    },
+    **{
+        f"spatial {s}, {loops} loops": partial(spatial_loops, s, loops)
+        for s in (0, 1)
+        for loops in (1, 2)
+    },
     "spatial 2, 2 loops, more freedoms": partial(spatial_loops, 2, loops=2, freedoms=2),
 }
 
@@ -87,7 +106,9 @@ def test_agrees_with_the_textbook_on_random_mechanisms(name):
     mechanism = RANDOM[name]()
     rng = np.random.default_rng(6)
     q, rates = random_state(mechanism, rng)
-    agree(Textbook(mechanism), LagrangeOracle(mechanism), q, rates, *rng.normal(size=(2, len(rates))))
+    agree(
+        Textbook(mechanism), LagrangeOracle(mechanism), q, rates, *rng.normal(size=(2, len(rates)))
+    )
 
 
 def agree(textbook, oracle, q, rates, accelerations, forces, tolerance=1e-11):
@@ -107,13 +128,21 @@ def agree(textbook, oracle, q, rates, accelerations, forces, tolerance=1e-11):
     close(textbook.M(q), oracle.mass_matrix(q), tolerance)
     close(textbook.C(q, rates) @ rates, oracle.coriolis(q, rates), tolerance)
     close(textbook.G(q), oracle.gravity(q), tolerance)
-    close(textbook.forward_dynamics(q, rates, forces), oracle.forward_dynamics(q, rates, forces), tolerance)
     close(
-        textbook.inverse_dynamics(q, rates, accelerations), oracle.inverse_dynamics(q, rates, accelerations), tolerance
+        textbook.forward_dynamics(q, rates, forces),
+        oracle.forward_dynamics(q, rates, forces),
+        tolerance,
+    )
+    close(
+        textbook.inverse_dynamics(q, rates, accelerations),
+        oracle.inverse_dynamics(q, rates, accelerations),
+        tolerance,
     )
 
 
-@pytest.mark.parametrize("mechanism", [prr3(), planar_loops(3, 2), spatial_loops(3)], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "mechanism", [prr3(), planar_loops(3, 2), spatial_loops(3)], ids=lambda m: m.name
+)
 def test_forty_digits(mechanism):
     rng = np.random.default_rng(7)
     q, rates = random_state(mechanism, rng, 0.02)
@@ -135,7 +164,12 @@ def test_forty_digits_are_right_where_a_formula_gives_them():
     m, a, I = (mp.mpf(value[1]) for value in (pendulum.m, pendulum.a, pendulum.I))  # noqa: E741
     oracle, (q1, q2) = LagrangeOracle(pendulum.mechanism(), 40), (0.3, 0.4)
     assert abs(oracle.mass_matrix([q1, q2])[1, 1] - I - m * a**2) < 1e-38
-    assert abs(oracle.gravity([q1, q2])[1] - m * a * mp.mpf(-DOWN[1]) * mp.cos(mp.mpf(q1) + mp.mpf(q2))) < 1e-38
+    assert (
+        abs(
+            oracle.gravity([q1, q2])[1] - m * a * mp.mpf(-DOWN[1]) * mp.cos(mp.mpf(q1) + mp.mpf(q2))
+        )
+        < 1e-38
+    )
 
 
 def test_reactions_balance_every_body():
@@ -154,7 +188,9 @@ def test_reactions_balance_every_body():
         total = np.concatenate([np.cross(c, weight), weight])
         for name, joint in mechanism.joints.items():
             if body in joint.connects:
-                total += (1 if joint.connects[1] == body else -1) * at_origin(mechanism, X, name, reactions, forces)
+                total += (1 if joint.connects[1] == body else -1) * at_origin(
+                    mechanism, X, name, reactions, forces
+                )
         close(total, (ahead[body] - behind[body]) / (2 * h), 1e-7)
 
 
@@ -165,7 +201,9 @@ def at_origin(mechanism, X, name, reactions, forces):
     moment, force = reactions[name][:3].copy(), reactions[name][3:].copy()
     if name in mechanism.actuators:
         drive = forces[mechanism.actuators.index(name)] * first[:3, :3] @ joint.axis
-        moment, force = (moment + drive, force) if joint.type == "revolute" else (moment, force + drive)
+        moment, force = (
+            (moment + drive, force) if joint.type == "revolute" else (moment, force + drive)
+        )
     return np.concatenate([moment + np.cross(second[:3, 3], force), force])
 
 
@@ -173,7 +211,9 @@ def stepped(oracle, q, rates, forces, h):
     """Move a state along its motion by h, to second order in the actuated coordinates."""
     accelerations = oracle.forward_dynamics(q, rates, forces)
     actuated = [oracle.moving.index(name) for name in oracle.mechanism.actuators]
-    return oracle.assemble(q, q[actuated] + h * rates + h**2 / 2 * accelerations), rates + h * accelerations
+    return oracle.assemble(
+        q, q[actuated] + h * rates + h**2 / 2 * accelerations
+    ), rates + h * accelerations
 
 
 def momenta(mechanism, q, rates):
@@ -183,7 +223,9 @@ def momenta(mechanism, q, rates):
     for body, data in mechanism.bodies.items():
         R, p = X[body][:3, :3], X[body][:3, 3]
         linear = data.mass * twists[body][3:]
-        angular = R @ data.inertia.tensor() @ R.T @ twists[body][:3] + np.cross(p + R @ data.centre_of_mass, linear)
+        angular = R @ data.inertia.tensor() @ R.T @ twists[body][:3] + np.cross(
+            p + R @ data.centre_of_mass, linear
+        )
         result[body] = np.concatenate([angular, linear])
     return result
 

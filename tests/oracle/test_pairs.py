@@ -14,7 +14,9 @@ CLOSING = sorted(set(TYPES) - {"rod"})
 def close(actual, expected, tolerance: float) -> None:
     actual, expected = np.asarray(actual, dtype=float), np.asarray(expected, dtype=float)
     assert actual.shape == expected.shape
-    assert np.max(abs(actual - expected), initial=0) <= tolerance * (1 + np.max(abs(expected), initial=0))
+    assert np.max(abs(actual - expected), initial=0) <= tolerance * (
+        1 + np.max(abs(expected), initial=0)
+    )
 
 
 @pytest.mark.parametrize("kind", CLOSING)
@@ -40,7 +42,9 @@ def test_rows_split_the_twist_into_rates_and_constraints(kind):
         joint = TYPES[kind](connects=("ground", "b"), **random_form(rng, False, kind))
         q = random_coordinates(rng, joint)
         w = rng.normal(size=len(joint.rates("j")))
-        (R_a, p_a), (R_b, p_b) = (pairs.motion(joint, stepped(joint, q, step * w)) for step in (-h, h))
+        (R_a, p_a), (R_b, p_b) = (
+            pairs.motion(joint, stepped(joint, q, step * w)) for step in (-h, h)
+        )
         s = np.concatenate([pairs.logarithm(R_b @ R_a.T), p_b - p_a]) / (2 * h)
         F, A = pairs.rows(joint, *pairs.motion(joint, q))
         close(F @ s, w, 1e-9)

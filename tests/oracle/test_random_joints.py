@@ -19,7 +19,11 @@ def test_random_mechanisms_are_closed_and_repeatable(name):
     poses = oracle.reference_poses()
     assert Mechanism(**mechanism.model_dump()) == mechanism == RANDOM[name]()
     if name != "bare platform":  # its pose is no coordinate
-        close(oracle.coordinates(poses), [mechanism.reference[label] for label in mechanism.coordinates], 1e-12)
+        close(
+            oracle.coordinates(poses),
+            [mechanism.reference[label] for label in mechanism.coordinates],
+            1e-12,
+        )
     assert len(mechanism.actuators) == oracle.mobility(poses)
     assert any(joint.connects[0] > joint.connects[1] for joint in mechanism.pairs.values())
 

@@ -24,7 +24,10 @@ def test_andrews_equations_at_the_published_start_and_end():
 def test_andrews_derivatives_are_derivatives():
     random = np.random.default_rng(1)
     q, v, h = andrews.START + 0.1 * random.normal(size=7), random.normal(size=7), 1e-5
-    slopes = [(andrews.closures(q + h * step) - andrews.closures(q - h * step)) / (2 * h) for step in np.eye(7)]
+    slopes = [
+        (andrews.closures(q + h * step) - andrews.closures(q - h * step)) / (2 * h)
+        for step in np.eye(7)
+    ]
     assert np.allclose(andrews.jacobian(q), np.transpose(slopes), atol=1e-11)
     bend = (andrews.jacobian(q + h * v) - andrews.jacobian(q - h * v)) / (2 * h)
     assert np.allclose(andrews.curvature(q, v), bend @ v, atol=1e-11)
@@ -47,14 +50,18 @@ def test_andrews_motion_is_converged():
 def test_pendulum_in_closed_form_solves_its_equation():
     length, t, h = 0.7, np.linspace(0.1, 3, 30), 1e-4
     q = [one_freedom.pendulum(t + shift, length) for shift in (-h, 0, h)]
-    assert np.allclose((q[0] - 2 * q[1] + q[2]) / h**2, -one_freedom.g / length * np.cos(q[1]), atol=1e-5)
+    assert np.allclose(
+        (q[0] - 2 * q[1] + q[2]) / h**2, -one_freedom.g / length * np.cos(q[1]), atol=1e-5
+    )
     assert one_freedom.pendulum([0.0]) == pytest.approx(0, abs=1e-15)
 
 
 def test_n_four_bar_of_two_loops_as_published():
     times = list(N_FOUR_BAR)
     theta, rate = one_freedom.n_four_bar(2).motion(times, np.pi / 2, -1.0)
-    assert np.allclose(np.transpose([np.cos(theta), np.sin(theta)]), list(N_FOUR_BAR.values()), atol=2e-12)
+    assert np.allclose(
+        np.transpose([np.cos(theta), np.sin(theta)]), list(N_FOUR_BAR.values()), atol=2e-12
+    )
     velocity = rate[-1] * np.array([-np.sin(theta[-1]), np.cos(theta[-1])])
     assert np.allclose(velocity, [1.423051470189, -0.494868845467], atol=1e-11)
 
@@ -69,7 +76,9 @@ def test_bricard_closes_in_closed_form(psi):
 def test_bricard_starts_along_the_edges_of_a_cube_and_keeps_its_energy():
     e, _, o = one_freedom.bricard_rods(one_freedom.RIGHT_ANGLES)
     assert np.allclose(np.cross(e[0], e[1]) @ e[2], -1)
-    assert np.allclose(o[1:6], [[1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]], atol=1e-14)
+    assert np.allclose(
+        o[1:6], [[1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]], atol=1e-14
+    )
     linkage = one_freedom.bricard()
     states = linkage.motion([1.0, 2.0, 3.0], one_freedom.RIGHT_ANGLES, 0.0)
     start = linkage.energy(one_freedom.RIGHT_ANGLES, 0.0)
@@ -86,7 +95,9 @@ def test_inertia_and_potential_have_the_slopes_that_are_used(linkage):
 
 def test_slider_crank_as_published():
     """F. Gonzalez's solution in the IFToMM library, to about what its own time steps allow."""
-    theta, _ = one_freedom.spatial_slider_crank().motion(list(SLIDER_CRANK), 0.0, 6.0, tolerance=1e-11)
+    theta, _ = one_freedom.spatial_slider_crank().motion(
+        list(SLIDER_CRANK), 0.0, 6.0, tolerance=1e-11
+    )
     assert np.allclose(one_freedom.slide(theta), list(SLIDER_CRANK.values()), rtol=0, atol=1e-4)
 
 
@@ -116,7 +127,12 @@ def test_governor_springs_hold_the_rods_at_rest_by_the_lever_rule():
     tension = governor.k * (span - governor.rest)
     found = governor.accelerations(state, np.zeros(4))
     # forces on the slider along z, moments about a hinge: the spring pulls from the rod's middle towards the slider
-    assert np.isclose(found[1], 2 * tension * rise / span / governor.slider - governor.g, rtol=1e-12)
-    middle, pull = governor.b * np.array([cos, -sin]), tension / span * np.array([-governor.b * cos, -rise])
+    assert np.isclose(
+        found[1], 2 * tension * rise / span / governor.slider - governor.g, rtol=1e-12
+    )
+    middle, pull = (
+        governor.b * np.array([cos, -sin]),
+        tension / span * np.array([-governor.b * cos, -rise]),
+    )
     moment = middle[1] * pull[0] - middle[0] * pull[1] + governor.W * cos
     assert np.isclose(found[2], moment / governor.E, rtol=1e-12)

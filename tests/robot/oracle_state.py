@@ -24,10 +24,17 @@ class Seen:
 
     @classmethod
     def of(cls, robot: lw.Robot, state: lw.State) -> Seen:
-        oracle = MaximalOracle(robot.mechanism, dict(zip(robot.coordinates, state.positions, strict=True)))
+        oracle = MaximalOracle(
+            robot.mechanism, dict(zip(robot.coordinates, state.positions, strict=True))
+        )
         poses = robot.body_poses(state)
-        twists = {name: (t[:3], t[3:]) for name, t in zip(robot.bodies, robot.twists(state), strict=True)}
-        assert max((np.abs(gap).max(initial=0) for gap in oracle.residuals(poses).values()), default=0) < 1e-11
+        twists = {
+            name: (t[:3], t[3:]) for name, t in zip(robot.bodies, robot.twists(state), strict=True)
+        }
+        assert (
+            max((np.abs(gap).max(initial=0) for gap in oracle.residuals(poses).values()), default=0)
+            < 1e-11
+        )
         assert oracle.constraint_velocity_error(poses, twists) < 1e-10
         return cls(robot, state, oracle, poses, twists)
 

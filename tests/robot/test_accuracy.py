@@ -17,7 +17,9 @@ def oscillator(stiffness: float = 4.0) -> lw.Robot:
     """Return a mass of 1 kg on a spring: x = cos(w t) from x = 1."""
     slide = lw.PrismaticJoint(connects=("ground", "mass"), spring=lw.Spring(stiffness=stiffness))
     bodies, joints = {"mass": lw.Body(mass=1.0)}, {"slide": slide}
-    return lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("slide",), gravity=(0, 0, 0)))
+    return lw.Robot(
+        lw.Mechanism(bodies=bodies, joints=joints, actuators=("slide",), gravity=(0, 0, 0))
+    )
 
 
 def light_cart() -> lw.Robot:
@@ -25,7 +27,9 @@ def light_cart() -> lw.Robot:
     cart = lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))
     pole = lw.RevoluteJoint(connects=("cart", "pole"))
     bodies = {"cart": lw.Body(mass=1e-6), "pole": lw.Body(mass=1.0, centre_of_mass=(1, 0, 0))}
-    return lw.Robot(lw.Mechanism(bodies=bodies, joints={"cart": cart, "pole": pole}, gravity=(0, -9.81, 0)))
+    return lw.Robot(
+        lw.Mechanism(bodies=bodies, joints={"cart": cart, "pole": pole}, gravity=(0, -9.81, 0))
+    )
 
 
 def off(x: np.ndarray, exact: np.ndarray) -> float:
@@ -41,14 +45,20 @@ def states(run: lw.Run) -> np.ndarray:
 def test_errors_of_an_oscillator_at_every_saved_time(duration):
     robot = oscillator()
     run = robot.simulate(
-        robot.state([1.0], [0.0]), duration=duration, rtol=RTOL, atol=ATOL, save_at=np.linspace(0, duration, 50)
+        robot.state([1.0], [0.0]),
+        duration=duration,
+        rtol=RTOL,
+        atol=ATOL,
+        save_at=np.linspace(0, duration, 50),
     )
     t = run.coords["time"].values
     exact = np.stack([np.cos(2 * t), -2 * np.sin(2 * t)], axis=1)
     assert run.error_estimate == pytest.approx(off(states(run), exact), rel=0.3)
     errors = run.global_errors
     found = np.hstack([errors.joint_position.values, errors.joint_rate.values])
-    np.testing.assert_allclose(found, states(run) - exact, atol=0.3 * np.abs(states(run) - exact).max())
+    np.testing.assert_allclose(
+        found, states(run) - exact, atol=0.3 * np.abs(states(run) - exact).max()
+    )
     assert errors.joint_position.dims == ("time", "coordinate")
 
 
@@ -58,20 +68,31 @@ def test_a_chaotic_motion_shows_how_its_errors_grow(duration):
     rod = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=1 / 12))
     joints = {
         "first": lw.RevoluteJoint(connects=("ground", "upper")),
-        "second": lw.RevoluteJoint(connects=("upper", "lower"), frames=(lw.Frame.planar(1.0), lw.Frame())),
+        "second": lw.RevoluteJoint(
+            connects=("upper", "lower"), frames=(lw.Frame.planar(1.0), lw.Frame())
+        ),
     }
-    robot = lw.Robot(lw.Mechanism(bodies={"upper": rod, "lower": rod}, joints=joints, gravity=(0, -9.81, 0)))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"upper": rod, "lower": rod}, joints=joints, gravity=(0, -9.81, 0))
+    )
 
     def slope(t, y):
         a, b, c, d = y[0], y[0] + y[1], y[2], y[2] + y[3]
         M = np.array([[4 / 3, np.cos(b - a) / 2], [np.cos(b - a) / 2, 1 / 3]])
-        f = [np.sin(b - a) / 2 * d**2 - 9.81 * 1.5 * np.cos(a), -np.sin(b - a) / 2 * c**2 - 9.81 * 0.5 * np.cos(b)]
+        f = [
+            np.sin(b - a) / 2 * d**2 - 9.81 * 1.5 * np.cos(a),
+            -np.sin(b - a) / 2 * c**2 - 9.81 * 0.5 * np.cos(b),
+        ]
         first, second = np.linalg.solve(M, f)
         return [y[2], y[3], first, second - first]
 
-    run = robot.simulate(robot.state([1.0, 0.5], [0.0, 0.0]), duration=duration, rtol=RTOL, atol=ATOL)
+    run = robot.simulate(
+        robot.state([1.0, 0.5], [0.0, 0.0]), duration=duration, rtol=RTOL, atol=ATOL
+    )
     t = run.coords["time"].values
-    exact = solve_ivp(slope, (0, duration), [1.0, 0.5, 0, 0], method="DOP853", rtol=1e-13, atol=1e-14, t_eval=t)
+    exact = solve_ivp(
+        slope, (0, duration), [1.0, 0.5, 0, 0], method="DOP853", rtol=1e-13, atol=1e-14, t_eval=t
+    )
     assert 1 / 3 < run.error_estimate / off(states(run), exact.y.T) < 3
     assert ("tighten them" in run.message) == (run.error_estimate > 1000)
 
@@ -84,7 +105,13 @@ def test_catalogue_robots_against_another_method_at_the_tightest_tolerance(name)
     run = robot.simulate(state, forces, duration=duration, rtol=RTOL, atol=ATOL)
     other = "rodas" if name == "flyball_governor" else "dop853"
     exact = robot.simulate(
-        state, forces, duration=duration, rtol=1e-11, atol=1e-13, method=other, save_at=run.coords["time"].values
+        state,
+        forces,
+        duration=duration,
+        rtol=1e-11,
+        atol=1e-13,
+        method=other,
+        save_at=run.coords["time"].values,
     )
     tree = robot.equations.tree
     columns = [robot.coordinates.index(label) for label in tree.coordinates]
@@ -111,7 +138,9 @@ def test_a_light_cart_that_darts_says_that_it_is_off():
 @pytest.mark.parametrize(("method", "step"), [("rk4", 0.02), ("symplectic_euler", 1e-3)])
 def test_methods_of_a_fixed_step(method, step):
     robot = oscillator()
-    run = robot.simulate(robot.state([1.0], [0.0]), duration=2.0, method=method, step=step, rtol=RTOL, atol=ATOL)
+    run = robot.simulate(
+        robot.state([1.0], [0.0]), duration=2.0, method=method, step=step, rtol=RTOL, atol=ATOL
+    )
     t = run.coords["time"].values
     exact = np.stack([np.cos(2 * t), -2 * np.sin(2 * t)], axis=1)
     assert run.error_estimate == pytest.approx(off(states(run), exact), rel=0.2)
@@ -121,7 +150,9 @@ def test_methods_of_a_fixed_step(method, step):
 def test_runs_that_an_event_ends_resumed_ones_and_those_in_several_charts():
     robot = oscillator()
     event = lw.control.Event(lambda t, state: state["slide"] + 0.5, terminal=True)
-    ended = robot.simulate(robot.state([1.0], [0.0]), duration=9.0, events=[event], rtol=RTOL, atol=ATOL)
+    ended = robot.simulate(
+        robot.state([1.0], [0.0]), duration=9.0, events=[event], rtol=RTOL, atol=ATOL
+    )
     assert ended.status is lw.Status.EVENT
     assert 0.01 < ended.error_estimate < 100
     later = robot.resume(ended, duration=3.0, rtol=RTOL, atol=ATOL)
@@ -165,7 +196,9 @@ def test_members_of_an_ensemble_have_their_estimates(method):
     found = robot.ensemble(starts, duration=10.0, rtol=RTOL, atol=ATOL, method=method)
     exact = np.stack([n * np.cos(20), -2 * n * np.sin(20)], axis=1)
     ends = np.hstack([found.final.q, found.final.rates])
-    true = (np.abs(ends - exact) / (ATOL + RTOL * np.abs([n, 0 * n]).T.clip(min=np.abs(ends)))).max(axis=1)
+    true = (np.abs(ends - exact) / (ATOL + RTOL * np.abs([n, 0 * n]).T.clip(min=np.abs(ends)))).max(
+        axis=1
+    )
     np.testing.assert_allclose(found.error_estimate, true, rtol=0.3)
 
 

@@ -31,11 +31,16 @@ def test_underactuated_forward_dynamics_and_runs(actuators):
 
 
 @pytest.mark.parametrize(
-    ("actuators", "undriven"), [(("hinge_2",), "hinge_1"), (("hinge_1",), "hinge_2"), ((), "hinge_1, hinge_2")]
+    ("actuators", "undriven"),
+    [(("hinge_2",), "hinge_1"), (("hinge_1",), "hinge_2"), ((), "hinge_1, hinge_2")],
 )
-def test_underactuated_inverse_dynamics_is_refused_and_names_what_is_not_driven(actuators, undriven):
+def test_underactuated_inverse_dynamics_is_refused_and_names_what_is_not_driven(
+    actuators, undriven
+):
     robot = actuated(double_pendulum(), *actuators)
-    with pytest.raises(lw.LinkworkError, match=f"the actuators do not drive {undriven}; add actuators"):
+    with pytest.raises(
+        lw.LinkworkError, match=f"the actuators do not drive {undriven}; add actuators"
+    ):
         robot.inverse_dynamics(robot.home, [0.0, 0.0])
     assert robot.internal_forces(robot.home).shape == (len(actuators), 0)
 
@@ -45,9 +50,15 @@ def test_an_actuator_in_a_locked_part_drives_nothing():
     bar = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
     joints = {
         "foot": lw.RevoluteJoint(connects=("ground", "left")),
-        "top": lw.RevoluteJoint(connects=("left", "right"), frames=(lw.Frame.planar(1), lw.Frame())),
-        "pin": lw.RevoluteJoint(connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(1))),
-        "hinge": lw.RevoluteJoint(connects=("right", "bob"), frames=(lw.Frame.planar(0.5), lw.Frame())),
+        "top": lw.RevoluteJoint(
+            connects=("left", "right"), frames=(lw.Frame.planar(1), lw.Frame())
+        ),
+        "pin": lw.RevoluteJoint(
+            connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(1))
+        ),
+        "hinge": lw.RevoluteJoint(
+            connects=("right", "bob"), frames=(lw.Frame.planar(0.5), lw.Frame())
+        ),
     }
     mechanism = lw.Mechanism(
         gravity=(0, -9.81, 0),
@@ -91,7 +102,11 @@ def test_forces_of_more_actuators_than_freedoms_are_the_least_ones(overdriven):
     robot, state, a = overdriven
     u = robot.inverse_dynamics(state, a)
     assert u.size == len(robot.actuators) > robot.mobility
-    close(u, Seen.of(robot, state).inverse_dynamics(dict(zip(robot.independent, a, strict=True))), 1e-10)
+    close(
+        u,
+        Seen.of(robot, state).inverse_dynamics(dict(zip(robot.independent, a, strict=True))),
+        1e-10,
+    )
     close(robot.forward_dynamics(state, u), a, 1e-10)
 
 
@@ -106,7 +121,11 @@ def test_weights_shift_the_load(overdriven):
     close(u, y / np.sqrt(weights), 1e-10)
     close(robot.forward_dynamics(state, u), a, 1e-10)
     assert weights @ u**2 < weights @ least**2 * (1 - 1e-6)
-    close(robot.inverse_dynamics(state, a, weights=dict(zip(robot.actuators, weights, strict=True))), u, 1e-14)
+    close(
+        robot.inverse_dynamics(state, a, weights=dict(zip(robot.actuators, weights, strict=True))),
+        u,
+        1e-14,
+    )
 
 
 def test_internal_forces_move_nothing(overdriven):
@@ -121,7 +140,9 @@ def test_internal_forces_move_nothing(overdriven):
 
 def test_stacks_of_overdriven_states(overdriven):
     robot, state, a = overdriven
-    stack = robot.state(np.stack([state.positions, robot.home.positions]), np.stack([state.rates, 0 * state.rates]))
+    stack = robot.state(
+        np.stack([state.positions, robot.home.positions]), np.stack([state.rates, 0 * state.rates])
+    )
     both = robot.inverse_dynamics(stack, np.stack([a, -a]))
     close(both[0], robot.inverse_dynamics(state, a), 1e-12)
     close(both[1], robot.inverse_dynamics(robot.home, -a), 1e-12)
@@ -204,7 +225,9 @@ def test_a_rod_keeps_its_spin(spinning):
     times = np.linspace(0, 0.5, 11)
     run = spinning.simulate(state, [0.1], duration=0.5, rtol=1e-10, atol=1e-12, save_at=times)
     spins = []
-    for positions, rates in zip(run.dataset["joint_position"].values, run.dataset["joint_rate"].values, strict=True):
+    for positions, rates in zip(
+        run.dataset["joint_position"].values, run.dataset["joint_rate"].values, strict=True
+    ):
         named = dict(zip(spinning.rates, rates, strict=True))
         there = spinning.state(positions, {name: named[name] for name in spinning.independent})
         along = spinning.body_poses(there)["rod"][1][:, 0]
@@ -221,11 +244,14 @@ def test_forces_and_weights_by_name(overdriven):
     expected = robot.forward_dynamics(state, u)
     np.testing.assert_array_equal(robot.forward_dynamics(state, {one: 2.5}), expected)
     np.testing.assert_array_equal(robot.forward_dynamics(state, {one: [2.5, 2.5]}), [expected] * 2)
-    np.testing.assert_array_equal(robot.reactions(state, {one: 2.5}).wrenches, robot.reactions(state, u).wrenches)
+    np.testing.assert_array_equal(
+        robot.reactions(state, {one: 2.5}).wrenches, robot.reactions(state, u).wrenches
+    )
     weights = np.arange(1.0, len(u) + 1)
     named = dict(zip(robot.actuators, weights, strict=True))
     np.testing.assert_array_equal(
-        robot.inverse_dynamics(state, a, weights=named), robot.inverse_dynamics(state, a, weights=weights)
+        robot.inverse_dynamics(state, a, weights=named),
+        robot.inverse_dynamics(state, a, weights=weights),
     )
     with pytest.raises(lw.LinkworkError, match=f"weights lack {robot.actuators[0]}"):
         robot.inverse_dynamics(state, a, weights={name: 1.0 for name in robot.actuators[1:]})

@@ -57,7 +57,9 @@ def test_poses_are_met_as_by_steps_of_least_squares(case):
 def test_determinants_are_those_of_the_matrix(case):
     robot, size = case
     leader = robot.leader(size, kept=True)
-    q, _ = leader.approached(np.repeat(robot.home.q[None], 12, axis=0), poses_near(robot, size, 0.05))
+    q, _ = leader.approached(
+        np.repeat(robot.home.q[None], 12, axis=0), poses_near(robot, size, 0.05)
+    )
     *_, parts = leader.approach.step(q, poses_near(robot, size, 0.05))
     A = leader.matrix(leader.outputs(q))
     for part, stage in zip(parts.T, leader.modes.stages, strict=True):
@@ -103,7 +105,8 @@ def test_joints_near_the_guess_are_met_as_by_steps_of_least_squares(case):
     random, length, met = np.random.default_rng(8), robot.equations.tree.length, 0
     for _ in range(5):
         targets = {
-            name: float(robot.home[name]) + 0.02 * random.uniform(-1, 1) * (length if robot.unit(name) == "m" else 1.0)
+            name: float(robot.home[name])
+            + 0.02 * random.uniform(-1, 1) * (length if robot.unit(name) == "m" else 1.0)
             for name in robot.independent
         }
         q = posing.closed_near(robot, targets, robot.home.q)

@@ -19,7 +19,9 @@ def andrews():
 def hinge(**fields) -> lw.Robot:
     joint = lw.RevoluteJoint(connects=("ground", "wheel"), **fields)
     body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.5))
-    return lw.Robot(lw.Mechanism(bodies={"wheel": body}, joints={"hinge": joint}, actuators=("hinge",)))
+    return lw.Robot(
+        lw.Mechanism(bodies={"wheel": body}, joints={"hinge": joint}, actuators=("hinge",))
+    )
 
 
 @pytest.mark.parametrize("angle", [4.0, -1000.0, np.pi, 3 * np.pi])
@@ -51,9 +53,13 @@ def test_geared_angles_keep_their_turns():
     hinges = {f"hinge_{i}": lw.RevoluteJoint(connects=("ground", f"wheel_{i}")) for i in (1, 2)}
     gear = lw.mechanism.GearJoint(ratios={"hinge_1": 1.0, "hinge_2": 2.0})
     bodies = {f"wheel_{i}": lw.Body(mass=1.0, inertia=lw.Inertia(zz=1.0)) for i in (1, 2)}
-    robot = lw.Robot(lw.Mechanism(bodies=bodies, joints={**hinges, "gear": gear}, actuators=("hinge_1",)))
+    robot = lw.Robot(
+        lw.Mechanism(bodies=bodies, joints={**hinges, "gear": gear}, actuators=("hinge_1",))
+    )
     for angle in (4.0, 20.0):
-        np.testing.assert_allclose(robot.assemble({"hinge_1": angle}).positions, [angle, -angle / 2], atol=1e-10)
+        np.testing.assert_allclose(
+            robot.assemble({"hinge_1": angle}).positions, [angle, -angle / 2], atol=1e-10
+        )
 
 
 def test_rates_by_name_are_zero_where_they_are_left_out():
@@ -92,7 +98,9 @@ def test_what_is_asked_wrongly_is_told():
         "the loops do not close from these positions": lambda: robot.state(
             robot.home.positions * 0 + 5.0, tolerance=1e9
         ),
-        "rtol is 1e-16, less than what doubles can hold": lambda: robot.simulate(robot.home, duration=1, rtol=1e-16),
+        "rtol is 1e-16, less than what doubles can hold": lambda: robot.simulate(
+            robot.home, duration=1, rtol=1e-16
+        ),
         "samples does not fit into memory; give at most 10000000": lambda: robot.follow(
             paths.line([0.1, 0.3], [0.15, 0.3]), 1.0, samples=10**12
         ),

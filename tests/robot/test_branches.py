@@ -11,7 +11,12 @@ from tests.analysis.mechanisms import arm, rrs
 from tests.catalogue import built
 
 LEGS = {  # proximal and distal length, elbows by name, and from a pose each leg's foot and what its distal link has to reach
-    "five_bar": (0.25, 0.35, ("elbow_1", "tip"), lambda pose: [((0.0, 0.0), pose[:2]), ((0.3, 0.0), pose[:2])]),
+    "five_bar": (
+        0.25,
+        0.35,
+        ("elbow_1", "tip"),
+        lambda pose: [((0.0, 0.0), pose[:2]), ((0.3, 0.0), pose[:2])],
+    ),
     "rrr3": (0.22, 0.2, ("elbow_1", "elbow_2", "elbow_3"), lambda pose: platform(pose)),
 }
 
@@ -32,7 +37,8 @@ def angles(name, pose, sides):
         if not abs(first - second) + 1e-3 < length < first + second - 1e-3:
             return None
         found.append(
-            np.arctan2(*reach[::-1]) - side * np.arccos((first**2 + length**2 - second**2) / (2 * first * length))
+            np.arctan2(*reach[::-1])
+            - side * np.arccos((first**2 + length**2 - second**2) / (2 * first * length))
         )
     return np.array(found)
 
@@ -109,8 +115,12 @@ def test_the_edge_of_the_workspace_belongs_to_both_modes(length):
     robot = arm(length, 0.6 * length)
     for elbow in (0.8, -0.8):
         guess = robot.state({"hinge_1": 0.2, "hinge_2": elbow})
-        edge = robot.assemble(tool=[1.6 * length * np.cos(0.5), 1.6 * length * np.sin(0.5)], guess=guess)
-        assert edge["hinge_1"] == pytest.approx(0.5, abs=1e-4) and edge["hinge_2"] == pytest.approx(0, abs=1e-4)
+        edge = robot.assemble(
+            tool=[1.6 * length * np.cos(0.5), 1.6 * length * np.sin(0.5)], guess=guess
+        )
+        assert edge["hinge_1"] == pytest.approx(0.5, abs=1e-4) and edge["hinge_2"] == pytest.approx(
+            0, abs=1e-4
+        )
 
 
 def test_a_guess_between_two_modes_leads_to_either():
@@ -126,11 +136,19 @@ def rocking_arm():
     """Return an arm of two links whose upper one is the rocker of a four-bar: it swings from 72 to 133 degrees only."""
     link = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
     joints = {
-        "crank": lw.RevoluteJoint(connects=("ground", "crank"), frames=(lw.Frame.planar(-0.4), lw.Frame())),
-        "pin": lw.RevoluteJoint(connects=("crank", "coupler"), frames=(lw.Frame.planar(0.1), lw.Frame())),
+        "crank": lw.RevoluteJoint(
+            connects=("ground", "crank"), frames=(lw.Frame.planar(-0.4), lw.Frame())
+        ),
+        "pin": lw.RevoluteJoint(
+            connects=("crank", "coupler"), frames=(lw.Frame.planar(0.1), lw.Frame())
+        ),
         "shoulder": lw.RevoluteJoint(connects=("ground", "upper")),
-        "joint": lw.RevoluteJoint(connects=("coupler", "upper"), frames=(lw.Frame.planar(0.4), lw.Frame.planar(0.2))),
-        "elbow": lw.RevoluteJoint(connects=("upper", "lower"), frames=(lw.Frame.planar(0.5), lw.Frame())),
+        "joint": lw.RevoluteJoint(
+            connects=("coupler", "upper"), frames=(lw.Frame.planar(0.4), lw.Frame.planar(0.2))
+        ),
+        "elbow": lw.RevoluteJoint(
+            connects=("upper", "lower"), frames=(lw.Frame.planar(0.5), lw.Frame())
+        ),
     }
     return lw.Robot(
         lw.Mechanism(
@@ -150,7 +168,9 @@ def test_a_pose_of_another_branch_is_refused_and_says_so():
     hand = 0.5 * np.array([np.cos(shoulder), np.sin(shoulder)]) + 0.4 * np.array(
         [np.cos(shoulder + elbow), np.sin(shoulder + elbow)]
     )
-    with pytest.raises(lw.UnreachableError, match="only on another branch than the guess") as refusal:
+    with pytest.raises(
+        lw.UnreachableError, match="only on another branch than the guess"
+    ) as refusal:
         robot.assemble(tool=hand)
     assert "\n" not in str(refusal.value)
     state = robot.assemble(tool=hand, branch="any")
@@ -167,7 +187,9 @@ def test_a_path_is_followed_on_the_branch_of_the_guess():
     motion = robot.follow(lw.paths.line((0.2236, -0.1075), (0.23, -0.09)), 1.0, samples=5)
     assert sides_of("five_bar", motion.state.at(4)) == sides_of("five_bar", robot.home)
     first = angles("five_bar", np.array([0.2236, -0.1075]), sides_of("five_bar", robot.home))
-    np.testing.assert_allclose(np.exp(1j * motion.state.positions[0, :2]), np.exp(1j * first), atol=1e-9)
+    np.testing.assert_allclose(
+        np.exp(1j * motion.state.positions[0, :2]), np.exp(1j * first), atol=1e-9
+    )
 
 
 def test_a_path_whose_samples_are_too_far_apart_to_stay_on_the_branch_is_refused():
@@ -175,22 +197,31 @@ def test_a_path_whose_samples_are_too_far_apart_to_stay_on_the_branch_is_refused
     robot = built("five_bar")
     home = robot.tool_pose(robot.home)[:2]
     path = lw.paths.line(home, (0.34170256, 0.10691788))
-    with pytest.raises(lw.LinkworkError, match="the joints are on another branch than at the start"):
+    with pytest.raises(
+        lw.LinkworkError, match="the joints are on another branch than at the start"
+    ):
         robot.follow(path, 1.0, samples=5)
     fine = lw.paths.line(home, (0.3, 0.3))
     motion = robot.follow(fine, 1.0, samples=5)
-    assert all(sides_of("five_bar", motion.state.at(k)) == sides_of("five_bar", robot.home) for k in range(5))
+    assert all(
+        sides_of("five_bar", motion.state.at(k)) == sides_of("five_bar", robot.home)
+        for k in range(5)
+    )
 
 
 def test_a_first_pose_out_of_reach_is_told_with_its_time():
-    with pytest.raises(lw.UnreachableError, match=r"^at t = 0 s: the mechanism cannot be assembled"):
+    with pytest.raises(
+        lw.UnreachableError, match=r"^at t = 0 s: the mechanism cannot be assembled"
+    ):
         built("five_bar").follow(lw.paths.line((3.0, 0.0), (3.1, 0.0)), 1.0)
 
 
 def test_a_tool_that_shifts_as_it_tilts_is_led_by_all_that_is_asked():
     """Of a 3-RRS the shifts x, y follow from the tilt: a whole pose on its motion is reached, for no signs are asked of it."""
     robot = rrs()
-    aim = robot.assemble({"hip_1": float(robot.home["hip_1"]) + 0.1, "hip_2": float(robot.home["hip_2"])})
+    aim = robot.assemble(
+        {"hip_1": float(robot.home["hip_1"]) + 0.1, "hip_2": float(robot.home["hip_2"])}
+    )
     state = robot.assemble(tool=robot.tool_pose(aim))
     np.testing.assert_allclose(robot.tool_pose(state), robot.tool_pose(aim), atol=1e-9)
 

@@ -94,7 +94,9 @@ def test_a_chart_is_refused_where_it_is_singular_also_when_it_is_known_from_else
     """Where leg 2 is stretched, the rates of leg 1 do not determine the motion."""
     stretched = five.assemble({"elbow_2": 0.0, "motor_2": 1.9})
     for _ in range(2):
-        with pytest.raises(lw.LinkworkError, match="motor_1, elbow_1 do not determine the motion here"):
+        with pytest.raises(
+            lw.LinkworkError, match="motor_1, elbow_1 do not determine the motion here"
+        ):
             five.in_chart(stretched, ["motor_1", "elbow_1"])
         five.in_chart(five.home, ["motor_1", "elbow_1"])
 
@@ -112,7 +114,10 @@ def test_runs_in_forced_charts_agree_to_the_tolerance():
     spread = {}
     for tolerance in (1e-8, 1e-10):
         options = {"rtol": tolerance, "atol": tolerance / 100}
-        runs = [robot.simulate(state, duration=2.0, **options) for robot, state in zip(robots, states, strict=True)]
+        runs = [
+            robot.simulate(state, duration=2.0, **options)
+            for robot, state in zip(robots, states, strict=True)
+        ]
         for run in runs:
             assert run.status is lw.Status.FINISHED
             assert "; from " in run.attrs["charts"]
@@ -145,7 +150,9 @@ def test_the_paper_s_robot_under_one_force_passes_its_singular_poses():
 
 def test_dead_centres_of_the_independent_rate_are_passed_in_another_chart():
     """The rocker turns back where crank and coupler lie in line; the crank knows nothing of that."""
-    by_crank, by_rocker = (lw.Robot(four_bar(crank=0.3), independent=names) for names in ((), ("rocker_pivot",)))
+    by_crank, by_rocker = (
+        lw.Robot(four_bar(crank=0.3), independent=names) for names in ((), ("rocker_pivot",))
+    )
     assert (by_crank.independent, by_rocker.independent) == (("crank_pivot",), ("rocker_pivot",))
     times = np.linspace(0, 1, 501)
     runs = []
@@ -182,7 +189,9 @@ def test_a_structure_that_can_only_tremble_is_stopped_by_the_row_that_was_droppe
     joints = {
         "a": lw.RevoluteJoint(connects=("ground", "left")),
         "b": lw.RevoluteJoint(connects=("left", "right"), frames=(lw.Frame.planar(1), lw.Frame())),
-        "c": lw.RevoluteJoint(connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(2))),
+        "c": lw.RevoluteJoint(
+            connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(2))
+        ),
     }
     robot = lw.Robot(lw.Mechanism(bodies={"left": bar, "right": bar}, joints=joints))
     assert (robot.mobility, robot.gruebler, len(robot.redundant)) == (1, 0, 1)
@@ -219,7 +228,11 @@ def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):
     assert run.status is lw.Status.FINISHED
     angle, rate = positions(run)[1:, 0], run.dataset["joint_rate"].values[1:, 0]
     close(np.transpose([np.cos(angle), np.sin(angle)]), list(N_FOUR_BAR.values()), 1e-6)
-    close(rate[-1] * np.array([-np.sin(angle[-1]), np.cos(angle[-1])]), [1.423051470189, -0.494868845467], 1e-6)
+    close(
+        rate[-1] * np.array([-np.sin(angle[-1]), np.cos(angle[-1])]),
+        [1.423051470189, -0.494868845467],
+        1e-6,
+    )
     assert np.isclose(angle[-1], -30.179800860, atol=1e-6)
     cranks = positions(run)[:, [ladder.coordinates.index(f"pivot_{i}") for i in range(3)]]
     close(cranks, cranks[:, :1] * np.ones(3), 1e-8)
@@ -230,12 +243,23 @@ def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):
 def test_a_folding_four_bar_never_jumps_unseen(tolerance):
     """A parallelogram folds flat twice a turn: the run stops there, or steps over and stays a parallelogram."""
     mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0, rocker=0.5).model_copy(
-        update={"reference": {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}}
+        update={
+            "reference": {
+                "crank_pivot": 1.2,
+                "crank_pin": -1.2,
+                "rocker_pivot": 1.2,
+                "rocker_pin": 1.2,
+            }
+        }
     )
     robot = lw.Robot(mechanism)
     for on_singular in ("stop", "step_over"):
         run = robot.simulate(
-            robot.home.with_rates([-3.0]), duration=2.0, rtol=tolerance, atol=tolerance / 100, on_singular=on_singular
+            robot.home.with_rates([-3.0]),
+            duration=2.0,
+            rtol=tolerance,
+            atol=tolerance / 100,
+            on_singular=on_singular,
         )
         crank, _, rocker, _ = positions(run).T
         close(rocker, crank, max(1e-9, 10 * tolerance))
@@ -291,7 +315,9 @@ def test_a_small_robot_moves_as_a_large_one():
     rates, ends = np.random.default_rng(4).normal(size=3), []
     for scale in (1.0, 0.01):
         robot = small_prr3(scale)
-        run = robot.simulate(robot.home.with_rates(scale * rates), duration=1.5, rtol=1e-9, atol=1e-11)
+        run = robot.simulate(
+            robot.home.with_rates(scale * rates), duration=1.5, rtol=1e-9, atol=1e-11
+        )
         assert run.status is lw.Status.FINISHED, run.message
         unit = np.array([scale if robot.unit(name) == "m" else 1.0 for name in robot.coordinates])
         ends.append(positions(run)[-1] / unit)

@@ -16,7 +16,9 @@ def held_by_a_rod(noise: float) -> lw.Mechanism:
     """Return a chain of three hinges whose end a rod holds: its first ball lies on the first hinge's axis, up to noise."""
 
     def body(mass: float) -> lw.Body:
-        return lw.Body(mass=mass, centre_of_mass=(0, 0, -0.2), inertia=lw.Inertia(xx=0.02, yy=0.02, zz=0.01))
+        return lw.Body(
+            mass=mass, centre_of_mass=(0, 0, -0.2), inertia=lw.Inertia(xx=0.02, yy=0.02, zz=0.01)
+        )
 
     def at(*position: float) -> lw.Frame:
         return lw.Frame(position=position)
@@ -25,8 +27,12 @@ def held_by_a_rod(noise: float) -> lw.Mechanism:
     joints = {
         "a": lw.RevoluteJoint(connects=("ground", "one"), axis=(0, 1, 0)),
         "b": lw.RevoluteJoint(connects=("one", "two"), axis=(0, 1, 0), frames=(below, lw.Frame())),
-        "c": lw.RevoluteJoint(connects=("two", "three"), axis=(0, 1, 0), frames=(below, lw.Frame())),
-        "rod": lw.RodJoint(connects=("ground", "three"), length=0.75, frames=(ball, at(0.1, 0.05, 0))),
+        "c": lw.RevoluteJoint(
+            connects=("two", "three"), axis=(0, 1, 0), frames=(below, lw.Frame())
+        ),
+        "rod": lw.RodJoint(
+            connects=("ground", "three"), length=0.75, frames=(ball, at(0.1, 0.05, 0))
+        ),
     }
     return lw.Mechanism(
         bodies={"one": body(2), "two": body(1), "three": body(0.5)},
@@ -41,11 +47,16 @@ def held_by_a_rod(noise: float) -> lw.Mechanism:
 def test_what_is_zero_up_to_rounding_determines_nothing(noise):
     """The rod does not hold the first hinge, whose turns move its ball by `noise` only: no chart may depend on it."""
     robot, exact = lw.Robot(held_by_a_rod(noise)), lw.Robot(held_by_a_rod(0.0))
-    with pytest.raises(lw.LinkworkError, match="the rates b, c do not determine the motion here; b, a do"):
+    with pytest.raises(
+        lw.LinkworkError, match="the rates b, c do not determine the motion here; b, a do"
+    ):
         robot.in_chart(robot.home, ("b", "c"))
     other = robot.in_chart(robot.home.with_rates([0.4, -0.3]), ("a", "c"))
     Seen.of(robot, robot.in_chart(other, robot.independent)).agree([1.0, -2.0], 1e-9)
-    runs = [one.simulate(one.home.with_rates([1.0, 3.0]), duration=1.0, **TIGHT) for one in (robot, exact)]
+    runs = [
+        one.simulate(one.home.with_rates([1.0, 3.0]), duration=1.0, **TIGHT)
+        for one in (robot, exact)
+    ]
     assert all(run.status is lw.Status.FINISHED for run in runs)
     ends = [run.dataset["joint_position"].values[-1] for run in runs]
     assert np.allclose(*ends, atol=1e-7)

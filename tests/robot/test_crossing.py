@@ -23,7 +23,12 @@ OVER = {"on_singular": "step_over"}
 
 
 def parallelogram(gravity=(0, 0, 0)) -> lw.Mechanism:
-    reference = {"crank_pivot": START, "crank_pin": -START, "rocker_pivot": START, "rocker_pin": START}
+    reference = {
+        "crank_pivot": START,
+        "crank_pin": -START,
+        "rocker_pivot": START,
+        "rocker_pin": START,
+    }
     mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0, rocker=0.5, gravity=gravity)
     return mechanism.model_copy(update={"reference": reference})
 
@@ -42,7 +47,9 @@ def test_every_requested_time_gets_its_own_values(robot, method):
     """Also at the flat poses themselves, where no choice of rates determines the others, and close to them."""
     times = np.unique(np.concatenate([np.linspace(0, 5, 301), POSES, POSES - 1e-9, POSES + 1e-5]))
     step = {"step": 1e-3} if method == "rk4" else {}
-    run = robot.simulate(robot.home.with_rates([RATE]), duration=5.0, save_at=times, method=method, **OVER, **step)
+    run = robot.simulate(
+        robot.home.with_rates([RATE]), duration=5.0, save_at=times, method=method, **OVER, **step
+    )
     assert run.status is lw.Status.FINISHED
     ds = run.dataset
     assert np.array_equal(ds.time.values, times)
@@ -61,7 +68,9 @@ def test_the_run_tells_which_singular_poses_were_passed(robot, tmp_path):
     assert f"It stepped over 5 singular poses, at t = {POSES[0]:.9g}, " in run.message
     assert np.allclose(lw.Run.load(run.save(tmp_path / "run.nc")).singular_times, POSES, atol=1e-8)
     once = robot.simulate(robot.home.with_rates([RATE]), duration=1.0, **OVER)
-    assert lw.Run.load(once.save(tmp_path / "once.nc")).singular_times == pytest.approx(POSES[:1], abs=1e-8)
+    assert lw.Run.load(once.save(tmp_path / "once.nc")).singular_times == pytest.approx(
+        POSES[:1], abs=1e-8
+    )
     none = robot.simulate(robot.home.with_rates([RATE]), duration=0.2, **OVER)
     assert not none.singular_times.size and "stepped over" not in none.message
 
@@ -81,7 +90,9 @@ def test_a_run_may_end_on_the_way_over_a_singular_pose(robot, end):
         assert rest.status is lw.Status.SINGULAR
         return
     assert rest.status is lw.Status.FINISHED
-    assert np.allclose(rest.dataset.joint_position.values[-1], angles(np.array([end + 0.5]))[0], atol=1e-7)
+    assert np.allclose(
+        rest.dataset.joint_position.values[-1], angles(np.array([end + 0.5]))[0], atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("at", [2e-3, 0.0, -5e-3])
@@ -92,13 +103,17 @@ def test_what_happens_on_the_way_over_a_singular_pose_is_found(robot, at, direct
     watch = Event(lambda t, state: state["crank_pivot"] - at, direction=direction, name="there")
     ends = Event(lambda t, state: state["crank_pivot"] - at + 1e-3, terminal=True, name="beyond")
     start = robot.home.with_rates([RATE])
-    run = robot.simulate(start, duration=2.0, events=[watch, ends], save_at=np.linspace(0, 2, 2001), **OVER)
+    run = robot.simulate(
+        start, duration=2.0, events=[watch, ends], save_at=np.linspace(0, 2, 2001), **OVER
+    )
     assert run.status is lw.Status.EVENT
     assert "ended by the event 'beyond'" in run.message
     expected = [time, time + 1e-3 / 3] if direction <= 0 else [time + 1e-3 / 3]
     assert np.allclose(run.dataset.event_time.values, expected, atol=1e-8)
     assert run.attrs["final_time"] == pytest.approx(expected[-1], abs=1e-8)
-    assert np.allclose(run.dataset.joint_position.values[:, 0], START + RATE * run.dataset.time.values, atol=1e-8)
+    assert np.allclose(
+        run.dataset.joint_position.values[:, 0], START + RATE * run.dataset.time.values, atol=1e-8
+    )
     assert run.dataset.time.values[-1] == pytest.approx(expected[-1], abs=1e-3)
     assert np.allclose(np.diff(run.dataset.time.values), 1e-3)
 
@@ -112,7 +127,10 @@ def test_members_get_every_requested_time_as_alone(robot):
     expected = START + rates[:, None] * times
     assert np.allclose(members.dataset.joint_position.values[:, :, 0], expected, atol=1e-7)
     assert np.allclose(members.dataset.joint_rate.values[:, :, 2], rates[:, None], atol=1e-7)
-    require_equal(members, [robot.simulate(starts.at(i), duration=2.0, save_at=times, **OVER) for i in range(4)])
+    require_equal(
+        members,
+        [robot.simulate(starts.at(i), duration=2.0, save_at=times, **OVER) for i in range(4)],
+    )
     assert np.allclose(members.singular_times(0), POSES[:2], atol=1e-8)
     assert members.dataset.singular_member.values.tolist() == [0, 0, 1, 1, 3]
     assert not members.singular_times(2).size
@@ -127,7 +145,13 @@ def test_a_study_gets_every_requested_time():
         vary={"coupler.mass": {"type": "uniform", "low": 1, "high": 3}},
         design={"type": "random", "members": 3, "seed": 1},
         outputs={"rocker": "peak joint_rate.rocker_pivot", "force": "peak reaction_force"},
-        trajectories=("joint_position", "joint_rate", "joint_acceleration", "kinetic_energy", "tool_pose"),
+        trajectories=(
+            "joint_position",
+            "joint_rate",
+            "joint_acceleration",
+            "kinetic_energy",
+            "tool_pose",
+        ),
         on_singular="step_over",
     )
     found, times = chunks.compute(given, 0), np.linspace(0, 2, 41)
@@ -150,5 +174,7 @@ def test_samples_of_a_ladder_under_its_weight_keep_its_energy_and_close_its_loop
     assert len(run.singular_times) == len(many.singular_times(0)) == 10
     energy = (run.dataset.kinetic_energy + run.dataset.potential_energy).values
     assert np.ptp(energy) < 1e-7 * np.abs(energy).max()
-    cranks = run.dataset.joint_position.values[:, [ladder.coordinates.index(f"pivot_{i}") for i in range(3)]]
+    cranks = run.dataset.joint_position.values[
+        :, [ladder.coordinates.index(f"pivot_{i}") for i in range(3)]
+    ]
     assert np.allclose(cranks, cranks[:, :1], atol=1e-8)

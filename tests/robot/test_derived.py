@@ -18,7 +18,9 @@ def arm(**effects) -> lw.Robot:
     """Return an arm on a hinge, with what acts there."""
     hinge = lw.RevoluteJoint(connects=("ground", "arm"), **effects)
     return lw.Robot(
-        lw.Mechanism(bodies={"arm": ARM}, joints={"hinge": hinge}, actuators=("hinge",), gravity=(0, -9, 0))
+        lw.Mechanism(
+            bodies={"arm": ARM}, joints={"hinge": hinge}, actuators=("hinge",), gravity=(0, -9, 0)
+        )
     )
 
 
@@ -63,7 +65,11 @@ def test_work_of_a_known_motion():
     robot = arm(friction=lw.Friction(viscous=0.0))
     for save_at in (None, [0.0, 1.0, 2.5], [0.7, 2.5]):
         data = robot.simulate(robot.home, [3.0], duration=2.5, save_at=save_at).dataset
-        close(data.work.values, 3.0 * (data.joint_position.values[:, 0] - robot.home.positions[0]), 1e-7)
+        close(
+            data.work.values,
+            3.0 * (data.joint_position.values[:, 0] - robot.home.positions[0]),
+            1e-7,
+        )
         assert relative(data) < 1e-6
 
 
@@ -71,7 +77,9 @@ def test_forces_that_jump_between_saved_times():
     """Under a held torque the work is the sum of torque times turn over its pieces."""
     robot, torques = arm(), np.array([3.0, -2.0, 5.0, 1.0, 0.0])
     held = lw.Sampled(np.array([0.0, 0.3, 0.55, 0.8, 2.0]), torques, "hold")
-    every = robot.simulate(robot.home, held, duration=1.0, save_at=[0.0, 0.3, 0.55, 0.8, 1.0]).dataset
+    every = robot.simulate(
+        robot.home, held, duration=1.0, save_at=[0.0, 0.3, 0.55, 0.8, 1.0]
+    ).dataset
     turns = np.diff(every.joint_position.values[:, 0])
     close(every.work.values[1:], np.cumsum(torques[:-1] * turns), 1e-8)
     for save_at in ([0.0, 1.0], [0.1, 0.7, 0.9, 1.0], None):
@@ -82,8 +90,12 @@ def test_forces_that_jump_between_saved_times():
 
 FORCES = {
     "constant": lambda n: np.ones(n),
-    "smooth": lambda n: lw.Sampled(np.linspace(0, 0.3, 9), np.random.default_rng(1).normal(size=(9, n))),
-    "jumps": lambda n: lw.Sampled(np.linspace(0, 0.3, 9), np.random.default_rng(1).normal(size=(9, n)), "hold"),
+    "smooth": lambda n: lw.Sampled(
+        np.linspace(0, 0.3, 9), np.random.default_rng(1).normal(size=(9, n))
+    ),
+    "jumps": lambda n: lw.Sampled(
+        np.linspace(0, 0.3, 9), np.random.default_rng(1).normal(size=(9, n)), "hold"
+    ),
 }
 
 
@@ -94,8 +106,14 @@ def test_balance_of_the_catalogue(name, forces):
     robot = built(name)
     scale, duration = (0.03, 0.01) if name == "andrews" else (1.0, 0.3)
     given = FORCES[forces](len(robot.actuators))
-    given = lw.Sampled(given.times, scale * given.values, given.kind) if forces != "constant" else scale * given
-    coarse, fine = (robot.simulate(robot.home, given, duration=duration, rtol=r).dataset for r in (1e-5, 1e-9))
+    given = (
+        lw.Sampled(given.times, scale * given.values, given.kind)
+        if forces != "constant"
+        else scale * given
+    )
+    coarse, fine = (
+        robot.simulate(robot.home, given, duration=duration, rtol=r).dataset for r in (1e-5, 1e-9)
+    )
     assert relative(fine) < 1e-7
     assert relative(fine) < relative(coarse) < 1e-3
 
@@ -157,7 +175,11 @@ def test_external_wrenches_do_work():
     close(data.work.values, 0.5 * (q - q[0]) + (x - x[0]) @ force[:2], 1e-8)
     close(data.external_power.values[:, 0], data.joint_rate.values[:, 0] * (x @ [4.0, -1.0]), 1e-12)
     assert relative(data) < 1e-7
-    e, w, a = np.stack([np.cos(q), np.sin(q)], 1), data.joint_rate.values, data.joint_acceleration.values
+    e, w, a = (
+        np.stack([np.cos(q), np.sin(q)], 1),
+        data.joint_rate.values,
+        data.joint_acceleration.values,
+    )
     n = np.stack([-e[:, 1], e[:, 0]], axis=1)
     pin = 2.0 * (0.5 * a * n - 0.5 * w**2 * e) + [0, 18.0] - force[:2]
     close(run.reactions().sel(joint="hinge").values[:, 3:5], pin, 1e-10)
@@ -166,7 +188,11 @@ def test_external_wrenches_do_work():
 def test_a_traced_controller_does_work():
     """A damper made by a controller takes what a joint's own damper takes."""
     own = arm(friction=lw.Friction(viscous=0.7)).simulate(arm().home, duration=1.0).dataset
-    traced = arm().simulate(arm().home, lambda t, state: [-0.7 * state.rate("hinge")], duration=1.0).dataset
+    traced = (
+        arm()
+        .simulate(arm().home, lambda t, state: [-0.7 * state.rate("hinge")], duration=1.0)
+        .dataset
+    )
     close(traced.actuator_power.values[-1, 0], own.friction_power.values[-1, 0], 1e-7)
     close(traced.work.values[-1], own.work.values[-1], 1e-7)
     assert relative(traced) < 1e-7
@@ -187,8 +213,13 @@ def test_a_sampled_controller_s_work_is_known_however_seldom_it_is_saved(compile
     seldom = robot.simulate(robot.home, sampler, duration=0.5, save_at=times)
     assert seldom.coords["time"].values.tolist() == times
     assert relative(seldom.dataset) < 1e-6
-    later = robot.resume(robot.simulate(robot.home, sampler, duration=0.31), sampler, duration=0.19, save_at=[0.5])
-    whole, part = (run.dataset.work.values[-1] for run in (every, robot.simulate(robot.home, sampler, duration=0.31)))
+    later = robot.resume(
+        robot.simulate(robot.home, sampler, duration=0.31), sampler, duration=0.19, save_at=[0.5]
+    )
+    whole, part = (
+        run.dataset.work.values[-1]
+        for run in (every, robot.simulate(robot.home, sampler, duration=0.31))
+    )
     close(later.dataset.work.values, np.array([whole - part]), 1e-7)
 
 
@@ -202,9 +233,17 @@ def test_a_sampled_controller_s_work_across_changes_of_chart():
 
 def test_the_work_of_a_motor_whose_current_settles_between_saved_times():
     """Saved times and steps of a method of high order are several of its time constants L / R apart."""
-    robot, motor = arm(), lw.control.DCMotor(resistance=1.2, inductance=2e-3, torque_constant=0.05, gear=40.0)
+    robot, motor = (
+        arm(),
+        lw.control.DCMotor(resistance=1.2, inductance=2e-3, torque_constant=0.05, gear=40.0),
+    )
     run = robot.simulate(
-        robot.home, [12.0], drives={"hinge": motor}, duration=0.5, method="dop853", save_at=np.linspace(0, 0.5, 51)
+        robot.home,
+        [12.0],
+        drives={"hinge": motor},
+        duration=0.5,
+        method="dop853",
+        save_at=np.linspace(0, 0.5, 51),
     )
     assert relative(run.dataset) < 1e-6
 
@@ -220,18 +259,32 @@ def test_the_balance_at_the_tightest_tolerance_is_the_run_s_own():
     """Under constant forces the work is u . (q - q_0) exactly."""
     robot, u = built("prr3"), np.array([0.3, 0.2, -0.1])
     for method, rtol in (("dop853", 1e-12), ("sharp_smart", 1e-12), ("rodas", 1e-8)):
-        data = robot.simulate(robot.home, u, duration=0.5, method=method, rtol=rtol, atol=0.1 * rtol).dataset
+        data = robot.simulate(
+            robot.home, u, duration=0.5, method=method, rtol=rtol, atol=0.1 * rtol
+        ).dataset
         energy = (data.kinetic_energy + data.potential_energy).values
         slides = data.joint_position.sel(coordinate=list(robot.actuators)).values
-        close(data.energy_balance.values, energy - energy[0] - (slides - slides[0]) @ u, rtol * np.ptp(energy))
+        close(
+            data.energy_balance.values,
+            energy - energy[0] - (slides - slides[0]) @ u,
+            rtol * np.ptp(energy),
+        )
 
 
 @pytest.mark.parametrize("method", [None, "rodas"])
 def test_a_stiff_run_has_a_balance_however_seldom_it_is_saved(method):
     """Dry friction has taken all of the energy m v^2 / 2 when a block has come to rest."""
-    slide = lw.PrismaticJoint(connects=("ground", "block"), friction=lw.Friction(coulomb=3.0, coulomb_rate=1e-6))
-    robot = lw.Robot(lw.Mechanism(bodies={"block": lw.Body(mass=2.0)}, joints={"slide": slide}, gravity=(0, 0, 0)))
-    run = robot.simulate(robot.home.with_rates([1.5]), duration=50.0, method=method, save_at=[0.0, 50.0])
+    slide = lw.PrismaticJoint(
+        connects=("ground", "block"), friction=lw.Friction(coulomb=3.0, coulomb_rate=1e-6)
+    )
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"block": lw.Body(mass=2.0)}, joints={"slide": slide}, gravity=(0, 0, 0)
+        )
+    )
+    run = robot.simulate(
+        robot.home.with_rates([1.5]), duration=50.0, method=method, save_at=[0.0, 50.0]
+    )
     assert run.dataset.work.values[-1] == pytest.approx(-2.25, abs=1e-7)
     assert np.isfinite(run.dataset.energy_balance.values).all()
     assert relative(run.dataset) < 1e-7
@@ -250,9 +303,17 @@ def test_a_balance_that_is_not_known_is_told(monkeypatch):
 def test_the_balance_is_known_where_a_step_ends_beyond_a_weak_place():
     """A segment ends where the pivot of its chart is weak; within its last step it may be weaker than at its end."""
     robot = lw.Robot(lw.robots.five_bar(gravity=(0, -9.81, 0)))
-    angles = [-16.597514754977965, -11.445052946473476, -14.136891657137115, -11.118298650805993, 8.171054814835607]
+    angles = [
+        -16.597514754977965,
+        -11.445052946473476,
+        -14.136891657137115,
+        -11.118298650805993,
+        8.171054814835607,
+    ]
     start = robot.state(angles, [0.3189048, -0.2900349])
     times = np.linspace(0, 0.3, 21)
-    run = robot.simulate(start, [1.8267566, -3.0783319], duration=0.3, method="rk4", step=0.3 / 400, save_at=times)
+    run = robot.simulate(
+        start, [1.8267566, -3.0783319], duration=0.3, method="rk4", step=0.3 / 400, save_at=times
+    )
     assert "; from " in run.attrs["charts"]
     assert np.abs(run.dataset["energy_balance"].values).max() < 1e-3

@@ -17,8 +17,12 @@ TIMES = np.linspace(0, 2, 21)
 CUBE = lw.Body(mass=2.0, inertia=lw.Inertia(xx=0.3, yy=0.3, zz=0.3))
 
 
-def one_body(joint: lw.mechanism.PairJoint, body: lw.Body = CUBE, gravity=(0.0, 0.0, 0.0), **more) -> lw.Robot:
-    return lw.Robot(lw.Mechanism(bodies={"body": body}, joints={"joint": joint}, gravity=gravity, **more))
+def one_body(
+    joint: lw.mechanism.PairJoint, body: lw.Body = CUBE, gravity=(0.0, 0.0, 0.0), **more
+) -> lw.Robot:
+    return lw.Robot(
+        lw.Mechanism(bodies={"body": body}, joints={"joint": joint}, gravity=gravity, **more)
+    )
 
 
 def to_body(kind, **fields):
@@ -32,7 +36,9 @@ def motion(robot: lw.Robot, state: lw.State, times=TIMES) -> np.ndarray:
     return run.dataset["joint_position"].values
 
 
-def oscillation(start: float, inertia: float, stiffness: float, damping: float, times=TIMES) -> np.ndarray:
+def oscillation(
+    start: float, inertia: float, stiffness: float, damping: float, times=TIMES
+) -> np.ndarray:
     """Return x of  m x'' = -k x - c x'  from rest at `start`: x_0 e^(-b t) (cos w t + b / w sin w t)."""
     b = damping / (2 * inertia)
     w = np.sqrt(stiffness / inertia - b**2)
@@ -102,7 +108,9 @@ def parallelogram(spring: lw.Spring) -> lw.Mechanism:
             connects=("ground", "crank_2"), frames=(lw.Frame.planar(0.5), lw.Frame()), spring=spring
         ),
         "top_1": lw.RevoluteJoint(
-            connects=("crank_1", "coupler"), frames=(lw.Frame.planar(0.5, angle=1.2), lw.Frame()), spring=spring
+            connects=("crank_1", "coupler"),
+            frames=(lw.Frame.planar(0.5, angle=1.2), lw.Frame()),
+            spring=spring,
         ),
         "top_2": lw.RevoluteJoint(
             connects=("crank_2", "coupler"),
@@ -134,7 +142,9 @@ def test_a_spring_winds_up_alike_in_the_tree_and_where_it_closes_a_loop():
     for wound in ("hinge_1", "hinge_3"):
         plain = bennett(gravity=(0, 0, 0))
         joints = {
-            name: joint.model_copy(update={"spring": lw.Spring(stiffness=1e-2 if name == wound else 1e-9)})
+            name: joint.model_copy(
+                update={"spring": lw.Spring(stiffness=1e-2 if name == wound else 1e-9)}
+            )
             for name, joint in plain.joints.items()
         }
         robot = lw.Robot(plain.model_copy(update={"joints": joints}))
@@ -167,7 +177,9 @@ def test_a_block_slides_down_against_coulomb_friction():
     close(robot.forward_dynamics(state, []), [slowed], 1e-5)
     found = motion(robot, state, TIMES / 4)[:, 0]
     close(found, 0.5 * TIMES / 4 + slowed * (TIMES / 4) ** 2 / 2, 1e-5)
-    close(robot.forward_dynamics(robot.home.with_rates([-0.5]), []), [g * np.sin(SLOPE) + 1.5], 1e-5)
+    close(
+        robot.forward_dynamics(robot.home.with_rates([-0.5]), []), [g * np.sin(SLOPE) + 1.5], 1e-5
+    )
 
 
 def test_a_block_that_friction_holds_creeps():
@@ -180,7 +192,9 @@ def test_a_block_that_friction_holds_creeps():
 
 def test_friction_takes_the_energy_that_is_lost():
     """The smoothed force as the description defines it, (c + F / sqrt(w^2 + r^2)) w, for every rate."""
-    hinge = to_body(lw.RevoluteJoint, friction=lw.Friction(viscous=0.3, coulomb=0.8, coulomb_rate=0.1))
+    hinge = to_body(
+        lw.RevoluteJoint, friction=lw.Friction(viscous=0.3, coulomb=0.8, coulomb_rate=0.1)
+    )
     robot = one_body(hinge)
     for w in (-2.0, -0.05, 0.0, 0.1, 3.0):
         expected = -(0.3 + 0.8 / np.hypot(w, 0.1)) * w
@@ -200,9 +214,17 @@ def test_a_geared_rotor_counts_by_the_square_of_its_ratio():
         "motor": lw.RevoluteJoint(connects=("ground", "shaft"), rotor_inertia=J),
         "gear": lw.GearJoint(ratios={"motor": 1.0, "arm": -n}),
     }
-    robot = lw.Robot(lw.Mechanism(bodies={"arm": arm, "shaft": shaft}, joints=joints, actuators=("motor",)))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"arm": arm, "shaft": shaft}, joints=joints, actuators=("motor",))
+    )
     state = robot.home.with_rates([9.0])
-    found = dict(zip(robot.rates, robot.joint_accelerations(state, robot.forward_dynamics(state, [0.5])), strict=True))
+    found = dict(
+        zip(
+            robot.rates,
+            robot.joint_accelerations(state, robot.forward_dynamics(state, [0.5])),
+            strict=True,
+        )
+    )
     close([found["arm"], found["motor"] / n], 2 * [n * 0.5 / (0.1 + n**2 * J)], 1e-12)
     close(robot.energy(state)[0], (J + 0.1 / n**2) * 81 / 2, 1e-12)
 
@@ -215,10 +237,14 @@ def test_limits_passed_are_reported_by_state_and_along_a_run():
     slide = to_body(lw.PrismaticJoint, limits=lw.Limits(lower=-0.1, upper=0.5))
     robot = one_body(slide)
     assert robot.limits_passed(robot.state([0.5])) == ()
-    assert robot.limits_passed(robot.state([-0.3])) == ("joint is below its lower limit -0.1: it reaches -0.3",)
+    assert robot.limits_passed(robot.state([-0.3])) == (
+        "joint is below its lower limit -0.1: it reaches -0.3",
+    )
     run = robot.simulate(robot.home.with_rates([1.0]), duration=1.0, save_at=np.linspace(0, 1, 11))
     assert run.status is lw.Status.FINISHED
-    assert passed_limits(robot, run) == ("joint is above its upper limit 0.5 from t = 0.6 s on: it reaches 1",)
+    assert passed_limits(robot, run) == (
+        "joint is above its upper limit 0.5 from t = 0.6 s on: it reaches 1",
+    )
     stack = robot.state([[0.0], [0.7], [0.9]])
     assert robot.limits_passed(stack) == ("joint is above its upper limit 0.5: it reaches 0.9",)
 
@@ -237,4 +263,6 @@ def test_the_limit_of_a_free_turn_is_the_angle_between_the_frames():
 def test_limits_of_joints_with_several_freedoms(freedom):
     robot = one_body(to_body(lw.PlanarJoint, limits={freedom: lw.Limits(lower=-1.0)}))
     beyond = robot.state({f"joint.{name}": -2.0 for name in ("x", "y", "angle")})
-    assert robot.limits_passed(beyond) == (f"joint.{freedom} is below its lower limit -1: it reaches -2",)
+    assert robot.limits_passed(beyond) == (
+        f"joint.{freedom} is below its lower limit -1: it reaches -2",
+    )

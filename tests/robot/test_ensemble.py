@@ -29,7 +29,10 @@ def test_members_come_to_what_they_come_to_alone(name):
     require_equal(members, [robot.simulate(state, u, duration=0.4, save_at=T) for u in forces])
     assert members.closure_error.max() < 1e-12
     np.testing.assert_allclose(
-        robot.joint_rates(members.final), members.dataset.joint_rate.values[:, -1], rtol=1e-9, atol=1e-11
+        robot.joint_rates(members.final),
+        members.dataset.joint_rate.values[:, -1],
+        rtol=1e-9,
+        atol=1e-11,
     )
 
 
@@ -39,7 +42,11 @@ def test_states_on_both_sides_of_a_singular_surface(prr3):
     states = prr3.assemble(tool=poses)
     members = prr3.ensemble(states, [0.2, 0.1, 0.0], duration=0.4, save_at=T)
     require_equal(
-        members, [prr3.simulate(states.at(i), [0.2, 0.1, 0.0], duration=0.4, save_at=T) for i in range(len(poses))]
+        members,
+        [
+            prr3.simulate(states.at(i), [0.2, 0.1, 0.0], duration=0.4, save_at=T)
+            for i in range(len(poses))
+        ],
     )
 
 
@@ -56,10 +63,15 @@ def test_members_that_change_charts(name, fastest, push):
 
 def test_each_member_has_its_signal(prr3):
     t = np.linspace(0, 0.4, 5)
-    signals = [Sampled(t, 0.3 * random(5, 3, seed=i), kind) for i, kind in enumerate(("spline", "linear", "hold"))]
+    signals = [
+        Sampled(t, 0.3 * random(5, 3, seed=i), kind)
+        for i, kind in enumerate(("spline", "linear", "hold"))
+    ]
     members = prr3.ensemble(prr3.home, signals, duration=0.4, save_at=T)
     require_equal(members, [prr3.simulate(prr3.home, u, duration=0.4, save_at=T) for u in signals])
-    one = prr3.ensemble(prr3.assemble(tool=[[0.5, 0.28, 1.2], [0.5, 0.3, 1.2]]), signals[1], duration=0.4, save_at=T)
+    one = prr3.ensemble(
+        prr3.assemble(tool=[[0.5, 0.28, 1.2], [0.5, 0.3, 1.2]]), signals[1], duration=0.4, save_at=T
+    )
     again = prr3.simulate(prr3.assemble(tool=[0.5, 0.28, 1.2]), signals[1], duration=0.4, save_at=T)
     np.testing.assert_allclose(one.dataset.tool_pose[0], again.dataset.tool_pose, rtol=1e-12)
 
@@ -89,11 +101,16 @@ def test_each_member_has_its_parameters():
 def test_a_traced_controller_with_gains_of_each_member(prr3):
     def law(t, state):
         kp = state.parameter("kp", 40.0)
-        return {name: -kp * (state[name] - 0.2 - 0.05 * lw.math.sin(3 * t)) for name in prr3.actuators}
+        return {
+            name: -kp * (state[name] - 0.2 - 0.05 * lw.math.sin(3 * t)) for name in prr3.actuators
+        }
 
     gains = np.array([10.0, 40.0, 90.0])
     members = prr3.ensemble(prr3.home, law, {"kp": gains}, duration=0.4, save_at=T)
-    runs = [prr3.simulate(prr3.home, law, duration=0.4, save_at=T, parameters={"kp": gain}) for gain in gains]
+    runs = [
+        prr3.simulate(prr3.home, law, duration=0.4, save_at=T, parameters={"kp": gain})
+        for gain in gains
+    ]
     require_equal(members, runs)
 
 
@@ -105,7 +122,10 @@ def test_members_that_fail_are_named_and_the_others_go_on(prr3):
     assert not members.success
     assert members.status[4] == Status.NON_FINITE
     assert "t = 0 s: the force on slide_2 is infinite or undefined" in members.message(4)
-    assert members.dataset.status.values.tolist() == ["FINISHED"] * 4 + ["NON_FINITE"] + ["FINISHED"] * 2
+    assert (
+        members.dataset.status.values.tolist()
+        == ["FINISHED"] * 4 + ["NON_FINITE"] + ["FINISHED"] * 2
+    )
     others = np.arange(7) != 4
     require_equal(
         prr3.ensemble(prr3.home, forces[others], duration=0.4, save_at=T),
@@ -115,15 +135,28 @@ def test_members_that_fail_are_named_and_the_others_go_on(prr3):
 
 def test_members_with_numbers_that_no_robot_has_are_refused():
     """As single runs refuse them: a mass below zero, wherever it stands, and loops that a shifted pivot opens."""
-    robot = lw.Robot(lw.robots.prr3()).free("platform.mass", "link_1.mass", "pivot_1.frames.0.position.y")
-    for values, member in {(1.0, -0.1): 1, (-0.1, 1.0): 0, (1.0, 1.0, 1.0, 1.0, -0.1, 1.0): 4}.items():
-        with pytest.raises(LinkworkError, match=rf"member {member}: bodies.platform.mass: -0.1 is below 0"):
-            robot.ensemble(robot.home, None, {"platform.mass": values, "link_1.mass": 0.7}, duration=0.1)
+    robot = lw.Robot(lw.robots.prr3()).free(
+        "platform.mass", "link_1.mass", "pivot_1.frames.0.position.y"
+    )
+    for values, member in {
+        (1.0, -0.1): 1,
+        (-0.1, 1.0): 0,
+        (1.0, 1.0, 1.0, 1.0, -0.1, 1.0): 4,
+    }.items():
+        with pytest.raises(
+            LinkworkError, match=rf"member {member}: bodies.platform.mass: -0.1 is below 0"
+        ):
+            robot.ensemble(
+                robot.home, None, {"platform.mass": values, "link_1.mass": 0.7}, duration=0.1
+            )
     shifted = {"pivot_1.frames.0.position.y": [0.0, 0.01]}
     with pytest.raises(LinkworkError, match=r"member 1: .*its loops are open by 0.00732 here"):
         robot.ensemble(robot.home, None, shifted, duration=0.1)
     other = robot.with_parameters({"pivot_1.frames.0.position.y": 0.01})
-    parts = {name: np.stack([getattr(of.home, name) for of in (robot, other)]) for name in ("positions", "rates", "q")}
+    parts = {
+        name: np.stack([getattr(of.home, name) for of in (robot, other)])
+        for name in ("positions", "rates", "q")
+    }
     states = replace(robot.home, **parts)
     members = robot.ensemble(states, [0.1, 0.0, 0.0], shifted, duration=0.1)
     alone = other.simulate(other.home, [0.1, 0.0, 0.0], duration=0.1)
@@ -150,7 +183,9 @@ def test_no_members_and_one(prr3):
 
 def test_threads_make_no_difference_to_a_bit(prr3):
     forces = 0.3 * random(40, 3)
-    one, two = (prr3.ensemble(prr3.home, forces, duration=0.2, threads=threads) for threads in (1, 2))
+    one, two = (
+        prr3.ensemble(prr3.home, forces, duration=0.2, threads=threads) for threads in (1, 2)
+    )
     assert np.array_equal(one.final.q, two.final.q)
     assert np.array_equal(one.final.rates, two.final.rates)
 
@@ -160,7 +195,9 @@ def test_an_interruption_keeps_what_is_done(prr3):
         if done:
             raise KeyboardInterrupt
 
-    members = prr3.ensemble(prr3.home, 0.1 * random(4000, 3), duration=1.0, threads=1, progress=interrupt)
+    members = prr3.ensemble(
+        prr3.home, 0.1 * random(4000, 3), duration=1.0, threads=1, progress=interrupt
+    )
     done = members.status == Status.FINISHED
     assert 0 < done.sum() < len(members)
     assert set(members.status[~done].tolist()) == {Status.CANCELLED}
@@ -168,7 +205,9 @@ def test_an_interruption_keeps_what_is_done(prr3):
     assert np.isfinite(members.final.q).all()
 
 
-@pytest.mark.parametrize("method", [{}, {"method": "rk4", "step": 1e-2}], ids=["in lanes", "one by one"])
+@pytest.mark.parametrize(
+    "method", [{}, {"method": "rk4", "step": 1e-2}], ids=["in lanes", "one by one"]
+)
 def test_an_interruption_that_comes_when_all_is_done_is_not_lost(prr3, method):
     def interrupt(done, members):
         if done == members:
@@ -198,15 +237,25 @@ def test_forces_that_jump_under_the_method_for_smooth_ones(prr3):
     """No stage reaches beyond the step, where the force is another one; no member depends on its neighbours."""
     t, rates = np.linspace(0.0, 0.3, 6), 0.5 * random(6, 3)
     states = prr3.state(np.broadcast_to(prr3.home.positions, (6, len(prr3.coordinates))), rates)
-    signals = [Sampled(t, 0.3 * random(6, 3, seed=i), kind) for i, kind in enumerate(2 * ("spline", "linear", "hold"))]
-    options = {"duration": 0.3, "save_at": np.linspace(0.0, 0.3, 7), "method": "sharp_smart", "rtol": 1e-6}
+    signals = [
+        Sampled(t, 0.3 * random(6, 3, seed=i), kind)
+        for i, kind in enumerate(2 * ("spline", "linear", "hold"))
+    ]
+    options = {
+        "duration": 0.3,
+        "save_at": np.linspace(0.0, 0.3, 7),
+        "method": "sharp_smart",
+        "rtol": 1e-6,
+    }
     alone = [prr3.simulate(states.at(i), signal, **options) for i, signal in enumerate(signals)]
     assert prr3.simulate(prr3.home, signals[-1], **options).rejected == 0
     for chosen in ([0, 1, 2, 3, 4, 5], [3, 4, 5], [2], [5, 0]):
         group = prr3.state(states.positions[chosen], rates[chosen])
         members = prr3.ensemble(group, [signals[i] for i in chosen], threads=1, **options)
         require_equal(members, [alone[i] for i in chosen])
-        assert np.array_equal(members.final.q, np.array([alone[i].attrs["final_q"] for i in chosen]))
+        assert np.array_equal(
+            members.final.q, np.array([alone[i].attrs["final_q"] for i in chosen])
+        )
 
 
 def test_progress_on_the_terminal(prr3, capfd):
@@ -230,6 +279,8 @@ def test_progress_on_the_terminal(prr3, capfd):
 def test_bad_input_is_refused_in_one_sentence(prr3, forces, options, sentence):
     given = {"duration": 0.1} | options
     count = given.pop("states", None)
-    states = prr3.home if count is None else prr3.assemble(tool=np.tile([0.5, 0.28, 1.2], (count, 1)))
+    states = (
+        prr3.home if count is None else prr3.assemble(tool=np.tile([0.5, 0.28, 1.2], (count, 1)))
+    )
     with pytest.raises(LinkworkError, match=sentence):
         prr3.ensemble(states, forces, **given)

@@ -66,7 +66,9 @@ def test_events_of_each_member(prr3, forces, method):
     require_equal(members, runs)
     assert {Status.EVENT, Status.FINISHED} == set(members.status.tolist())
     found = members.dataset
-    assert found.event_member.values.tolist() == [i for i, run in enumerate(runs) for _ in run.dataset.event.values]
+    assert found.event_member.values.tolist() == [
+        i for i, run in enumerate(runs) for _ in run.dataset.event.values
+    ]
     assert np.allclose(found.event_time[found.event == "falls"] % (np.pi / 10), np.pi / 20, 0, 1e-7)
     with pytest.raises(LinkworkError, match="there is no member 5"):
         members.events(5)
@@ -101,7 +103,9 @@ def test_gains_of_each_member_s_sampled_controller(prr3):
 
     gains, sampler = np.array([1.0, 4.0, 9.0]), Sampler(law, rate=50, compiled=True)
     members = prr3.ensemble(prr3.home, sampler, {"kp": gains}, **RUN)
-    require_equal(members, [prr3.simulate(prr3.home, sampler, parameters={"kp": k}, **RUN) for k in gains])
+    require_equal(
+        members, [prr3.simulate(prr3.home, sampler, parameters={"kp": k}, **RUN) for k in gains]
+    )
 
 
 def test_members_that_a_python_function_leads_run_one_after_the_other(prr3):
@@ -161,7 +165,10 @@ def test_members_alone_each_have_their_parameters():
     masses = np.linspace(0.5, 3.0, 4)
     options = RUN | {"method": "rodas"}
     members = robot.ensemble(robot.home, [0.3, 0.1, 0.0], {"platform.mass": masses}, **options)
-    runs = [robot.simulate(robot.home, [0.3, 0.1, 0.0], parameters={"platform.mass": m}, **options) for m in masses]
+    runs = [
+        robot.simulate(robot.home, [0.3, 0.1, 0.0], parameters={"platform.mass": m}, **options)
+        for m in masses
+    ]
     require_equal(members, runs)
 
 
@@ -174,7 +181,13 @@ def test_an_interruption_keeps_the_members_alone_that_are_done(prr3):
             raise KeyboardInterrupt
 
     members = prr3.ensemble(
-        prr3.home, 0.1 * random(200, 3), method="rk4", step=2e-5, duration=1.0, threads=1, progress=interrupt
+        prr3.home,
+        0.1 * random(200, 3),
+        method="rk4",
+        step=2e-5,
+        duration=1.0,
+        threads=1,
+        progress=interrupt,
     )
     done = members.status == Status.FINISHED
     assert 0 < seen[-1] <= done.sum() < len(members)
@@ -199,7 +212,9 @@ def test_an_interruption_within_a_controller_is_one_of_all(prr3):
 
 def test_progress_of_members_alone(prr3, forces):
     seen = []
-    prr3.ensemble(prr3.home, forces, method="dop853", duration=0.1, progress=lambda *now: seen.append(now))
+    prr3.ensemble(
+        prr3.home, forces, method="dop853", duration=0.1, progress=lambda *now: seen.append(now)
+    )
     assert seen[-1] == (5, 5)
 
 
@@ -211,7 +226,10 @@ def test_progress_of_members_alone(prr3, forces):
         ({"step": 1e-3}, "a step of 0.001 s needs a method that keeps to it"),
         ({"events": "collisions"}, "there are no events 'collisions'"),
         ({"forces": Sampler(lambda t, state: [0.0], rate=100, compiled=True)}, "1 "),
-        ({"forces": [Sampled([0.0, 0.05], np.zeros((2, 3)))] * 2, "method": "dop853"}, "samples for the whole run"),
+        (
+            {"forces": [Sampled([0.0, 0.05], np.zeros((2, 3)))] * 2, "method": "dop853"},
+            "samples for the whole run",
+        ),
     ],
 )
 def test_bad_options_are_refused_in_one_sentence(prr3, options, sentence):
@@ -250,5 +268,7 @@ def test_what_is_chosen_does_not_depend_on_what_was_chosen_before():
         start = robot.home.with_rates([0.3, -0.2, 0.1])
         runs = [robot.simulate(start, u, duration=1.0, save_at=[1.0]) for u in forces[order]][order]
         assert len(robot.run_charts) > 5
-        ends.append([(run.attrs["charts"], run.nfev, run.attrs["final_q"].tolist()) for run in runs])
+        ends.append(
+            [(run.attrs["charts"], run.nfev, run.attrs["final_q"].tolist()) for run in runs]
+        )
     assert ends[0] == ends[1]

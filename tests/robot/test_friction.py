@@ -17,9 +17,15 @@ RATES = (1e-4, 1e-6, 1e-9)
 
 def block(rate: float, **mechanism) -> lw.Robot:
     """Return a block on a level slide with dry friction."""
-    slide = lw.PrismaticJoint(connects=("ground", "block"), friction=lw.Friction(coulomb=COULOMB, coulomb_rate=rate))
+    slide = lw.PrismaticJoint(
+        connects=("ground", "block"), friction=lw.Friction(coulomb=COULOMB, coulomb_rate=rate)
+    )
     bodies, joints = {"block": lw.Body(mass=MASS)}, {"slide": slide}
-    return lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("slide",), gravity=(0, 0, 0), **mechanism))
+    return lw.Robot(
+        lw.Mechanism(
+            bodies=bodies, joints=joints, actuators=("slide",), gravity=(0, 0, 0), **mechanism
+        )
+    )
 
 
 def stopping(v: float, rate: float) -> float:
@@ -30,7 +36,9 @@ def stopping(v: float, rate: float) -> float:
 @pytest.mark.parametrize("rate", RATES)
 def test_a_block_comes_to_rest_where_and_when_friction_has_taken_its_energy(rate):
     robot, v, end = block(rate), 1.5, MASS * 1.5 / COULOMB
-    run = robot.simulate(robot.home.with_rates([v]), duration=5.0, max_steps=5000, save_at=[0.5 * end, end, 5.0])
+    run = robot.simulate(
+        robot.home.with_rates([v]), duration=5.0, max_steps=5000, save_at=[0.5 * end, end, 5.0]
+    )
     assert run.success
     assert run.attrs["method"].startswith("Sharp-Smart 7(6), from 1")
     assert run.attrs["method"].endswith("s Rodas5P")
@@ -49,7 +57,9 @@ def test_a_block_that_is_pushed_less_than_friction_bears_creeps():
     assert run.dataset.joint_rate.values[-1, 0] == pytest.approx(creep, rel=1e-6)
     pulled = lw.Sampled(np.array([0.0, 2.0, 4.0]), np.array([u, 5.0, 5.0]), "hold")
     whole = robot.simulate(robot.home.with_rates([0.3]), pulled, duration=4.0)
-    assert whole.dataset.joint_rate.values[-1, 0] == pytest.approx(2.0 * (5.0 - COULOMB) / MASS, rel=1e-5)
+    assert whole.dataset.joint_rate.values[-1, 0] == pytest.approx(
+        2.0 * (5.0 - COULOMB) / MASS, rel=1e-5
+    )
     later = robot.resume(run, [5.0], duration=2.0)
     assert later.dataset.joint_position.values[-1, 0] == pytest.approx(
         whole.dataset.joint_position.values[-1, 0], rel=1e-8
@@ -81,12 +91,18 @@ def test_a_block_under_a_sampled_controller_comes_to_rest(compiled):
 def test_a_pendulum_with_dry_friction_stops_off_its_lowest_point():
     """m l^2 a = -m g l sin(x) - F w / sqrt(w^2 + r^2), against an implicit Runge-Kutta method of another house."""
     friction, rate = 1.0, 1e-5
-    hinge = lw.RevoluteJoint(connects=("ground", "bob"), friction=lw.Friction(coulomb=friction, coulomb_rate=rate))
+    hinge = lw.RevoluteJoint(
+        connects=("ground", "bob"), friction=lw.Friction(coulomb=friction, coulomb_rate=rate)
+    )
     bob = lw.Body(mass=0.5, centre_of_mass=(0, -0.8, 0))
-    robot = lw.Robot(lw.Mechanism(bodies={"bob": bob}, joints={"hinge": hinge}, gravity=(0, -9.81, 0)))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"bob": bob}, joints={"hinge": hinge}, gravity=(0, -9.81, 0))
+    )
 
     def slope(t, y):
-        return y[1], (-0.5 * 9.81 * 0.8 * np.sin(y[0]) - friction * y[1] / np.hypot(y[1], rate)) / (0.5 * 0.64)
+        return y[1], (-0.5 * 9.81 * 0.8 * np.sin(y[0]) - friction * y[1] / np.hypot(y[1], rate)) / (
+            0.5 * 0.64
+        )
 
     run = robot.simulate(robot.state([2.0], [0.0]), duration=6.0, max_steps=20_000)
     assert run.success
@@ -101,7 +117,8 @@ def test_a_robot_with_loops_stays_where_its_slides_bear_the_forces():
     mechanism = lw.robots.prr3()
     friction = lw.Friction(coulomb=0.8, coulomb_rate=rate)
     rubbing = {
-        f"slide_{i}": mechanism.joints[f"slide_{i}"].model_copy(update={"friction": friction}) for i in (1, 2, 3)
+        f"slide_{i}": mechanism.joints[f"slide_{i}"].model_copy(update={"friction": friction})
+        for i in (1, 2, 3)
     }
     robot = lw.Robot(mechanism.model_copy(update={"joints": mechanism.joints | rubbing}))
     run = robot.simulate(robot.home, forces, duration=1.0, max_steps=20_000)
@@ -115,7 +132,9 @@ def test_a_stiff_damper_is_met_by_the_stiff_method_too():
     robot = built("flyball_governor")
     forces = np.zeros(len(robot.actuators))
     own = robot.simulate(robot.home, forces, duration=1.0, save_at=[1.0])
-    asked = robot.simulate(robot.home, forces, duration=1.0, save_at=[1.0], method="rodas", rtol=1e-10, atol=1e-12)
+    asked = robot.simulate(
+        robot.home, forces, duration=1.0, save_at=[1.0], method="rodas", rtol=1e-10, atol=1e-12
+    )
     assert "Rodas5P" in own.attrs["method"]
     close(own.dataset.joint_position.values, asked.dataset.joint_position.values, 1e-6)
     explicit = robot.simulate(robot.home, forces, duration=1.0, save_at=[1.0], method="sharp_smart")
@@ -137,7 +156,9 @@ def test_runs_that_are_not_stiff_keep_their_method_however_long():
 
 def test_an_explicit_method_that_is_asked_for_is_kept_and_the_sentence_names_friction():
     robot = block(1e-9)
-    run = robot.simulate(robot.home.with_rates([1.5]), duration=5.0, max_steps=3000, method="dormand_prince")
+    run = robot.simulate(
+        robot.home.with_rates([1.5]), duration=5.0, max_steps=3000, method="dormand_prince"
+    )
     assert run.status is lw.Status.TOO_MANY_STEPS
     assert 'take method="rodas" where a spring, damper, dry friction' in run.message
     stiff = robot.simulate(robot.home.with_rates([1.5]), duration=5.0, max_steps=30, method="rodas")

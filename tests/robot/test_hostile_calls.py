@@ -100,7 +100,17 @@ CALLS: dict[str, Callable[[World, Any], Any]] = {
     **{
         f"simulate.{name}": lambda w, x, name=name: run(w, **{name: x})
         for name in (
-            *("drives", "wrenches", "method", "step", "events", "parameters", "rtol", "atol", "save_at"),
+            *(
+                "drives",
+                "wrenches",
+                "method",
+                "step",
+                "events",
+                "parameters",
+                "rtol",
+                "atol",
+                "save_at",
+            ),
             *("max_step", "max_steps", "on_singular"),
         )
     },
@@ -117,8 +127,12 @@ CALLS: dict[str, Callable[[World, Any], Any]] = {
     "plot_run": lambda w, x: views.plot_run(x),
     "circle": lambda w, x: paths.circle(x, 0.1).sample(np.array([0.0, 1.0]), 1.0),
     "circle.radius": lambda w, x: paths.circle([0.0, 0.0], x).sample(np.array([0.0, 1.0]), 1.0),
-    "circle.orientation": lambda w, x: paths.circle([0.0, 0.0], 0.1, x).sample(np.array([0.0, 1.0]), 1.0),
-    "circle.turns": lambda w, x: paths.circle([0.0, 0.0], 0.1, turns=x).sample(np.array([0.0, 1.0]), 1.0),
+    "circle.orientation": lambda w, x: paths.circle([0.0, 0.0], 0.1, x).sample(
+        np.array([0.0, 1.0]), 1.0
+    ),
+    "circle.turns": lambda w, x: paths.circle([0.0, 0.0], 0.1, turns=x).sample(
+        np.array([0.0, 1.0]), 1.0
+    ),
     "circle.law": lambda w, x: paths.circle([0.0, 0.0], 0.1, law=x),
     "line": lambda w, x: paths.line(x, [0.0, 0.0]).sample(np.array([0.0, 1.0]), 1.0),
     "line.end": lambda w, x: paths.line([0.0, 0.0], x).sample(np.array([0.0, 1.0]), 1.0),
@@ -144,8 +158,18 @@ CALLS: dict[str, Callable[[World, Any], Any]] = {
 
 def finite(value: Any) -> bool:
     """Tell whether an answer holds no number that is none."""
-    parts = value if isinstance(value, tuple | list) else value.values() if isinstance(value, dict) else [value]
-    arrays = [part for part in parts if isinstance(part, np.ndarray | float) and np.asarray(part).dtype.kind == "f"]
+    parts = (
+        value
+        if isinstance(value, tuple | list)
+        else value.values()
+        if isinstance(value, dict)
+        else [value]
+    )
+    arrays = [
+        part
+        for part in parts
+        if isinstance(part, np.ndarray | float) and np.asarray(part).dtype.kind == "f"
+    ]
     return all(np.isfinite(array).all() for array in arrays)
 
 

@@ -5,10 +5,20 @@ import pytest
 
 import linkwork as lw
 from linkwork import analysis
-from linkwork.mechanism import Body, Frame, Inertia, Mechanism, PointSpring, PrismaticJoint, RevoluteJoint
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    Inertia,
+    Mechanism,
+    PointSpring,
+    PrismaticJoint,
+    RevoluteJoint,
+)
 
 MASS, STIFFNESS = 2.0, 50.0
-SPRING = PointSpring(connects=("ground", "mass"), points=((0, 0, 0), (0, 0, 0)), stiffness=STIFFNESS)
+SPRING = PointSpring(
+    connects=("ground", "mass"), points=((0, 0, 0), (0, 0, 0)), stiffness=STIFFNESS
+)
 
 
 def on_slide(spring):
@@ -47,11 +57,15 @@ def test_an_arm_whose_tip_is_where_the_spring_is_fixed_only_falls():
             bodies={"arm": Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=Inertia(zz=0.1))},
             joints={"hinge": RevoluteJoint(connects=("ground", "arm"), frames=(Frame(), Frame()))},
             springs={
-                "spring": SPRING.model_copy(update={"connects": ("ground", "arm"), "points": ((1, 0, 0), (1, 0, 0))})
+                "spring": SPRING.model_copy(
+                    update={"connects": ("ground", "arm"), "points": ((1, 0, 0), (1, 0, 0))}
+                )
             },
         )
     )
-    assert np.allclose(robot.forward_dynamics(robot.home, []), -9.81 * 0.5 / (0.1 + 0.25), rtol=1e-13)
+    assert np.allclose(
+        robot.forward_dynamics(robot.home, []), -9.81 * 0.5 / (0.1 + 0.25), rtol=1e-13
+    )
 
 
 DIRECTED = {"rest length": {"rest_length": 0.1}, "damping": {"damping": 2.0}}
@@ -73,14 +87,19 @@ def test_a_spring_that_has_no_direction_there_is_named(of):
     rest_length = robot.mechanism.springs["spring"].rest_length
     assert np.isclose(sum(robot.energy(still)), MASS * 0.3**2 / 2 + STIFFNESS * rest_length**2 / 2)
     run = robot.simulate(still, duration=0.1)
-    assert "the force of the spring 'spring', whose ends meet, is infinite or undefined from here on" in run.message
+    assert (
+        "the force of the spring 'spring', whose ends meet, is infinite or undefined from here on"
+        in run.message
+    )
 
 
 @pytest.mark.parametrize("x", [-1e-9, 1e-9, 0.3])
 def test_beside_it_the_spring_pulls_and_damps_along_its_ends(x):
     robot = on_slide(SPRING.model_copy(update={"rest_length": 0.1, "damping": 2.0}))
     found = robot.forward_dynamics(robot.state([x], [0.7]), [])
-    assert np.allclose(found, -(STIFFNESS * (abs(x) - 0.1) * np.sign(x) + 2.0 * 0.7) / MASS, rtol=1e-13)
+    assert np.allclose(
+        found, -(STIFFNESS * (abs(x) - 0.1) * np.sign(x) + 2.0 * 0.7) / MASS, rtol=1e-13
+    )
 
 
 def test_a_mass_that_is_drawn_through_the_other_end_keeps_its_energy():

@@ -42,10 +42,17 @@ def parallelogram(cranks: int) -> Mechanism:
             connects=("ground", f"crank_{i}"), frames=(lw.Frame.planar(0.7 * i), lw.Frame())
         )
         joints[f"top_{i}"] = lw.RevoluteJoint(
-            connects=(f"crank_{i}", "coupler"), frames=(lw.Frame.planar(1), lw.Frame.planar(0.7 * i))
+            connects=(f"crank_{i}", "coupler"),
+            frames=(lw.Frame.planar(1), lw.Frame.planar(0.7 * i)),
         )
         reference |= {f"base_{i}": 1.0, f"top_{i}": -1.0}
-    return Mechanism(bodies=bodies, joints=joints, actuators=("base_0",), reference=reference, gravity=(0, -9.81, 0))
+    return Mechanism(
+        bodies=bodies,
+        joints=joints,
+        actuators=("base_0",),
+        reference=reference,
+        gravity=(0, -9.81, 0),
+    )
 
 
 CASES = {  # mobility, Gruebler's count
@@ -76,7 +83,9 @@ def test_mobility_and_gruebler(name):
     assert robot.idle == ()
 
 
-@pytest.mark.parametrize("name", ["four-bar out of its plane", "Bennett", "Sarrus", "five parallel cranks"])
+@pytest.mark.parametrize(
+    "name", ["four-bar out of its plane", "Bennett", "Sarrus", "five parallel cranks"]
+)
 def test_overconstrained_mechanisms_move_as_they_should(name):
     """Accelerations at the reference against the oracle, which meets dependent rows by singular values."""
     mechanism, n, _ = CASES[name]
@@ -109,13 +118,18 @@ def test_redundant_rows_are_named_by_joint_and_direction():
         "rocker_pin: direction of the axis, 1",
         "rocker_pin: direction of the axis, 2",
     )
-    assert [row.partition(":")[0] for row in derive(parallelogram(4)).redundant] == ["top_2", "top_3"]
+    assert [row.partition(":")[0] for row in derive(parallelogram(4)).redundant] == [
+        "top_2",
+        "top_3",
+    ]
 
 
 def test_idle_freedoms_are_found_and_named():
     robot = lw.Robot(robots.hexaglide(idle_spins=True))
     assert (robot.mobility, robot.gruebler) == (12, 12)
-    assert robot.idle == tuple(f"rod_{i}: spin about the line through knuckle_{i} and ball_{i}" for i in range(1, 7))
+    assert robot.idle == tuple(
+        f"rod_{i}: spin about the line through knuckle_{i} and ball_{i}" for i in range(1, 7)
+    )
     assert lw.Robot(robots.hexaglide()).idle == ()
 
 
@@ -124,11 +138,17 @@ def test_a_rod_of_several_bodies_spins_as_one():
     legs = {
         "foot": lw.SphericalJoint(connects=("ground", "tube")),
         "slide": lw.PrismaticJoint(connects=("tube", "piston"), axis=(1, 0, 0)),
-        "head": lw.SphericalJoint(connects=("piston", "slider"), frames=(lw.Frame(position=(0.5, 0, 0)), lw.Frame())),
-        "guide": lw.PrismaticJoint(connects=("ground", "slider"), frames=(lw.Frame(position=(0.8, 0, 0)), lw.Frame())),
+        "head": lw.SphericalJoint(
+            connects=("piston", "slider"), frames=(lw.Frame(position=(0.5, 0, 0)), lw.Frame())
+        ),
+        "guide": lw.PrismaticJoint(
+            connects=("ground", "slider"), frames=(lw.Frame(position=(0.8, 0, 0)), lw.Frame())
+        ),
     }
     mechanism = Mechanism(
-        bodies=dict.fromkeys(("tube", "piston", "slider"), BAR), joints=legs, reference={"slide": 0.4, "guide": 0.4}
+        bodies=dict.fromkeys(("tube", "piston", "slider"), BAR),
+        joints=legs,
+        reference={"slide": 0.4, "guide": 0.4},
     )
     robot = lw.Robot(mechanism)
     assert (robot.mobility, robot.gruebler) == (2, 2)
@@ -143,7 +163,9 @@ def triangle(base: float, reference: dict[str, float], **more) -> Mechanism:
     joints = {
         "a": lw.RevoluteJoint(connects=("ground", "left")),
         "b": lw.RevoluteJoint(connects=("left", "right"), frames=(lw.Frame.planar(1), lw.Frame())),
-        "c": lw.RevoluteJoint(connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(base))),
+        "c": lw.RevoluteJoint(
+            connects=("right", "ground"), frames=(lw.Frame.planar(1), lw.Frame.planar(base))
+        ),
     }
     return Mechanism(bodies={"left": BAR, "right": BAR}, joints=joints, reference=reference, **more)
 
@@ -185,13 +207,16 @@ NUT = lw.CylindricalJoint(connects=("ground", "a"))
             "of joint 'rod' stays open by ",
             one_body(
                 slide=lw.PrismaticJoint(connects=("ground", "a")),
-                rod=lw.RodJoint(connects=("ground", "a"), frames=(lw.Frame.planar(0.4), lw.Frame()), length=0.3),
+                rod=lw.RodJoint(
+                    connects=("ground", "a"), frames=(lw.Frame.planar(0.4), lw.Frame()), length=0.3
+                ),
             ),
         ),
         (
             "the loop of slide, rod leaves it no motion",
             one_body(
-                slide=lw.PrismaticJoint(connects=("ground", "a")), rod=lw.RodJoint(connects=("ground", "a"), length=0.3)
+                slide=lw.PrismaticJoint(connects=("ground", "a")),
+                rod=lw.RodJoint(connects=("ground", "a"), length=0.3),
             ),
         ),
     ],
@@ -214,14 +239,19 @@ def test_a_quaternion_without_length_is_refused_and_one_of_any_other_length_is_s
 
 def test_a_gear_said_twice_is_redundant():
     again = lw.GearJoint(ratios={"nut.angle": 2, "nut.slide": -0.2})
-    robot = lw.Robot(one_body(nut=NUT, g1=lw.GearJoint(ratios={"nut.angle": 1, "nut.slide": -0.1}), g2=again))
+    robot = lw.Robot(
+        one_body(nut=NUT, g1=lw.GearJoint(ratios={"nut.angle": 1, "nut.slide": -0.1}), g2=again)
+    )
     assert (robot.mobility, robot.gruebler, robot.redundant) == (1, 0, ("g2: ratio",))
 
 
 def test_two_ball_joints_make_a_hinge():
     """Two points held leave the turn about the line through them; one of the six rows is too many."""
     points = [(lw.Frame(position=(x, 0.2, 0)),) * 2 for x in (0.0, 1.0)]
-    balls = {f"ball_{i}": lw.SphericalJoint(connects=("ground", "a"), frames=frames) for i, frames in enumerate(points)}
+    balls = {
+        f"ball_{i}": lw.SphericalJoint(connects=("ground", "a"), frames=frames)
+        for i, frames in enumerate(points)
+    }
     robot = lw.Robot(one_body(**balls))
     assert (robot.mobility, robot.gruebler, len(robot.redundant)) == (1, 0, 1)
     T = values(functions.maps(robot.equations), robot.equations.reference)["T"].reshape(6)

@@ -20,10 +20,16 @@ from tests.oracle.random_joints import random_loops, random_tree
 NEVER = ("rotation", "axis", "axes", "limits", "reference")
 CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
-    "loops with everything": partial(random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1),
-    "loop of a screw": partial(random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True),
+    "loops with everything": partial(
+        random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1
+    ),
+    "loop of a screw": partial(
+        random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True
+    ),
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
-    "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1),
+    "planar loops": partial(
+        random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1
+    ),
     "platform on rods": lw.robots.stewart,
     "pin jointed": lw.robots.prr3,
     "governor": lw.robots.flyball_governor,
@@ -35,7 +41,13 @@ def numbers(data: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]
     """Yield the places of all numbers in plain data."""
     if isinstance(data, float):
         yield where
-    parts = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, tuple) else ()
+    parts = (
+        data.items()
+        if isinstance(data, dict)
+        else enumerate(data)
+        if isinstance(data, tuple)
+        else ()
+    )
     for key, part in parts:
         yield from numbers(part, (*where, str(key)))
 
@@ -44,7 +56,11 @@ def can_be_free(mechanism: lw.Mechanism, planar: bool) -> list[str]:
     """Return the paths of all numbers that can be free; in a planar mechanism those out of the plane would open loops."""
     places = [where for where in numbers(mechanism.model_dump()) if not set(NEVER) & set(where)]
     if planar:
-        places = [where for where in places if not (where[-1] == "2" and {"position", "points"} & set(where))]
+        places = [
+            where
+            for where in places
+            if not (where[-1] == "2" and {"position", "points"} & set(where))
+        ]
     paths = map(".".join, places)
     return [path for path in paths if not path.endswith("spring.turn.rest")]
 
@@ -52,13 +68,19 @@ def can_be_free(mechanism: lw.Mechanism, planar: bool) -> list[str]:
 def changed(mechanism: lw.Mechanism, paths: list[str]) -> dict[str, float]:
     """Return other values, none of them zero: lengths near the old ones, inertias scaled as a whole."""
     random = np.random.default_rng(1)
-    scale = dict(zip(mechanism.bodies, random.uniform(0.5, 1.5, len(mechanism.bodies)), strict=True))
+    scale = dict(
+        zip(mechanism.bodies, random.uniform(0.5, 1.5, len(mechanism.bodies)), strict=True)
+    )
 
     def other(path: str, value: float) -> float:
         if ".inertia." in path:
             return value * scale[path.split(".")[1]]
-        if any(part in path for part in ("position", "points", "length", "pitch", "ratios", "offset")):
-            return value * random.uniform(0.97, 1.03) + ("position" in path) * random.uniform(0.001, 0.01)
+        if any(
+            part in path for part in ("position", "points", "length", "pitch", "ratios", "offset")
+        ):
+            return value * random.uniform(0.97, 1.03) + ("position" in path) * random.uniform(
+                0.001, 0.01
+            )
         return value * random.uniform(0.5, 1.5) + (value == 0) * random.uniform(0.1, 0.2)
 
     return {path: other(path, value) for path, value in free_numbers(mechanism, paths).items()}
@@ -117,7 +139,9 @@ def platform() -> tuple[lw.Mechanism, lw.Robot]:
     mechanism = lw.robots.prr3()
     tool = next(iter(mechanism.tools.values()))
     mechanism = mechanism.model_copy(update={"tools": {"tip": tool}})
-    return mechanism, lw.Robot(mechanism).free(*(path for values in perturbations().values() for path in values))
+    return mechanism, lw.Robot(mechanism).free(
+        *(path for values in perturbations().values() for path in values)
+    )
 
 
 @pytest.mark.parametrize("kind", perturbations())
@@ -132,12 +156,21 @@ def test_a_robot_with_other_values_is_the_robot_of_the_edited_description(platfo
     own = ours.state(state.positions, v)
     state = state.with_rates(v)
     close(ours.mass_matrix(own), plain.mass_matrix(state), 1e-12)
-    close(ours.forward_dynamics(own, [1.0, 2.0, 3.0]), plain.forward_dynamics(state, [1.0, 2.0, 3.0]), 1e-11)
+    close(
+        ours.forward_dynamics(own, [1.0, 2.0, 3.0]),
+        plain.forward_dynamics(state, [1.0, 2.0, 3.0]),
+        1e-11,
+    )
     close(ours.energy(own), plain.energy(state), 1e-12)
     close(ours.tool_pose(own), plain.tool_pose(state), 1e-12)
     assert ours.closure_error(own) < 1e-12
-    ends = [robot.simulate(start, duration=0.2, save_at=[0.2]) for robot, start in ((ours, own), (plain, state))]
-    close(ends[0].variables["joint_position"].values, ends[1].variables["joint_position"].values, 1e-7)
+    ends = [
+        robot.simulate(start, duration=0.2, save_at=[0.2])
+        for robot, start in ((ours, own), (plain, state))
+    ]
+    close(
+        ends[0].variables["joint_position"].values, ends[1].variables["joint_position"].values, 1e-7
+    )
 
 
 def test_nothing_is_compiled_anew(platform, monkeypatch):
@@ -181,7 +214,9 @@ def test_zero_is_a_value_like_any_other():
 def test_freedoms_that_a_joint_says_nothing_of():
     mechanism = random_loops(8, 1, platform="free")
     name = next(
-        name for name, joint in mechanism.joints.items() if joint.type in ("cylindrical", "planar", "universal")
+        name
+        for name, joint in mechanism.joints.items()
+        if joint.type in ("cylindrical", "planar", "universal")
     )
     freedom = mechanism.joints[name].freedoms[0]
     path = f"{name}.friction.{freedom}.viscous"
@@ -218,14 +253,20 @@ def test_a_name_of_a_body_and_a_joint():
     body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=1.0))
     arm = lw.RevoluteJoint(connects=("ground", "arm"))
     mechanism = lw.Mechanism(bodies={"arm": body}, joints={"arm": arm})
-    assert free_numbers(mechanism, ["arm.mass", "arm.rotor_inertia"]) == {"arm.mass": 1.0, "arm.rotor_inertia": 0.0}
+    assert free_numbers(mechanism, ["arm.mass", "arm.rotor_inertia"]) == {
+        "arm.mass": 1.0,
+        "arm.rotor_inertia": 0.0,
+    }
 
 
 VALUES = {
     "a negative mass": ({"platform.mass": -1.0}, "bodies.platform.mass: -1.0 is below 0"),
     "no number": ({"platform.mass": "heavy"}, "'platform.mass' is 'heavy'"),
     "not finite": ({"platform.mass": np.nan}, "'platform.mass' is nan"),
-    "not free": ({"link_1.mass": 1.0}, "there is no free parameter 'link_1.mass'; there are platform.mass"),
+    "not free": (
+        {"link_1.mass": 1.0},
+        "there is no free parameter 'link_1.mass'; there are platform.mass",
+    ),
     "no mapping": (3.0, "the parameters are 3.0; give values by path"),
 }
 
@@ -240,7 +281,9 @@ def test_refused_values(platform, case):
 
 def test_lengths_with_which_the_loops_do_not_close():
     free = lw.Robot(lw.robots.four_bar()).free("joints.crank_pin.frames.0.position.x")
-    with pytest.raises(lw.MechanismError, match="the loops do not close near the reference configuration: position"):
+    with pytest.raises(
+        lw.MechanismError, match="the loops do not close near the reference configuration: position"
+    ):
         free.with_parameters({"joints.crank_pin.frames.0.position.x": 9.0})
 
 
@@ -254,5 +297,7 @@ def test_a_robot_without_free_numbers():
 def test_states_of_another_geometry_are_refused(platform):
     _, free = platform
     longer = free.with_parameters({"wrist_1.frames.1.position.x": 0.09})
-    with pytest.raises(lw.LinkworkError, match="the state belongs to another robot: its loops are open"):
+    with pytest.raises(
+        lw.LinkworkError, match="the state belongs to another robot: its loops are open"
+    ):
         longer.mass_matrix(free.home)

@@ -21,14 +21,19 @@ X, Y, Z = np.eye(3)
 def moving(robot: lw.Robot, seed: int = 3, scale: float = 1.0) -> tuple[lw.State, np.ndarray]:
     """Return a state with random rates at home, and random actuator forces."""
     random = np.random.default_rng(seed)
-    return robot.home.with_rates(scale * random.normal(size=robot.mobility)), random.normal(size=len(robot.actuators))
+    return robot.home.with_rates(scale * random.normal(size=robot.mobility)), random.normal(
+        size=len(robot.actuators)
+    )
 
 
 def agrees(robot: lw.Robot, tolerance: float = 1e-9) -> lw.robot.reactions.Reactions:
     """Compare the constraint parts with the wrenches of the oracle's multipliers, of least norm in SI units."""
     state, forces = moving(robot)
     seen = Seen.of(robot, state)
-    found, wanted = robot.reactions(state, forces, length=1.0), seen.oracle.reactions(seen.poses, seen.twists, forces)
+    found, wanted = (
+        robot.reactions(state, forces, length=1.0),
+        seen.oracle.reactions(seen.poses, seen.twists, forces),
+    )
     gears = {name: wanted.pop(name) for name in robot.mechanism.gears}
     assert found.joints == tuple(wanted)
     close(found.constraint, np.array([*wanted.values()]), tolerance)
@@ -37,7 +42,9 @@ def agrees(robot: lw.Robot, tolerance: float = 1e-9) -> lw.robot.reactions.React
     return found
 
 
-@pytest.mark.parametrize("name", ["prr3", "stewart", "delta", "hexaglide", "pendulum", "spatial_slider_crank"])
+@pytest.mark.parametrize(
+    "name", ["prr3", "stewart", "delta", "hexaglide", "pendulum", "spatial_slider_crank"]
+)
 def test_multipliers_of_the_catalogue(name):
     agrees(built(name))
 
@@ -73,9 +80,16 @@ def test_what_acts_along_a_joint_belongs_to_its_wrench():
     """A turn's moment about its axis is u - k (q - rest) - d w - J w'; the same force drives the body behind it."""
     spring, friction = lw.Spring(stiffness=3.0, rest=0.2, damping=0.1), lw.Friction(viscous=0.4)
     arm = lw.Body(mass=2.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.3))
-    hinge = lw.RevoluteJoint(connects=("ground", "arm"), spring=spring, friction=friction, rotor_inertia=0.7)
+    hinge = lw.RevoluteJoint(
+        connects=("ground", "arm"), spring=spring, friction=friction, rotor_inertia=0.7
+    )
     robot = lw.Robot(
-        lw.Mechanism(bodies={"arm": arm}, joints={"hinge": hinge}, actuators=("hinge",), gravity=(0, -9.81, 0))
+        lw.Mechanism(
+            bodies={"arm": arm},
+            joints={"hinge": hinge},
+            actuators=("hinge",),
+            gravity=(0, -9.81, 0),
+        )
     )
     q, w, u = 0.6, 1.5, 0.9
     state = robot.state([q], [w])
@@ -97,7 +111,10 @@ def test_statics_of_a_four_bar_by_hand():
     torque = robot.inverse_dynamics(state, np.zeros(1))
     found, poses = robot.reactions(state, torque), robot.body_poses(state)
     pins = described.pairs
-    A, b = np.zeros((3 * len(described.bodies), 2 * len(pins) + 1)), np.zeros(3 * len(described.bodies))
+    A, b = (
+        np.zeros((3 * len(described.bodies), 2 * len(pins) + 1)),
+        np.zeros(3 * len(described.bodies)),
+    )
     for i, (name, body) in enumerate(described.bodies.items()):
         p, R = poses[name]
         centre = p + R @ body.centre_of_mass
@@ -113,7 +130,9 @@ def test_statics_of_a_four_bar_by_hand():
     close(found.wrenches[:, 3:5], by_hand[:-1].reshape(-1, 2), 1e-10)
     close(torque, by_hand[-1:], 1e-10)
     across = ("moment_x", "moment_y", "force_z")
-    assert found.indeterminate == {name: across for name in pins}  # a plane's loop does not tell what acts across it
+    assert found.indeterminate == {
+        name: across for name in pins
+    }  # a plane's loop does not tell what acts across it
 
 
 PUBLISHED = {  # IVP test set: angles, rate of beta, multipliers at 0 and 0.03 s
@@ -151,22 +170,38 @@ def test_what_ground_brings_changes_the_whole_momentum(name):
     assert reactions.dims == ("time", "joint", "component")
     for i in range(len(data.time)):
         state = robot.state(
-            data.joint_position[i].values, dict(data.joint_rate[i].to_series()[list(robot.independent)])
+            data.joint_position[i].values,
+            dict(data.joint_rate[i].to_series()[list(robot.independent)]),
         )
-        close(reactions[i].values, robot.reactions(state, data.actuator_force[i].values).wrenches, 1e-9)
+        close(
+            reactions[i].values,
+            robot.reactions(state, data.actuator_force[i].values).wrenches,
+            1e-9,
+        )
         seen = Seen.of(robot, state)
-        accelerations = seen.oracle.accelerations(seen.poses, seen.twists, data.actuator_force[i].values)
+        accelerations = seen.oracle.accelerations(
+            seen.poses, seen.twists, data.actuator_force[i].values
+        )
         force, moment = np.zeros(3), np.zeros(3)
         for body, part in robot.mechanism.bodies.items():
-            (p, R), (omega, _), (alpha, a) = seen.poses[body], seen.twists[body], accelerations[body]
-            inertia, needed = R @ part.inertia.tensor() @ R.T, part.mass * (a - robot.mechanism.gravity)
+            (p, R), (omega, _), (alpha, a) = (
+                seen.poses[body],
+                seen.twists[body],
+                accelerations[body],
+            )
+            inertia, needed = (
+                R @ part.inertia.tensor() @ R.T,
+                part.mass * (a - robot.mechanism.gravity),
+            )
             force += needed
             moment += np.cross(p + R @ part.centre_of_mass, needed)
             moment += inertia @ alpha + np.cross(omega, inertia @ omega)
         for joint, described in robot.mechanism.pairs.items():
             if "ground" in described.connects:
                 sign = 1 if described.connects[0] == "ground" else -1
-                body, R = robot.body_poses(state).get(described.connects[0], (np.zeros(3), np.eye(3)))
+                body, R = robot.body_poses(state).get(
+                    described.connects[0], (np.zeros(3), np.eye(3))
+                )
                 wrench = sign * reactions[i].sel(joint=joint).values
                 force -= wrench[3:]
                 moment -= wrench[:3] + np.cross(body + R @ described.frames[0].position, wrench[3:])
@@ -178,11 +213,16 @@ def test_frames():
     """F1's axes and origin, F2's axes and origin, and the ground's hold the same wrench."""
     robot = mixed("spatial loops")
     state, forces = moving(robot)
-    ground, first, second = (robot.reactions(state, forces, frame=frame) for frame in ("ground", "first", "second"))
+    ground, first, second = (
+        robot.reactions(state, forces, frame=frame) for frame in ("ground", "first", "second")
+    )
     poses = robot.body_poses(state) | {"ground": (np.zeros(3), np.eye(3))}
     for name, joint in robot.mechanism.pairs.items():
         (p_1, R_1), (p_2, R_2) = (
-            (poses[body][0] + poses[body][1] @ frame.position, poses[body][1] @ pairs.exponential(frame.rotation))
+            (
+                poses[body][0] + poses[body][1] @ frame.position,
+                poses[body][1] @ pairs.exponential(frame.rotation),
+            )
             for body, frame in zip(joint.connects, joint.frames, strict=True)
         )
         close(ground[name], np.concatenate([R_1 @ first[name][:3], R_1 @ first[name][3:]]), 1e-10)
@@ -197,11 +237,15 @@ def test_the_length_matters_only_where_reactions_are_open():
         state, forces = moving(robot)
         short, long = (robot.reactions(state, forces, length=length) for length in (0.3, 3.0))
         assert short.indeterminate == long.indeterminate
-        is_open = np.array([[c in short.indeterminate.get(j, ()) for c in short.components] for j in short.joints])
+        is_open = np.array(
+            [[c in short.indeterminate.get(j, ()) for c in short.components] for j in short.joints]
+        )
         close(short.wrenches[~is_open], long.wrenches[~is_open], 1e-9)
         assert (name == "stewart") == (not is_open.any())
     state, forces = moving(built("bricard"))
-    short, long = (built("bricard").reactions(state, forces, length=length).wrenches for length in (0.3, 3.0))
+    short, long = (
+        built("bricard").reactions(state, forces, length=length).wrenches for length in (0.3, 3.0)
+    )
     assert np.abs(short - long).max() > 1e-3
 
 
@@ -212,13 +256,17 @@ def test_stacks_and_one_state_agree():
     stack = robot.state(np.broadcast_to(state.positions, (2, 3, state.positions.size)), rates)
     found = robot.reactions(stack, forces)
     assert found.wrenches.shape == (2, 3, len(robot.joints), 6)
-    close(found.wrenches[1, 2], robot.reactions(state.with_rates(rates[1, 2]), forces).wrenches, 1e-10)
+    close(
+        found.wrenches[1, 2], robot.reactions(state.with_rates(rates[1, 2]), forces).wrenches, 1e-10
+    )
 
 
 def test_refusals(tmp_path):
     robot = built("pendulum")
     forces = np.zeros(len(robot.actuators))
-    with pytest.raises(lw.LinkworkError, match="frame is 'world'; give 'ground' or 'first' or 'second'"):
+    with pytest.raises(
+        lw.LinkworkError, match="frame is 'world'; give 'ground' or 'first' or 'second'"
+    ):
         robot.reactions(robot.home, forces, frame="world")
     with pytest.raises(lw.LinkworkError, match="length is -1"):
         robot.reactions(robot.home, forces, length=-1)
@@ -234,14 +282,27 @@ def test_free_numbers():
     """Reactions with free numbers are those of the robot described with these values; nothing is compiled anew."""
     inertia = lw.Inertia(xx=0.1, yy=0.2, zz=0.25)
     joints = {
-        "thread": lw.ScrewJoint(connects=("ground", "nut"), pitch=0.1, friction=lw.Friction(viscous=0.2)),
+        "thread": lw.ScrewJoint(
+            connects=("ground", "nut"), pitch=0.1, friction=lw.Friction(viscous=0.2)
+        ),
         "hinge": lw.RevoluteJoint(
-            connects=("nut", "arm"), axis=(1, 0, 0), frames=(lw.Frame(position=(0.2, 0.1, 0)), lw.Frame())
+            connects=("nut", "arm"),
+            axis=(1, 0, 0),
+            frames=(lw.Frame(position=(0.2, 0.1, 0)), lw.Frame()),
         ),
     }
-    bodies = {name: lw.Body(mass=1.5, centre_of_mass=(0.1, 0.3, 0.2), inertia=inertia) for name in ("nut", "arm")}
+    bodies = {
+        name: lw.Body(mass=1.5, centre_of_mass=(0.1, 0.3, 0.2), inertia=inertia)
+        for name in ("nut", "arm")
+    }
     robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("thread", "hinge")))
-    values = {"thread.pitch": 0.3, "thread.friction.viscous": 0.5, "arm.mass": 2.5, "arm.com.y": 0.4, "gravity.x": 3.0}
+    values = {
+        "thread.pitch": 0.3,
+        "thread.friction.viscous": 0.5,
+        "arm.mass": 2.5,
+        "arm.com.y": 0.4,
+        "gravity.x": 3.0,
+    }
     values |= {"arm.inertia.xx": 0.15, "hinge.frames.0.position.x": 0.5}
     free = robot.free(*values)
     for given in (values, {path: 1.01 * value for path, value in values.items()}):
@@ -251,4 +312,10 @@ def test_free_numbers():
         wanted = plain.reactions(plain.state([0.4, 0.7], [1.0, -2.0]), [0.3, 0.2])
         close(found.wrenches, wanted.wrenches, 1e-11)
         close(found.constraint, wanted.constraint, 1e-11)
-    assert np.abs(found.wrenches - robot.reactions(robot.state([0.4, 0.7], [1.0, -2.0]), [0.3, 0.2]).wrenches).max() > 1
+    assert (
+        np.abs(
+            found.wrenches
+            - robot.reactions(robot.state([0.4, 0.7], [1.0, -2.0]), [0.3, 0.2]).wrenches
+        ).max()
+        > 1
+    )

@@ -22,14 +22,24 @@ def refused(sentence, function, *arguments, **keywords):
 
 
 def test_poses_out_of_reach(robot):
-    with pytest.raises(UnreachableError, match=r"cannot be assembled with the tool at \[3.0, 0.0, 0.0\]"):
+    with pytest.raises(
+        UnreachableError, match=r"cannot be assembled with the tool at \[3.0, 0.0, 0.0\]"
+    ):
         robot.assemble(tool=[3, 0, 0])
-    refused("cannot be assembled with slide_1 = 5", robot.assemble, {"slide_1": 5, "slide_2": 0.1, "slide_3": 0.1})
+    refused(
+        "cannot be assembled with slide_1 = 5",
+        robot.assemble,
+        {"slide_1": 5, "slide_2": 0.1, "slide_3": 0.1},
+    )
 
 
 def test_numbers_that_are_not_finite(robot):
-    refused("positions[3] is nan; give finite numbers", robot.state, [0, 0, 0, np.nan, 0, 0, 0, 0, 0])
-    refused("forces[1] is inf; give finite numbers", robot.forward_dynamics, robot.home, [0, np.inf, 0])
+    refused(
+        "positions[3] is nan; give finite numbers", robot.state, [0, 0, 0, np.nan, 0, 0, 0, 0, 0]
+    )
+    refused(
+        "forces[1] is inf; give finite numbers", robot.forward_dynamics, robot.home, [0, np.inf, 0]
+    )
     refused("accelerations[0] is nan", robot.inverse_dynamics, robot.home, [np.nan, 0, 0])
     refused("tool[0] is nan", robot.assemble, tool=[np.nan, 0, 0])
     refused("joint 'slide_1' is nan", robot.assemble, {"slide_1": np.nan})
@@ -66,12 +76,18 @@ def test_quaternions():
 
 
 def test_states_of_another_robot(robot):
-    other = Robot(lw.Mechanism(bodies={"rod": lw.Body(mass=1)}, joints=hinge(), actuators=("hinge",)))
+    other = Robot(
+        lw.Mechanism(bodies={"rod": lw.Body(mass=1)}, joints=hinge(), actuators=("hinge",))
+    )
     refused("the state belongs to another robot", robot.mass_matrix, other.home)
 
 
 def hinge():
-    return {"hinge": lw.RevoluteJoint(connects=("ground", "rod"), frames=(lw.Frame(), lw.Frame(position=(-1, 0, 0))))}
+    return {
+        "hinge": lw.RevoluteJoint(
+            connects=("ground", "rod"), frames=(lw.Frame(), lw.Frame(position=(-1, 0, 0)))
+        )
+    }
 
 
 def test_a_loop_whose_joints_lie_in_different_planes():
@@ -93,7 +109,11 @@ def test_zz_alone_is_refused_out_of_the_plane():
     joint = lw.RevoluteJoint(connects=("ground", "rod"), axis=(1, 0, 0))
     rod = lw.Body(mass=1, centre_of_mass=(0, 0.5, 0), inertia=lw.Inertia(zz=0.1))
     mechanism = lw.Mechanism(bodies={"rod": rod}, joints={"hinge": joint}, actuators=("hinge",))
-    refused("bodies.rod.inertia: gives only zz, but the mechanism can turn the body about other axes", Robot, mechanism)
+    refused(
+        "bodies.rod.inertia: gives only zz, but the mechanism can turn the body about other axes",
+        Robot,
+        mechanism,
+    )
 
 
 def slider_driven() -> Robot:
@@ -101,8 +121,12 @@ def slider_driven() -> Robot:
     bar = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
     joints = {
         "crank": lw.RevoluteJoint(connects=("ground", "bar_1")),
-        "knee": lw.RevoluteJoint(connects=("bar_1", "bar_2"), frames=(lw.Frame.planar(1), lw.Frame())),
-        "pin": lw.RevoluteJoint(connects=("bar_2", "slider"), frames=(lw.Frame.planar(1), lw.Frame())),
+        "knee": lw.RevoluteJoint(
+            connects=("bar_1", "bar_2"), frames=(lw.Frame.planar(1), lw.Frame())
+        ),
+        "pin": lw.RevoluteJoint(
+            connects=("bar_2", "slider"), frames=(lw.Frame.planar(1), lw.Frame())
+        ),
         "slide": lw.PrismaticJoint(connects=("ground", "slider"), axis=(1, 0, 0)),
     }
     bodies = {"bar_1": bar, "bar_2": bar, "slider": lw.Body(mass=1, inertia=lw.Inertia(zz=0.1))}
@@ -115,7 +139,9 @@ def test_actuator_singular_configurations_are_named_and_runs_pass_them():
     robot = slider_driven()
     stretched = robot.state({"crank": 0, "knee": 0, "pin": 0, "slide": 2})
     for asked in (robot.forward_dynamics, robot.inverse_dynamics):
-        with pytest.raises(SingularError, match=r"is singular .* with slide locked the mechanism can still move"):
+        with pytest.raises(
+            SingularError, match=r"is singular .* with slide locked the mechanism can still move"
+        ):
             asked(stretched, [1.0])
     both = robot.state(np.stack([robot.home.positions, stretched.positions]))
     with pytest.raises(SingularError, match="the configuration of state 1 is singular"):
@@ -123,7 +149,8 @@ def test_actuator_singular_configurations_are_named_and_runs_pass_them():
     run = robot.simulate(robot.home.with_rates([1.0]), duration=1.0)
     assert run.status is lw.Status.FINISHED
     crank, slide = (
-        run.dataset["joint_position"].values[:, robot.coordinates.index(name)] for name in ("crank", "slide")
+        run.dataset["joint_position"].values[:, robot.coordinates.index(name)]
+        for name in ("crank", "slide")
     )
     assert crank[0] > 0.4
     assert crank[-1] < -0.4
@@ -137,7 +164,13 @@ def test_leg_singular_paths_are_refused(robot):
     upright = robot.assemble({"pivot_1": np.pi / 2, "slide_1": 0.4, "wrist_1": angle - np.pi / 2})
     assert np.allclose(robot.tool_pose(upright), [*centre, angle], atol=1e-12)
     path = lw.paths.line([*centre, angle], [*(centre - [0, 0.05]), angle], law=lw.paths.uniform)
-    refused("at t = 0 s: the configuration is leg-singular", robot.follow, path, duration=1.0, guess=upright)
+    refused(
+        "at t = 0 s: the configuration is leg-singular",
+        robot.follow,
+        path,
+        duration=1.0,
+        guess=upright,
+    )
 
 
 def test_paths(robot):

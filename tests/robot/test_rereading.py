@@ -38,8 +38,12 @@ def at_the_end(robot: lw.Robot, run: lw.Run, names: tuple[str, ...]) -> lw.State
 
 
 @pytest.mark.parametrize("how", ["in memory", "from a file", "by a new robot"])
-def test_a_run_that_ended_at_an_actuator_singular_pose_is_resumed_as_if_it_had_not_ended(five, stopped, how, tmp_path):
-    whole = five.simulate(five.home.with_rates([3.0, -2.0]), duration=stopped.attrs["final_time"] + 0.3, **TIGHT)
+def test_a_run_that_ended_at_an_actuator_singular_pose_is_resumed_as_if_it_had_not_ended(
+    five, stopped, how, tmp_path
+):
+    whole = five.simulate(
+        five.home.with_rates([3.0, -2.0]), duration=stopped.attrs["final_time"] + 0.3, **TIGHT
+    )
     run = stopped if how == "in memory" else lw.Run.load(stopped.save(tmp_path / "run.nc"))
     robot = lw.Robot(five.mechanism) if how == "by a new robot" else five
     rest = robot.resume(run, duration=0.3, **TIGHT)
@@ -50,7 +54,9 @@ def test_a_run_that_ended_at_an_actuator_singular_pose_is_resumed_as_if_it_had_n
 
 
 @pytest.mark.parametrize("beside", [0.0, 1e-8, 1e-5])
-def test_a_state_in_a_good_chart_keeps_its_energy_at_a_pose_that_is_singular_for_the_actuators(five, stopped, beside):
+def test_a_state_in_a_good_chart_keeps_its_energy_at_a_pose_that_is_singular_for_the_actuators(
+    five, stopped, beside
+):
     """E = T + V of the stopped run; forwards and, with all rates turned about, backwards."""
     run = five.resume(stopped, duration=beside, **TIGHT) if beside else stopped
     state = at_the_end(five, run, ("motor_1", "elbow_2"))
@@ -80,12 +86,19 @@ def test_an_ensemble_that_ends_at_singular_poses_tells_states_to_go_on_from(five
 def test_a_motion_given_in_rates_that_do_not_determine_it_is_not_run(five, stopped):
     """The motors' rates do not tell the motion at the singular pose, at rest they need not; the others tell it all."""
     state = at_the_end(five, stopped, ("motor_1", "elbow_2"))
-    told = lw.State(state.positions, np.array([1.0, 1.0]), state.q, state.coordinates, five.independent)
+    told = lw.State(
+        state.positions, np.array([1.0, 1.0]), state.q, state.coordinates, five.independent
+    )
     run = five.simulate(told, duration=0.1)
     assert run.status is lw.Status.SINGULAR
-    assert "given in the rates motor_1, motor_2, which do not determine it there; others do" in run.message
+    assert (
+        "given in the rates motor_1, motor_2, which do not determine it there; others do"
+        in run.message
+    )
     assert five.ensemble(told, duration=0.1).message(0) == run.message
-    with pytest.raises(lw.LinkworkError, match="the motion cannot be told in the rates motor_1, elbow_2"):
+    with pytest.raises(
+        lw.LinkworkError, match="the motion cannot be told in the rates motor_1, elbow_2"
+    ):
         five.in_chart(told, ("motor_1", "elbow_2"))
     with pytest.raises(lw.LinkworkError, match="motor_1, motor_2 do not determine the motion here"):
         five.in_chart(state, five.independent)
@@ -103,7 +116,14 @@ def test_rates_that_determine_the_motion_weakly_are_a_chart_all_the_same(five):
 
 def test_a_resumed_run_whose_rates_are_none_of_the_robot_s_is_refused(five, stopped):
     attrs = dict(stopped.attrs) | {"final_rates": "motor_1, tip"}
-    foreign = lw.Run(stopped.variables, stopped.coords, attrs, stopped.status, stopped.message, stopped.statistics)
+    foreign = lw.Run(
+        stopped.variables,
+        stopped.coords,
+        attrs,
+        stopped.status,
+        stopped.message,
+        stopped.statistics,
+    )
     with pytest.raises(lw.LinkworkError, match="there is no rate of the tree 'tip'"):
         five.resume(foreign, duration=0.1)
 
@@ -114,7 +134,9 @@ def test_a_member_whose_rates_do_not_tell_its_motion_does_not_disturb_the_others
     assert robot.run_chart is not robot.chart
     turned = robot.home
     for angle in np.linspace(0, np.pi / 2, 12)[1:]:
-        turned = robot.assemble(tool=robot.tool_pose(robot.home) + angle * np.eye(6)[5], guess=turned)
+        turned = robot.assemble(
+            tool=robot.tool_pose(robot.home) + angle * np.eye(6)[5], guess=turned
+        )
     states = robot.state(np.stack([robot.home.positions, turned.positions]), np.full((2, 6), 0.1))
     options = {"duration": 0.1, "save_at": [0.0, 0.1]}
     members = robot.ensemble(states, **options)

@@ -40,9 +40,14 @@ def across_rails(pose):
 
 def test_names_and_sizes(robot):
     assert robot.mobility == 3
-    assert robot.joints == tuple(f"{kind}_{i}" for kind in ("slide", "pivot", "wrist") for i in (1, 2, 3))
+    assert robot.joints == tuple(
+        f"{kind}_{i}" for kind in ("slide", "pivot", "wrist") for i in (1, 2, 3)
+    )
     assert robot.actuators == ("slide_1", "slide_2", "slide_3")
-    assert robot.bodies == (*(f"{kind}_{i}" for kind in ("slider", "link") for i in (1, 2, 3)), "platform")
+    assert robot.bodies == (
+        *(f"{kind}_{i}" for kind in ("slider", "link") for i in (1, 2, 3)),
+        "platform",
+    )
     assert robot.coordinates == robot.rates == robot.joints
     assert robot.independent == robot.actuators
     assert robot.redundant == robot.idle == ()
@@ -85,7 +90,8 @@ def test_state_round_trip(robot, states):
     again = robot.state(states.positions, states.rates)
     assert np.abs(again.positions - states.positions).max() < 1e-13
     by_name = robot.state(
-        dict(zip(robot.coordinates, states.positions[0], strict=True)), {"slide_1": 1, "slide_2": 2, "slide_3": 3}
+        dict(zip(robot.coordinates, states.positions[0], strict=True)),
+        {"slide_1": 1, "slide_2": 2, "slide_3": 3},
     )
     assert np.allclose(by_name.positions, states.positions[0], atol=1e-13)
     assert by_name.rates.tolist() == [1, 2, 3]
@@ -104,7 +110,12 @@ def test_textbook_and_compiled_path_agree(robot, states):
     textbook = Textbook(robot.mechanism)
     u = np.random.default_rng(8).normal(size=(12, 3))
     some = states.at(slice(0, 12))
-    M, Cv, L, T = robot.mass_matrix(some), robot.coriolis(some), robot.rate_map(some), robot.twist_map(some)
+    M, Cv, L, T = (
+        robot.mass_matrix(some),
+        robot.coriolis(some),
+        robot.rate_map(some),
+        robot.twist_map(some),
+    )
     v_dot = robot.forward_dynamics(some, u)
     back = robot.inverse_dynamics(some, v_dot)
     for k in range(12):
@@ -192,12 +203,16 @@ def test_simulation_returns_to_the_prescribed_motion(robot):
     path = lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2))
     motion = robot.follow(path, duration=1.0, samples=501)
     forces = robot.inverse_dynamics(motion)
-    run = robot.simulate(motion.state.at(0), forces, duration=1.0, rtol=1e-10, atol=1e-12, save_at=motion.time)
+    run = robot.simulate(
+        motion.state.at(0), forces, duration=1.0, rtol=1e-10, atol=1e-12, save_at=motion.time
+    )
     assert run.status is lw.Status.FINISHED
     assert run.closure_error < 1e-12
     found = run.dataset["joint_position"].values
     assert np.abs(found - motion.positions).max() < 1e-7
-    assert np.abs(run.dataset["joint_acceleration"].values - motion.joint_accelerations).max() < 1e-4
+    assert (
+        np.abs(run.dataset["joint_acceleration"].values - motion.joint_accelerations).max() < 1e-4
+    )
 
 
 def test_energy_of_force_free_runs(robot):

@@ -18,24 +18,39 @@ def robot():
 
 def test_every_method_has_its_name_once(robot):
     assert get_args(methods.MethodName) == tuple(methods.METHODS)
-    made = {name: methods.integrator(name, 0.01 if name in methods.FIXED else None) for name in methods.METHODS}
+    made = {
+        name: methods.integrator(name, 0.01 if name in methods.FIXED else None)
+        for name in methods.METHODS
+    }
     assert len({method.name for method in made.values()}) == len(made)
-    assert (made["rk4"], made["symplectic_euler"], made["rodas"]) == (RK4(0.01), SymplecticEuler(0.01), RODAS)
+    assert (made["rk4"], made["symplectic_euler"], made["rodas"]) == (
+        RK4(0.01),
+        SymplecticEuler(0.01),
+        RODAS,
+    )
 
 
 @pytest.mark.parametrize("method", methods.METHODS)
 def test_a_pendulum_swings_alike_by_all_methods(robot, method):
     step = 2e-4 if method in methods.FIXED else None
     run = robot.simulate(robot.home, duration=0.5, save_at=[0.0, 0.5], method=method, step=step)
-    best = robot.simulate(robot.home, duration=0.5, save_at=[0.0, 0.5], method="dop853", rtol=1e-12, atol=1e-13)
+    best = robot.simulate(
+        robot.home, duration=0.5, save_at=[0.0, 0.5], method="dop853", rtol=1e-12, atol=1e-13
+    )
     bound = 2e-3 if method == "symplectic_euler" else 1e-6
-    np.testing.assert_allclose(run.dataset.joint_position[-1], best.dataset.joint_position[-1], atol=bound)
+    np.testing.assert_allclose(
+        run.dataset.joint_position[-1], best.dataset.joint_position[-1], atol=bound
+    )
 
 
 @pytest.mark.parametrize(
     ("method", "step", "told"),
     [
-        ("euler", None, "there is no method 'euler'; there are sharp_smart, dormand_prince, dop853, rodas, rk4, "),
+        (
+            "euler",
+            None,
+            "there is no method 'euler'; there are sharp_smart, dormand_prince, dop853, rodas, rk4, ",
+        ),
         ("rk4", None, "rk4 needs a step"),
         ("rodas", 0.1, "rodas chooses its own steps"),
     ],
@@ -94,10 +109,19 @@ def test_the_first_terminal_event_of_an_instant_is_named(robot):
         return t - 0.2
 
     names = {"seen": False, "first": True, "second": True}
-    events = [lw.control.Event(zero, terminal=terminal, name=name) for name, terminal in names.items()]
-    for order, named in ((events, "first"), (events[::-1], "second"), ([events[1], events[0]], "first")):
+    events = [
+        lw.control.Event(zero, terminal=terminal, name=name) for name, terminal in names.items()
+    ]
+    for order, named in (
+        (events, "first"),
+        (events[::-1], "second"),
+        ([events[1], events[0]], "first"),
+    ):
         run = robot.simulate(robot.home, duration=1.0, events=order)
-        assert run.status is lw.Status.EVENT and f"ended by the event '{named}' at t = 0.2 s" in run.message
+        assert (
+            run.status is lw.Status.EVENT
+            and f"ended by the event '{named}' at t = 0.2 s" in run.message
+        )
 
 
 def test_a_resumed_run_keeps_the_parameters_of_the_robot(tmp_path):
@@ -108,7 +132,9 @@ def test_a_resumed_run_keeps_the_parameters_of_the_robot(tmp_path):
     robot = robot.free(mass)
     heavy = 1 / 3 + robot.parameters[mass]
     run = robot.simulate(robot.home, duration=0.2, parameters={mass: heavy})
-    whole = robot.simulate(robot.home, duration=0.4, parameters={mass: heavy}).dataset.kinetic_energy.values[-1]
+    whole = robot.simulate(
+        robot.home, duration=0.4, parameters={mass: heavy}
+    ).dataset.kinetic_energy.values[-1]
     loaded = lw.simulation.Run.load(run.save(tmp_path / "run.nc"))
     for before in (run, loaded):
         rest = robot.resume(before, duration=0.2)

@@ -45,7 +45,9 @@ def test_the_defaults_of_studies_are_those_of_settings():
 
 
 def test_what_to_do_at_a_bifurcation_is_listed_alike_at_all_doors():
-    assert tuple(OnSingular) == get_args(Study.model_fields["on_singular"].annotation) == ON_SINGULAR
+    assert (
+        tuple(OnSingular) == get_args(Study.model_fields["on_singular"].annotation) == ON_SINGULAR
+    )
 
 
 def test_what_doors_ask_beside_what_acts_are_the_settings():

@@ -25,7 +25,12 @@ def wheel(**joint) -> lw.Robot:
     """Return a wheel on a hinge, of inertia 0.5 kg m^2, without weight."""
     hinge = lw.RevoluteJoint(connects=("ground", "wheel"), **joint)
     return lw.Robot(
-        lw.Mechanism(bodies={"wheel": WHEEL}, joints={"hinge": hinge}, gravity=(0, 0, 0), actuators=("hinge",))
+        lw.Mechanism(
+            bodies={"wheel": WHEEL},
+            joints={"hinge": hinge},
+            gravity=(0, 0, 0),
+            actuators=("hinge",),
+        )
     )
 
 
@@ -51,14 +56,18 @@ def test_a_turn_is_two_pi_in_three_parts():
 def test_a_crank_turns_thousands_of_times(make):
     """No force does work but weight, which is kept: the energy stays; so do the loops."""
     robot = lw.Robot(make())
-    run = robot.simulate(spinning(robot, 314.0), duration=20.0, save_at=np.linspace(0, 20, 41), rtol=1e-10, **MANY)
+    run = robot.simulate(
+        spinning(robot, 314.0), duration=20.0, save_at=np.linspace(0, 20, 41), rtol=1e-10, **MANY
+    )
     assert run.success, run.message
     energy = run.variables["kinetic_energy"].values + run.variables["potential_energy"].values
     close(energy / energy[0], np.ones(41), 1e-5)
     turned = run.dataset["joint_position"].values[:, 0] / TURN
     assert turned[-1] > 750 and (np.diff(turned) > 0).all()
     assert run.closure_error < 3e-13
-    for row in run.dataset["joint_position"].values[[20, 40]]:  # rows have their turns, as far as doubles hold them
+    for row in run.dataset["joint_position"].values[
+        [20, 40]
+    ]:  # rows have their turns, as far as doubles hold them
         assert robot.closure_error(robot.state(row)) < 1e-11
 
 
@@ -83,7 +92,9 @@ def test_a_member_turns_as_it_does_alone(crank):
     assert many.success
     for i in range(4):
         run = crank.simulate(stack.at(i), duration=4.0, save_at=times, rtol=1e-7, **MANY)
-        np.testing.assert_array_equal(many.dataset["joint_position"].values[i], run.dataset["joint_position"].values)
+        np.testing.assert_array_equal(
+            many.dataset["joint_position"].values[i], run.dataset["joint_position"].values
+        )
         close(many.final["crank"][i], run.dataset["joint_position"].values[-1, 0], 1e-11)
 
 
@@ -93,7 +104,9 @@ def test_a_free_wheel_turns_uniformly_for_ten_thousand_turns(method):
     robot, w = wheel(), 2.0e4
     times = np.linspace(0, np.pi, 1001)
     step = {"step": 1e-3} if method == "rk4" else {"max_step": 1e-3}
-    run = robot.simulate(robot.state([0.25], [w]), duration=np.pi, save_at=times, method=method, **step)
+    run = robot.simulate(
+        robot.state([0.25], [w]), duration=np.pi, save_at=times, method=method, **step
+    )
     found = run.dataset["joint_position"].values[:, 0]
     close(found, 0.25 + w * times, 1e-9)
     assert run.attrs["final_turns"] == pytest.approx(1e4, abs=50)
@@ -118,7 +131,9 @@ def test_a_spring_keeps_the_turns_that_wind_it_up():
     """A wheel let go 100 turns from the spring's rest swings with that amplitude: q = 200 pi cos(w t), w = 2 rad/s."""
     robot = wheel(spring=lw.Spring(stiffness=2.0))
     times = np.linspace(0, 5, 21)
-    run = robot.simulate(robot.state([100 * TURN]), duration=5.0, save_at=times, rtol=1e-10, atol=1e-10)
+    run = robot.simulate(
+        robot.state([100 * TURN]), duration=5.0, save_at=times, rtol=1e-10, atol=1e-10
+    )
     close(run.dataset["joint_position"].values[:, 0], 100 * TURN * np.cos(2 * times), 1e-5)
     assert "final_turns" not in run.attrs
 
@@ -167,10 +182,14 @@ def test_a_geared_crank_closes_as_far_as_doubles_can():
     gear = lw.mechanism.GearJoint(ratios={"hinge_1": 1.0, "hinge_2": 2.0})
     robot = lw.Robot(
         lw.Mechanism(
-            bodies={"wheel_1": WHEEL, "wheel_2": WHEEL}, joints={**hinges, "gear": gear}, actuators=("hinge_1",)
+            bodies={"wheel_1": WHEEL, "wheel_2": WHEEL},
+            joints={**hinges, "gear": gear},
+            actuators=("hinge_1",),
         )
     )
-    run = robot.simulate(spinning(robot, 2e4), duration=np.pi, save_at=[0.0, 1.0, np.pi], max_step=1e-3)
+    run = robot.simulate(
+        spinning(robot, 2e4), duration=np.pi, save_at=[0.0, 1.0, np.pi], max_step=1e-3
+    )
     assert run.success, run.message
     q = run.dataset["joint_position"].values
     close(q, np.outer([0.0, 1.0, np.pi], [2e4, -1e4]), 1e-8)
@@ -181,7 +200,11 @@ def test_angles_are_followed_through_the_graph():
     """q_0 through whole multiples in sines, q_1 through a half, q_2 in a product, q_3 carried to a result."""
     q = ca.SX.sym("q", 5)
     read = ca.sin(3 * q[0] - q[3] + 0.25) + ca.cos(q[1] / 2) + q[2] * ca.sin(q[0])
-    program = trace(ca.Function("f", [q], [read, 2 * (q[3] + 1) - q[0] - q[0], ca.atan2(ca.sin(q[4]), ca.cos(q[4]))]))
+    program = trace(
+        ca.Function(
+            "f", [q], [read, 2 * (q[3] + 1) - q[0] - q[0], ca.atan2(ca.sin(q[4]), ca.cos(q[4]))]
+        )
+    )
     found, otherwise = shares(program, [{i: 1.0} for i in range(5)])
     assert otherwise == {1, 2}
     assert found == [{}, {3: 2.0, 0: -2.0}, {}]

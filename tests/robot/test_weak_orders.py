@@ -61,13 +61,17 @@ def turned(stewart):
     """The platform turned about its axis, step by step, to where the home order of elimination comes upon a zero."""
 
     def turned(guess: lw.State, angle: float) -> lw.State:
-        return stewart.assemble(tool=stewart.tool_pose(stewart.home) + angle * np.eye(6)[5], guess=guess)
+        return stewart.assemble(
+            tool=stewart.tool_pose(stewart.home) + angle * np.eye(6)[5], guess=guess
+        )
 
     before, low, high = stewart.home, 0.82, 0.86
     for angle in np.linspace(0, low, 8)[1:]:
         before = turned(before, angle)
     while (middle := (low + high) / 2) not in (low, high):
-        low, high = (middle, high) if stewart.chart.pivot(turned(before, middle).q) > 0 else (low, middle)
+        low, high = (
+            (middle, high) if stewart.chart.pivot(turned(before, middle).q) > 0 else (low, middle)
+        )
     rates = np.random.default_rng(1).normal(size=6)
     return [turned(before, low + beside).with_rates(rates) for beside in (-1e-3, 0.0, 1e-3)]
 
@@ -85,11 +89,16 @@ def test_a_state_where_only_the_order_of_elimination_is_weak_gets_its_answers(st
     assert np.allclose(stewart.inverse_dynamics(state, found), FORCES, atol=1e-9)
     M, kinetic = stewart.mass_matrix(state), stewart.energy(state)[0]
     assert np.isclose(state.rates @ M @ state.rates / 2, kinetic, rtol=1e-10)
-    assert np.allclose(stewart.twist_map(state) @ state.rates, stewart.twists(state).ravel(), atol=1e-10)
-    assert np.allclose(stewart.rate_map(state) @ state.rates, stewart.joint_rates(state), atol=1e-10)
+    assert np.allclose(
+        stewart.twist_map(state) @ state.rates, stewart.twists(state).ravel(), atol=1e-10
+    )
+    assert np.allclose(
+        stewart.rate_map(state) @ state.rates, stewart.joint_rates(state), atol=1e-10
+    )
     assert np.allclose(stewart.actuation(state), np.eye(6), atol=1e-10)
     assert np.isclose(
-        stewart.observe(state).rate("pose.wz"), stewart.joint_rates(state)[stewart.rates.index("pose.wz")]
+        stewart.observe(state).rate("pose.wz"),
+        stewart.joint_rates(state)[stewart.rates.index("pose.wz")],
     )
     other = stewart.in_chart(state, [f"pose.{name}" for name in ("x", "y", "z", "wx", "wy", "wz")])
     assert np.allclose(stewart.joint_rates(other), stewart.joint_rates(state), atol=1e-10)
@@ -114,16 +123,25 @@ def test_stacks_with_weak_orders_get_each_state_s_answers(stewart, turned):
 def test_a_run_starts_where_the_order_of_its_chart_is_weak(stewart, turned):
     run = stewart.simulate(turned[1], FORCES, duration=0.05, rtol=1e-10, atol=1e-12)
     assert run.status is lw.Status.FINISHED
-    assert np.allclose(run.dataset["joint_rate"].values[0], stewart.joint_rates(turned[1]), atol=1e-9)
+    assert np.allclose(
+        run.dataset["joint_rate"].values[0], stewart.joint_rates(turned[1]), atol=1e-9
+    )
 
 
 def test_a_state_whose_rates_do_not_determine_the_motion_is_refused_in_every_order(stewart, turned):
     """Turned by a quarter the legs' rates leave a motion of the platform (Fichter)."""
     state = turned[1]
     for angle in np.linspace(0.84, np.pi / 2, 10)[1:]:
-        state = stewart.assemble(tool=stewart.tool_pose(stewart.home) + angle * np.eye(6)[5], guess=state)
+        state = stewart.assemble(
+            tool=stewart.tool_pose(stewart.home) + angle * np.eye(6)[5], guess=state
+        )
     state = state.with_rates(np.ones(6))
-    for ask in (stewart.forward_dynamics, stewart.inverse_dynamics, stewart.linearised, stewart.reactions):
+    for ask in (
+        stewart.forward_dynamics,
+        stewart.inverse_dynamics,
+        stewart.linearised,
+        stewart.reactions,
+    ):
         with pytest.raises(lw.LinkworkError, match="singular"):
             ask(state, FORCES)
     with pytest.raises(lw.LinkworkError, match="singular"):

@@ -31,7 +31,9 @@ def angles(run: lw.Run) -> np.ndarray:
     return run.dataset["joint_position"].values
 
 
-@pytest.mark.parametrize("make", [lw.robots.bennett, lw.robots.four_bar, lw.robots.slider_crank, lw.robots.prr3])
+@pytest.mark.parametrize(
+    "make", [lw.robots.bennett, lw.robots.four_bar, lw.robots.slider_crank, lw.robots.prr3]
+)
 def test_a_state_keeps_the_turns_of_every_angle(make):
     """Angles whole turns away are the same configuration: nothing but them is different."""
     robot = lw.Robot(make())
@@ -45,7 +47,9 @@ def test_a_state_keeps_the_turns_of_every_angle(make):
     plain = robot.state(robot.home.positions, state.rates)
     force = np.ones(len(robot.actuators))
     close(robot.forward_dynamics(state, force), robot.forward_dynamics(plain, force), 1e-9)
-    again = robot.assemble({robot.coordinates[0]: float(state[robot.coordinates[0]]) + 0.01}, guess=state)
+    again = robot.assemble(
+        {robot.coordinates[0]: float(state[robot.coordinates[0]]) + 0.01}, guess=state
+    )
     close(again.positions, given, 0.5)
 
 
@@ -112,7 +116,11 @@ def test_members_have_turns_of_their_own(bennett):
         close(many.dataset["joint_position"].values[i], angles(alone), 1e-9)
         close(many.final.positions[i], angles(alone)[-1], 1e-9)
     few = bennett.ensemble(states, duration=2.0, save_at=[1.3])
-    close(few.dataset["joint_position"].values[:, 0], many.dataset["joint_position"].values[:, 65], 1e-5)
+    close(
+        few.dataset["joint_position"].values[:, 0],
+        many.dataset["joint_position"].values[:, 65],
+        1e-5,
+    )
     close(pickle.loads(pickle.dumps(few.final)).positions, many.final.positions, 1e-5)
     close(few.final.with_rates([0.0]).positions, many.final.positions, 1e-5)
 
@@ -121,19 +129,24 @@ def test_where_turns_act_another_turn_is_another_configuration():
     """A spring in every joint of a four-bar: the cut one is wound up by as much as the others make it."""
     described = lw.robots.four_bar()
     joints = {
-        name: joint.model_copy(update={"spring": lw.Spring(stiffness=2.0)}) for name, joint in described.joints.items()
+        name: joint.model_copy(update={"spring": lw.Spring(stiffness=2.0)})
+        for name, joint in described.joints.items()
     }
     robot = lw.Robot(described.model_copy(update={"joints": joints}))
     name = robot.equations.cuts[0].joint
     place = robot.coordinates.index(name)
     given = robot.home.positions.copy()
     given[place] += TURN
-    with pytest.raises(lw.LinkworkError, match=f"{name}.*its spring, gear or thread counts whole turns"):
+    with pytest.raises(
+        lw.LinkworkError, match=f"{name}.*its spring, gear or thread counts whole turns"
+    ):
         robot.state(given)
     asked = robot.assemble({name: float(given[place])})
     assert asked[name] == pytest.approx(given[place], abs=1e-9)
     close(
-        robot.energy(asked)[1] - robot.energy(robot.home)[1], np.sum(asked.positions**2 - robot.home.positions**2), 1e-6
+        robot.energy(asked)[1] - robot.energy(robot.home)[1],
+        np.sum(asked.positions**2 - robot.home.positions**2),
+        1e-6,
     )
 
 
@@ -155,15 +168,25 @@ def test_where_rates_tell_nothing_an_angle_takes_the_short_way(bennett):
     place = bennett.coordinates.index("hinge_3")
     q, rates = np.zeros((2, 4)), np.zeros((2, 4))
     q[:, place] = [-3.0, 3.0]
-    for ends, expected in (([0.0, 20.0], 3.0 - TURN), ([3.0, 11.0], 3.0 - TURN), ([5.0, 9.0], 3.0), ([4.0, 10.0], 3.0)):
+    for ends, expected in (
+        ([0.0, 20.0], 3.0 - TURN),
+        ([3.0, 11.0], 3.0 - TURN),
+        ([5.0, 9.0], 3.0),
+        ([4.0, 10.0], 3.0),
+    ):
         rates[:, place] = ends
-        assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(expected)
+        assert bennett.labels.unwrapped(np.arange(2.0), q, rates)[1, place] == pytest.approx(
+            expected
+        )
 
 
 def levels(robot: lw.Robot, name: str, step: float, count: int) -> list[Event]:
     """Return events at the values of a coordinate that it passes `step` after `step` from home on."""
     values = [float(robot.home[name]) + step * (k + 0.5) for k in range(count)]
-    return [Event(lambda t, state, value=value: state[name] - value, name=f"{value:.6g}") for value in values]
+    return [
+        Event(lambda t, state, value=value: state[name] - value, name=f"{value:.6g}")
+        for value in values
+    ]
 
 
 def test_events_follow_an_angle_through_its_turns(bennett):
@@ -233,7 +256,9 @@ def test_a_law_may_read_either_of_two_angles_that_turn_by_as_much(bennett, metho
         many = bennett.ensemble(start, on_third, **options)
         close(many.dataset["joint_position"].values[0], angles(run), 1e-8)
         assert many.extras.shape == (1, 0)
-        resumed = bennett.resume(bennett.simulate(start, on_third, duration=0.4), on_third, duration=0.6, save_at=[1.0])
+        resumed = bennett.resume(
+            bennett.simulate(start, on_third, duration=0.4), on_third, duration=0.6, save_at=[1.0]
+        )
         close(angles(resumed)[-1], angles(expected)[-1], 1e-4)
 
 
@@ -275,5 +300,7 @@ def test_what_contradicts_in_a_stack_is_named(stewart):
     place = stewart.labels.quaternions[0][1]
     given = np.repeat(stewart.home.positions[None], 11, axis=0)
     given[9, place] += 0.1
-    with pytest.raises(lw.LinkworkError, match=r"joint 'ball_1.q[wxyz]' is given as (\S+), .* make it (?!\1)"):
+    with pytest.raises(
+        lw.LinkworkError, match=r"joint 'ball_1.q[wxyz]' is given as (\S+), .* make it (?!\1)"
+    ):
         stewart.state(given)

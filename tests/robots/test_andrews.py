@@ -31,7 +31,9 @@ def test_loops_close_at_the_reference(beta):
 
 
 def test_reference_is_the_published_start():
-    assert np.allclose([andrews().reference[name] for name in ANGLES], ANDREWS_START[0], rtol=0, atol=1e-15)
+    assert np.allclose(
+        [andrews().reference[name] for name in ANGLES], ANDREWS_START[0], rtol=0, atol=1e-15
+    )
 
 
 def test_joints_at_P_close_the_loops_by_angle():
@@ -77,9 +79,13 @@ def test_published_motion(robot):
 
 def test_motion_of_the_independent_solution(robot):
     times = np.array([0.0, 0.01, 0.02, 0.03])
-    run = robot.simulate(robot.home, [equations.torque], duration=0.03, method="dop853", **TIGHT, save_at=times)
+    run = robot.simulate(
+        robot.home, [equations.torque], duration=0.03, method="dop853", **TIGHT, save_at=times
+    )
     q, v = equations.motion(times)
-    assert np.allclose(angles(robot, run.variables["joint_position"].values), q, rtol=1e-10, atol=1e-11)
+    assert np.allclose(
+        angles(robot, run.variables["joint_position"].values), q, rtol=1e-10, atol=1e-11
+    )
     assert np.allclose(angles(robot, run.variables["joint_rate"].values), v, rtol=1e-10, atol=1e-8)
     assert run.closure_error * robot.equations.tree.length < 1e-14
 
@@ -89,9 +95,13 @@ def test_iftomm_problem_A03():
     mechanism = andrews(beta=-0.0620)
     robot = lw.Robot(mechanism)
     times = np.array([0.0, 0.025, 0.05])
-    run = robot.simulate(robot.home, [equations.torque], duration=0.05, rtol=1e-11, atol=1e-13, save_at=times)
+    run = robot.simulate(
+        robot.home, [equations.torque], duration=0.05, rtol=1e-11, atol=1e-13, save_at=times
+    )
     q, _ = equations.motion(times, np.array([mechanism.reference[name] for name in ANGLES]))
-    assert np.allclose(angles(robot, run.variables["joint_position"].values), q, rtol=1e-8, atol=1e-9)
+    assert np.allclose(
+        angles(robot, run.variables["joint_position"].values), q, rtol=1e-8, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("beta", [float("nan"), float("inf")])

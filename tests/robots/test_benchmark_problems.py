@@ -46,7 +46,11 @@ def test_A02_forty_four_bars_through_their_singular_poses():
     robot = lw.Robot(n_four_bar(40))
     times = np.linspace(0, 10, 21)
     run = robot.simulate(
-        robot.home.with_rates([-1.0]), duration=10.0, on_singular="step_over", save_at=times, max_steps=20_000
+        robot.home.with_rates([-1.0]),
+        duration=10.0,
+        on_singular="step_over",
+        save_at=times,
+        max_steps=20_000,
     )
     assert run.status is lw.Status.FINISHED, run.message
     theta, _ = one_freedom.n_four_bar(40).motion(times, np.pi / 2, -1.0)
@@ -67,26 +71,36 @@ def bricard_angles(psi):
 
 
 def test_A04_bricard_moves_although_gruebler_counts_no_freedom(bricard_linkage):
-    assert (bricard_linkage.mobility, bricard_linkage.gruebler, len(bricard_linkage.redundant)) == (1, 0, 1)
+    assert (bricard_linkage.mobility, bricard_linkage.gruebler, len(bricard_linkage.redundant)) == (
+        1,
+        0,
+        1,
+    )
 
 
 def test_A04_bricard_hangs_where_the_published_models_have_it(bricard_linkage):
     joints = bricard_linkage.mechanism.joints.values()
-    assert [joint.frames[0].position for joint in joints] == [tuple(map(float, corner)) for corner in BRICARD_CORNERS]
+    assert [joint.frames[0].position for joint in joints] == [
+        tuple(map(float, corner)) for corner in BRICARD_CORNERS
+    ]
     origins = one_freedom.bricard_rods(one_freedom.RIGHT_ANGLES)[2]
     assert np.allclose(origins, BRICARD_CORNERS, atol=1e-15)
 
 
 def test_A04_bricard_swings_as_published(bricard_linkage):
     run = bricard_linkage.simulate(bricard_linkage.home, duration=5.0, save_at=list(BRICARD_TURNS))
-    origins, orientations = bricard_linkage.body_poses(bricard_linkage.state(positions(run)))["rod_2"]
+    origins, orientations = bricard_linkage.body_poses(bricard_linkage.state(positions(run)))[
+        "rod_2"
+    ]
     corners = origins + orientations @ BRICARD_CORNERS[2]
     assert np.allclose(corners, list(BRICARD_TURNS.values()), rtol=0, atol=0.01)
 
 
 def test_A04_bricard_for_ten_seconds(bricard_linkage):
     times = np.linspace(0, 10, 51)
-    run = bricard_linkage.simulate(bricard_linkage.home, duration=10.0, rtol=1e-11, atol=1e-13, save_at=times)
+    run = bricard_linkage.simulate(
+        bricard_linkage.home, duration=10.0, rtol=1e-11, atol=1e-13, save_at=times
+    )
     assert run.status is lw.Status.FINISHED, run.message
     psi, _ = one_freedom.bricard().motion(times, one_freedom.RIGHT_ANGLES, 0.0, tolerance=1e-11)
     gap = positions(run) - bricard_angles(psi)
@@ -103,7 +117,9 @@ def test_A05_governor_accelerations():
         q = governor.START + random.uniform(-1, 1, 4) * (1.0, 0.01, 0.1, 0.1)
         rates, torque = random.normal(size=4), random.normal()
         names = ("spindle", "slide", "hinge_1", "hinge_2")
-        state = robot.assemble(dict(zip(names, q, strict=True))).with_rates(dict(zip(names, rates, strict=True)))
+        state = robot.assemble(dict(zip(names, q, strict=True))).with_rates(
+            dict(zip(names, rates, strict=True))
+        )
         found = robot.joint_accelerations(state, robot.forward_dynamics(state, [torque]))
         found = [found[robot.rates.index(name)] for name in names]
         assert np.allclose(found, governor.accelerations(q, rates, torque), rtol=1e-11, atol=1e-8)
@@ -112,8 +128,12 @@ def test_A05_governor_accelerations():
 def test_A05_governor_at_its_start():
     """The springs are without tension in the reference, and both stand symmetrically."""
     mechanism = flyball_governor()
-    assert [mechanism.reference[name] for name in ("slide", "hinge_1", "hinge_2")] == pytest.approx(governor.START[1:])
-    assert sum(body.mass for body in mechanism.bodies.values()) == pytest.approx(0.3 + 2 * 5.3 + 3.0)
+    assert [mechanism.reference[name] for name in ("slide", "hinge_1", "hinge_2")] == pytest.approx(
+        governor.START[1:]
+    )
+    assert sum(body.mass for body in mechanism.bodies.values()) == pytest.approx(
+        0.3 + 2 * 5.3 + 3.0
+    )
     oracle = MaximalOracle(mechanism)
     poses = oracle.reference_poses()
     for spring in mechanism.springs.values():
@@ -125,7 +145,9 @@ def test_A05_governor_at_its_start():
 def test_A05_governor_over_its_first_moments():
     """Explicit steps have to follow the springs' fast decay, so only 0.02 s."""
     robot = lw.Robot(flyball_governor())
-    start = robot.home.with_rates({"spindle": 2 * np.pi, "slide": 0.0, "hinge_1": 0.0, "hinge_2": 0.0})
+    start = robot.home.with_rates(
+        {"spindle": 2 * np.pi, "slide": 0.0, "hinge_1": 0.0, "hinge_2": 0.0}
+    )
     times = np.array([0.0, 0.005, 0.02])
     run = robot.simulate(start, duration=0.02, rtol=1e-10, atol=1e-12, save_at=times)
     expected = governor.motion(times)

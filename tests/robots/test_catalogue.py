@@ -11,7 +11,13 @@ from tests.oracle.lagrange import LagrangeOracle
 
 @pytest.mark.parametrize(
     ("mechanism", "mobility", "redundant"),
-    [(prr3(), 3, 0), (five_bar(), 2, 0), (four_bar(), 1, 0), (n_four_bar(3), 1, 0), (bricard(), 1, 1)],
+    [
+        (prr3(), 3, 0),
+        (five_bar(), 2, 0),
+        (four_bar(), 1, 0),
+        (n_four_bar(3), 1, 0),
+        (bricard(), 1, 1),
+    ],
     ids=lambda value: getattr(value, "name", str(value)),
 )
 def test_mobility_redundancy_and_dynamics(mechanism, mobility, redundant):
@@ -19,7 +25,10 @@ def test_mobility_redundancy_and_dynamics(mechanism, mobility, redundant):
     assert robot.mobility == mobility
     assert len(robot.redundant) == redundant
     random = np.random.default_rng(2)
-    state, forces = robot.home.with_rates(0.3 * random.normal(size=mobility)), random.normal(size=mobility)
+    state, forces = (
+        robot.home.with_rates(0.3 * random.normal(size=mobility)),
+        random.normal(size=mobility),
+    )
     oracle = LagrangeOracle(mechanism)
     expected = oracle.forward_dynamics(state.positions, state.rates, forces)
     assert np.allclose(robot.forward_dynamics(state, forces), expected, rtol=1e-10, atol=1e-10)
@@ -30,7 +39,9 @@ def test_four_bar_configuration_and_rates_of_its_source():
     robot = lw.Robot(four_bar())
     state = robot.assemble({"crank_pivot": 1.6707963267948966}).with_rates([0.5])
     found = [state["crank_pivot"], state["crank_pin"], state["rocker_pivot"]]
-    assert np.allclose(found, [1.6707963267948966, -1.4591054166649482, 1.5397303602625536], atol=1e-9)
+    assert np.allclose(
+        found, [1.6707963267948966, -1.4591054166649482, 1.5397303602625536], atol=1e-9
+    )
     rates = dict(zip(robot.joints, robot.joint_rates(state), strict=True))
     assert np.allclose([rates["crank_pin"], rates["rocker_pivot"]], [-0.47295, 0.341], atol=2e-3)
 
@@ -56,9 +67,17 @@ def test_n_four_bar_swings_as_the_benchmark_says_until_the_singular_pose():
     from scipy.integrate import solve_ivp
 
     reference = solve_ivp(
-        lambda t, y: [y[1], -3.5 * 9.81 * np.cos(y[0]) / 3], (0, 0.4), [np.pi / 2, -1], rtol=1e-12, atol=1e-13
+        lambda t, y: [y[1], -3.5 * 9.81 * np.cos(y[0]) / 3],
+        (0, 0.4),
+        [np.pi / 2, -1],
+        rtol=1e-12,
+        atol=1e-13,
     )
-    assert np.isclose(run.dataset["joint_position"].sel(coordinate="pivot_0").values[-1], reference.y[0, -1], atol=1e-8)
+    assert np.isclose(
+        run.dataset["joint_position"].sel(coordinate="pivot_0").values[-1],
+        reference.y[0, -1],
+        atol=1e-8,
+    )
 
 
 def test_five_bar_tool_in_closed_form():

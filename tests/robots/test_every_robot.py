@@ -25,7 +25,9 @@ def test_it_says_what_it_describes_and_where_it_is_from(name):
 
 def test_the_list_of_robots_shows_what_each_describes():
     assert subject("Describe a planar four-bar.\n\nArgs: none") == "A planar four-bar."
-    assert len({subject(getattr(robots, name).__doc__) for name in robots.__all__}) == len(robots.__all__)
+    assert len({subject(getattr(robots, name).__doc__) for name in robots.__all__}) == len(
+        robots.__all__
+    )
 
 
 @every_robot
@@ -42,7 +44,9 @@ def test_loops_close_at_the_reference(name):
     mechanism = getattr(robots, name)()
     oracle = MaximalOracle(mechanism)
     residuals = oracle.residuals(oracle.poses(mechanism.reference))
-    worst = max((np.max(abs(residual), initial=0.0) for residual in residuals.values()), default=0.0)
+    worst = max(
+        (np.max(abs(residual), initial=0.0) for residual in residuals.values()), default=0.0
+    )
     assert worst < (0.1 if name in APPROXIMATE else 1e-12)
 
 

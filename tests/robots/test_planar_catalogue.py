@@ -76,7 +76,12 @@ def test_slider_crank_closes_at_the_reference(offset):
 )
 def test_freedoms_masses_and_dynamics(mechanism, mobility, mass):
     robot = lw.Robot(mechanism)
-    assert (robot.mobility, robot.gruebler, len(robot.redundant), len(robot.idle)) == (mobility, mobility, 0, 0)
+    assert (robot.mobility, robot.gruebler, len(robot.redundant), len(robot.idle)) == (
+        mobility,
+        mobility,
+        0,
+        0,
+    )
     assert robot.independent == mechanism.actuators
     assert sum(body.mass for body in mechanism.bodies.values()) == pytest.approx(mass, rel=1e-15)
     random = np.random.default_rng(3)
@@ -86,7 +91,9 @@ def test_freedoms_masses_and_dynamics(mechanism, mobility, mass):
         oracle = MaximalOracle(mechanism)
         poses = oracle.reference_poses()
         twists = oracle.twists(poses, dict(zip(mechanism.actuators, rates, strict=True)))
-        accelerations = oracle.joint_accelerations(poses, twists, oracle.accelerations(poses, twists, forces))
+        accelerations = oracle.joint_accelerations(
+            poses, twists, oracle.accelerations(poses, twists, forces)
+        )
         found = robot.joint_accelerations(state, robot.forward_dynamics(state, forces))
         assert np.allclose(found, accelerations, rtol=1e-10, atol=1e-9)
 
@@ -142,7 +149,9 @@ def rrr3_bodies(pose):
         motors.append(np.angle(complex(*(tip - root))) + inner)
         elbow = root + proximal * e(motors[-1])
         bodies.append((0.5, 0.5 * proximal**2 / 12, *(root + elbow) / 2, motors[-1]))
-        bodies.append((0.3, 0.3 * distal**2 / 12, *(elbow + tip) / 2, np.angle(complex(*(tip - elbow)))))
+        bodies.append(
+            (0.3, 0.3 * distal**2 / 12, *(elbow + tip) / 2, np.angle(complex(*(tip - elbow))))
+        )
     return np.array(motors), np.array(bodies)
 
 
@@ -161,16 +170,24 @@ def rpr3_bodies(pose):
 
 
 @pytest.mark.parametrize(
-    ("describe", "bodies", "angle"), [(rrr3, rrr3_bodies, 0.0), (rpr3, rpr3_bodies, np.pi / 3)], ids=["rrr3", "rpr3"]
+    ("describe", "bodies", "angle"),
+    [(rrr3, rrr3_bodies, 0.0), (rpr3, rpr3_bodies, np.pi / 3)],
+    ids=["rrr3", "rpr3"],
 )
 def test_energies_from_the_bodies_places(describe, bodies, angle):
     """T = sum of m |c'|^2/2 + I w^2/2 and V = g sum of m y, the bodies placed by hand and moved by differences."""
     robot = lw.Robot(describe(gravity=(0.0, -9.81, 0.0)))
     random, h = np.random.default_rng(8), 1e-6
     for _ in range(3):
-        pose = middle(0.6 if describe is rrr3 else 1.0, angle) + random.uniform(-1, 1, 3) * (0.03, 0.03, 0.2)
+        pose = middle(0.6 if describe is rrr3 else 1.0, angle) + random.uniform(-1, 1, 3) * (
+            0.03,
+            0.03,
+            0.2,
+        )
         step = h * random.normal(size=3)
-        (before, _, after), (first, here, last) = zip(*map(bodies, (pose - step, pose, pose + step)), strict=True)
+        (before, _, after), (first, here, last) = zip(
+            *map(bodies, (pose - step, pose, pose + step)), strict=True
+        )
         mass, inertia, _, height, _ = here.T
         _, _, x, y, turn = (last - first).T / (2 * h)
         state = robot.assemble(tool=pose).with_rates((after - before) / (2 * h))
@@ -183,7 +200,11 @@ def test_slider_crank_in_closed_form():
     """Slider's place and driving torque as functions of the crank's angle."""
     closed = SliderCrank()
     mechanism = slider_crank(
-        crank=closed.r, rod=closed.l, masses=closed.m, centres=(closed.a, closed.b), inertias=closed.I
+        crank=closed.r,
+        rod=closed.l,
+        masses=closed.m,
+        centres=(closed.a, closed.b),
+        inertias=closed.I,
     )
     robot = lw.Robot(mechanism)
     for theta, rate, acceleration in np.random.default_rng(6).normal(scale=3, size=(10, 3)):
@@ -202,7 +223,9 @@ def test_double_pendulum_in_closed_form():
     for q, rates, accelerations in np.random.default_rng(7).normal(size=(10, 3, 2)):
         state = robot.assemble({"hinge_1": q[0], "hinge_2": q[1]}).with_rates(rates)
         expected = closed.force(q, rates, accelerations)
-        assert np.allclose(robot.inverse_dynamics(state, accelerations), expected, rtol=1e-12, atol=1e-12)
+        assert np.allclose(
+            robot.inverse_dynamics(state, accelerations), expected, rtol=1e-12, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize(
@@ -219,7 +242,10 @@ def test_double_pendulum_in_closed_form():
             lambda: slider_crank(offset=0.4),
             "the rod of 0.3 m does not reach the slider's line; rod must exceed 0.329289 m",
         ),
-        (lambda: pendulum((1.0, 2.0), (1.0,)), "2 lengths and 1 masses; give one mass at the end of each rod"),
+        (
+            lambda: pendulum((1.0, 2.0), (1.0,)),
+            "2 lengths and 1 masses; give one mass at the end of each rod",
+        ),
         (lambda: pendulum((), ()), "0 lengths and 0 masses"),
         (lambda: pendulum((1.0, 0.0), (1.0, 1.0)), r"lengths\[1\]: is 0.0"),
     ],

@@ -7,7 +7,9 @@ import linkwork as lw
 from linkwork.robots import puma560
 
 NOMINAL = np.array([0, np.pi / 4, np.pi, 0, np.pi / 4, 0])
-FORWARDS = np.array([0.395, 0.126, 0.132, 11.2e-3, 9.26e-3, 3.96e-3])  # published Coulomb friction at the motors [N m]
+FORWARDS = np.array(
+    [0.395, 0.126, 0.132, 11.2e-3, 9.26e-3, 3.96e-3]
+)  # published Coulomb friction at the motors [N m]
 RATIOS = np.array([62.6111, 107.815, 53.7063, 76.0364, 71.923, 76.686])
 
 
@@ -34,7 +36,14 @@ def test_the_reference_is_the_nominal_pose_within_the_limits(robot):
 def dh(q, d, a, alpha):
     """Return Denavit and Hartenberg's matrix, element by element."""
     ct, st, ca, sa = np.cos(q), np.sin(q), np.cos(alpha), np.sin(alpha)
-    return np.array([[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1]])
+    return np.array(
+        [
+            [ct, -st * ca, st * sa, a * ct],
+            [st, ct * ca, -ct * sa, a * st],
+            [0, sa, ca, d],
+            [0, 0, 0, 1],
+        ]
+    )
 
 
 def test_forward_kinematics(robot):
@@ -57,9 +66,13 @@ def test_forward_kinematics(robot):
 
 def test_printed_gravity_load(robot):
     """Corke, Robotics, Vision and Control, sec. 9.2: at the nominal pose, and stretched out."""
-    assert np.allclose(robot.gravity(at(robot, NOMINAL)), [0, 31.6399, 6.0351, 0, 0.0283, 0], atol=6e-5)
+    assert np.allclose(
+        robot.gravity(at(robot, NOMINAL)), [0, 31.6399, 6.0351, 0, 0.0283, 0], atol=6e-5
+    )
     stretched = [0, 0, -np.pi / 2, 0, 0, 0]
-    assert np.allclose(robot.gravity(at(robot, stretched)), [0, 46.0069, 8.7722, 0, 0.0283, 0], atol=6e-5)
+    assert np.allclose(
+        robot.gravity(at(robot, stretched)), [0, 46.0069, 8.7722, 0, 0.0283, 0], atol=6e-5
+    )
 
 
 def test_printed_mass_matrix(robot):
@@ -79,10 +92,14 @@ def test_printed_inverse_dynamics(robot):
     """The toolbox's own tests: torques at rest, accelerating, and moving with all rates 1, there with its friction."""
     ones = np.ones(6)
     accelerating = [3.35311, 36.0025, 7.42596, 0.190043, 0.203441, 0.194133]
-    assert np.allclose(robot.inverse_dynamics(at(robot, NOMINAL), ones), accelerating, rtol=2e-6, atol=6e-5)
+    assert np.allclose(
+        robot.inverse_dynamics(at(robot, NOMINAL), ones), accelerating, rtol=2e-6, atol=6e-5
+    )
     moving = np.array([32.4952, 60.8670, 17.7436, 1.45452, 1.29911, 0.713781])
     frictions = [joint.effects()["angle"][0] for joint in puma560().joints.values()]
-    smoothed = np.array([friction.coulomb / np.hypot(1, friction.coulomb_rate) for friction in frictions])
+    smoothed = np.array(
+        [friction.coulomb / np.hypot(1, friction.coulomb_rate) for friction in frictions]
+    )
     found = robot.inverse_dynamics(at(robot, NOMINAL, ones), ones)
     assert np.allclose(found - smoothed + FORWARDS * RATIOS, moving, rtol=2e-6, atol=6e-5)
 
@@ -96,7 +113,10 @@ def test_tensors_move_as_the_published_ones_do():
     }
     moved = {name: bodies[name].inertia.tensor() - tensor for name, tensor in published.items()}
     assert bodies["link_1"].inertia.yy == 0.35
-    z_in_2, z_in_3 = np.array([0, 0, 1]), np.array([0, -1, 0])  # joint 3's axis; link 3 is turned by -pi/2 about x
+    z_in_2, z_in_3 = (
+        np.array([0, 0, 1]),
+        np.array([0, -1, 0]),
+    )  # joint 3's axis; link 3 is turned by -pi/2 about x
     k = moved["link_3"][0, 0]
     assert k > 0
     assert np.allclose(moved["link_3"], k * (np.eye(3) - np.outer(z_in_3, z_in_3)), atol=1e-15)

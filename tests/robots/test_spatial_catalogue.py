@@ -54,7 +54,12 @@ COUNTS = {
     "bennett": (1, -2, 3),
 }
 # Described by the same functions as others here, whose dynamics are compared.
-SAME_KIND = ("delta, heavy rods", "linear delta, heavy rods", "orthoglide, heavy rods", "hexaglide, idle rods")
+SAME_KIND = (
+    "delta, heavy rods",
+    "linear delta, heavy rods",
+    "orthoglide, heavy rods",
+    "hexaglide, idle rods",
+)
 every = pytest.mark.parametrize("name", BUILD)
 
 
@@ -92,7 +97,9 @@ def test_accelerations_of_random_motions(name):
     robot, random = robot_of(name), np.random.default_rng(7)
     start = {label: robot.home[label] for label in robot.actuators}
     size = 0.02 * max(1.0, *start.values())
-    state = robot.assemble({label: value + size * random.uniform(-1, 1) for label, value in start.items()})
+    state = robot.assemble(
+        {label: value + size * random.uniform(-1, 1) for label, value in start.items()}
+    )
     state = state.with_rates(random.uniform(-1, 1, robot.mobility))
     forces = 10 * random.uniform(-1, 1, len(robot.actuators))
     found = robot.forward_dynamics(state, forces)
@@ -100,7 +107,9 @@ def test_accelerations_of_random_motions(name):
     poses = robot.body_poses(state)
     by_body = robot.twists(state).reshape(-1, 6)
     twists = {body: (t[:3], t[3:]) for body, t in zip(robot.bodies, by_body, strict=True)}
-    expected = oracle.joint_accelerations(poses, twists, oracle.accelerations(poses, twists, forces))
+    expected = oracle.joint_accelerations(
+        poses, twists, oracle.accelerations(poses, twists, forces)
+    )
     scale = max(1.0, abs(expected).max())
     assert abs(robot.joint_accelerations(state, found) - expected).max() < 1e-9 * scale
 
@@ -117,8 +126,14 @@ def test_accelerations_of_random_motions(name):
         (lambda: orthoglide(spread=float("nan")), "spread: is nan"),
         (lambda: stewart(base_points=((0.0, 0.0, 0.0),) * 5), "base_points: give six points"),
         (lambda: stewart(platform_points="legs"), "platform_points: give six points"),
-        (lambda: stewart(tube_radii=(0.05, 0.03)), "tube_radii: the inner radius 0.05 m is not below"),
-        (lambda: stewart(((0, 0, 0),) * 6, ((0, 0, 0),) * 6, lw.Frame()), "leg 1 has no length at home"),
+        (
+            lambda: stewart(tube_radii=(0.05, 0.03)),
+            "tube_radii: the inner radius 0.05 m is not below",
+        ),
+        (
+            lambda: stewart(((0, 0, 0),) * 6, ((0, 0, 0),) * 6, lw.Frame()),
+            "leg 1 has no length at home",
+        ),
         (lambda: hexaglide(rod=0.4), "rod 1 of 0.4 m does not reach its rail at home"),
         (lambda: hexaglide(sides=(1, 1, -1, 1, 1, 0)), "sides: .* is not made of 1"),
         (lambda: hexaglide(rails=(0.5, 0.1)), "rails: give six values, not 2"),

@@ -34,7 +34,11 @@ def random_poses(number: int, centre, reach: float, tilt: float, seed: int = 1) 
     """Return tool poses (x, y, z, rotation vector) around a centre."""
     random = np.random.default_rng(seed)
     return np.concatenate(
-        [centre + reach * random.uniform(-1, 1, (number, 3)), tilt * random.uniform(-1, 1, (number, 3))], axis=1
+        [
+            centre + reach * random.uniform(-1, 1, (number, 3)),
+            tilt * random.uniform(-1, 1, (number, 3)),
+        ],
+        axis=1,
     )
 
 
@@ -58,7 +62,9 @@ def test_delta_direct_kinematics_by_three_spheres():
     for angles in random.uniform(-0.3, 0.6, (4, 3)):
         state = robot.assemble(dict(zip(robot.actuators, angles, strict=True)))
         out = np.array([[np.cos(f), np.sin(f), 0] for f in AZIMUTHS])
-        centres = (0.164 - 0.044 + 0.524 * np.cos(angles))[:, None] * out - 0.524 * np.sin(angles)[:, None] * E[2]
+        centres = (0.164 - 0.044 + 0.524 * np.cos(angles))[:, None] * out - 0.524 * np.sin(angles)[
+            :, None
+        ] * E[2]
         assert np.allclose(robot.tool_pose(state)[:3], three_spheres(centres, 1.244), atol=1e-12)
         assert turned(robot, state) < 1e-12
 
@@ -88,7 +94,9 @@ def test_orthoglide_in_closed_form():
     robot = robot_of("orthoglide")
     for pose in random_poses(4, np.zeros(3), 0.08, 0):
         state, P = robot.assemble(tool=pose[:3]), pose[:3]
-        expected = [P[i] - 0.31 + np.sqrt(0.31**2 - P[i - 1] ** 2 - P[i - 2] ** 2) for i in range(3)]
+        expected = [
+            P[i] - 0.31 + np.sqrt(0.31**2 - P[i - 1] ** 2 - P[i - 2] ** 2) for i in range(3)
+        ]
         assert np.allclose(actuated(state, robot), expected, atol=1e-12)
         assert turned(robot, state) < 1e-12
     v = np.array([0.3, -0.2, 0.5])
@@ -107,7 +115,9 @@ def test_light_rods_as_bodies_move_like_distance_constraints():
     found = robot.joint_accelerations(state, robot.forward_dynamics(state, forces))
     by_rate = dict(zip(robot.rates, found, strict=True))
     assert np.allclose(
-        [by_rate[name] for name in robot.actuators], massless.forward_dynamics(expected, forces), rtol=1e-4
+        [by_rate[name] for name in robot.actuators],
+        massless.forward_dynamics(expected, forces),
+        rtol=1e-4,
     )
 
 
@@ -131,7 +141,10 @@ def slopes(function, pose: np.ndarray, step: float = 1e-5) -> np.ndarray:
     """Return the derivative by a central difference of fourth order."""
     return np.stack(
         [
-            (8 * (function(pose + h) - function(pose - h)) - (function(pose + 2 * h) - function(pose - 2 * h)))
+            (
+                8 * (function(pose + h) - function(pose - h))
+                - (function(pose + 2 * h) - function(pose - 2 * h))
+            )
             / (12 * step)
             for h in step * np.eye(6)
         ],
@@ -142,7 +155,9 @@ def slopes(function, pose: np.ndarray, step: float = 1e-5) -> np.ndarray:
 def test_stewart_example_has_its_published_size():
     """The MathWorks example: legs of 3.15380068 m, tubes of 92.110671 kg, rods of 51.812253 kg, a top of 1216.926818 kg."""
     mechanism = robots.stewart()
-    assert np.allclose([mechanism.reference[f"leg_{i}"] for i in range(1, 7)], 3.15380068, atol=5e-9)
+    assert np.allclose(
+        [mechanism.reference[f"leg_{i}"] for i in range(1, 7)], 3.15380068, atol=5e-9
+    )
     masses = [mechanism.bodies[name].mass for name in ("tube_1", "rod_1", "platform")]
     assert np.allclose(masses, [92.110671, 51.812253, 1216.926818], atol=5e-7)
 
@@ -177,7 +192,9 @@ def test_stewart_with_heavy_legs_at_rest():
         tips = pose[:3] + Rotation.from_rotvec(pose[3:]).apply(TOP)
         along = (tips - BASE) / lengths(pose)[:, None]
         half = 0.375 * lengths(np.array([0, 0, 2.0, 0, 0, 0]))[0]
-        heights = 92.11067113599903 * half * along[:, 2] + 51.81225251399943 * (tips - half * along)[:, 2]
+        heights = (
+            92.11067113599903 * half * along[:, 2] + 51.81225251399943 * (tips - half * along)[:, 2]
+        )
         return 9.81 * (heights.sum() + 1216.926817904303 * pose[2])
 
     for pose in random_poses(3, (0, 0, 2.0), 0.2, 0.2):
@@ -195,14 +212,26 @@ def test_stewart_takes_the_points_of_dietmaier():
         return lengths(pose, DIETMAIER_BASE, DIETMAIER_PLATFORM) - DIETMAIER_LENGTHS
 
     random = np.random.default_rng(4)
-    starts = np.concatenate([random.uniform(-1, 1, (30, 3)), random.uniform(-2, 2, (30, 3))], axis=1)
-    found = [solution.x for start in starts if (solution := least_squares(gap, start, xtol=1e-15)).cost < 1e-24]
-    postures = [pose for k, pose in enumerate(found) if all(abs(pose - other).max() > 1e-3 for other in found[:k])]
+    starts = np.concatenate(
+        [random.uniform(-1, 1, (30, 3)), random.uniform(-2, 2, (30, 3))], axis=1
+    )
+    found = [
+        solution.x
+        for start in starts
+        if (solution := least_squares(gap, start, xtol=1e-15)).cost < 1e-24
+    ]
+    postures = [
+        pose
+        for k, pose in enumerate(found)
+        if all(abs(pose - other).max() > 1e-3 for other in found[:k])
+    ]
     assert len(postures) >= 4
     for pose in postures[:2]:
         home = lw.Frame(position=tuple(pose[:3]), rotation=tuple(pose[3:]))
         robot = lw.Robot(
-            robots.stewart(DIETMAIER_BASE.tolist(), DIETMAIER_PLATFORM.tolist(), home, platform_radius=0.5)
+            robots.stewart(
+                DIETMAIER_BASE.tolist(), DIETMAIER_PLATFORM.tolist(), home, platform_radius=0.5
+            )
         )
         assert np.allclose(actuated(robot.home, robot), DIETMAIER_LENGTHS, atol=1e-10)
         assert robot.mobility == 6
@@ -238,16 +267,22 @@ def test_agile_wrist_in_closed_form():
         expected = [np.arctan(-v[i][(i + 1) % 3] / v[i][(i + 2) % 3]) for i in range(3)]
         assert np.allclose(actuated(state, robot), expected, atol=1e-12)
         rates = np.array([0.3, -0.7, 0.5])
-        omega = robot.twists(state.with_rates(rates)).reshape(-1, 6)[robot.bodies.index("platform"), :3]
+        omega = robot.twists(state.with_rates(rates)).reshape(-1, 6)[
+            robot.bodies.index("platform"), :3
+        ]
         for i in range(3):
             w = np.cos(expected[i]) * E[(i + 1) % 3] + np.sin(expected[i]) * E[(i + 2) % 3]
-            assert np.cross(w, v[i]) @ omega == pytest.approx(np.cross(E[i], w) @ v[i] * rates[i], abs=1e-12)
+            assert np.cross(w, v[i]) @ omega == pytest.approx(
+                np.cross(E[i], w) @ v[i] * rates[i], abs=1e-12
+            )
 
 
 def test_agile_wrist_is_isotropic_in_its_reference():
     robot = robot_of("agile_wrist")
     rates = np.array([0.3, -0.7, 0.5])
-    omega = robot.twists(robot.home.with_rates(rates)).reshape(-1, 6)[robot.bodies.index("platform"), :3]
+    omega = robot.twists(robot.home.with_rates(rates)).reshape(-1, 6)[
+        robot.bodies.index("platform"), :3
+    ]
     assert np.allclose(omega, rates, atol=1e-14)
 
 
@@ -299,4 +334,6 @@ def test_bennett_keeps_its_closure_relation():
         assert np.tan(one / 2) * np.tan(two / 2) == pytest.approx(constant, rel=1e-11)
         assert np.allclose(np.exp(1j * np.array([one + three, two + four])), 1, atol=1e-11)
         rates = dict(zip(robot.rates, robot.joint_rates(state.with_rates([1.0])), strict=True))
-        assert rates["hinge_2"] == pytest.approx(-np.sin(two) / np.sin(one), rel=1e-9)  # from the relation's derivative
+        assert rates["hinge_2"] == pytest.approx(
+            -np.sin(two) / np.sin(one), rel=1e-9
+        )  # from the relation's derivative

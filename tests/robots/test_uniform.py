@@ -17,7 +17,9 @@ def interval(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     return low + (high - low) * (NODES + 1) / 2, (high - low) * WEIGHTS / 2
 
 
-def cylinder_points(inner: float, outer: float, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+def cylinder_points(
+    inner: float, outer: float, low: float, high: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return points and volumes of a tube about z; eight equal angles integrate its quadratic moments exactly."""
     (r, wr), (z, wz), f = interval(inner, outer), interval(low, high), np.arange(8) * np.pi / 4
     R, F, Z = np.meshgrid(r, f, z, indexing="ij")
@@ -72,7 +74,9 @@ def test_quaternions_turn_as_matrices_do():
         assert np.allclose(Pose(s, a).point(v), s + A.apply(v))
 
 
-@pytest.mark.parametrize("direction", [*np.eye(3), *-np.eye(3), *np.random.default_rng(9).normal(size=(8, 3))])
+@pytest.mark.parametrize(
+    "direction", [*np.eye(3), *-np.eye(3), *np.random.default_rng(9).normal(size=(8, 3))]
+)
 def test_universal_joint_points_where_it_should(direction):
     """Rot(e1, a) Rot(e2, b) e3 is the direction, and b stays away from pi/2."""
     u = direction / np.linalg.norm(direction)

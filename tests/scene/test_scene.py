@@ -43,7 +43,9 @@ def stone():
     """Return a body on a ball joint above the ground, at home where its two frames agree."""
     body = lw.Body(mass=1.0, centre_of_mass=(0, 0, 1), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
     joints = {
-        "mount": lw.SphericalJoint(connects=("ground", "stone"), frames=(lw.Frame(position=(0, 0, 1)), lw.Frame()))
+        "mount": lw.SphericalJoint(
+            connects=("ground", "stone"), frames=(lw.Frame(position=(0, 0, 1)), lw.Frame())
+        )
     }
     return lw.Robot(lw.Mechanism(bodies={"stone": body}, joints=joints))
 
@@ -51,7 +53,9 @@ def stone():
 @pytest.mark.parametrize("name", SYMBOLS)
 def test_a_kind_of_joint_of_its_own_is_drawn_everywhere_by_its_motions(name, stone, monkeypatch):
     motions, expected = SYMBOLS[name]
-    monkeypatch.setitem(KINDS, "spherical", Kind(lambda joint: motions, lambda joint, preferred: (Row("any", X),)))
+    monkeypatch.setitem(
+        KINDS, "spherical", Kind(lambda joint: motions, lambda joint, preferred: (Row("any", X),))
+    )
     parts = [part for part in scene_of(stone, stone.home, stone.home).parts if part.role == "joint"]
     assert [part.form.mesh for part in parts] == [mesh for mesh, _ in expected]
     for part, (_, axis) in zip(parts, expected, strict=True):
@@ -62,16 +66,21 @@ def test_a_kind_of_joint_of_its_own_is_drawn_everywhere_by_its_motions(name, sto
     states = stone.make_state(np.stack([stone.home.q] * 2), np.zeros((2, stone.mobility)))
     drawn = film(stone, np.array([0.0, 1.0]), states)
     assert sum(stroke.kind in ("box", "dot") for stroke in drawn.parts) == len(expected)
-    assert [part.mesh for part in fixtures_of(stone).parts if part.role == "joint"] == [mesh for mesh, _ in expected]
+    assert [part.mesh for part in fixtures_of(stone).parts if part.role == "joint"] == [
+        mesh for mesh, _ in expected
+    ]
 
 
 @pytest.mark.parametrize("name", ["prr3", "stewart", "flyball_governor"])
 def test_plots_films_and_the_viewer_show_every_part_in_its_colour(name):
     robot = lw.Robot(getattr(lw.robots, name)())
     states = robot.make_state(np.stack([robot.home.q] * 2), np.zeros((2, robot.mobility)))
-    parts = [part for part in scene_of(robot, robot.home, robot.home).parts if not part.look.grounded]
+    parts = [
+        part for part in scene_of(robot, robot.home, robot.home).parts if not part.look.grounded
+    ]
     colours = {
-        role: {rgb(part.colour) for part in parts if part.role == role} for role in {part.role for part in parts}
+        role: {rgb(part.colour) for part in parts if part.role == role}
+        for role in {part.role for part in parts}
     }
     viewer = fixtures_of(robot).parts
     for role in colours:
@@ -93,7 +102,9 @@ def test_poses_move_the_parts_and_the_joints_of_the_moved_parts_meet():
         if isinstance(part.form, Bar | Hull) and not part.look.grounded:
             form = part.at(scene.moves_to(1)).form
             assert isinstance(form, Bar | Hull)
-            np.testing.assert_allclose(np.sort(form.points, axis=0), np.sort(other.form.points, axis=0), atol=1e-9)  # pyright: ignore
+            np.testing.assert_allclose(
+                np.sort(form.points, axis=0), np.sort(other.form.points, axis=0), atol=1e-9
+            )  # pyright: ignore
     stack = moved(scene.parts[-1].form.points, scene.parts[-1].bodies, scene.moves)  # pyright: ignore
     np.testing.assert_allclose(stack[0], scene.parts[-1].form.points, atol=1e-12)  # pyright: ignore
 
@@ -101,7 +112,9 @@ def test_poses_move_the_parts_and_the_joints_of_the_moved_parts_meet():
 def test_the_second_axis_of_a_universal_joint_turns_with_the_first_angle():
     body = lw.Body(mass=1.0, centre_of_mass=(0, 0, 1), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
     robot = lw.Robot(
-        lw.Mechanism(bodies={"arm": body}, joints={"cross": lw.UniversalJoint(connects=("ground", "arm"))})
+        lw.Mechanism(
+            bodies={"arm": body}, joints={"cross": lw.UniversalJoint(connects=("ground", "arm"))}
+        )
     )
     state = robot.state({"cross.angle_1": 0.4, "cross.angle_2": 0.7})
     first, second = (part for part in scene_of(robot, state, state).parts if part.role == "joint")
@@ -116,8 +129,12 @@ def test_in_the_viewer_rails_reach_as_far_as_the_limits_let_the_slider_go(connec
     limits = lw.Limits(lower=-0.5, upper=2.0)
     drive = lw.PrismaticJoint(connects=connects, axis=(0.6, 0.8, 0), limits=limits)
     tool = lw.Tool(body="cart", frame=lw.Frame(position=(0, 0, 1)))
-    robot = lw.Robot(lw.Mechanism(bodies={"cart": cart}, joints={"drive": drive}, tools={"top": tool}))
-    places = [robot.body_poses(robot.state({"drive": q}))["cart"][0] for q in (limits.lower, limits.upper)]
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"cart": cart}, joints={"drive": drive}, tools={"top": tool})
+    )
+    places = [
+        robot.body_poses(robot.state({"drive": q}))["cart"][0] for q in (limits.lower, limits.upper)
+    ]
     scene = scene_of(robot, robot.home)
     (rail,) = (part.form for part in scene.parts if part.role == "rail")
     (slider,) = (part.form for part in scene.parts if part.role == "joint")
@@ -165,7 +182,9 @@ def test_a_shape_of_its_own_is_a_piece_by_its_outline():
 
         @property
         def outline(self):
-            return Outline(((1.0, 0.0), (0.0, 1.0)), (self.radius, self.radius, self.height), turned=True)
+            return Outline(
+                ((1.0, 0.0), (0.0, 1.0)), (self.radius, self.radius, self.height), turned=True
+            )
 
     cone = piece_of(Cone(type="cone", radius=0.3, height=2.0))  # pyright: ignore
     assert cone.mesh.volume * cone.scale.prod() == pytest.approx(pi * 0.3**2 * 2.0 / 3, rel=0.02)

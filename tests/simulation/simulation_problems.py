@@ -170,7 +170,10 @@ def bead_jacobian(x, out):
     slope = -position / height
     slope_x, slope_y = -1 / height, position / height**2
     turn = -(v**2) * (height**2 + position**2) / height**3
-    turn_x, turn_y = -(v**2) * 2 * position / height**3, v**2 * (height**2 + 3 * position**2) / height**4
+    turn_x, turn_y = (
+        -(v**2) * 2 * position / height**3,
+        v**2 * (height**2 + 3 * position**2) / height**4,
+    )
     turn_v = -2 * v * (height**2 + position**2) / height**3
     size = 1 + slope**2
     pull = -GRAVITY * slope - slope * turn

@@ -69,7 +69,9 @@ def test_a_projection_onto_another_branch_is_an_error_like_any_other():
 
 def test_a_sample_that_cannot_be_closed_refuses_the_step_that_leaps_over_it():
     options = {"duration": 1.0, "first_step": 1.0}
-    assert integrate(free.address, gap.address, [0, 0], [1], [], **options).status is Status.FINISHED
+    assert (
+        integrate(free.address, gap.address, [0, 0], [1], [], **options).status is Status.FINISHED
+    )
     run = integrate(free.address, gap.address, [0, 0], [1], [], save_at=[0.1, 0.42, 0.9], **options)
     assert run.status is Status.CLOSURE_LOST
     np.testing.assert_array_equal(run.t, [0.1])

@@ -42,20 +42,28 @@ def test_compilation_is_announced_once_and_cached(tmp_path, capfd):
 
 def test_arrays_that_may_be_written_are_no_second_signature(tmp_path):
     path = tmp_path / "doubling.py"
-    path.write_text(MODULE.replace("(types.float64,)", '(types.Array(types.float64, 1, "C", readonly=True),)'))
+    path.write_text(
+        MODULE.replace("(types.float64,)", '(types.Array(types.float64, 1, "C", readonly=True),)')
+    )
     double = load(path).double
     assert double(np.ones(3)).tolist() == [2.0, 2.0, 2.0]
     assert len(double.signatures) == 1
 
 
-def test_kinds_of_machines_that_share_a_cache_folder_never_touch_each_other_s_files(tmp_path, monkeypatch, capfd):
+def test_kinds_of_machines_that_share_a_cache_folder_never_touch_each_other_s_files(
+    tmp_path, monkeypatch, capfd
+):
     path = tmp_path / "doubling.py"
     path.write_text(MODULE)
     load(path)
     own = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.nb?")}
     of = type(cpu_target.target_context.codegen())
     with monkeypatch.context() as patch:
-        patch.setattr(of, "magic_tuple", lambda self: (self._llvm_module.triple, "another processor", "+fewer"))
+        patch.setattr(
+            of,
+            "magic_tuple",
+            lambda self: (self._llvm_module.triple, "another processor", "+fewer"),
+        )
         assert load(path).double(4.0) == 8.0
     assert capfd.readouterr().err.count("compiling the doubling") == 2
     assert own and own == {file: file.stat().st_mtime_ns for file in own}
@@ -67,7 +75,9 @@ def test_kinds_of_machines_that_share_a_cache_folder_never_touch_each_other_s_fi
 def test_works_with_a_warning_where_nothing_can_be_cached():
     names = {"compiled_once": compiled_once, "types": types}
     with pytest.warns(UserWarning, match="the doubling is compiled again by every process"):
-        exec(MODULE.replace("from", "# from"), names)  # a function without a file has no cache folder
+        exec(
+            MODULE.replace("from", "# from"), names
+        )  # a function without a file has no cache folder
     assert names["double"](4.0) == 8.0
 
 
@@ -85,7 +95,10 @@ def test_works_with_a_warning_where_the_cache_folder_fails(tmp_path, monkeypatch
 
 def test_importing_the_package_loads_nothing_heavy():
     script = "import sys, linkwork.simulation; print([m for m in ('numba', 'scipy', 'xarray') if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "[]\n"
+    assert (
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout
+        == "[]\n"
+    )
 
 
 HELPER = """
@@ -137,7 +150,9 @@ def product(x):
 
 
 @pytest.mark.parametrize(
-    ("user", "helper"), [(USER, HELPER), (OPERATOR_USER, OPERATOR)], ids=["a constant", "the code of an operator"]
+    ("user", "helper"),
+    [(USER, HELPER), (OPERATOR_USER, OPERATOR)],
+    ids=["a constant", "the code of an operator"],
 )
 def test_the_cache_is_renewed_when_another_file_changes(user, helper, tmp_path):
     """An operator counts if its module's functions are used: nobody names operators."""
@@ -145,6 +160,8 @@ def test_the_cache_is_renewed_when_another_file_changes(user, helper, tmp_path):
     for factor in 2.0, 3.0, 3.0:
         (tmp_path / "helping.py").write_text(helper.format(factor=factor))
         script = "import using; print(using.product(1.0))"
-        done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path)
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path
+        )
         assert done.stdout == f"{factor:.1f}\n", done.stderr
     assert done.stderr == ""

@@ -19,7 +19,9 @@ def oscillate(duration=10.0, **options):
 
 
 def push(forces, mass=2.0, **options):
-    return integrate(point_mass.address, 0, [0.0], [0.0], forces, [mass], **{"duration": 1.0} | options)
+    return integrate(
+        point_mass.address, 0, [0.0], [0.0], forces, [mass], **{"duration": 1.0} | options
+    )
 
 
 def slope(x, y):
@@ -29,7 +31,9 @@ def slope(x, y):
 @pytest.mark.parametrize(("pair", "order"), [(DORMAND_PRINCE, 5), (BOGACKI_SHAMPINE, 3)])
 def test_error_falls_with_the_order_of_the_pair(pair, order):
     steps = 1 / np.array([8, 12, 16, 24])
-    runs = [oscillate(4.0, rtol=1e3, atol=1e3, max_step=h, first_step=h, method=pair) for h in steps]
+    runs = [
+        oscillate(4.0, rtol=1e3, atol=1e3, max_step=h, first_step=h, method=pair) for h in steps
+    ]
     assert [run.steps for run in runs] == [32, 48, 64, 96]
     errors = [abs(run.q_end[0] - math.cos(4)) for run in runs]
     assert slope(steps, errors) == pytest.approx(order, abs=0.35)
@@ -38,7 +42,10 @@ def test_error_falls_with_the_order_of_the_pair(pair, order):
 @pytest.mark.parametrize(("pair", "order"), [(DORMAND_PRINCE, 5), (BOGACKI_SHAMPINE, 3)])
 def test_dense_output_keeps_the_order(pair, order):
     t, steps = np.linspace(0, 4, 401), 1 / np.array([4, 6, 8, 12])
-    runs = [oscillate(4.0, rtol=1e3, atol=1e3, max_step=h, first_step=h, save_at=t, method=pair) for h in steps]
+    runs = [
+        oscillate(4.0, rtol=1e3, atol=1e3, max_step=h, first_step=h, save_at=t, method=pair)
+        for h in steps
+    ]
     errors = [np.abs(run.q[:, 0] - np.cos(t)).max() for run in runs]
     assert slope(steps, errors) == pytest.approx(order, abs=0.35)
 
@@ -61,7 +68,9 @@ def test_arenstorf_orbit_closes():
     """Period and initial values: Hairer, Norsett & Wanner I, sec. II.0."""
     v = -2.00158510637908252240537862224
     period = 17.0652165601579625588917206249
-    run = integrate(arenstorf.address, None, [0.994, 0.0], [0.0, v], [], duration=period, rtol=1e-12, atol=1e-12)
+    run = integrate(
+        arenstorf.address, None, [0.994, 0.0], [0.0, v], [], duration=period, rtol=1e-12, atol=1e-12
+    )
     np.testing.assert_allclose(run.q_end, [0.994, 0.0], atol=1e-5)
     assert run.success
 
@@ -71,7 +80,9 @@ def test_pendulum_follows_the_elliptic_functions():
     q_0 = 2.5
     k, w = math.sin(q_0 / 2), math.sqrt(GRAVITY)
     t = np.linspace(0, 4 * ellipk(k**2) / w, 200)
-    run = integrate(pendulum.address, None, [q_0], [0.0], [], duration=t[-1], save_at=t, rtol=1e-11, atol=1e-12)
+    run = integrate(
+        pendulum.address, None, [q_0], [0.0], [], duration=t[-1], save_at=t, rtol=1e-11, atol=1e-12
+    )
     _, cn, dn, _ = ellipj(w * t, k**2)
     np.testing.assert_allclose(run.q[:, 0], 2 * np.arcsin(k * cn / dn), atol=1e-8)
 
@@ -106,7 +117,8 @@ def test_linear_samples_give_exact_cubics_between_them():
     run = push(Sampled(times, forces, "linear"), mass=1.0)
     v = np.sum(np.diff(times) * (forces[1:] + forces[:-1]) / 2)
     q = np.sum(np.diff(times) ** 2 * (2 * forces[:-1] + forces[1:]) / 6) + np.sum(
-        np.diff(times) * np.concatenate([[0], np.cumsum(np.diff(times) * (forces[1:] + forces[:-1]) / 2)[:-1]])
+        np.diff(times)
+        * np.concatenate([[0], np.cumsum(np.diff(times) * (forces[1:] + forces[:-1]) / 2)[:-1]])
     )
     assert [run.q_end[0], run.v_end[0]] == pytest.approx([q, v], abs=1e-14)
     assert run.rejected == 0
@@ -145,7 +157,14 @@ def test_start_shifts_the_time_of_the_forces_only():
 def test_going_on_from_the_end_gives_the_same_motion():
     first = oscillate(4.0)
     second = integrate(
-        oscillator.address, 0, first.q_end, first.v_end, [], start=4.0, duration=6.0, first_step=first.next_step
+        oscillator.address,
+        0,
+        first.q_end,
+        first.v_end,
+        [],
+        start=4.0,
+        duration=6.0,
+        first_step=first.next_step,
     )
     assert second.q_end[0] == pytest.approx(math.cos(10), abs=1e-7)
     assert second.nfev == 1 + 6 * (second.steps + second.rejected)
@@ -208,16 +227,25 @@ def test_threads_give_the_same_results_as_one():
         ({"duration": -1.0}, "not -1.0 s"),
         ({"duration": math.inf}, "not inf s"),
         ({"start": -1.0}, "from 0 s on, not at -1.0 s"),
-        ({"save_at": [0.0, 0.5, 0.5]}, "times in save_at must increase: number 2 is 0.5 s after 0.5 s"),
+        (
+            {"save_at": [0.0, 0.5, 0.5]},
+            "times in save_at must increase: number 2 is 0.5 s after 0.5 s",
+        ),
         ({"save_at": [0.0, 1.5]}, "within the run, from 0 s to 1 s"),
         ({"save_at": 0.5}, "save_at must be a list of numbers"),
         ({"rtol": 0.0}, "rtol must be positive and finite, not 0.0"),
-        ({"atol": [1e-6, 1e-6, 1e-6]}, r"atol has the shape \(3,\): give one number, or 2, one for each of \(q, v\)"),
+        (
+            {"atol": [1e-6, 1e-6, 1e-6]},
+            r"atol has the shape \(3,\): give one number, or 2, one for each of \(q, v\)",
+        ),
         ({"max_step": 0.0}, "max_step must be positive, not 0.0"),
         ({"first_step": -1.0}, "first_step must be positive, not -1.0"),
         ({"max_steps": 0}, "max_steps must be at least 1, not 0"),
         ({"pivot_bound": math.nan}, "pivot_bound must be positive, not nan"),
-        ({"forces": Sampled([0, 0.9], [1, 2])}, "sampled from 0 s to 0.9 s, but the run goes from 0 s to 1 s"),
+        (
+            {"forces": Sampled([0, 0.9], [1, 2])},
+            "sampled from 0 s to 0.9 s, but the run goes from 0 s to 1 s",
+        ),
         ({"forces": 1.0}, "one number per input"),
     ],
 )

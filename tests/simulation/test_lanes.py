@@ -9,15 +9,27 @@ import simulation_problems as problems
 from numba import cfunc, njit, types
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation import DORMAND_PRINCE, SHARP_SMART, Sampled, Status, as_signal, dop853, integrate
+from linkwork.simulation import (
+    DORMAND_PRINCE,
+    SHARP_SMART,
+    Sampled,
+    Status,
+    as_signal,
+    dop853,
+    integrate,
+)
 from linkwork.simulation.many import integrate_many
 from linkwork.simulation.vectors import LANES
 
 NUMBERS = types.CPointer(types.double)
 COUNTS = ("nfev", "steps", "rejected")
 T = np.linspace(0.0, 1.0, 7)
-METHODS = pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda method: method.name)
-USUAL = pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART], ids=lambda method: method.name)
+METHODS = pytest.mark.parametrize(
+    "method", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda method: method.name
+)
+USUAL = pytest.mark.parametrize(
+    "method", [DORMAND_PRINCE, SHARP_SMART], ids=lambda method: method.name
+)
 
 
 @cache
@@ -42,7 +54,11 @@ def many(motion, y, inputs=(), p=(), closure=None, nq=1, duration=1.0, **options
     y = np.asarray(y, float)
     table = np.array(p, ndmin=2)
     signal = inputs if not isinstance(inputs, list) else inputs[0]
-    nu = as_signal(signal).coefficients.shape[2] if not isinstance(signal, np.ndarray) else signal.shape[-1]
+    nu = (
+        as_signal(signal).coefficients.shape[2]
+        if not isinstance(signal, np.ndarray)
+        else signal.shape[-1]
+    )
     n = y.shape[-1]
     wide = widened(motion, n + nu + table.shape[1], n + 1)
     lock = widened(closure, nq + table.shape[1], nq + 1).address if closure else None
@@ -60,11 +76,17 @@ def require_equal(outcomes, runs):
     for i, run in enumerate(runs):
         assert outcomes.status[i] == run.status, (i, run.message)
         assert outcomes.end_time[i] == pytest.approx(run.end_time, rel=1e-12)
-        assert [getattr(outcomes, name)[i] for name in COUNTS] == [getattr(run, name) for name in COUNTS]
-        np.testing.assert_allclose(outcomes.y_end[i], np.concatenate([run.q_end, run.v_end]), rtol=1e-12, atol=1e-14)
+        assert [getattr(outcomes, name)[i] for name in COUNTS] == [
+            getattr(run, name) for name in COUNTS
+        ]
+        np.testing.assert_allclose(
+            outcomes.y_end[i], np.concatenate([run.q_end, run.v_end]), rtol=1e-12, atol=1e-14
+        )
         assert outcomes.saved[i] == len(run.t)
         samples = np.concatenate([run.q, run.v], axis=1)
-        np.testing.assert_allclose(outcomes.samples[i, : len(run.t)], samples, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(
+            outcomes.samples[i, : len(run.t)], samples, rtol=1e-12, atol=1e-14
+        )
         assert np.isnan(outcomes.samples[i, len(run.t) :]).all()
         assert outcomes.pivot[i] == pytest.approx(run.pivot, rel=1e-12)
 
@@ -95,7 +117,12 @@ def test_members_of_very_different_length_share_the_lanes():
 def test_loops_stay_closed_as_alone(save_at, method):
     angle = np.linspace(0.3, 2.7, 3 * LANES + 1)
     y = np.column_stack([np.cos(angle), np.sin(angle), 0.3 * np.sin(7 * angle)])
-    given = {"closure": problems.bead_closure, "nq": 2, "duration": 0.5 * (1 + (len(save_at) > 0)), "pivot_bound": 0.05}
+    given = {
+        "closure": problems.bead_closure,
+        "nq": 2,
+        "duration": 0.5 * (1 + (len(save_at) > 0)),
+        "pivot_bound": 0.05,
+    }
     given["method"] = method
     outcomes = many(problems.bead, y, save_at=save_at, **given)
     require_equal(outcomes, [alone(problems.bead, one, save_at=save_at, **given) for one in y])
@@ -106,7 +133,9 @@ def test_loops_stay_closed_as_alone(save_at, method):
 def test_every_member_has_its_numbers_and_parameters():
     y, u, mass = states(11, 2), states(11, 1, 6), 1 + np.arange(11.0)[:, None]
     outcomes = many(problems.point_mass, y, u, mass)
-    require_equal(outcomes, [alone(problems.point_mass, *one) for one in zip(y, u, mass, strict=True)])
+    require_equal(
+        outcomes, [alone(problems.point_mass, *one) for one in zip(y, u, mass, strict=True)]
+    )
     np.testing.assert_allclose(outcomes.y_end[:, 0], y[:, 0] + y[:, 1] + u[:, 0] / mass[:, 0] / 2)
 
 
@@ -114,14 +143,19 @@ def test_every_member_has_its_numbers_and_parameters():
 @pytest.mark.parametrize("kind", ["spline", "linear", "hold"])
 def test_members_follow_one_signal_or_each_its_own(kind, method):
     y, options = states(9, 2), {"save_at": T, "method": method}
-    signals = [as_signal(Sampled(np.linspace(0, 1, 4 + i), states(4 + i, 1, i), kind)) for i in range(9)]
+    signals = [
+        as_signal(Sampled(np.linspace(0, 1, 4 + i), states(4 + i, 1, i), kind)) for i in range(9)
+    ]
     require_equal(
         many(problems.point_mass, y, signals[0], [2.0], **options),
         [alone(problems.point_mass, one, signals[0], [2.0], **options) for one in y],
     )
     require_equal(
         many(problems.point_mass, y, signals, [2.0], **options),
-        [alone(problems.point_mass, *one, [2.0], **options) for one in zip(y, signals, strict=True)],
+        [
+            alone(problems.point_mass, *one, [2.0], **options)
+            for one in zip(y, signals, strict=True)
+        ],
     )
 
 
@@ -137,7 +171,9 @@ ENDINGS = [
 
 @USUAL
 @pytest.mark.parametrize(("motion", "closure", "size", "status", "options"), ENDINGS)
-def test_members_that_fail_keep_their_status_and_the_others_go_on(motion, closure, size, status, options, method):
+def test_members_that_fail_keep_their_status_and_the_others_go_on(
+    motion, closure, size, status, options, method
+):
     y = np.zeros((4 * LANES + 1, size))
     y[:, -1] = np.geomspace(0.02, 3.0, len(y))
     given = {"closure": closure, "save_at": T, "method": method} | options

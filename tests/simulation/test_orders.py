@@ -48,7 +48,16 @@ def in_steps(name, count, duration, motion, closure, q, v, jacobian, **options):
     method = METHODS[name][0](h)
     chosen = {} if method.step else {"first_step": h, "max_step": h, "rtol": 1e6, "atol": 1e6}
     return integrate(
-        motion, closure, q, v, [], duration=duration, method=method, jacobian=jacobian.address, **chosen, **options
+        motion,
+        closure,
+        q,
+        v,
+        [],
+        duration=duration,
+        method=method,
+        jacobian=jacobian.address,
+        **chosen,
+        **options,
     )
 
 
@@ -79,7 +88,9 @@ def test_error_on_a_closed_loop_falls_with_the_order(name):
     errors = []
     for count in counts:
         start = [math.sin(0.7), -math.cos(0.7)]
-        run = in_steps(name, count, duration, bead.address, bead_closure.address, start, [0.0], bead_jacobian)
+        run = in_steps(
+            name, count, duration, bead.address, bead_closure.address, start, [0.0], bead_jacobian
+        )
         angle = swung(duration, 0.7)
         assert run.success and run.closure_error <= 1e-13
         errors.append(np.hypot(*(run.q_end - [math.sin(angle), -math.cos(angle)])))
@@ -92,7 +103,9 @@ def test_dense_output_has_its_order(name):
     t = np.linspace(0, 2, 201)
     errors = []
     for count in counts:
-        run = in_steps(name, count, 2.0, oscillator.address, 0, [1.0], [0.0], oscillator_jacobian, save_at=t)
+        run = in_steps(
+            name, count, 2.0, oscillator.address, 0, [1.0], [0.0], oscillator_jacobian, save_at=t
+        )
         np.testing.assert_array_equal(run.t, t)
         errors.append(np.abs(run.q[:, 0] - np.cos(t)).max())
     assert slope(counts, errors) > METHODS[name][2] - 0.25
@@ -112,25 +125,41 @@ def test_dense_output_of_one_step_has_its_order(name):
 
 def test_symplectic_euler_keeps_the_energy_of_a_long_swing():
     """Its energy oscillates within O(h), where that of the explicit method would grow."""
-    run = integrate(oscillator.address, 0, [1.0], [0.0], [], duration=1000.0, method=SymplecticEuler(0.02))
+    run = integrate(
+        oscillator.address, 0, [1.0], [0.0], [], duration=1000.0, method=SymplecticEuler(0.02)
+    )
     assert np.ptp(run.q[:, 0] ** 2 + run.v[:, 0] ** 2) < 0.05
     assert run.nfev == 2 * run.steps
 
 
 def test_rk4_takes_four_evaluations_a_step_on_the_clock():
-    run = integrate(point_mass.address, 0, [0.0], [0.0], clock(), [1.0], duration=1.0, method=RK4(0.01))
+    run = integrate(
+        point_mass.address, 0, [0.0], [0.0], clock(), [1.0], duration=1.0, method=RK4(0.01)
+    )
     np.testing.assert_array_equal(run.t, np.arange(101) * 0.01)
     assert (run.nfev, run.steps, run.rejected) == (400, 100, 0)
     assert run.q_end[0] == pytest.approx(1 / 6, abs=1e-14)
 
 
 def test_a_last_step_is_shorter_where_the_duration_is_no_multiple():
-    run = integrate(point_mass.address, 0, [0.0], [0.0], clock(), [1.0], duration=0.25, method=RK4(0.1))
+    run = integrate(
+        point_mass.address, 0, [0.0], [0.0], clock(), [1.0], duration=0.25, method=RK4(0.1)
+    )
     np.testing.assert_allclose(run.t, [0, 0.1, 0.2, 0.25], atol=1e-16)
 
 
 def test_dop853_reaches_rounding():
-    run = integrate(oscillator.address, 0, [1.0], [0.0], [], duration=10.0, method=dop853(), rtol=1e-13, atol=1e-13)
+    run = integrate(
+        oscillator.address,
+        0,
+        [1.0],
+        [0.0],
+        [],
+        duration=10.0,
+        method=dop853(),
+        rtol=1e-13,
+        atol=1e-13,
+    )
     assert abs(run.q_end[0] - math.cos(10)) < 2e-13
     assert run.nfev < 1000
 

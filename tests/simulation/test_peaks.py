@@ -11,7 +11,9 @@ from test_lanes import alone, many
 
 from linkwork.simulation import DORMAND_PRINCE, SHARP_SMART, dop853, integrate
 
-METHODS = pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda method: method.name)
+METHODS = pytest.mark.parametrize(
+    "method", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda method: method.name
+)
 RTOL = 10.0 ** -np.arange(5, 9.1, 0.5)
 LEVEL, REST = np.zeros(2), np.zeros(2)
 SWINGS = 11
@@ -20,7 +22,9 @@ SWINGS = 11
 def swing(mass):
     """Return the time from level to level: the tip's energy is v^2 / 2 (1 - k sin^2) = g sin, with k = 1 / (1 + mass)."""
 
-    def slowness(root):  # of the square root of the angle below the level, by which it is smooth at the level
+    def slowness(
+        root,
+    ):  # of the square root of the angle below the level, by which it is smooth at the level
         sine = np.sin(root**2)
         lightness = mass / (1 + mass) + np.cos(root**2) ** 2 / (1 + mass)
         return 2 * np.sqrt(lightness / (2 * GRAVITY) * (root**2 / sine if root > 0 else 1.0))
@@ -67,7 +71,9 @@ def test_members_of_an_ensemble_see_peaks_as_runs_alone_do(method):
     times = np.linspace(0, 2.0, 5)
     y = np.zeros((6, 4))
     outcomes = many(cart_pole, y, np.empty(0), masses[:, None], nq=2, save_at=times, **options)
-    runs = [alone(cart_pole, y[0], np.empty(0), [m], nq=2, save_at=times, **options) for m in masses]
+    runs = [
+        alone(cart_pole, y[0], np.empty(0), [m], nq=2, save_at=times, **options) for m in masses
+    ]
     assert outcomes.nfev == pytest.approx([run.nfev for run in runs], rel=0.01)
     states = [np.concatenate([run.q, run.v], axis=1) for run in runs]
     np.testing.assert_allclose(outcomes.samples, states, rtol=0, atol=1e-7)
@@ -83,6 +89,9 @@ def test_a_run_that_stopped_at_a_peak_goes_on_as_if_it_had_not(most, method):
         duration=2.0 - first.end_time, rtol=1e-7, atol=1e-9, method=method, first_step=first.pace,
     )  # fmt: skip
     assert first.steps + first.rejected == most
-    assert (first.steps + second.steps, first.rejected + second.rejected) == (whole.steps, whole.rejected)
+    assert (first.steps + second.steps, first.rejected + second.rejected) == (
+        whole.steps,
+        whole.rejected,
+    )
     assert first.nfev + second.nfev == whole.nfev + 1
     np.testing.assert_allclose(second.q_end, whole.q_end, rtol=0, atol=1e-9)

@@ -71,7 +71,15 @@ def test_van_der_pol_with_mu_1000():
     np.testing.assert_allclose(run.q[:, 0], reference.y[0], rtol=2e-5)
     assert run.steps < 1500
     explicit = integrate(
-        van_der_pol.address, None, [2.0], [0.0], [], [1e3], duration=5.0, rtol=1e-8, method=DORMAND_PRINCE
+        van_der_pol.address,
+        None,
+        [2.0],
+        [0.0],
+        [],
+        [1e3],
+        duration=5.0,
+        rtol=1e-8,
+        method=DORMAND_PRINCE,
     )
     assert explicit.steps > run.steps
 
@@ -109,7 +117,14 @@ def test_rows_are_interchanged_where_the_pivot_vanishes():
     from simulation_problems import oscillator_jacobian
 
     run = integrate(
-        oscillator.address, None, [1.0], [0.0], [], duration=10.0, method=RODAS, jacobian=oscillator_jacobian.address
+        oscillator.address,
+        None,
+        [1.0],
+        [0.0],
+        [],
+        duration=10.0,
+        method=RODAS,
+        jacobian=oscillator_jacobian.address,
     )
     assert run.q_end[0] == pytest.approx(math.cos(10), abs=1e-7)
 

@@ -50,7 +50,11 @@ def test_dataset_has_names_units_and_the_ending(run):
 def test_netcdf_round_trip(run, tmp_path):
     loaded = Run.load(run.save(tmp_path / "run.nc"))
     assert loaded.dataset.identical(run.dataset)
-    assert (loaded.status, loaded.message, loaded.statistics) == (run.status, run.message, run.statistics)
+    assert (loaded.status, loaded.message, loaded.statistics) == (
+        run.status,
+        run.message,
+        run.statistics,
+    )
     assert loaded.attrs == run.attrs
     assert loaded.variables["trace"].dims == ("body", "time", "axis")
 
@@ -81,7 +85,10 @@ def test_csv_of_a_run_without_samples(tmp_path):
         "The run reached its end.",
         Statistics(1, 0, 0, 0, 0.0, 1.0, 0.0),
     )
-    assert empty.save(tmp_path / "run.csv").read_text().splitlines()[-1] == "time,position.0,position.1"
+    assert (
+        empty.save(tmp_path / "run.csv").read_text().splitlines()[-1]
+        == "time,position.0,position.1"
+    )
 
 
 def test_a_file_is_replaced_whole_or_left_as_it_was(run, tmp_path, monkeypatch):

@@ -5,12 +5,21 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from simulation_problems import count_rate, counter_of_point, driven_point, failing_control, held_rate, servo
+from simulation_problems import (
+    count_rate,
+    counter_of_point,
+    driven_point,
+    failing_control,
+    held_rate,
+    servo,
+)
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import DORMAND_PRINCE, RK4, Control, Status, clock, dop853, integrate
 
-METHODS = pytest.mark.parametrize("method", [DORMAND_PRINCE, dop853(), RK4(0.0125)], ids=lambda method: method.name)
+METHODS = pytest.mark.parametrize(
+    "method", [DORMAND_PRINCE, dop853(), RK4(0.0125)], ids=lambda method: method.name
+)
 PERIOD, GAIN = 0.05, 4.0
 
 
@@ -57,7 +66,15 @@ def test_samples_lie_at_exact_multiples_of_the_period(method):
     """A controller that counts its samples: q' = number of samples so far, 1000 Hz for 3 s."""
     control = Control(count_rate.address, 1e-3, np.zeros(1))
     run = integrate(
-        held_rate.address, None, [0.0], [], [], duration=3.0, control=control, method=method, save_at=[1.5, 3.0]
+        held_rate.address,
+        None,
+        [0.0],
+        [],
+        [],
+        duration=3.0,
+        control=control,
+        method=method,
+        save_at=[1.5, 3.0],
     )
     assert run.control is not None
     assert run.control.held[0] == run.control.next_sample == 3000
@@ -75,7 +92,9 @@ def test_a_run_continued_from_a_sample_time_samples_once(method):
     control = Control(count_rate.address, PERIOD, np.zeros(1))
     options = {"method": method, "duration": 0.5}
     whole = integrate(held_rate.address, None, [0.0], [], [], control=control, **options)
-    part = integrate(held_rate.address, None, [0.0], [], [], control=control, max_steps=3, **options)
+    part = integrate(
+        held_rate.address, None, [0.0], [], [], control=control, max_steps=3, **options
+    )
     assert part.status is Status.TOO_MANY_STEPS
     rest = integrate(
         held_rate.address, None, part.q_end, [], [], start=part.end_time, control=part.control,
@@ -96,7 +115,9 @@ def test_samples_and_breaks_and_a_clock_go_together():
 @METHODS
 def test_a_controller_that_fails_ends_the_run_at_its_sample(method):
     control = Control(failing_control.address, PERIOD, np.zeros(1))
-    run = integrate(held_rate.address, None, [0.0], [], [], duration=1.0, control=control, method=method)
+    run = integrate(
+        held_rate.address, None, [0.0], [], [], duration=1.0, control=control, method=method
+    )
     assert run.status is Status.NON_FINITE
     assert run.end_time == pytest.approx(0.3, abs=PERIOD + 1e-9)
     assert "held input 0 (counted from 0) is infinite or undefined" in run.message
@@ -105,5 +126,7 @@ def test_a_controller_that_fails_ends_the_run_at_its_sample(method):
 
 @pytest.mark.parametrize("period", [0.0, -0.1, math.inf, math.nan])
 def test_periods_that_are_none_are_refused(period):
-    with pytest.raises(LinkworkError, match="period of a sampled controller must be positive and finite"):
+    with pytest.raises(
+        LinkworkError, match="period of a sampled controller must be positive and finite"
+    ):
         Control(count_rate.address, period, np.zeros(1))

@@ -48,12 +48,16 @@ def test_stack_joins_different_signals():
         as_signal(Sampled([0, 0.5, 1], [1, 2, 3], "hold")),
     )
     joined = stack(*parts)
-    np.testing.assert_allclose(joined(T), np.concatenate([part(T) for part in parts], axis=1), atol=1e-13)
+    np.testing.assert_allclose(
+        joined(T), np.concatenate([part(T) for part in parts], axis=1), atol=1e-13
+    )
     np.testing.assert_array_equal(joined.breaks, [0, 0.5, 1])
 
 
 def test_stack_refuses_signals_that_share_no_time():
-    with pytest.raises(LinkworkError, match="share no time: one starts at 2 s, another ends at 1 s"):
+    with pytest.raises(
+        LinkworkError, match="share no time: one starts at 2 s, another ends at 1 s"
+    ):
         stack(as_signal(Sampled([0, 1], [0, 0])), as_signal(Sampled([2, 3], [0, 0])))
 
 
@@ -69,7 +73,12 @@ def test_stack_refuses_signals_that_share_no_time():
         ([0, 1], [0, 0, 0], "spline", "one row for each of the 2 sample times"),
         ([0], [0], "hold", "at least two times"),
         ([0, np.nan], [0, 0], "linear", "sample times must be finite: number 1 is nan"),
-        ([0, 1], [[0, 1], [np.inf, 2]], "linear", "sample values must be finite: number 1, 0 is inf"),
+        (
+            [0, 1],
+            [[0, 1], [np.inf, 2]],
+            "linear",
+            "sample values must be finite: number 1, 0 is inf",
+        ),
         ([0, 1], ["a", "b"], "linear", "sample values must be numbers"),
         ([0, 1], [0, 1], "cubic", "'cubic' is none of spline, linear, hold"),
     ],
@@ -79,7 +88,9 @@ def test_bad_samples_are_refused(times, values, kind, sentence):
         Sampled(times, values, kind)
 
 
-@pytest.mark.parametrize(("forces", "sentence"), [(3.0, r"shape \(\)"), ([1, np.nan], "number 1 is nan")])
+@pytest.mark.parametrize(
+    ("forces", "sentence"), [(3.0, r"shape \(\)"), ([1, np.nan], "number 1 is nan")]
+)
 def test_bad_constants_are_refused(forces, sentence):
     with pytest.raises(LinkworkError, match=sentence):
         as_signal(forces)

@@ -4,7 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from simulation_problems import bead, bead_closure, decay, drift, explosion, fading, free, half_line, oscillator
+from simulation_problems import (
+    bead,
+    bead_closure,
+    decay,
+    drift,
+    explosion,
+    fading,
+    free,
+    half_line,
+    oscillator,
+)
 
 from linkwork.simulation import Status, integrate
 
@@ -26,7 +36,9 @@ def test_singular():
 
 
 def test_singular_chart_of_a_bead_that_swings_through_y_0():
-    run = integrate(bead.address, bead_closure.address, [0.0, -1.0], [8.0], [], duration=1.0, pivot_bound=0.05)
+    run = integrate(
+        bead.address, bead_closure.address, [0.0, -1.0], [8.0], [], duration=1.0, pivot_bound=0.05
+    )
     assert run.status is Status.SINGULAR
     assert -0.0625 <= run.q_end[1] <= -0.05
     assert run.nfev < 350
@@ -41,12 +53,20 @@ def test_closure_lost():
     run = integrate(free.address, half_line.address, [0.0, 0.0], [1.0], [], duration=1.0)
     assert run.status is Status.CLOSURE_LOST
     assert run.q_end[0] == pytest.approx(0.5, abs=1e-12)
-    assert "the loops do not close any more (residual 1 after Newton's method, wanted 1e-13)" in run.message
+    assert (
+        "the loops do not close any more (residual 1 after Newton's method, wanted 1e-13)"
+        in run.message
+    )
 
 
 def test_closure_lost_from_the_start():
     run = integrate(free.address, half_line.address, [0.7, 0.0], [1.0], [], duration=1.0)
-    assert (run.status, run.end_time, run.q_end[0], run.residual[0]) == (Status.CLOSURE_LOST, 0, 0.7, 1)
+    assert (run.status, run.end_time, run.q_end[0], run.residual[0]) == (
+        Status.CLOSURE_LOST,
+        0,
+        0.7,
+        1,
+    )
 
 
 def test_step_underflow():
@@ -102,7 +122,8 @@ def test_what_was_computed_is_kept():
 @pytest.mark.parametrize("status", Status)
 def test_every_status_has_a_sentence(status):
     facts = dict.fromkeys(
-        ["time", "step", "rejected_pivot", "rejected_residual", "pivot_bound", "closure_tol"], math.pi
+        ["time", "step", "rejected_pivot", "rejected_residual", "pivot_bound", "closure_tol"],
+        math.pi,
     )
     sentence = status.sentence(**facts, max_steps=3, event=1, error="ValueError: no")
     assert "t = 3.14159265 s" in sentence

@@ -9,7 +9,9 @@ from scipy.integrate import RK23, RK45
 
 from linkwork.simulation import BOGACKI_SHAMPINE, DORMAND_PRINCE, RODAS, SHARP_SMART, dop853
 
-PAIRS = pytest.mark.parametrize("pair", [DORMAND_PRINCE, BOGACKI_SHAMPINE], ids=lambda pair: pair.name)
+PAIRS = pytest.mark.parametrize(
+    "pair", [DORMAND_PRINCE, BOGACKI_SHAMPINE], ids=lambda pair: pair.name
+)
 
 
 def elementary_weights(weights, a, c):
@@ -43,7 +45,10 @@ def test_solution_and_error_estimate_meet_their_order_conditions(pair):
         for tree_order, left, right in elementary_weights(weights, pair.a, pair.c):
             if tree_order <= order:
                 assert left == pytest.approx(right, abs=2e-15)
-    assert any(abs(left - right) > 1e-4 for _, left, right in elementary_weights(b - pair.e, pair.a, pair.c))
+    assert any(
+        abs(left - right) > 1e-4
+        for _, left, right in elementary_weights(b - pair.e, pair.a, pair.c)
+    )
 
 
 @PAIRS
@@ -122,15 +127,24 @@ def test_there_are_as_many_rooted_trees_as_counted():
     ]  # Hairer et al., I, table II.2.3
 
 
-@pytest.mark.parametrize("pair", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda pair: pair.name)
+@pytest.mark.parametrize(
+    "pair", [DORMAND_PRINCE, SHARP_SMART, dop853()], ids=lambda pair: pair.name
+)
 def test_conditions_of_all_rooted_trees_are_met_up_to_the_order_and_no_further(pair):
     b, a = pair.a[-1], pair.a
-    for weights, reached in (b, pair.order), (b - pair.e, 5 if pair.second is not None else pair.error_order):
-        assert max(np.abs(defects(weights, a, order)).max() for order in range(1, reached + 1)) < 1e-13
+    for weights, reached in (
+        (b, pair.order),
+        (b - pair.e, 5 if pair.second is not None else pair.error_order),
+    ):
+        assert (
+            max(np.abs(defects(weights, a, order)).max() for order in range(1, reached + 1)) < 1e-13
+        )
         assert np.abs(defects(weights, a, reached + 1)).max() > 1e-7
 
 
-@pytest.mark.parametrize("method", [DORMAND_PRINCE, SHARP_SMART, dop853(), RODAS], ids=lambda method: method.name)
+@pytest.mark.parametrize(
+    "method", [DORMAND_PRINCE, SHARP_SMART, dop853(), RODAS], ids=lambda method: method.name
+)
 def test_no_stage_is_beyond_the_step_and_the_new_state_is_at_its_end(method):
     """Exactly: beyond the end of a step forces may jump."""
     assert method.plan.c.min() >= 0 and method.plan.c.max() == 1
@@ -142,7 +156,9 @@ def test_dense_output_of_sharp_and_smart_is_of_order_6_and_smooth():
     powers = np.arange(1, P.shape[1] + 1)
     for order in range(1, 7):
         for tree in trees(order):
-            np.testing.assert_allclose(elementary(tree, a) @ P, (powers == order) / density(tree), atol=2e-12)
+            np.testing.assert_allclose(
+                elementary(tree, a) @ P, (powers == order) / density(tree), atol=2e-12
+            )
     ends = P[:, 0], P.sum(axis=1), P @ powers
     first, solution, last = np.eye(14)[0], np.append(SHARP_SMART.a[-1], [0, 0]), np.eye(14)[11]
     for found, exact in zip(ends, (first, solution, last), strict=True):
@@ -150,14 +166,18 @@ def test_dense_output_of_sharp_and_smart_is_of_order_6_and_smooth():
 
 
 @pytest.mark.parametrize(
-    ("pair", "printed"), [(DORMAND_PRINCE, 3.31), (dop853(), 6.39), (SHARP_SMART, 3.9)], ids=lambda of: str(of)[:4]
+    ("pair", "printed"),
+    [(DORMAND_PRINCE, 3.31), (dop853(), 6.39), (SHARP_SMART, 3.9)],
+    ids=lambda of: str(of)[:4],
 )
 def test_the_interval_of_stability_is_that_of_one_step_on_the_test_equation(pair, printed):
     """Hairer & Wanner II, sec. IV.2, take 3.25 and 6.1 for the first two, a little within."""
     s = pair.plan.solution
 
     def growth(z):
-        return 1 + z * pair.a[-1, :-1] @ np.linalg.solve(np.eye(s) - z * pair.a[:-1, :-1], np.ones(s))
+        return 1 + z * pair.a[-1, :-1] @ np.linalg.solve(
+            np.eye(s) - z * pair.a[:-1, :-1], np.ones(s)
+        )
 
     x = pair.stability
     assert x == pytest.approx(printed, abs=0.01)

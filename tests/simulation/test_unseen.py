@@ -39,7 +39,9 @@ def run_under(values, method, **options):
 
 
 def reached(run):
-    return np.array([run.variables[name].values[-1, 0] for name in ("joint_position", "joint_rate")])
+    return np.array(
+        [run.variables[name].values[-1, 0] for name in ("joint_position", "joint_rate")]
+    )
 
 
 @pytest.mark.parametrize("method", ADAPTIVE)
@@ -60,7 +62,9 @@ def test_a_pulse_that_leaves_no_momentum_is_not_passed_over(method):
     expected = moved(values)
     assert expected[0] > 4e-4
     np.testing.assert_allclose(reached(run), expected, rtol=0, atol=5e-7)
-    assert run.variables["joint_rate"].values[0, 0] == pytest.approx(moved(values, 0.91)[1], rel=1e-5)
+    assert run.variables["joint_rate"].values[0, 0] == pytest.approx(
+        moved(values, 0.91)[1], rel=1e-5
+    )
 
 
 def test_a_burst_that_leaves_nothing_behind_shows_in_the_samples_within():
@@ -69,7 +73,9 @@ def test_a_burst_that_leaves_nothing_behind_shows_in_the_samples_within():
     run = run_under(values, None, save_at=within)
     expected = [moved(values, t)[1] for t in within]
     assert np.abs(expected).max() > 1e-3
-    np.testing.assert_allclose(run.variables["joint_rate"].values[:, 0], expected, rtol=0, atol=5e-7)
+    np.testing.assert_allclose(
+        run.variables["joint_rate"].values[:, 0], expected, rtol=0, atol=5e-7
+    )
 
 
 def test_a_small_pulse_in_a_noisy_signal_is_found_at_a_loose_tolerance():
@@ -108,8 +114,14 @@ def test_members_of_an_ensemble_pass_over_no_more_than_runs_alone(method):
         alone = robot.simulate(robot.home, own, duration=1.0, save_at=times, method=method)
         assert many.nfev[i] == pytest.approx(alone.statistics.nfev, rel=0.1)
         positions = many.dataset.joint_position.values[i]
-        np.testing.assert_allclose(positions, alone.variables["joint_position"].values, rtol=0, atol=5e-7)
-        still = robot.simulate(robot.home, duration=1.0, save_at=times).variables["joint_position"].values[-1, :3]
+        np.testing.assert_allclose(
+            positions, alone.variables["joint_position"].values, rtol=0, atol=5e-7
+        )
+        still = (
+            robot.simulate(robot.home, duration=1.0, save_at=times)
+            .variables["joint_position"]
+            .values[-1, :3]
+        )
         assert np.abs(positions[-1, :3] - still).max() > 1e-4
 
 
@@ -133,5 +145,7 @@ def test_a_signal_bends_where_it_does_what_a_polynomial_does_not(values, few):
         assert (near.sum() <= FREE) == few
     assert signal.bends[-1].tolist() == [np.inf, 0, np.inf]
     for time, column, free in signal.bends[:-1]:
-        later = signal.bends[:-1][(signal.bends[:-1, 0] >= time) & (signal.bends[:-1, 1] == column), 0]
+        later = signal.bends[:-1][
+            (signal.bends[:-1, 0] >= time) & (signal.bends[:-1, 1] == column), 0
+        ]
         assert free == (later[FREE] if len(later) > FREE else np.inf)

@@ -48,7 +48,16 @@ def cluster(folder, workers=2):
         listening(port)
         crew = [
             stack.enter_context(
-                process("worker", address, *plain, "--no-nanny", "--nthreads", 2, "--local-directory", folder)
+                process(
+                    "worker",
+                    address,
+                    *plain,
+                    "--no-nanny",
+                    "--nthreads",
+                    2,
+                    "--local-directory",
+                    folder,
+                )
             )
             for _ in range(workers)
         ]
@@ -82,7 +91,9 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
         count = finished(out).sum()
         until(lambda: finished(out).sum() > count + 8, run)
         scheduler.send_signal(signal.SIGKILL)
-        with pytest.raises(StudyError, match=f"the scheduler at {address} was lost .* goes on from there"):
+        with pytest.raises(
+            StudyError, match=f"the scheduler at {address} was lost .* goes on from there"
+        ):
             run.result(60)
     kept = finished(out)
     assert 16 < kept.sum() < kept.size
@@ -97,7 +108,9 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
 
 def test_a_scheduler_that_is_not_there(wanted, tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "PATIENCE", 0.5)
-    with pytest.raises(StudyError, match=r"there is no Dask scheduler at tcp://127\.0\.0\.1:9 .*start one"):
+    with pytest.raises(
+        StudyError, match=r"there is no Dask scheduler at tcp://127\.0\.0\.1:9 .*start one"
+    ):
         sweep(Study.load(wanted[0]), tmp_path, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(StudyError, match="there is no Dask scheduler at nonsense"):
         sweep(Study.load(wanted[0]), tmp_path, scheduler="nonsense://x")
@@ -106,7 +119,11 @@ def test_a_scheduler_that_is_not_there(wanted, tmp_path, monkeypatch):
 @contextmanager
 def service(answer: bytes | None):
     """Listen, and answer whatever is said; give the address."""
-    with ExitStack() as stack, socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as pool:
+    with (
+        ExitStack() as stack,
+        socket.create_server(("127.0.0.1", 0)) as server,
+        ThreadPoolExecutor(1) as pool,
+    ):
         server.settimeout(10)
 
         def serve():
@@ -119,7 +136,8 @@ def service(answer: bytes | None):
 
 
 @pytest.mark.parametrize(
-    ("answer", "why"), [(None, "no answer in 0.5 s"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "something else answers")]
+    ("answer", "why"),
+    [(None, "no answer in 0.5 s"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "something else answers")],
 )
 def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, why):
     """Dask's own handshake waits for ever for an answer, and takes the first bytes of one for its length."""
@@ -134,7 +152,16 @@ def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, w
 def test_a_worker_is_no_scheduler(wanted, tmp_path):
     port = free_port()
     with cluster(tmp_path, workers=0) as (address, _, _):
-        words = ("worker", address, "--no-dashboard", "--host", "127.0.0.1", "--no-nanny", "--worker-port", port)
+        words = (
+            "worker",
+            address,
+            "--no-dashboard",
+            "--host",
+            "127.0.0.1",
+            "--no-nanny",
+            "--worker-port",
+            port,
+        )
         with process(*words, "--local-directory", tmp_path):
             listening(port)
             with pytest.raises(StudyError, match=r"\(it is a worker\); start one"):
@@ -143,5 +170,8 @@ def test_a_worker_is_no_scheduler(wanted, tmp_path):
 
 def test_a_scheduler_without_workers(wanted, tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "PATIENCE", 1.0)
-    with cluster(tmp_path, workers=0) as (address, _, _), pytest.raises(StudyError, match="has no workers; start some"):
+    with (
+        cluster(tmp_path, workers=0) as (address, _, _),
+        pytest.raises(StudyError, match="has no workers; start some"),
+    ):
         sweep(Study.load(wanted[0]), tmp_path / "out", scheduler=address)

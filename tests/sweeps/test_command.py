@@ -23,16 +23,29 @@ def test_a_study_ends_in_a_table_and_plots(tmp_path, monkeypatch):
     result = call("sweep", "carts.yaml")
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith("carts: 64 members; 64 finished\n")
-    (row,) = [line for line in result.stdout.splitlines() if line.startswith("end.rail") or line.startswith("end ")]
+    (row,) = [
+        line
+        for line in result.stdout.splitlines()
+        if line.startswith("end.rail") or line.startswith("end ")
+    ]
     mean, least = (float(row.split()[i]) for i in (2, 4))
     end = results(tmp_path / "carts")["end"].values
-    assert mean == pytest.approx(end.mean(), rel=1e-3) and least == pytest.approx(end.min(), rel=1e-3)
+    assert mean == pytest.approx(end.mean(), rel=1e-3) and least == pytest.approx(
+        end.min(), rel=1e-3
+    )
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
-    assert {path.name for path in (tmp_path / "carts").iterdir()} == {"results.zarr", "table.csv", "plots.svg"}
+    assert {path.name for path in (tmp_path / "carts").iterdir()} == {
+        "results.zarr",
+        "table.csv",
+        "plots.svg",
+    }
     again = call("sweep", "carts.yaml", "--threads", 1)
     assert "4 chunks were finished before" in again.stdout
     (tmp_path / "carts" / "results.zarr" / "end" / "c" / "1").write_bytes(b"nonsense")
-    assert "1 chunks were corrupted on disk and have been computed again" in call("sweep", "carts.yaml").stdout
+    assert (
+        "1 chunks were corrupted on disk and have been computed again"
+        in call("sweep", "carts.yaml").stdout
+    )
 
 
 def test_refusals(tmp_path, monkeypatch):
@@ -46,10 +59,14 @@ def test_refusals(tmp_path, monkeypatch):
     file(tmp_path, SMALL.replace("start.rates.rail", "start.rates.rial"))
     assert "carts.yaml: line 9: vary.start.rates.rial: is nothing" in refused("sweep", "carts.yaml")
     monkeypatch.setattr("linkwork.cli.sweep.NEEDED", ("no_such_package",))
-    assert "sweeps need the package no_such_package; install linkwork[sweeps]" in refused("sweep", "carts.yaml")
+    assert "sweeps need the package no_such_package; install linkwork[sweeps]" in refused(
+        "sweep", "carts.yaml"
+    )
 
 
-@pytest.mark.parametrize("text", re.findall(r"```yml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S))
+@pytest.mark.parametrize(
+    "text", re.findall(r"```yml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+)
 def test_the_page_s_studies(text, tmp_path):
     (tmp_path / "study.yaml").write_text(text)
     assert bench_of(Study.load(tmp_path / "study.yaml")).quantities

@@ -42,7 +42,11 @@ def test_weights_of_lqr_vary_and_its_model_may_be_wrong():
             "controllers.wrong.rate.rail": {"type": "uniform", "low": 0, "high": 2},
             "controllers.right.force": {"type": "log_uniform", "low": 0.01, "high": 1},
         },
-        outputs={"x": "final joint_position.rail", "v": "final joint_rate.rail", "error": "final tracking_error.rail"},
+        outputs={
+            "x": "final joint_position.rail",
+            "v": "final joint_rate.rail",
+            "error": "final tracking_error.rail",
+        },
         rtol=1e-10,
     )
     found = whole(given)
@@ -60,7 +64,12 @@ def test_weights_of_lqr_vary_and_its_model_may_be_wrong():
 
 def test_lqr_of_a_parallel_robot_is_that_of_the_library():
     robot, tool = lw.robots.prr3(), (0.52, 0.288, 0.5)
-    lqr = {"type": "lqr", "position": {"slide_1": 300, "slide_2": 400, "slide_3": 500}, "rate": 2, "force": 0.01}
+    lqr = {
+        "type": "lqr",
+        "position": {"slide_1": 300, "slide_2": 400, "slide_3": 500},
+        "rate": 2,
+        "force": 0.01,
+    }
     found = whole(
         Study(
             robot=robot,
@@ -76,9 +85,13 @@ def test_lqr_of_a_parallel_robot_is_that_of_the_library():
     plant = lw.Robot(robot)
     start = plant.assemble(tool=(0.5, 0.288, 0.5))
     for i, weight in enumerate((100, 400)):
-        law = LQR.about(plant, plant.assemble(tool=tool, guess=start), [300, weight, 500, 2, 2, 2], [0.01] * 3)
+        law = LQR.about(
+            plant, plant.assemble(tool=tool, guess=start), [300, weight, 500, 2, 2, 2], [0.01] * 3
+        )
         run = plant.simulate(start, law, duration=0.3, save_at=np.linspace(0, 0.3, 11))
-        np.testing.assert_allclose(found["joint_position"][i], run.variables["joint_position"].values, atol=1e-8)
+        np.testing.assert_allclose(
+            found["joint_position"][i], run.variables["joint_position"].values, atol=1e-8
+        )
 
 
 def test_weights_that_make_no_controller_are_told(monkeypatch):
@@ -91,12 +104,19 @@ def test_weights_that_make_no_controller_are_told(monkeypatch):
 
     monkeypatch.setattr(LQR, "about", only_some)
     vary = {"controllers.lqr.position": {"type": "values", "values": (0.5, 1, 2)}}
-    grid = {"forces": {}, "design": {"type": "grid"}, "vary": vary, "name": "some weights make no controller"}
+    grid = {
+        "forces": {},
+        "design": {"type": "grid"},
+        "vary": vary,
+        "name": "some weights make no controller",
+    }
     lqr = {"type": "lqr", "position": 1, "force": 1}
     found = whole(study(controllers={"lqr": lqr}, **grid))
     assert found["status"].tolist() == [REFUSED, 0, 0]
     assert np.isnan(found["end"]).tolist() == [True, False, False]
-    with pytest.raises(StudyError, match=r"controllers\.lqr: the pose cannot be stabilised with these weights"):
+    with pytest.raises(
+        StudyError, match=r"controllers\.lqr: the pose cannot be stabilised with these weights"
+    ):
         bench_of(study(controllers={"lqr": lqr | {"position": 0.5}}, **grid))
 
 
@@ -108,16 +128,31 @@ def ready(**controller) -> None:
     ("controller", "sentence"),
     [
         ({"position": -1}, "one.position: -1 is below 0"),
-        ({"position": {"rail": 1, "slide": 1}}, "one.position: has 'slide'; give one number, or one for each of rail"),
-        ({"rate": {"slide": 1}}, "one.rate: (has 'slide'|lacks 'rail'); give one number, or one for each of rail"),
+        (
+            {"position": {"rail": 1, "slide": 1}},
+            "one.position: has 'slide'; give one number, or one for each of rail",
+        ),
+        (
+            {"rate": {"slide": 1}},
+            "one.rate: (has 'slide'|lacks 'rail'); give one number, or one for each of rail",
+        ),
         ({"force": 0}, "one.force: 0 is not above 0"),
-        ({"goal": LINE}, "one.goal.start: is not a known field; the fields here are type, tool, joints"),
+        (
+            {"goal": LINE},
+            "one.goal.start: is not a known field; the fields here are type, tool, joints",
+        ),
         ({"goal": {"type": "line"}}, "one.goal.type: 'line' is not accepted"),
         ({"model": {"cart.mas": 1}}, "one.model: 'cart.mas' leads to no number"),
         ({"model": {"cart.mass": -1}}, "one.model: .*-1"),
         ({"sampled": {"rate": 0}}, "one.sampled.rate: 0 is not above 0"),
-        ({"sampled": {"rate": 10, "delay": 0.05}}, "one.sampled: the delay of a sampler is 0.05 s, 0.5 periods; give"),
-        ({"type": "pid", "kp": 1, "ki": 1, "kd": 1, "goal": POSE, "sampled": {}}, "one.sampled: is not a known field"),
+        (
+            {"sampled": {"rate": 10, "delay": 0.05}},
+            "one.sampled: the delay of a sampler is 0.05 s, 0.5 periods; give",
+        ),
+        (
+            {"type": "pid", "kp": 1, "ki": 1, "kd": 1, "goal": POSE, "sampled": {}},
+            "one.sampled: is not a known field",
+        ),
     ],
 )
 def test_controllers_that_do_not_fit(controller, sentence):
@@ -130,12 +165,14 @@ def test_weights_may_not_reach_what_no_controller_has():
     lqr = {"type": "lqr", "position": 1, "force": 1}
     vary = {"controllers.one.force": {"type": "normal", "mean": 1, "deviation": 1}}
     with pytest.raises(
-        MechanismError, match=r"vary.controllers.one.force: reaches -4.9\d*, which the controller may not"
+        MechanismError,
+        match=r"vary.controllers.one.force: reaches -4.9\d*, which the controller may not",
     ):
         study(forces={}, controllers={"one": lqr}, vary=vary)
     vary = {"controllers.one.force.rail": {"type": "uniform", "low": 1, "high": 2}}
     with pytest.raises(
-        StudyError, match=r"is nothing that can vary; there are controllers.one.position, .*\.K\.rail\.rail"
+        StudyError,
+        match=r"is nothing that can vary; there are controllers.one.position, .*\.K\.rail\.rail",
     ):
         bench_of(study(forces={}, controllers={"one": lqr}, vary=vary))
 
@@ -143,7 +180,9 @@ def test_weights_may_not_reach_what_no_controller_has():
 def test_a_robot_without_a_tool_holds_where_it_starts():
     rail = lw.Mechanism(**CART.model_dump(exclude={"tools"}))
     pd = {"type": "pd", "kp": 8, "kd": 0, "goal": {"type": "pose"}}
-    found = whole(study(robot=rail, forces={}, start={"joints": {"rail": 0.4}}, controllers={"pd": pd}))
+    found = whole(
+        study(robot=rail, forces={}, start={"joints": {"rail": 0.4}}, controllers={"pd": pd})
+    )
     np.testing.assert_allclose(found["end"], 0.4, atol=1e-12)
 
 
@@ -169,11 +208,16 @@ def test_gains_are_given_by_freedom_of_a_joint_that_has_several():
         },
         vary={"controllers.pd.kp.guide.slide": {"type": "values", "values": (50, 80)}},
         design={"type": "grid"},
-        outputs={"x": "final joint_position.guide.slide", "angle": "final joint_position.guide.angle"},
+        outputs={
+            "x": "final joint_position.guide.slide",
+            "angle": "final joint_position.guide.angle",
+        },
         rtol=1e-10,
     )
     found = whole(given)
-    np.testing.assert_allclose(found["x"], [held(2.0, k, 4, 0.3, 0)[0] for k in (50, 80)], atol=1e-8)
+    np.testing.assert_allclose(
+        found["x"], [held(2.0, k, 4, 0.3, 0)[0] for k in (50, 80)], atol=1e-8
+    )
     np.testing.assert_allclose(found["angle"], held(0.5, 20, 1, 0.5, 0)[0], atol=1e-8)
 
 
@@ -191,7 +235,11 @@ def test_a_sampled_controller_acts_in_steps(delay, quantise):
                 "cart.mass": {"type": "uniform", "low": 1, "high": 3},
                 "controllers.pd.kp": {"type": "uniform", "low": 0.5 * kp, "high": kp},
             },
-            outputs={"x": "final joint_position.rail", "v": "final joint_rate.rail", "e": "final tracking_error.rail"},
+            outputs={
+                "x": "final joint_position.rail",
+                "v": "final joint_rate.rail",
+                "e": "final tracking_error.rail",
+            },
             trajectories=("actuator_force", "reaction_force", "joint_acceleration"),
             samples=51 * 2 - 1,
             rtol=1e-10,
@@ -206,9 +254,15 @@ def test_a_sampled_controller_acts_in_steps(delay, quantise):
         forces.append(kp * (0.2 - seen) - kd * speed)
         a = forces.pop(0) / m
         between = 2 * k + 1  # the saved time amid this call and the next
-        np.testing.assert_allclose(found["joint_acceleration"][:, between, 0], a, rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(found["actuator_force"][:, between, 0], m * a, rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(found["reaction_force"][:, between, 0], np.abs(m * a), rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(
+            found["joint_acceleration"][:, between, 0], a, rtol=1e-6, atol=1e-8
+        )
+        np.testing.assert_allclose(
+            found["actuator_force"][:, between, 0], m * a, rtol=1e-6, atol=1e-8
+        )
+        np.testing.assert_allclose(
+            found["reaction_force"][:, between, 0], np.abs(m * a), rtol=1e-6, atol=1e-8
+        )
         x, v = x + v * period + a * period**2 / 2, v + a * period
     np.testing.assert_allclose(found["x"], x, atol=1e-8)
     np.testing.assert_allclose(found["v"], v, atol=1e-8)

@@ -67,7 +67,9 @@ def test_random_numbers_are_independent():
 def test_a_sobol_sequence_is_scipys_and_even():
     cube = Sobol(members=1024, seed=9).cube(3, 0, 1024)
     np.testing.assert_array_equal(cube, qmc.Sobol(3, rng=9).random(1024))
-    assert qmc.discrepancy(cube) < qmc.discrepancy(Random(members=1024, seed=9).cube(3, 0, 1024)) / 10
+    assert (
+        qmc.discrepancy(cube) < qmc.discrepancy(Random(members=1024, seed=9).cube(3, 0, 1024)) / 10
+    )
 
 
 def test_a_grid_is_every_combination_and_the_last_name_varies_fastest():
@@ -88,9 +90,15 @@ def test_a_grid_is_every_combination_and_the_last_name_varies_fastest():
         (lambda: Uniform(low=1, high=1), "low = 1 is not below high = 1"),
         (lambda: LogUniform(low=0, high=1), "low = 0 has no logarithm"),
         (lambda: Triangular(low=0, mode=2, high=1), "mode = 2 lies outside 0 to 1"),
-        (lambda: Normal(mean=0, deviation=1, low=50), "has no values between low and high, 50 and inf deviations"),
+        (
+            lambda: Normal(mean=0, deviation=1, low=50),
+            "has no values between low and high, 50 and inf deviations",
+        ),
         (lambda: Normal(mean=0, deviation=1, low=1, high=0), "has no values"),
-        (lambda: Levels(low=-1, high=1, count=3, spacing="geometric"), "geometric levels need ends of one sign"),
+        (
+            lambda: Levels(low=-1, high=1, count=3, spacing="geometric"),
+            "geometric levels need ends of one sign",
+        ),
         (lambda: Levels(low=1, high=1, count=3), "give two different ends"),
         (lambda: Values(values=()), "values"),
         (lambda: Random(members=0), "members: 0 is below 1"),

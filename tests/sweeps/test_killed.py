@@ -42,7 +42,11 @@ def stamps(folder):
 def test_interrupted_again_and_again(undisturbed, tmp_path):
     path, wanted = undisturbed
     before = {}
-    for how, status in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)):
+    for how, status in (
+        (signal.SIGKILL, -signal.SIGKILL),
+        (signal.SIGKILL, -signal.SIGKILL),
+        (signal.SIGINT, 130),
+    ):
         with python("-m", "linkwork", "sweep", path, "--out", tmp_path) as process:
             known = len(before)
             wait_for(lambda known=known: finished(tmp_path).sum() > known + 1, process)
@@ -51,7 +55,9 @@ def test_interrupted_again_and_again(undisturbed, tmp_path):
         assert process.returncode == status
         after = stamps(tmp_path)
         assert len(before) < len(after) < finished(tmp_path).size
-        assert all(after[index] == times for index, times in before.items())  # what is finished is not touched again
+        assert all(
+            after[index] == times for index, times in before.items()
+        )  # what is finished is not touched again
         before = after
     outcome = sweep(Study.load(path), tmp_path)
     assert (outcome.before, outcome.corrupted) == (len(before), 0)

@@ -45,12 +45,16 @@ def test_what_a_rail_bears():
     )
     m, F = found["cart.mass"], found["forces.rail"]
     np.testing.assert_allclose(found["force"], np.hypot(m * G, F), rtol=1e-12)
-    np.testing.assert_allclose(found["reaction_force"], np.hypot(m * G, F)[:, None, None] * np.ones((40, 401, 1)))
+    np.testing.assert_allclose(
+        found["reaction_force"], np.hypot(m * G, F)[:, None, None] * np.ones((40, 401, 1))
+    )
     moment = m * G * np.abs(start + F / m * T**2 / 2)
     np.testing.assert_allclose(found["moment"][:, 0], moment, rtol=1e-9)
     forwards = F > 0
     mean = m * G * (start + F / m * T**2 / 6)
-    np.testing.assert_allclose(found["mean"][forwards], mean[forwards], rtol=1e-5)  # by the trapezoidal rule
+    np.testing.assert_allclose(
+        found["mean"][forwards], mean[forwards], rtol=1e-5
+    )  # by the trapezoidal rule
 
 
 def test_reactions_are_those_of_the_runs_that_simulate_makes(monkeypatch):
@@ -74,13 +78,18 @@ def test_reactions_are_those_of_the_runs_that_simulate_makes(monkeypatch):
     plant = lw.Robot(robot, free=("platform.mass",))
     for i in (0, 5):
         other = plant.with_parameters({"platform.mass": found["platform.mass"][i]})
-        run = other.simulate(other.assemble(tool=(0.5, 0.3, 0.5)), {"slide_1": 2.0}, duration=0.2, save_at=times)
+        run = other.simulate(
+            other.assemble(tool=(0.5, 0.3, 0.5)), {"slide_1": 2.0}, duration=0.2, save_at=times
+        )
         transmitted = run.reactions()
         expected = transmitted.values
         force = np.linalg.norm(expected[..., 3:], axis=-1)
         np.testing.assert_allclose(found["reaction_force"][i], force, rtol=1e-6)
         np.testing.assert_allclose(
-            found["reaction_moment"][i], np.linalg.norm(expected[..., :3], axis=-1), rtol=1e-6, atol=1e-8
+            found["reaction_moment"][i],
+            np.linalg.norm(expected[..., :3], axis=-1),
+            rtol=1e-6,
+            atol=1e-8,
         )
         wrist = transmitted["joint"].values.tolist().index("wrist_1")
         np.testing.assert_allclose(found["force"][i], force[:, wrist].max(), rtol=1e-6)
@@ -88,7 +97,8 @@ def test_reactions_are_those_of_the_runs_that_simulate_makes(monkeypatch):
 
 def test_reactions_have_joints_and_units(tmp_path):
     outcome = sweep(
-        study(outputs={"force": "peak reaction_force", "impulse": "integral reaction_moment.rail"}), tmp_path
+        study(outputs={"force": "peak reaction_force", "impulse": "integral reaction_moment.rail"}),
+        tmp_path,
     )
     force, impulse = report.summary(outcome.store).rows
     assert (force.output, force.unit) == ("force.rail", "N")
@@ -104,6 +114,10 @@ def test_reactions_that_are_not_there():
         "design": {"type": "random", "members": 2},
         "vary": {"gear.ratios.other": {"type": "uniform", "low": 1, "high": 2}},
     }
-    with pytest.raises(StudyError, match=r"'reaction_force' is not defined here: the ratio of a gear varies"):
+    with pytest.raises(
+        StudyError, match=r"'reaction_force' is not defined here: the ratio of a gear varies"
+    ):
         bench_of(study(outputs={"force": "peak reaction_force"}, **geared))
-    assert (whole(study(outputs={"end": "final joint_position.rail"}, **geared))["status"] == 0).all()
+    assert (
+        whole(study(outputs={"end": "final joint_position.rail"}, **geared))["status"] == 0
+    ).all()

@@ -37,7 +37,10 @@ def test_a_cart_under_a_constant_force():
             trajectories=("joint_position",),
         )
     )
-    m, F, x0, v0 = (found[name] for name in ("cart.mass", "forces.rail", "start.joints.rail", "start.rates.rail"))
+    m, F, x0, v0 = (
+        found[name]
+        for name in ("cart.mass", "forces.rail", "start.joints.rail", "start.rates.rail")
+    )
     a, t = F / m, np.linspace(0, T, 101)
     end, v = x0 + v0 * T + a * T**2 / 2, v0 + a * T
     close = {"rtol": 1e-9, "atol": 1e-9}
@@ -62,7 +65,13 @@ def test_two_controllers_on_a_cart():
             forces={},
             controllers={
                 "soft": {"type": "pd", "kp": 40, "kd": 0, "goal": goal},
-                "wrong": {"type": "computed_torque", "kp": 100, "kd": 0, "goal": goal, "model": {"cart.mass": 4}},
+                "wrong": {
+                    "type": "computed_torque",
+                    "kp": 100,
+                    "kd": 0,
+                    "goal": goal,
+                    "model": {"cart.mass": 4},
+                },
             },
             vary={
                 "cart.mass": {"type": "uniform", "low": 1, "high": 3},
@@ -141,11 +150,16 @@ def test_members_are_the_runs_that_simulate_makes():
             np.testing.assert_allclose(found[name][i], run.variables[name].values, atol=1e-7)
         rate = run.variables["joint_rate"].values
         np.testing.assert_allclose(
-            found["speed"][i] ** 2, np.trapezoid(rate**2, times, axis=0) / 0.2, rtol=1e-6, atol=1e-12
+            found["speed"][i] ** 2,
+            np.trapezoid(rate**2, times, axis=0) / 0.2,
+            rtol=1e-6,
+            atol=1e-12,
         )
         energy = run.variables["kinetic_energy"].values + run.variables["potential_energy"].values
         np.testing.assert_allclose(found["drop"][i], np.ptp(energy), atol=1e-7)
-        np.testing.assert_allclose(found["weakest"][i], run.variables["conditioning"].values.min(), rtol=1e-6)
+        np.testing.assert_allclose(
+            found["weakest"][i], run.variables["conditioning"].values.min(), rtol=1e-6
+        )
 
 
 def test_a_member_does_not_depend_on_the_chunk_it_is_in():
@@ -167,10 +181,21 @@ def test_starts_out_of_reach_and_impossible_numbers_are_told():
     assert found["status"].tolist() == [0, UNREACHABLE]
     assert np.isnan(found["end"]).tolist() == [False, True]
     body = {"mass": 1.0, "inertia": {"xx": 1.0, "yy": 1.0, "zz": 1.0}}
-    ball = lw.Mechanism(bodies={"ball": body}, joints={"free": {"type": "free", "connects": ("ground", "ball")}})
-    vary = {f"ball.inertia.{axis}": {"type": "values", "values": (0.4, 1.9)} for axis in ("xx", "yy")}
-    found = whole(Study(robot=ball, duration=0.01, vary=vary, outputs={"energy": "final kinetic_energy"}))
-    assert found["status"].tolist() == [REFUSED, REFUSED, REFUSED, 0]  # 0.4 + 0.4 < 1, and 0.4 + 1 < 1.9
+    ball = lw.Mechanism(
+        bodies={"ball": body}, joints={"free": {"type": "free", "connects": ("ground", "ball")}}
+    )
+    vary = {
+        f"ball.inertia.{axis}": {"type": "values", "values": (0.4, 1.9)} for axis in ("xx", "yy")
+    }
+    found = whole(
+        Study(robot=ball, duration=0.01, vary=vary, outputs={"energy": "final kinetic_energy"})
+    )
+    assert found["status"].tolist() == [
+        REFUSED,
+        REFUSED,
+        REFUSED,
+        0,
+    ]  # 0.4 + 0.4 < 1, and 0.4 + 1 < 1.9
 
 
 def test_members_start_on_the_branch_of_the_study_s_start():
@@ -190,4 +215,6 @@ def test_members_start_on_the_branch_of_the_study_s_start():
     assert (status == 0).all()
     elbows = [robot.coordinates.index(name) for name in ("elbow_1", "elbow_2")]
     np.testing.assert_array_equal(np.sign(np.sin(made.positions[:, elbows])), [[-1, 1]] * 3)
-    np.testing.assert_allclose(robot.tool_pose(robot.state(made.positions))[:, :2], poses, atol=1e-9)
+    np.testing.assert_allclose(
+        robot.tool_pose(robot.state(made.positions))[:, :2], poses, atol=1e-9
+    )

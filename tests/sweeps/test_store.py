@@ -41,7 +41,9 @@ def test_xarray_reads_names_units_and_labels(tmp_path):
     assert found["coordinate"].values.tolist() == ["rail"]
     assert found["time"].attrs["units"] == "s"
     assert found["cart.mass"].attrs["role"] == "varied"
-    np.testing.assert_allclose(found["end"].sel(coordinate="rail"), 3 * 0.5**2 / 2 / found["cart.mass"])
+    np.testing.assert_allclose(
+        found["end"].sel(coordinate="rail"), 3 * 0.5**2 / 2 / found["cart.mass"]
+    )
     np.testing.assert_array_equal(found["where"], np.abs(found["tool_pose"]).max("time"))
 
 
@@ -76,7 +78,9 @@ def test_a_corrupted_chunk_is_found_and_computed_again(tmp_path, monkeypatch, da
 def test_a_store_of_another_study_is_refused(tmp_path):
     sweep(study(name="first"), tmp_path)
     before = results(tmp_path)
-    with pytest.raises(StudyError, match=r"holds the results of another study \(first\); give another folder"):
+    with pytest.raises(
+        StudyError, match=r"holds the results of another study \(first\); give another folder"
+    ):
         sweep(study(duration=0.6), tmp_path)
     assert results(tmp_path).identical(before)
 
@@ -87,7 +91,8 @@ def test_a_store_that_says_nonsense_of_its_study_is_refused(tmp_path, text):
     group = zarr.open_group(tmp_path / "results.zarr", mode="r+")
     group.attrs["study"] = text
     with pytest.raises(
-        StudyError, match=r"holds the results of another study \(another program's, or of another version"
+        StudyError,
+        match=r"holds the results of another study \(another program's, or of another version",
     ):
         sweep(study(), tmp_path)
 
@@ -100,12 +105,15 @@ def test_what_is_no_store_is_refused(tmp_path, content):
     else:
         (tmp_path / "results.zarr" / "zarr.json").write_text(content)
     with pytest.raises(
-        StudyError, match=r"results\.zarr (is no store of a study that can be read|holds the results of another)"
+        StudyError,
+        match=r"results\.zarr (is no store of a study that can be read|holds the results of another)",
     ):
         sweep(study(), tmp_path)
 
 
-@pytest.mark.parametrize("damage", ["emptied", "cut off", "gone", "array gone", "names damaged", "times gone"])
+@pytest.mark.parametrize(
+    "damage", ["emptied", "cut off", "gone", "array gone", "names damaged", "times gone"]
+)
 def test_damaged_descriptions_are_mended(tmp_path, damage):
     """Each array can be read by itself again, besides through the description of the group that repeats its own."""
     sweep(study(outputs={"end": "final joint_position"}), tmp_path)
@@ -147,7 +155,9 @@ def test_a_full_disk_ends_the_study_in_one_sentence_and_it_goes_on_later(tmp_pat
 
     with monkeypatch.context() as patch:
         patch.setattr(zarr.Array, "__setitem__", full)
-        with pytest.raises(StudyError, match="cannot be written: no space left on device; what is finished is kept"):
+        with pytest.raises(
+            StudyError, match="cannot be written: no space left on device; what is finished is kept"
+        ):
             sweep(study(), tmp_path)
     assert finished(tmp_path).tolist() == [True, True, False, False]
     done = counted(monkeypatch)
@@ -172,11 +182,15 @@ def test_a_disk_that_is_really_full(tmp_path):
     file(tmp_path)
     (tmp_path / "disk").mkdir()
     words = ["unshare", "-rm", "sh", "-c", SMALL_DISK, "sh", str(tmp_path / "disk"), sys.executable]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
     if done.returncode in (1, 77) and "status" not in done.stdout:
         pytest.skip(f"no file system of our own: {done.stderr}")
     sentences = [line for line in done.stderr.splitlines() if "space left" in line]
-    assert "status 2" in done.stdout and done.stdout.rstrip().endswith("status 0"), done.stdout + done.stderr
+    assert "status 2" in done.stdout and done.stdout.rstrip().endswith("status 0"), (
+        done.stdout + done.stderr
+    )
     assert len(sentences) == 1 and sentences[0].endswith("the same command goes on from there")
     assert "1024 finished" in done.stdout and "chunks were finished before" in done.stdout
 
@@ -188,7 +202,10 @@ def test_a_folder_that_cannot_be_made(tmp_path):
 
 
 def test_table_and_plots(tmp_path):
-    outcome = sweep(study(outputs={"end": "final joint_position", "force": "peak actuator_force.rail"}), tmp_path)
+    outcome = sweep(
+        study(outputs={"end": "final joint_position", "force": "peak actuator_force.rail"}),
+        tmp_path,
+    )
     found, data = summary(outcome.store), results(tmp_path)
     end, force = found.rows
     assert (end.output, end.unit, end.count) == ("end.rail", "m", 40)
@@ -197,7 +214,9 @@ def test_table_and_plots(tmp_path):
     assert end.mean == pytest.approx(values.mean(), rel=1e-13)
     assert end.deviation == pytest.approx(values.std(ddof=1), rel=1e-12)
     assert (end.least_member, end.largest_member) == (values.argmin(), values.argmax())
-    assert end.correlation["cart.mass"] == pytest.approx(np.corrcoef(values, data["cart.mass"])[0, 1], rel=1e-12)
+    assert end.correlation["cart.mass"] == pytest.approx(
+        np.corrcoef(values, data["cart.mass"])[0, 1], rel=1e-12
+    )
     assert np.isnan(force.correlation["cart.mass"])
     table, plots = write(outcome.store, found, tmp_path)
     rows = table.read_text().splitlines()

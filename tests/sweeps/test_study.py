@@ -37,7 +37,10 @@ def test_a_study_is_read_with_its_robot_beside_it(tmp_path):
 
 def test_without_a_word_chunks_are_as_long_as_memory_likes():
     assert study(chunk=None, design={"type": "random", "members": 10**6}).chunk_length == 4096
-    assert study(chunk=None, samples=100_001, design={"type": "random", "members": 10**6}).chunk_length == 19
+    assert (
+        study(chunk=None, samples=100_001, design={"type": "random", "members": 10**6}).chunk_length
+        == 19
+    )
     assert study(chunk=None).chunk_length == 40
 
 
@@ -102,4 +105,7 @@ def test_a_file_that_is_not_there_or_no_text(tmp_path):
 
 def test_gains_that_vary_are_those_of_controllers(tmp_path):
     text = FILE.replace("forces: {rail: 3}", PD).replace("start.rates.rail", "controllers.soft.ki")
-    assert "is nothing that can vary; there are controllers.soft.kp, controllers.soft.kd" in refusal(tmp_path, text)
+    assert (
+        "is nothing that can vary; there are controllers.soft.kp, controllers.soft.kd"
+        in refusal(tmp_path, text)
+    )

@@ -18,9 +18,14 @@ FLAGS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox
 
 def launch(playwright):
     """Start Chromium: one that is installed, else playwright's own; without either the test is skipped, and says so."""
-    found = next(filter(None, map(shutil.which, INSTALLED)), None) or playwright.chromium.executable_path
+    found = (
+        next(filter(None, map(shutil.which, INSTALLED)), None)
+        or playwright.chromium.executable_path
+    )
     if not Path(found).exists():
-        pytest.skip(f"no Chromium: none of {', '.join(INSTALLED)} is installed; 'playwright install chromium' gets one")
+        pytest.skip(
+            f"no Chromium: none of {', '.join(INSTALLED)} is installed; 'playwright install chromium' gets one"
+        )
     return playwright.chromium.launch(executable_path=found, args=list(FLAGS))
 
 
@@ -44,4 +49,6 @@ def on_screen(camera, point: np.ndarray) -> tuple[float, float]:
     )
     right, down, ahead = R.T @ (point - camera.position)
     focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-    return float(camera.image_width / 2 + focal * right / ahead), float(camera.image_height / 2 + focal * down / ahead)
+    return float(camera.image_width / 2 + focal * right / ahead), float(
+        camera.image_height / 2 + focal * down / ahead
+    )

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from linkwork import Robot, robots
-from linkwork.mechanism import GROUND, Body, Frame, Inertia, Mechanism, SphericalJoint, UniversalJoint
+from linkwork.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Inertia,
+    Mechanism,
+    SphericalJoint,
+    UniversalJoint,
+)
 from linkwork.viewer.arrows import ArrowField, Arrows, arc_about, drawn
 
 
@@ -13,21 +21,32 @@ def on_a(joint, *actuators: str) -> Robot:
     body = Body(mass=1.0, centre_of_mass=(0.1, 0.2, 0.3), inertia=Inertia(xx=0.1, yy=0.1, zz=0.1))
     names = joint.coordinates("joint")
     reference = dict(
-        zip(names, (0.8, 0.3, 0.4, 0.33), strict=True) if len(names) == 4 else zip(names, (0.4, 0.7), strict=True)
+        zip(names, (0.8, 0.3, 0.4, 0.33), strict=True)
+        if len(names) == 4
+        else zip(names, (0.4, 0.7), strict=True)
     )
     return Robot(
-        Mechanism(bodies={"arm": body}, joints={"joint": joint}, actuators=actuators, reference=reference), actuators
+        Mechanism(
+            bodies={"arm": body}, joints={"joint": joint}, actuators=actuators, reference=reference
+        ),
+        actuators,
     )
 
 
-TURNED = (Frame(rotation=(0.3, -0.2, 0.5)), Frame(position=(0.1, 0.0, 0.2), rotation=(0.1, 0.4, 0.0)))
+TURNED = (
+    Frame(rotation=(0.3, -0.2, 0.5)),
+    Frame(position=(0.1, 0.0, 0.2), rotation=(0.1, 0.4, 0.0)),
+)
 UNIVERSAL = UniversalJoint(connects=("ground", "arm"), frames=TURNED)
 BALL = SphericalJoint(connects=("ground", "arm"), frames=TURNED)
 
 
 @pytest.mark.parametrize(
     "robot",
-    [on_a(UNIVERSAL, "joint.angle_1", "joint.angle_2"), on_a(BALL, "joint.wx", "joint.wy", "joint.wz")],
+    [
+        on_a(UNIVERSAL, "joint.angle_1", "joint.angle_2"),
+        on_a(BALL, "joint.wx", "joint.wy", "joint.wz"),
+    ],
     ids=["universal", "spherical"],
 )
 def test_moments_of_joints_of_many_freedoms_work_on_their_rates(robot):
@@ -70,7 +89,9 @@ def test_velocities_are_those_of_small_motions():
     robot = Robot(robots.prr3())
     v, h = np.array([0.3, -0.2, 0.5]), 1e-6
     state = robot.home.with_rates(v)
-    targets = {name: float(robot.home[name]) + h * x for name, x in zip(robot.actuators, v, strict=True)}
+    targets = {
+        name: float(robot.home[name]) + h * x for name, x in zip(robot.actuators, v, strict=True)
+    }
     later = robot.assemble(targets)
     found = ArrowField.of(robot, 1.0).velocities(state)
     moved = (robot.tool_pose(later) - robot.tool_pose(robot.home)) / h
@@ -81,10 +102,15 @@ def test_velocities_are_those_of_small_motions():
 def test_reactions_are_the_robot_s():
     robot = Robot(robots.five_bar())
     u = np.array([1.0, -2.0])
-    vectors, reactions = ArrowField.of(robot, 1.0).reactions(robot.home, u), robot.reactions(robot.home, u)
+    vectors, reactions = (
+        ArrowField.of(robot, 1.0).reactions(robot.home, u),
+        robot.reactions(robot.home, u),
+    )
     assert vectors.values == pytest.approx(reactions.wrenches[:, 3:])
     motors = [robot.mechanism.joints[name].frames[0].position for name in robot.actuators]
-    assert vectors.places[[reactions.joints.index(name) for name in robot.actuators]] == pytest.approx(np.array(motors))
+    assert vectors.places[
+        [reactions.joints.index(name) for name in robot.actuators]
+    ] == pytest.approx(np.array(motors))
 
 
 def test_lengths_are_in_proportion_and_what_is_negligible_is_left_out():

@@ -34,7 +34,9 @@ def elsewhere(robot: Robot):
     rates = np.random.default_rng(5).standard_normal(robot.mobility)
     w = robot.chart.tree_rates(robot.home.q, rates)
     out = pursuit.assembler.still(robot.home.q)
-    return pursuit.at(pursuit.close(robot.home.q + out["derivatives"] @ (0.05 * w / np.abs(w).max())))
+    return pursuit.at(
+        pursuit.close(robot.home.q + out["derivatives"] @ (0.05 * w / np.abs(w).max()))
+    )
 
 
 def seen(part: Fixture, position, turn, scale) -> np.ndarray:
@@ -109,7 +111,9 @@ def test_quaternions_follow_rotation_matrices():
 
 def test_shapes_are_shown_instead_of_bars_and_enclose_what_pictures_show():
     shapes = [
-        shape.model_copy(update={"frame": Frame(position=(0.3, -0.2, 0.5), rotation=(0.3, 0.7, -0.4))})
+        shape.model_copy(
+            update={"frame": Frame(position=(0.3, -0.2, 0.5), rotation=(0.3, 0.7, -0.4))}
+        )
         for shape in (
             Box(size=(0.1, 0.2, 0.4), colour=(1.0, 0.5, 0.0)),
             Cylinder(radius=0.2, length=0.5),
@@ -124,18 +128,26 @@ def test_shapes_are_shown_instead_of_bars_and_enclose_what_pictures_show():
     members = [part for part in fixtures_of(robot).parts if part.role == "member"]
     for part, shape in zip(members, shapes, strict=True):
         vertices = part.position + (part.mesh.vertices * part.scale) @ part.turn.T
-        picture = piece_of(shape).moved(np.array(shape.frame.position), rotation_matrix(shape.frame.rotation)).corners
+        picture = (
+            piece_of(shape)
+            .moved(np.array(shape.frame.position), rotation_matrix(shape.frame.rotation))
+            .corners
+        )
         assert ConvexHull(vertices).volume == pytest.approx(ConvexHull(picture).volume, rel=0.03)
         assert vertices.min(axis=0) == pytest.approx(picture.min(axis=0), abs=0.01)
         assert vertices.max(axis=0) == pytest.approx(picture.max(axis=0), abs=0.01)
         assert part.mesh.volume > 0
-    assert [rgb(part.colour) for part in members] == [(255, 128, 0)] + [rgb(LOOKS["member"].colour)] * 4
+    assert [rgb(part.colour) for part in members] == [(255, 128, 0)] + [
+        rgb(LOOKS["member"].colour)
+    ] * 4
 
 
 def test_the_lowest_point_is_that_of_what_is_shown():
     block = Box(size=(0.2, 0.2, 6.0), frame=Frame(position=(0.0, 0.0, 1.0)))
     plate = Polygon(points=((0, 0), (0.1, 0), (0, 0.1)), thickness=0.1)  # its mesh is not scaled
     body = Body(mass=1.0, shapes=(block, plate))
-    robot = Robot(Mechanism(bodies={"arm": body}, joints={"hinge": RevoluteJoint(connects=("ground", "arm"))}))
+    robot = Robot(
+        Mechanism(bodies={"arm": body}, joints={"hinge": RevoluteJoint(connects=("ground", "arm"))})
+    )
     parts = fixtures_of(robot)
     assert lowest(parts.parts, PartLayout(robot, parts).place(robot.home)) == pytest.approx(-2.0)

@@ -41,7 +41,9 @@ class Browser:
     def __init__(self, chromium, viewer: Viewer):
         before = set(viewer.server.get_clients())
         self.viewer, self.page, self.wrong = viewer, chromium.new_page(viewport=SIZE), []
-        self.page.on("console", lambda message: message.type == "error" and self.wrong.append(message.text))
+        self.page.on(
+            "console", lambda message: message.type == "error" and self.wrong.append(message.text)
+        )
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("dialog", lambda dialog: (self.wrong.append(dialog.message), dialog.dismiss()))
         self.page.set_default_timeout(120_000)
@@ -55,7 +57,9 @@ class Browser:
         out = self.viewer.session.view()
         assert out.tool is not None and self.viewer.stage.handle is not None
         position, turn = out.tool
-        return on_screen(self.client.camera, position + along * self.viewer.stage.handle.scale * turn[:, 0])
+        return on_screen(
+            self.client.camera, position + along * self.viewer.stage.handle.scale * turn[:, 0]
+        )
 
     def grab(self) -> tuple[float, float]:
         """Take hold of the handle's arrow along x."""
@@ -84,7 +88,9 @@ def tool(viewer: Viewer) -> np.ndarray:
 
 def home(viewer: Viewer) -> None:
     viewer.post(lambda: viewer.session.show(viewer.session.robot.home))
-    until(lambda: np.allclose(tool(viewer), viewer.session.robot.tool_pose(viewer.session.robot.home)))
+    until(
+        lambda: np.allclose(tool(viewer), viewer.session.robot.tool_pose(viewer.session.robot.home))
+    )
     viewer.post(lambda: None)
 
 
@@ -122,7 +128,9 @@ def test_a_pose_out_of_reach_dragged_at_speed_is_refused_with_a_reason(chromium,
     assert "edge of the workspace" in browser.text()
     assert robot.closure_error(viewer.session.state) < 1e-9
     browser.page.mouse.up()
-    until(lambda: np.allclose(viewer.stage.handle.position, viewer.session.view().tool[0], atol=1e-6))
+    until(
+        lambda: np.allclose(viewer.stage.handle.position, viewer.session.view().tool[0], atol=1e-6)
+    )
     browser.page.close()
 
 
@@ -153,7 +161,10 @@ def test_a_page_of_another_origin_cannot_reach_the_robot(chromium, viewer):
     """Even from the browser that knows the token, with its cookie."""
     import viser
 
-    url, version = viewer.url.partition("?")[0].replace("http", "ws", 1), f"viser-v{viser.__version__}"
+    url, version = (
+        viewer.url.partition("?")[0].replace("http", "ws", 1),
+        f"viser-v{viser.__version__}",
+    )
     context = chromium.new_context()
     own, other = context.new_page(), context.new_page()
     own.goto(viewer.url)
@@ -163,7 +174,9 @@ def test_a_page_of_another_origin_cannot_reach_the_robot(chromium, viewer):
     context.close()
 
 
-def test_two_browsers_see_the_same_robot_and_one_may_vanish_in_the_middle_of_a_drag(chromium, viewer, robot):
+def test_two_browsers_see_the_same_robot_and_one_may_vanish_in_the_middle_of_a_drag(
+    chromium, viewer, robot
+):
     home(viewer)
     first, second = Browser(chromium, viewer), Browser(chromium, viewer)
     start = tool(viewer)

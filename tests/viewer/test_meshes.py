@@ -35,9 +35,23 @@ def prism(sides: int) -> float:
         (BLOCK, 1.0, 1e-12),
         (meshes.piece_of(Capsule(radius=1.0, length=3.0)).mesh, (3 + 4 / 3) * np.pi, 0.03),
         (meshes.solid(FOUR), 1 / 6, 1e-12),
-        (meshes.plate(np.array([(0, 0, 2), (3, 0, 2), (3, 1, 2), (0, 1, 2), (1, 0.5, 2.0)]), 0.1), 0.3, 1e-12),
-        (meshes.tube(np.array([(0, 0, 0), (0, 0, 1), (0, 0, 3.0)]), 0.1), 3 * prism(meshes.TUBE_SIDES) * 0.01, 1e-12),
-        (meshes.coil(5, 0.2, 0.01), 0.7 * np.hypot(2 * np.pi * 5 * 0.2 / 0.7, 1) * prism(8) * 1e-4, 0.15),
+        (
+            meshes.plate(
+                np.array([(0, 0, 2), (3, 0, 2), (3, 1, 2), (0, 1, 2), (1, 0.5, 2.0)]), 0.1
+            ),
+            0.3,
+            1e-12,
+        ),
+        (
+            meshes.tube(np.array([(0, 0, 0), (0, 0, 1), (0, 0, 3.0)]), 0.1),
+            3 * prism(meshes.TUBE_SIDES) * 0.01,
+            1e-12,
+        ),
+        (
+            meshes.coil(5, 0.2, 0.01),
+            0.7 * np.hypot(2 * np.pi * 5 * 0.2 / 0.7, 1) * prism(8) * 1e-4,
+            0.15,
+        ),
     ],
 )
 def test_volume(mesh, volume, within):

@@ -26,7 +26,9 @@ def test_pause_and_scrub():
     assert [player.at(t).time for t in (-1, 0.7, 9)] == [0.0, 0.7, 2.0]
 
 
-@pytest.mark.parametrize(("name", "speed"), [("1/50", 0.02), ("1/2", 0.5), ("1", 1.0), ("10", 10.0)])
+@pytest.mark.parametrize(
+    ("name", "speed"), [("1/50", 0.02), ("1/2", 0.5), ("1", 1.0), ("10", 10.0)]
+)
 def test_speed(name, speed):
     player = Player.of(0.0, 100.0).at_speed(name).toggled()
     assert name in SPEEDS

@@ -14,7 +14,10 @@ from tests.oracle.scaling import Scale
 
 @pytest.fixture(scope="module")
 def pursuits() -> dict[str, Pursuit]:
-    made = {name: Robot(getattr(robots, name)()) for name in ("prr3", "five_bar", "stewart", "delta", "pendulum")}
+    made = {
+        name: Robot(getattr(robots, name)())
+        for name in ("prr3", "five_bar", "stewart", "delta", "pendulum")
+    }
     return {name: Pursuit(robot, fixtures_of(robot).size) for name, robot in made.items()}
 
 
@@ -24,7 +27,8 @@ def tool(pursuit: Pursuit, state) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("name", "shift"), [("prr3", (0.05, -0.03)), ("five_bar", (0.02, 0.01)), ("delta", (0.1, 0.05, -0.1))]
+    ("name", "shift"),
+    [("prr3", (0.05, -0.03)), ("five_bar", (0.02, 0.01)), ("delta", (0.1, 0.05, -0.1))],
 )
 def test_a_pose_within_reach_is_that_of_assembling(pursuits, name, shift):
     pursuit = pursuits[name]
@@ -49,7 +53,9 @@ def test_the_way_to_a_pose_is_the_same_in_micrometres_and_in_megametres(pursuits
         expected = plain.lead(plain.robot.home, plain.tool_goal(position + shift, R))
         found = pursuit.lead(robot.home, pursuit.tool_goal(L * (position + shift), R))
         assert (found.arrived, bool(found.obstacle)) == (expected.arrived, bool(expected.obstacle))
-        assert found.state.positions / scale.coordinates() == pytest.approx(expected.state.positions, abs=1e-6)
+        assert found.state.positions / scale.coordinates() == pytest.approx(
+            expected.state.positions, abs=1e-6
+        )
         assert robot.closure_error(found.state) < 1e-9
 
 
@@ -59,7 +65,9 @@ def test_a_hexapod_is_led_in_all_six_freedoms(pursuits):
     pose = np.array([0.2, -0.1, 2.3, 0.1, -0.2, 0.15])
     from scipy.spatial.transform import Rotation
 
-    reached = pursuit.lead(robot.home, pursuit.tool_goal(pose[:3], Rotation.from_rotvec(pose[3:]).as_matrix()))
+    reached = pursuit.lead(
+        robot.home, pursuit.tool_goal(pose[:3], Rotation.from_rotvec(pose[3:]).as_matrix())
+    )
     assert robot.tool_pose(reached.state) == pytest.approx(pose, abs=1e-7)
     assert reached.state.positions == pytest.approx(robot.assemble(tool=pose).positions, abs=1e-7)
 
@@ -93,7 +101,9 @@ def test_out_of_reach_a_pendulum_points_at_the_hand(pursuits):
 def test_out_of_reach_the_legs_are_named(pursuits):
     pursuit = pursuits["five_bar"]
     position, R = tool(pursuit, pursuit.robot.home)
-    reached = pursuit.lead(pursuit.robot.home, pursuit.tool_goal(position + np.array([5.0, 0.0, 0.0]), R))
+    reached = pursuit.lead(
+        pursuit.robot.home, pursuit.tool_goal(position + np.array([5.0, 0.0, 0.0]), R)
+    )
     assert reached.obstacle.startswith("the edge of the workspace: stretched out or folded at")
     assert "elbow_1" in reached.obstacle and "elbow_2" not in reached.obstacle
     links = [np.linalg.norm(p) for p in stretched(pursuit.robot, reached.state)]
@@ -150,11 +160,17 @@ def test_limits_of_a_free_turn_change_with_the_rates_as_their_rows_say():
     robot = Robot(Mechanism(bodies={"arm": body}, joints={"ball": ball}, tools={"tip": tip}))
     pursuit = Pursuit(robot, 1.0)
     (bound,) = bounds_of(robot)
-    q, w, h = pursuit.moved(robot.home.q, pursuit.assembler.still(robot.home.q), np.full(3, 0.1)), np.eye(3), 1e-7
+    q, w, h = (
+        pursuit.moved(robot.home.q, pursuit.assembler.still(robot.home.q), np.full(3, 0.1)),
+        np.eye(3),
+        1e-7,
+    )
     out = pursuit.assembler.still(q)
     for k in range(3):
         later = pursuit.assembler.still(pursuit.moved(q, out, h * w[k] / pursuit.scale))
-        assert (bound.value(later) - bound.value(out)) / h == pytest.approx(bound.row(out)[k], abs=1e-6)
+        assert (bound.value(later) - bound.value(out)) / h == pytest.approx(
+            bound.row(out)[k], abs=1e-6
+        )
     position, R = tool(pursuit, robot.home)
     reached = pursuit.lead(robot.home, pursuit.tool_goal(np.array([0.0, 3.0, -1.0]), R))
     angle = np.arccos(tool(pursuit, reached.state)[0] @ position)
@@ -183,7 +199,13 @@ def test_a_joint_that_cannot_go_on_leaves_the_others_where_they_are(pursuits):
 
 def test_what_the_tool_can_do(pursuits):
     turning = {name: pursuit.turns for name, pursuit in pursuits.items()}
-    assert turning == {"prr3": True, "five_bar": False, "stewart": True, "delta": False, "pendulum": False}
+    assert turning == {
+        "prr3": True,
+        "five_bar": False,
+        "stewart": True,
+        "delta": False,
+        "pendulum": False,
+    }
 
 
 def test_a_slightly_open_configuration_is_closed_and_a_hopeless_one_is_not(pursuits):

@@ -23,7 +23,9 @@ def simulated(name: str, save_at=TIMES) -> tuple[Pursuit, Run]:
 def test_between_samples_it_is_closed_and_near_the_motion(name):
     pursuit, run = simulated(name)
     replay, robot = replay_of(pursuit, run), pursuit.robot
-    fine = robot.simulate(robot.home, duration=0.5, save_at=BETWEEN).variables["joint_position"].values
+    fine = (
+        robot.simulate(robot.home, duration=0.5, save_at=BETWEEN).variables["joint_position"].values
+    )
     reach = np.ptp(run.variables["joint_position"].values, axis=0).max()
     for t, expected in zip(BETWEEN, fine, strict=True):
         state = replay.state(t)
@@ -36,15 +38,21 @@ def test_samples_are_shown_as_they_are():
     replay = replay_of(pursuit, run)
     for k in (0, 4, 10):
         state = replay.state(TIMES[k])
-        assert state.positions == pytest.approx(run.variables["joint_position"].values[k], abs=1e-12)
-        assert pursuit.robot.joint_rates(state) == pytest.approx(run.variables["joint_rate"].values[k], abs=1e-9)
+        assert state.positions == pytest.approx(
+            run.variables["joint_position"].values[k], abs=1e-12
+        )
+        assert pursuit.robot.joint_rates(state) == pytest.approx(
+            run.variables["joint_rate"].values[k], abs=1e-9
+        )
     assert replay.state(99.0).positions == pytest.approx(replay.state(0.5).positions)
 
 
 def test_a_run_read_from_a_file_is_shown_alike(tmp_path):
     pursuit, run = simulated("prr3")
     loaded = replay_of(pursuit, Run.load(run.save(tmp_path / "run.nc")))
-    assert loaded.state(0.33).positions == pytest.approx(replay_of(pursuit, run).state(0.33).positions)
+    assert loaded.state(0.33).positions == pytest.approx(
+        replay_of(pursuit, run).state(0.33).positions
+    )
 
 
 def test_runs_of_other_robots_are_refused_in_a_sentence():
@@ -84,7 +92,9 @@ def test_curves_and_their_mark():
     time, *curves, mark = found.at(0.123)
     assert (np.diff(time) >= 0).all() and len({len(x) for x in (time, *curves, mark)}) == 1
     assert time[int(np.argmax(mark))] == 0.123
-    assert np.interp(0.123, found.time, found.values[0]) == pytest.approx(curves[0][int(np.argmax(mark))])
+    assert np.interp(0.123, found.time, found.values[0]) == pytest.approx(
+        curves[0][int(np.argmax(mark))]
+    )
     chosen = traces(run, "joint_position", ("slide_2", "slide_3"))
     assert chosen.labels == ("slide_2", "slide_3") and chosen.unit == "m"
     single = traces(run, "kinetic_energy")

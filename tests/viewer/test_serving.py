@@ -60,7 +60,11 @@ def test_addresses_that_cannot_be_listened_on(host, port, said):
 
 
 def test_addresses_as_browsers_reach_them():
-    assert [shown_host(host) for host in ("127.0.0.1", "0.0.0.0", "::1")] == ["127.0.0.1", "localhost", "[::1]"]
+    assert [shown_host(host) for host in ("127.0.0.1", "0.0.0.0", "::1")] == [
+        "127.0.0.1",
+        "localhost",
+        "[::1]",
+    ]
 
 
 def test_what_is_no_robot_and_runs_of_others_are_refused(robot):
@@ -95,8 +99,12 @@ def test_many_hands_at_once_tear_nothing(robot):
 
         def pull(seed: int) -> None:
             for shift in np.random.default_rng(seed).standard_normal((40, 3)):
-                viewer.post(lambda shift=shift: viewer._drag(position + shift * (1, 1, 0), UPRIGHT), "drag")
-                viewer.post(lambda: viewer.session.slide("slide_1", float(random.uniform(0, 0.4))), "slide")
+                viewer.post(
+                    lambda shift=shift: viewer._drag(position + shift * (1, 1, 0), UPRIGHT), "drag"
+                )
+                viewer.post(
+                    lambda: viewer.session.slide("slide_1", float(random.uniform(0, 0.4))), "slide"
+                )
 
         hands = [threading.Thread(target=pull, args=(seed,)) for seed in range(3)]
         for hand in hands:
@@ -111,7 +119,9 @@ def test_many_hands_at_once_tear_nothing(robot):
 def asked(url: str, headers: dict[str, str] | None = None) -> tuple[int, str | None]:
     """Return the status that a page is answered with, and the cookie that it sets."""
     try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers or {}), timeout=PATIENCE) as page:
+        with urllib.request.urlopen(
+            urllib.request.Request(url, headers=headers or {}), timeout=PATIENCE
+        ) as page:
             return page.status, page.headers["Set-Cookie"]
     except urllib.error.HTTPError as error:
         return error.code, None
@@ -122,7 +132,9 @@ def knocks(url: str, **options) -> int:
     import viser
 
     try:
-        with connect(url, subprotocols=[f"viser-v{viser.__version__}"], open_timeout=PATIENCE, **options):
+        with connect(
+            url, subprotocols=[f"viser-v{viser.__version__}"], open_timeout=PATIENCE, **options
+        ):
             return 101
     except InvalidStatus as error:
         return error.response.status_code
@@ -132,7 +144,12 @@ def test_a_page_is_given_to_who_knows_the_token_alone(robot):
     with Viewer(robot) as viewer:
         bare, _, token = viewer.url.partition("?token=")
         assert len(token) > 20 and token not in repr(Door("a", token))
-        assert asked(bare) == asked(f"{bare}?token=") == asked(f"{bare}?token={token[:-1]}") == (403, None)
+        assert (
+            asked(bare)
+            == asked(f"{bare}?token=")
+            == asked(f"{bare}?token={token[:-1]}")
+            == (403, None)
+        )
         status, cookie = asked(viewer.url)
         assert status == 200 and cookie is not None and "HttpOnly; SameSite=Strict" in cookie
         assert asked(bare, {"Cookie": f"other=1; {cookie.partition(';')[0]}"})[0] == 200
@@ -147,7 +164,12 @@ def test_a_websocket_of_another_origin_or_without_the_token_is_not_let_in(robot)
         assert knocks(url) == knocks(url, origin=own) == 403
         assert knocks(url, origin=own, additional_headers=cookie) == 101
         assert knocks(f"{url}?token={token}") == 101  # a program, which says no origin
-        for origin in ("http://evil.example", f"http://{LOOPBACK}:1", "null", own.replace(LOOPBACK, "localhost")):
+        for origin in (
+            "http://evil.example",
+            f"http://{LOOPBACK}:1",
+            "null",
+            own.replace(LOOPBACK, "localhost"),
+        ):
             assert knocks(f"{url}?token={token}", origin=origin, additional_headers=cookie) == 403
 
 

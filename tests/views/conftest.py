@@ -45,7 +45,9 @@ def arm():
             bodies={"upper": link, "lower": link},
             joints={
                 "shoulder": RevoluteJoint(connects=("ground", "upper")),
-                "elbow": RevoluteJoint(connects=("upper", "lower"), frames=(Frame.planar(0.4), Frame())),
+                "elbow": RevoluteJoint(
+                    connects=("upper", "lower"), frames=(Frame.planar(0.4), Frame())
+                ),
             },
             actuators=("shoulder", "elbow"),
             tools={"hand": Tool(body="lower", frame=Frame.planar(0.4))},
@@ -65,14 +67,20 @@ def spatial():
             joints={
                 "turn": RevoluteJoint(connects=("ground", "plate")),
                 "wing_1": RevoluteJoint(
-                    connects=("plate", "left"), frames=(Frame(position=(0, 0.3, 0.2)), Frame()), **flap
+                    connects=("plate", "left"),
+                    frames=(Frame(position=(0, 0.3, 0.2)), Frame()),
+                    **flap,
                 ),
                 "wing_2": RevoluteJoint(
-                    connects=("plate", "right"), frames=(Frame(position=(0.3, -0.3, 0.2)), Frame()), **flap
+                    connects=("plate", "right"),
+                    frames=(Frame(position=(0.3, -0.3, 0.2)), Frame()),
+                    **flap,
                 ),
             },
             actuators=("turn", "wing_1", "wing_2"),
-            tools={"tip": Tool(body="left", frame=Frame(position=(0, 0.2, 0), rotation=(0, 0, pi / 2)))},
+            tools={
+                "tip": Tool(body="left", frame=Frame(position=(0, 0.2, 0), rotation=(0, 0, pi / 2)))
+            },
         )
     )
 
@@ -92,13 +100,20 @@ def zoo():
         "prismatic": PrismaticJoint(connects=("g", "h"), frames=at(0, 0, -0.2), axis=(1, 0, 0)),
         "rod": RodJoint(connects=("ground", "h"), frames=at(1.0, 0.6, 0), length=0.9),
     }
-    moving = {"free": FreeJoint(connects=("ground", "i")), "gear": GearJoint(ratios={"screw": 1.0, "revolute": -2.0})}
+    moving = {
+        "free": FreeJoint(connects=("ground", "i")),
+        "gear": GearJoint(ratios={"screw": 1.0, "revolute": -2.0}),
+    }
     return lw.Robot(
         Mechanism(
             name="zoo",
             bodies=dict.fromkeys("abcdefghi", body),
             joints=chain | moving,
-            springs={"coil": PointSpring(connects=("ground", "c"), points=((0.6, 0, 0), (0, 0, 0)), stiffness=10)},
+            springs={
+                "coil": PointSpring(
+                    connects=("ground", "c"), points=((0.6, 0, 0), (0, 0, 0)), stiffness=10
+                )
+            },
             actuators=("universal.angle_1", "prismatic"),
             reference={
                 "screw": 1.0,
@@ -134,11 +149,17 @@ def flat():
                 "elbow": RevoluteJoint(connects=("b", "c"), frames=at(0.3, 0, 0)),
                 "fixed": FixedJoint(connects=("c", "d"), frames=at(0, 0.3, 0)),
                 "rod": RodJoint(
-                    connects=("ground", "d"), frames=(Frame.planar(0.6, -0.2), Frame.planar(0.2)), length=0.6
+                    connects=("ground", "d"),
+                    frames=(Frame.planar(0.6, -0.2), Frame.planar(0.2)),
+                    length=0.6,
                 ),
                 "gear": GearJoint(ratios={"revolute": 1.0, "elbow": 1.0}, offset=0.5),
             },
-            springs={"coil": PointSpring(connects=("ground", "d"), points=((0.2, 0.6, 0), (0, 0, 0)), stiffness=10)},
+            springs={
+                "coil": PointSpring(
+                    connects=("ground", "d"), points=((0.2, 0.6, 0), (0, 0, 0)), stiffness=10
+                )
+            },
             actuators=("revolute",),
             reference={"revolute": 0.5, "planar.y": -0.1},
         )
@@ -147,4 +168,6 @@ def flat():
 
 @pytest.fixture(scope="session")
 def run(robot):
-    return robot.simulate(robot.home, [1.0, 0.0, -1.0], duration=0.2, save_at=np.linspace(0, 0.2, 21))
+    return robot.simulate(
+        robot.home, [1.0, 0.0, -1.0], duration=0.2, save_at=np.linspace(0, 0.2, 21)
+    )

@@ -54,7 +54,9 @@ def test_symbols_stand_where_the_joints_are(robot):
     drawn = symbols(plot_mechanism(robot, state))
     for joint in skeleton(robot, state).joints:
         artist = drawn[joint.name]
-        middle = artist.get_xydata()[0] if joint.type == "revolute" else artist.get_xy()[:4].mean(axis=0)
+        middle = (
+            artist.get_xydata()[0] if joint.type == "revolute" else artist.get_xy()[:4].mean(axis=0)
+        )
         np.testing.assert_allclose(middle, joint.far[:2], atol=1e-12)
 
 
@@ -62,7 +64,11 @@ def test_driven_joints_are_orange_and_others_are_not(robot):
     from matplotlib.colors import to_hex
 
     drawn = symbols(plot_mechanism(robot, robot.home))
-    orange = [name for name, artist in drawn.items() if "slide" in name and to_hex(artist.get_facecolor()) == ORANGE]
+    orange = [
+        name
+        for name, artist in drawn.items()
+        if "slide" in name and to_hex(artist.get_facecolor()) == ORANGE
+    ]
     assert orange == list(robot.actuators)
     assert all(to_hex(drawn[f"wrist_{i}"].get_markerfacecolor()) == "#ffffff" for i in (1, 2, 3))
 
@@ -115,10 +121,17 @@ def test_a_stack_is_drawn_pose_by_pose_with_the_last_in_full(robot):
 
 def test_a_planar_body_whose_joints_stand_at_different_heights_is_seen_from_above():
     body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
-    corners = {"left": (0, 0, 0.1), "right": (1, 0, 0.3), "top": (0.5, 1, -0.2), "middle": (0.5, 0.4, 0.5)}
+    corners = {
+        "left": (0, 0, 0.1),
+        "right": (1, 0, 0.3),
+        "top": (0.5, 1, -0.2),
+        "middle": (0.5, 0.4, 0.5),
+    }
     bodies = {"plate": body} | dict.fromkeys(corners, body)
     joints = {"pivot": lw.RevoluteJoint(connects=("ground", "plate"))} | {
-        f"pin_{name}": lw.RevoluteJoint(connects=("plate", name), frames=(lw.Frame(position=corner), lw.Frame()))
+        f"pin_{name}": lw.RevoluteJoint(
+            connects=("plate", name), frames=(lw.Frame(position=corner), lw.Frame())
+        )
         for name, corner in corners.items()
     }
     robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints))
@@ -131,8 +144,14 @@ def test_a_spatial_stack_is_drawn_pose_by_pose_too():
 
     robot = built("bricard")
     angles = np.linspace(0, 0.4, 3)
-    stack = robot.state(np.stack([robot.assemble({"hinge_1": angle}).positions for angle in angles]))
-    edges = [to_hex(line.get_color()) for line in plot_mechanism(robot, stack).lines if line.get_linewidth() > 4]
+    stack = robot.state(
+        np.stack([robot.assemble({"hinge_1": angle}).positions for angle in angles])
+    )
+    edges = [
+        to_hex(line.get_color())
+        for line in plot_mechanism(robot, stack).lines
+        if line.get_linewidth() > 4
+    ]
     assert len(edges) == 3 * 5  # five rods in three poses, each with its dark edges
     assert edges.count(EDGE) == 5
 
@@ -141,7 +160,9 @@ def test_a_spatial_robot_is_drawn_in_three_dimensions_with_equal_axes(spatial):
     axes = plot_mechanism(spatial, spatial.home, names=True)
     assert (axes.get_xlabel(), axes.get_zlabel()) == ("x [m]", "z [m]")
     limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
-    np.testing.assert_allclose(np.ptp(limits, axis=1) / axes._box_aspect, np.ptp(limits[0]) / axes._box_aspect[0])
+    np.testing.assert_allclose(
+        np.ptp(limits, axis=1) / axes._box_aspect, np.ptp(limits[0]) / axes._box_aspect[0]
+    )
     points = skeleton(spatial, spatial.home).points
     assert (limits[:, 0] <= points.min(axis=0)).all() and (points.max(axis=0) <= limits[:, 1]).all()
     assert "wing_2" in svg(axes.figure)
@@ -163,7 +184,11 @@ def test_nothing_of_a_spatial_picture_is_cut_off(name):
 def test_points_on_a_line_are_not_looked_at_along_it():
     for away in np.array([(1.0, -1.5, 0.8), (1, 0.7, 0.6), (0, 0, 1), (1, 0, 0)]):
         elevation, azimuth = np.radians(viewpoint(np.outer(np.linspace(0, 1, 5), away)))
-        towards = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
+        towards = (
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        )
         assert abs(towards @ away) < 0.95 * np.linalg.norm(away)
 
 
@@ -177,5 +202,7 @@ def test_what_does_not_fit_is_refused(robot, spatial):
         plot_mechanism(robot, stack)
     with pytest.raises(lw.LinkworkError, match=r"of shape \(0,\) is no sequence of poses"):
         plot_mechanism(robot, stack.at(0).at(slice(0, 0)))
-    with pytest.raises(lw.LinkworkError, match="there is no joint 'slide_9'; the joints are slide_1, "):
+    with pytest.raises(
+        lw.LinkworkError, match="there is no joint 'slide_9'; the joints are slide_1, "
+    ):
         plot_mechanism(robot, robot.home, names=["slide_9"])

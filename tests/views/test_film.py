@@ -46,7 +46,9 @@ def test_the_path_runs_through_the_tools_places(made, run):
 
 
 def test_what_is_kept_of_a_long_run_is_even_in_time(robot):
-    long = robot.simulate(robot.home, [0.5, 0, 0], duration=0.2, save_at=0.2 * np.linspace(0, 1, 1001) ** 2)
+    long = robot.simulate(
+        robot.home, [0.5, 0, 0], duration=0.2, save_at=0.2 * np.linspace(0, 1, 1001) ** 2
+    )
     short = film(robot, long.coords["time"].values, run_states(robot, long), frames=21)
     np.testing.assert_allclose(short.time, np.linspace(0, 0.2, 21), atol=4e-4)
     assert short.points.shape[0] == 21
@@ -55,7 +57,16 @@ def test_what_is_kept_of_a_long_run_is_even_in_time(robot):
 def test_the_data_hold_numbers_only_and_no_markup(made):
     assert "<" not in made.data
     data = json.loads(made.data)
-    assert {part[0] for part in data["parts"]} <= {"face", "solid", "bar", "line", "spring", "dashes", "dot", "box"}
+    assert {part[0] for part in data["parts"]} <= {
+        "face",
+        "solid",
+        "bar",
+        "line",
+        "spring",
+        "dashes",
+        "dot",
+        "box",
+    }
     assert all(isinstance(number, int) for number in data["frames"][0])
 
 
@@ -74,15 +85,25 @@ def test_mechanisms_with_every_kind_of_joint_are_filmed(name, request):
 
 
 def test_a_browser_plays_the_film(tmp_path):
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (the dev group)")
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed (the dev group)"
+    )
     robot = built("stewart")
     run = robot.simulate(robot.home, duration=0.1, save_at=np.linspace(0, 0.1, 11))
     path = write_report(robot, run, tmp_path / "report.html")
     with sync_api.sync_playwright() as playwright, launch(playwright) as browser:
         page, wrong = browser.new_page(), []
-        page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+        page.on(
+            "console",
+            lambda message: wrong.append(message.text) if message.type == "error" else None,
+        )
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: wrong.append(request.url) if not request.url.startswith("file:") else None)
+        page.on(
+            "request",
+            lambda request: (
+                wrong.append(request.url) if not request.url.startswith("file:") else None
+            ),
+        )
         page.goto(path.as_uri())
         time = "() => Number(document.querySelector('.film').dataset.time)"
         until(lambda: page.evaluate(time) > 0.001)
@@ -109,7 +130,9 @@ def test_shapes_of_bodies_are_filmed_where_the_bodies_are():
     (name, body), *_ = plain.bodies.items()
     ball = Sphere(radius=0.1, frame=lw.Frame(position=(1.0, 0, 0)))
     box = Box(size=(1.0, 0.04, 0.04), frame=lw.Frame(position=(0.5, 0, 0)), colour=(1, 0, 0))
-    shaped = plain.model_copy(update={"bodies": {name: body.model_copy(update={"shapes": (ball, box)})}})
+    shaped = plain.model_copy(
+        update={"bodies": {name: body.model_copy(update={"shapes": (ball, box)})}}
+    )
     robot = lw.Robot(shaped)
     run = robot.simulate(robot.state([0.3]), duration=0.5, save_at=np.linspace(0, 0.5, 6))
     states = run_states(robot, run)

@@ -51,7 +51,9 @@ def test_signed_quantities_part_at_zero(mapped):
 
 def test_a_singularity_locus_is_drawn_where_its_determinant_vanishes():
     x, y = np.linspace(-1, 1, 41), np.linspace(-1, 1, 31)
-    det = xarray.DataArray(x[:, None] ** 2 + y**2 - 0.5, {"x": x, "y": y}, ("x", "y"), attrs={"units": "1"})
+    det = xarray.DataArray(
+        x[:, None] ** 2 + y**2 - 0.5, {"x": x, "y": y}, ("x", "y"), attrs={"units": "1"}
+    )
     made = xarray.Dataset({"det_A": det, "reachable": xarray.ones_like(det, bool)})
     for name in "xy":
         made[name].attrs["units"] = "m"
@@ -77,7 +79,8 @@ def test_a_map_without_a_reachable_pose_says_so():
 
 def test_other_quantities_and_other_axes_are_refused(mapped):
     with pytest.raises(
-        lw.LinkworkError, match="the map holds no 'heat' over two coordinates; over two it holds reachable"
+        lw.LinkworkError,
+        match="the map holds no 'heat' over two coordinates; over two it holds reachable",
     ):
         plot_workspace(mapped, "heat")
     with pytest.raises(lw.LinkworkError, match=r"choose a plane of it by mapped.sel\(...\)"):

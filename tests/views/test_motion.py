@@ -23,7 +23,9 @@ def swing():
 def test_poses_are_at_equal_distances_with_the_first_and_the_last():
     robot = built("prr3")
     s = np.linspace(0, 1, 101) ** 3  # slow at first
-    states = robot.assemble(tool=np.column_stack([0.45 + 0.1 * s, np.full(101, 0.29), np.full(101, 1.2)]))
+    states = robot.assemble(
+        tool=np.column_stack([0.45 + 0.1 * s, np.full(101, 0.29), np.full(101, 1.2)])
+    )
     found = spaced(robot, states, 5)
     np.testing.assert_allclose(s[found], [0, 0.25, 0.5, 0.75, 1.0], atol=0.03)
     assert spaced(robot, states, 1).tolist() == [100]
@@ -33,7 +35,9 @@ def test_the_tools_path_is_drawn(run, robot):
     axes = plot_motion(robot, run)
     path = [line for line in axes.lines if line.get_color() == BLUE][-1]
     np.testing.assert_array_equal(path.get_xydata(), run.variables["tool_pose"].values[:, :2])
-    assert not [line for line in plot_motion(robot, run, path=False).lines if line.get_color() == BLUE]
+    assert not [
+        line for line in plot_motion(robot, run, path=False).lines if line.get_color() == BLUE
+    ]
 
 
 def test_runs_motions_and_stacks_are_drawn_alike(robot):
@@ -58,7 +62,8 @@ def test_a_run_of_one_sample_is_drawn_and_an_empty_one_refused(robot):
 
 def test_runs_of_other_robots_and_single_states_are_refused(run, robot):
     with pytest.raises(
-        lw.LinkworkError, match=r"the run is not one of the robot 'five-bar.*': it has the joint 'slide_1'"
+        lw.LinkworkError,
+        match=r"the run is not one of the robot 'five-bar.*': it has the joint 'slide_1'",
     ):
         plot_motion(built("five_bar"), run)
     longer = lw.Robot(lw.robots.prr3(l1=0.4))
@@ -84,7 +89,11 @@ def test_phase_portraits_of_several_runs_and_of_named_coordinates(run):
     figure = plot_phase([run, run], ["slide_2", "wrist_1"])
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["slide_2", "wrist_1"]
     assert [axes.get_xlabel() for axes in figure.axes] == ["position [m]", "position [rad]"]
-    assert [axes.get_title(loc="left") for axes in plot_phase(run).axes] == ["slide_1", "slide_2", "slide_3"]
+    assert [axes.get_title(loc="left") for axes in plot_phase(run).axes] == [
+        "slide_1",
+        "slide_2",
+        "slide_3",
+    ]
     with pytest.raises(lw.LinkworkError, match="holds no coordinate 'slide_9'"):
         plot_phase(run, "slide_9")
     with pytest.raises(lw.LinkworkError, match="there is no run"):
@@ -92,13 +101,22 @@ def test_phase_portraits_of_several_runs_and_of_named_coordinates(run):
 
 
 def test_work_precision_diagrams_hold_the_numbers_given():
-    curves = {"order 4": ([1, 2, 4], [1e-4, 6e-6, 4e-7], [0, 1e-12, 1e-13]), "order 5": ([1, 3], [1e-5, 0])}
+    curves = {
+        "order 4": ([1, 2, 4], [1e-4, 6e-6, 4e-7], [0, 1e-12, 1e-13]),
+        "order 5": ([1, 3], [1e-5, 0]),
+    }
     figure = plot_work_precision(curves, unit="m", work="steps")
     errors, closure = figure.axes
     np.testing.assert_array_equal(errors.lines[0].get_xydata(), np.transpose(curves["order 4"][:2]))
-    assert (errors.get_xscale(), errors.get_yscale(), errors.get_ylabel()) == ("log", "log", "error [m]")
+    assert (errors.get_xscale(), errors.get_yscale(), errors.get_ylabel()) == (
+        "log",
+        "log",
+        "error [m]",
+    )
     assert closure.get_ylabel() == "closure error [m]" and len(closure.lines) == 1
-    assert errors.lines[1].get_ydata()[1] > 0  # an error of zero has no logarithm; it is drawn at the bottom
+    assert (
+        errors.lines[1].get_ydata()[1] > 0
+    )  # an error of zero has no logarithm; it is drawn at the bottom
     with pytest.raises(lw.LinkworkError, match="the curve 'a' is no pair"):
         plot_work_precision({"a": ([1, 2], [1])})
     with pytest.raises(lw.LinkworkError, match="the curve 'a' has work that is not positive"):
@@ -109,14 +127,19 @@ def test_work_precision_diagrams_hold_the_numbers_given():
 
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
 def test_figures_are_written_the_same_every_time(run, tmp_path, suffix):
-    paths = [save_figure(plot_run(run, "actuator_force").axes[0], tmp_path / f"{name}.{suffix}") for name in "ab"]
+    paths = [
+        save_figure(plot_run(run, "actuator_force").axes[0], tmp_path / f"{name}.{suffix}")
+        for name in "ab"
+    ]
     first, second = (path.read_bytes() for path in paths)
     assert first == second and len(first) > 1000
 
 
 def test_figures_that_cannot_be_written_are_refused(run, tmp_path):
     figure = plot_run(run, "actuator_force")
-    with pytest.raises(lw.LinkworkError, match=r"a figure is written as .svg, .pdf or .png, not as 'x.bmp'"):
+    with pytest.raises(
+        lw.LinkworkError, match=r"a figure is written as .svg, .pdf or .png, not as 'x.bmp'"
+    ):
         save_figure(figure, tmp_path / "x.bmp")
     with pytest.raises(lw.LinkworkError, match="cannot be written: no such file or directory"):
         save_figure(figure, tmp_path / "no" / "x.svg")

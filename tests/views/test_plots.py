@@ -29,13 +29,19 @@ def test_curves_are_the_runs_numbers_by_name(run):
     names = [line.get_label() for line in axes.lines]
     assert names == ["pivot_1", "pivot_2", "pivot_3", "wrist_1", "wrist_2", "wrist_3"]
     for name, line in zip(names, axes.lines, strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), run.dataset["joint_position"].sel(coordinate=name))
+        np.testing.assert_array_equal(
+            line.get_ydata(), run.dataset["joint_position"].sel(coordinate=name)
+        )
         np.testing.assert_array_equal(line.get_xdata(), run.dataset["time"])
 
 
 def test_torques_and_scalars_have_their_own_units(arm):
     run = arm.simulate(arm.home, [4.0, 1.0], duration=0.1)
-    assert units(plot_run(run, ["actuator_force", "kinetic_energy", "joint_acceleration"])) == ["N m", "J", "rad/s^2"]
+    assert units(plot_run(run, ["actuator_force", "kinetic_energy", "joint_acceleration"])) == [
+        "N m",
+        "J",
+        "rad/s^2",
+    ]
 
 
 def test_joints_of_many_freedoms_have_units_of_lengths_angles_and_quaternions():
@@ -43,8 +49,17 @@ def test_joints_of_many_freedoms_have_units_of_lengths_angles_and_quaternions():
     run = robot.simulate(robot.home, [1.0], duration=0.02)
     figure = plot_run(run, ["joint_position", "joint_rate", "joint_acceleration", "actuator_force"])
     assert units(figure) == ["rad", "m", "1", "rad/s", "m/s", "rad/s^2", "m/s^2", "N m"]
-    assert [line.get_label() for line in figure.axes[2].lines] == ["ball.qw", "ball.qx", "ball.qy", "ball.qz"]
-    assert [line.get_label() for line in figure.axes[3].lines][-3:] == ["ball.wx", "ball.wy", "ball.wz"]
+    assert [line.get_label() for line in figure.axes[2].lines] == [
+        "ball.qw",
+        "ball.qx",
+        "ball.qy",
+        "ball.qz",
+    ]
+    assert [line.get_label() for line in figure.axes[3].lines][-3:] == [
+        "ball.wx",
+        "ball.wy",
+        "ball.wz",
+    ]
 
 
 def test_one_quantity_may_be_named_by_itself(run):
@@ -71,7 +86,9 @@ def test_many_names_widen_the_figure(robot):
 
 
 def test_quantities_that_the_run_does_not_hold_are_refused(run):
-    with pytest.raises(lw.LinkworkError, match="the run holds no 'heat' over time; it holds joint_position"):
+    with pytest.raises(
+        lw.LinkworkError, match="the run holds no 'heat' over time; it holds joint_position"
+    ):
         plot_run(run, ["heat"])
     with pytest.raises(lw.LinkworkError, match="there is nothing to draw"):
         plot_run(run, [])

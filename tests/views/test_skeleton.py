@@ -21,7 +21,11 @@ def test_the_two_sides_of_every_joint_of_the_catalogue_stand_as_its_coordinates_
         if joint.type == "rod":
             assert np.linalg.norm(gap) == pytest.approx(described.length, abs=1e-9)
             continue
-        slide = state[joint.name + SLIDES[joint.type]] * joint.axes[0] if joint.type in SLIDES else np.zeros(3)
+        slide = (
+            state[joint.name + SLIDES[joint.type]] * joint.axes[0]
+            if joint.type in SLIDES
+            else np.zeros(3)
+        )
         np.testing.assert_allclose(gap, slide, atol=1e-9)
 
 
@@ -35,11 +39,15 @@ def test_every_kind_of_joint_has_its_axes_and_its_gap(zoo):
     screw, cylindrical, planar = joints["screw"], joints["cylindrical"], joints["planar"]
     np.testing.assert_allclose(screw.far - screw.near, (0, 0, 0.05 * state["screw"]), atol=1e-12)
     np.testing.assert_allclose(
-        cylindrical.far - cylindrical.near, state["cylindrical.slide"] * cylindrical.axes[0], atol=1e-12
+        cylindrical.far - cylindrical.near,
+        state["cylindrical.slide"] * cylindrical.axes[0],
+        atol=1e-12,
     )
     gap = planar.far - planar.near
     assert gap @ planar.axes[0] == pytest.approx(0, abs=1e-12)
-    assert np.linalg.norm(gap) == pytest.approx(np.hypot(state["planar.x"], state["planar.y"]), abs=1e-12)
+    assert np.linalg.norm(gap) == pytest.approx(
+        np.hypot(state["planar.x"], state["planar.y"]), abs=1e-12
+    )
     assert joints["universal"].axes[0] @ joints["universal"].axes[1] == pytest.approx(0, abs=1e-12)
     assert [name for name, joint in joints.items() if joint.driven] == ["universal", "prismatic"]
     assert [joint.name for joint in drawn.gears["gear"]] == ["screw", "revolute"]
@@ -50,7 +58,9 @@ def test_points_are_those_of_the_papers_robot(robot):
     state = robot.assemble(tool=[0.52, 0.27, 0.42])
     drawn = skeleton(robot, state)
     corners = drawn.bodies["platform"][:3]
-    np.testing.assert_allclose(np.linalg.norm(corners[:, :2] - [0.52, 0.27], axis=1), 0.15, atol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(corners[:, :2] - [0.52, 0.27], axis=1), 0.15, atol=1e-12
+    )
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
     np.testing.assert_allclose(sides, 0.15 * np.sqrt(3), atol=1e-12)
     for i in (1, 2, 3):
@@ -76,7 +86,10 @@ def test_hinges_that_do_not_meet_stay_where_they_are_described():
     assert not drawn.arcs
     corners = [(1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1), (0, 0, 0)]
     for joint, corner in zip(drawn.joints, np.roll(corners, 1, axis=0), strict=True):
-        assert min(np.linalg.norm(np.array(corners) - joint.far, axis=1)) < 1e-12, (joint.name, corner)
+        assert min(np.linalg.norm(np.array(corners) - joint.far, axis=1)) < 1e-12, (
+            joint.name,
+            corner,
+        )
 
 
 @pytest.mark.parametrize(
@@ -108,7 +121,9 @@ def test_the_governors_balls_are_shown_near_the_ends_of_its_rods():
 def test_a_body_that_nothing_but_a_free_joint_holds_is_a_point():
     body = lw.Body(mass=1.0, centre_of_mass=(0, 0, 0.5), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
     robot = lw.Robot(
-        lw.Mechanism(bodies={"stone": body}, joints={"flight": lw.FreeJoint(connects=("ground", "stone"))})
+        lw.Mechanism(
+            bodies={"stone": body}, joints={"flight": lw.FreeJoint(connects=("ground", "stone"))}
+        )
     )
     drawn = skeleton(robot, robot.home)
     np.testing.assert_allclose(drawn.points, [(0, 0, 0.5)])
@@ -116,5 +131,7 @@ def test_a_body_that_nothing_but_a_free_joint_holds_is_a_point():
 
 def test_a_body_without_mass_and_joints_of_its_own_is_its_origin():
     joints = {"flight": lw.FreeJoint(connects=("ground", "air"))}
-    robot = lw.Robot(lw.Mechanism(bodies={"air": lw.Body(mass=0.0)}, joints=joints, reference={"flight.x": 2.0}))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"air": lw.Body(mass=0.0)}, joints=joints, reference={"flight.x": 2.0})
+    )
     np.testing.assert_allclose(skeleton(robot, robot.home).points, [(2, 0, 0)])

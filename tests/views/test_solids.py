@@ -25,7 +25,12 @@ SHAPES = {  # volume, area seen along z, largest part by which facets may be les
         pi * 0.09,
         0.03,
     ),
-    "polygon": (Polygon(points=((0, 0), (0, 1), (2, 1), (2, 0)), thickness=0.1, frame=PLACED), 0.2, 2.0, 1e-12),
+    "polygon": (
+        Polygon(points=((0, 0), (0, 1), (2, 1), (2, 0)), thickness=0.1, frame=PLACED),
+        0.2,
+        2.0,
+        1e-12,
+    ),
 }
 
 
@@ -54,7 +59,9 @@ def test_faces_enclose_the_shape(kind):
 
 def face_area(face):
     """Return the area of a plane polygon in space."""
-    crosses = sum((np.cross(a, b) for a, b in zip(face, np.roll(face, -1, axis=0), strict=True)), np.zeros(3))
+    crosses = sum(
+        (np.cross(a, b) for a, b in zip(face, np.roll(face, -1, axis=0), strict=True)), np.zeros(3)
+    )
     return np.linalg.norm(crosses) / 2
 
 
@@ -80,7 +87,9 @@ def test_a_picture_in_space_shows_every_shape_where_its_body_is():
         if shape.type != "polygon":
             np.testing.assert_allclose(solid.corners.mean(axis=0), middle, atol=1e-12)
     red, grey = drawn[0].get_facecolor(), drawn[2].get_facecolor()
-    assert (red[:, 0] > 2 * red[:, 1]).all() and np.ptp(red[:, 0]) > 0.05  # of its colour, and shaded
+    assert (red[:, 0] > 2 * red[:, 1]).all() and np.ptp(
+        red[:, 0]
+    ) > 0.05  # of its colour, and shaded
     assert np.ptp(grey[:, 0]) > 0.05
 
 

@@ -72,7 +72,11 @@ class Modes:
     @property
     def sure(self) -> bool:
         """Tell whether each solution was found several times, and none in the second half of the starts."""
-        return bool(len(self)) and self.hits.min() >= SURE and 2 * (self.first.max() + 1) <= self.starts
+        return (
+            bool(len(self))
+            and self.hits.min() >= SURE
+            and 2 * (self.first.max() + 1) <= self.starts
+        )
 
     def __repr__(self) -> str:
         rarest = f", the rarest {self.hits.min()} times" if len(self) else ""
@@ -137,7 +141,9 @@ def working_modes(
     else:
         asked = checks.vector(tool, "the tool's pose", square.what, "tool coordinate")
         if asked.ndim != 1:
-            raise LinkworkError(f"the tool's pose has the shape {asked.shape}; give one pose: {', '.join(square.what)}")
+            raise LinkworkError(
+                f"the tool's pose has the shape {asked.shape}; give one pose: {', '.join(square.what)}"
+            )
         asked = checks.finite(asked, "the tool's pose")
     return search(square, asked, by_actuators if robot.actuators else by_bodies, starts, seed)
 
@@ -157,7 +163,10 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
     if not isinstance(most, int) or most < 1:
         raise LinkworkError(f"starts is {most!r}; give a whole number above zero")
     problem, random = solver(square), np.random.default_rng(seed)
-    gathered, tried = Gathered.none(square.equations.nq, key(square, square.equations.reference[None]).shape[1]), 0
+    gathered, tried = (
+        Gathered.none(square.equations.nq, key(square, square.equations.reference[None]).shape[1]),
+        0,
+    )
     while tried < most:
         count = min(ROUND, most - tried)
         q, good = problem.solve(scattered(problem, asked, count, random), asked, ITERATIONS)
@@ -167,12 +176,18 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
             raise LinkworkError(
                 f"more than {MOST} solutions are found: {', '.join(square.what)} leave a continuum of them"
             )
-        if len(gathered.q) and gathered.hits.min() >= SURE and 2 * (gathered.first.max() + 1) <= tried:
+        if (
+            len(gathered.q)
+            and gathered.hits.min() >= SURE
+            and 2 * (gathered.first.max() + 1) <= tried
+        ):
             break
     return told(problem, asked, gathered, key, tried)
 
 
-def scattered(problem: Solver, asked: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+def scattered(
+    problem: Solver, asked: np.ndarray, count: int, random: np.random.Generator
+) -> np.ndarray:
     """Return random starts at which the tree's own coordinates already have the asked values."""
     square = problem.square
     q = random_configurations(square, problem.length, count, random)
@@ -216,11 +231,17 @@ class Gathered:
         """
         from scipy.spatial import KDTree
 
-        known = np.asarray(KDTree(self.key).query(key)[1] if len(self.key) else np.zeros(len(key)), int)
+        known = np.asarray(
+            KDTree(self.key).query(key)[1] if len(self.key) else np.zeros(len(key)), int
+        )
         new = np.ones(len(key), bool)
         if len(self.key):
             new = np.linalg.norm(self.key[known] - key, axis=1) > SAME
-        hits = self.hits + np.bincount(known[~new], minlength=len(self.hits)) if len(self.hits) else self.hits
+        hits = (
+            self.hits + np.bincount(known[~new], minlength=len(self.hits))
+            if len(self.hits)
+            else self.hits
+        )
         if not new.any():
             return Gathered(self.q, self.key, hits, self.first)
         group = groups(key[new])
@@ -242,7 +263,9 @@ def groups(key: np.ndarray) -> np.ndarray:
     # Equal points are joined first: pairs among thousands of hits of one solution would be too many.
     rounded, inverse = np.unique(np.round(key / SAME), axis=0, return_inverse=True)
     pairs = KDTree(rounded).query_pairs(2.0, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(rounded), len(rounded)))
+    links = coo_array(
+        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(rounded), len(rounded))
+    )
     return connected_components(links, directed=False)[1][inverse.ravel()]
 
 
@@ -258,13 +281,17 @@ def tool_kernel(robot: Robot) -> Kernel:
     equations, tool = robot.equations, next(iter(robot.mechanism.tools.values()))
     position, orientation, _ = measures.tool_pose(equations.tree, tool)
     outputs = {"position": position, "orientation": orientation}
-    return compile_function(functions.function("tool", equations, {"q": equations.tree.q}, outputs)).given(robot.p)
+    return compile_function(
+        functions.function("tool", equations, {"q": equations.tree.q}, outputs)
+    ).given(robot.p)
 
 
 def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
     """Return the actuated coordinates (N, d), angles by their cosines and sines."""
     robot = square.robot
-    places = [robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates]
+    places = [
+        robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates
+    ]
     values, angular = robot.kernel("positions")(q)[0][:, places], robot.labels.angular[places]
     turns = values[:, angular]
     slides = values[:, ~angular] / square.equations.tree.length

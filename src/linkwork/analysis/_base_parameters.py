@@ -51,7 +51,9 @@ class Regressor:
 
     def units(self, pace: float) -> np.ndarray:
         """Return the sizes (k) of the columns of Y in own units, for motions of a pace [1/s]."""
-        return regressor.sizes(self.robot.mechanism, self.robot.equations.tree.length, pace)[self.places]
+        return regressor.sizes(self.robot.mechanism, self.robot.equations.tree.length, pace)[
+            self.places
+        ]
 
     def with_known(self, states: State, accelerations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return Y (..., n, k), and what the motion needs besides Y pi (..., n) [N, N m]."""
@@ -100,7 +102,9 @@ class Base:
         return self.combination @ self.regressor.described
 
 
-def base_parameters(robot: Robot, effects: Sequence[str] = (), *, samples: int = 200, seed: int = 0) -> Base:
+def base_parameters(
+    robot: Robot, effects: Sequence[str] = (), *, samples: int = 200, seed: int = 0
+) -> Base:
     """Find the combinations of parameters that motions can tell: by the rank of Y on random motions.
 
     Args:
@@ -112,7 +116,9 @@ def base_parameters(robot: Robot, effects: Sequence[str] = (), *, samples: int =
     """
     made = regressor_of(robot, effects)
     states, accelerations = random_motions(robot, samples, seed)
-    Y = (made(states, accelerations) * own_rates(robot, states)[:, None]).reshape(-1, len(made.names))
+    Y = (made(states, accelerations) * own_rates(robot, states)[:, None]).reshape(
+        -1, len(made.names)
+    )
     size = np.linalg.norm(Y, axis=0)
     own = size / made.units(pace(robot))
     seen = np.flatnonzero(own > NEGLIGIBLE * own.max(initial=0.0))
@@ -124,7 +130,9 @@ def base_parameters(robot: Robot, effects: Sequence[str] = (), *, samples: int =
     found = np.where(np.abs(found) < ROUNDING, 0.0, found) * size[seen] / size[seen][kept][:, None]
     combination = np.zeros((len(kept), len(made.names)))
     combination[:, seen] = found
-    return Base(made, seen[kept], combination, tuple(written(row, made.names) for row in combination))
+    return Base(
+        made, seen[kept], combination, tuple(written(row, made.names) for row in combination)
+    )
 
 
 def independent(columns: np.ndarray) -> list[int]:
@@ -143,7 +151,9 @@ def independent(columns: np.ndarray) -> list[int]:
 def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.ndarray]:
     """Return random closed states near the reference (N) with random rates, and accelerations (N, n)."""
     random, tree = np.random.default_rng(seed), robot.equations.tree
-    q = robot.equations.reference + SPREAD * tree.units * random.standard_normal((samples, tree.units.size))
+    q = robot.equations.reference + SPREAD * tree.units * random.standard_normal(
+        (samples, tree.units.size)
+    )
     q = unit(tree, q)
     for _ in range(ROUNDS):
         q, gap = robot.kernel("closure_step")(q)
@@ -155,7 +165,9 @@ def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.nda
 
 def pace(robot: Robot) -> float:
     """Return the rate [1/s] of motions in which weight and inertia count alike; 1 where there is no weight."""
-    return float(np.linalg.norm(robot.mechanism.gravity) / robot.equations.tree.length) ** 0.5 or 1.0
+    return (
+        float(np.linalg.norm(robot.mechanism.gravity) / robot.equations.tree.length) ** 0.5 or 1.0
+    )
 
 
 def written(row: np.ndarray, names: Sequence[str]) -> str:

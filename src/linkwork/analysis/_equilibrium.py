@@ -28,7 +28,15 @@ from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
 from linkwork.robot.evaluation import actuator_weights, internal_forces
-from linkwork.robot.linear import actuator_forces, at_rest, evaluated, largest, one_state, own_rates, weight
+from linkwork.robot.linear import (
+    actuator_forces,
+    at_rest,
+    evaluated,
+    largest,
+    one_state,
+    own_rates,
+    weight,
+)
 
 ROUNDS = 200
 BALANCED = 1e-10  # energy of what stays unbalanced, relative to what balances each other
@@ -115,7 +123,9 @@ def equilibria(
     for start in (robot.equations.reference, *q[good]):
         for stable in (True, False):
             try:
-                one = equilibrium(robot, u, guess=robot.make_state(start, np.zeros(robot.mobility)), stable=stable)
+                one = equilibrium(
+                    robot, u, guess=robot.make_state(start, np.zeros(robot.mobility)), stable=stable
+                )
             except (LinkworkError, np.linalg.LinAlgError):
                 continue
             if not any(alike(robot, one.state, other.state) for other in found):
@@ -132,7 +142,10 @@ def in_good_rates(robot: Robot, state: State) -> State:
 
 def alike(robot: Robot, one: State, other: State) -> bool:
     """Tell whether all bodies are in the same poses."""
-    poses, sizes = (robot.body_poses(one), robot.body_poses(other)), (robot.equations.tree.length, 1.0)
+    poses, sizes = (
+        (robot.body_poses(one), robot.body_poses(other)),
+        (robot.equations.tree.length, 1.0),
+    )
     return all(
         np.allclose(a / size, b / size, atol=SAME)
         for name in poses[0]
@@ -149,7 +162,9 @@ def unbalanced(robot: Robot, state: State, u: np.ndarray) -> tuple[np.ndarray, n
 def scale(robot: Robot, state: State, u: np.ndarray, K: np.ndarray) -> float:
     """Return the size [J] of what balances each other in the mechanism's own units, K: the stiffness in these [J]."""
     units = own_rates(robot, state)
-    driven = u * [robot.equations.tree.length if robot.unit(name) == "m" else 1.0 for name in robot.actuators]
+    driven = u * [
+        robot.equations.tree.length if robot.unit(name) == "m" else 1.0 for name in robot.actuators
+    ]
     parts = (robot.gravity(state) * units, robot.passive_forces(state) * units, driven, K)
     return max(weight(robot), *map(largest, parts))
 
@@ -171,7 +186,9 @@ def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
     return vectors @ (along / np.where(steepness > 0, steepness, 1.0))
 
 
-def moved(robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, E: float, downhill: bool) -> State:
+def moved(
+    robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, E: float, downhill: bool
+) -> State:
     """Return the state after a shift, shortened until it closes and, downhill, the potential energy falls."""
     xi = xi * min(1.0, LONGEST / max(largest(xi / own_rates(robot, state)), 1e-300))
     before = potential(robot, state, u)
@@ -187,7 +204,9 @@ def moved(robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, E: float, d
 
 def potential(robot: Robot, state: State, u: np.ndarray) -> float:
     """Return the potential energy of weight, springs and constant actuator forces [J]."""
-    actuated = [robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates]
+    actuated = [
+        robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates
+    ]
     driven = [k for k, name in enumerate(robot.actuators) if name in robot.coordinates]
     return float(robot.energy(state)[1] - u[driven] @ state.positions[actuated])
 
@@ -204,7 +223,9 @@ def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:
         if gap[0] <= 1e-13:
             break
     tree = robot.equations.tree
-    if gap[0] > 1e-9 or largest((q - state.q) / tree.units) > 10 * max(largest(w / tree.rate_units), 1e-9):
+    if gap[0] > 1e-9 or largest((q - state.q) / tree.units) > 10 * max(
+        largest(w / tree.rate_units), 1e-9
+    ):
         return None
     (positions,) = robot.kernel("positions")(q)
     return State(positions, state.rates, q, state.coordinates, state.independent)
@@ -286,9 +307,13 @@ def bound(robot: Robot, values: ArrayLike | Mapping[str, float], what: str) -> n
         checks.known(values, robot.actuators, "actuator")
         missing = [name for name in robot.actuators if name not in values]
         if missing:
-            raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(robot.actuators)}")
+            raise LinkworkError(
+                f"{what} lack {', '.join(missing)}; give all of {', '.join(robot.actuators)}"
+            )
         values = [values[name] for name in robot.actuators]
     array = np.asarray(values, float)
     if array.shape not in ((), (len(robot.actuators),)) or np.isnan(array).any():
-        raise LinkworkError(f"{what} {array.tolist()} do not fit; give one number, or one per actuator")
+        raise LinkworkError(
+            f"{what} {array.tolist()} do not fit; give one number, or one per actuator"
+        )
     return np.broadcast_to(array, len(robot.actuators)).copy()

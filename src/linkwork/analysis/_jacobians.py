@@ -99,7 +99,11 @@ class Jacobians:
             return 1.0
         mean = [float(np.sqrt(np.mean(np.sum(part**2, axis=0)))) for part in (turns, shifts)]
         largest = extent(self.inverse)
-        return mean[0] / mean[1] if HARDLY * largest < mean[0] / max(mean[1], 1e-300) < largest / HARDLY else largest
+        return (
+            mean[0] / mean[1]
+            if HARDLY * largest < mean[0] / max(mean[1], 1e-300) < largest / HARDLY
+            else largest
+        )
 
     def homogeneous(self, K: np.ndarray, characteristic: float | None = None) -> np.ndarray:
         """Return K (..., n, n) free of units: between lengths over time."""
@@ -117,9 +121,14 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
         LinkworkError: no tool, more or fewer actuators than freedoms, a reference around which all is singular.
     """
     if not isinstance(robot, Robot):
-        raise LinkworkError(f"the Jacobians are those of a robot, not of {type(robot).__name__}; give a linkwork.Robot")
+        raise LinkworkError(
+            f"the Jacobians are those of a robot, not of {type(robot).__name__}; give a linkwork.Robot"
+        )
     robot.require_tool()
-    if not (what is None or (isinstance(what, tuple | list) and all(isinstance(name, str) for name in what))):
+    if not (
+        what is None
+        or (isinstance(what, tuple | list) and all(isinstance(name, str) for name in what))
+    ):
         raise LinkworkError(
             f"the coordinates of the tool are {what!r}; give their names, or call what jacobians(robot) returns with state.q"
         )
@@ -137,7 +146,9 @@ def of_actuators(robot: Robot) -> Square:
     return of_joints(robot, robot.actuators)
 
 
-def input_output(robot: Robot, state: State, what: tuple[str, ...] | None = None) -> tuple[np.ndarray, np.ndarray]:
+def input_output(
+    robot: Robot, state: State, what: tuple[str, ...] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return A and B (..., n, n) with A x' = B q' at states, each row of one actuator and of unit length.
 
     Row i is the relation between x' and the rate q_i' of actuator i alone, so that B is diagonal: the vector of
@@ -152,12 +163,18 @@ def input_output(robot: Robot, state: State, what: tuple[str, ...] | None = None
     rows, n = stacked_rows(robot, made.inverse.J, made.direct.J), len(made.what)
     A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
     kept, widths = list(robot.equations.chart.rows), robot.equations.tree.rate_units
-    loops, x_heights, q_heights = robot.equations.rows.units[kept], made.inverse.heights, made.direct.heights
+    loops, x_heights, q_heights = (
+        robot.equations.rows.units[kept],
+        made.inverse.heights,
+        made.direct.heights,
+    )
     for k, one in enumerate(q):
         Phi, J_x, J_q = (np.array(part) for part in rows(one, robot.p))
         for i in range(n):
             heights = np.concatenate([loops, x_heights, q_heights[i : i + 1]])
-            relation = widest_relation(np.vstack([Phi[kept], J_x, J_q[i]]) * widths / heights[:, None])
+            relation = widest_relation(
+                np.vstack([Phi[kept], J_x, J_q[i]]) * widths / heights[:, None]
+            )
             row = (relation / heights)[-1 - n :]
             row = row / np.linalg.norm(row)
             A[k, i], B[k, i, i] = row[:n], -row[n]

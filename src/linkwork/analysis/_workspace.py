@@ -90,7 +90,15 @@ def workspace(
     poses = Poses.of(axes)
     q, good = reach(problem, poses, start)
     good[good] = within(robot, q[good], bounds(robot, limits))
-    return dataset(J, poses, q, good, positive(robot, rates, "rates"), positive(robot, forces, "forces"), length)
+    return dataset(
+        J,
+        poses,
+        q,
+        good,
+        positive(robot, rates, "rates"),
+        positive(robot, forces, "forces"),
+        length,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +133,9 @@ def read_grid(robot: Robot, grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarr
     for name, axis in axes.items():
         steps = np.diff(axis) if axis.ndim == 1 else np.zeros(0)
         if axis.ndim > 1 or not axis.size or not ((steps > 0).all() or (steps < 0).all()):
-            raise LinkworkError(f"the grid's {name} is no sequence of increasing or decreasing numbers, nor one number")
+            raise LinkworkError(
+                f"the grid's {name} is no sequence of increasing or decreasing numbers, nor one number"
+            )
     return axes
 
 
@@ -133,7 +143,9 @@ def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray,
     """Return configurations (N, nq) at the poses, and which of these are reached on the working mode of the start (N)."""
     determinants = problem.verdict(start, poses.values[0])[1]
     if np.abs(determinants).min(initial=np.inf) < SINGULAR:
-        raise LinkworkError("the guess is leg-singular, where working modes meet; give a guess on one of them")
+        raise LinkworkError(
+            "the guess is leg-singular, where working modes meet; give a guess on one of them"
+        )
     mode = np.sign(determinants)
     q, good = problem.solve(start, poses.values, FAR, mode)
     fresh = good.copy()
@@ -148,7 +160,9 @@ def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray,
     return q, good
 
 
-def neighbours(shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def neighbours(
+    shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the targets that have a source beside them on the grid, and one such source for each (indices)."""
     index, source = np.arange(sources.size).reshape(shape), np.full(shape, -1)
     sources, targets = sources.reshape(shape), targets.reshape(shape)
@@ -161,17 +175,25 @@ def neighbours(shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray)
     return found, source.ravel()[found]
 
 
-def bounds(robot: Robot, given: Mapping[str, tuple[float, float]] | None) -> list[tuple[str, float, float]]:
+def bounds(
+    robot: Robot, given: Mapping[str, tuple[float, float]] | None
+) -> list[tuple[str, float, float]]:
     """Return lower and upper bounds of coordinates: those described, and those given."""
     found = [
-        (label, -np.inf if limit.lower is None else limit.lower, np.inf if limit.upper is None else limit.upper)
+        (
+            label,
+            -np.inf if limit.lower is None else limit.lower,
+            np.inf if limit.upper is None else limit.upper,
+        )
         for label, limit, _ in limited(robot.mechanism)
     ]
     for name, pair in (given or {}).items():
         checks.known((name,), robot.coordinates, "joint")
         ends = np.asarray(pair, float)
         if ends.shape != (2,) or not ends[0] < ends[1]:
-            raise LinkworkError(f"the limits of {name!r} are {pair!r}; give a lower and a larger upper bound")
+            raise LinkworkError(
+                f"the limits of {name!r} are {pair!r}; give a lower and a larger upper bound"
+            )
         found.append((name, float(ends[0]), float(ends[1])))
     return found
 
@@ -193,7 +215,9 @@ def within(robot: Robot, q: np.ndarray, limits: list[tuple[str, float, float]]) 
     return inside
 
 
-def positive(robot: Robot, values: ArrayLike | Mapping[str, float] | None, what: str) -> np.ndarray | None:
+def positive(
+    robot: Robot, values: ArrayLike | Mapping[str, float] | None, what: str
+) -> np.ndarray | None:
     """Return positive bounds of all actuators: one number, one each, or by name."""
     if values is None:
         return None
@@ -201,7 +225,9 @@ def positive(robot: Robot, values: ArrayLike | Mapping[str, float] | None, what:
         values = [checks.number(values, what)] * len(robot.actuators)
     numbers = checks.values_by_name(values, robot.actuators, what, "actuator")
     if not (numbers > 0).all() or numbers.ndim != 1:
-        raise LinkworkError(f"{what} {numbers.tolist()} do not fit; give one positive number per actuator")
+        raise LinkworkError(
+            f"{what} {numbers.tolist()} do not fit; give one positive number per actuator"
+        )
     return numbers
 
 
@@ -220,13 +246,22 @@ def dataset(
     robot, scale = J.robot, J.characteristic_length if length is None else length
     reached = np.flatnonzero(good)
     values = measured(J, q[reached], rates, forces, scale)
-    variables = {"reachable": (poses.dims, good.reshape(poses.shape), {"long_name": "tool can reach the pose"})}
+    variables = {
+        "reachable": (
+            poses.dims,
+            good.reshape(poses.shape),
+            {"long_name": "tool can reach the pose"},
+        )
+    }
     for name, part in values.items():
         full = np.full((good.size, *part.shape[1:]), np.nan)
         full[reached] = part
         dims = (*poses.dims, "actuator") if part.ndim == 2 else poses.dims
         variables[name] = (dims, full.reshape((*poses.shape, *part.shape[1:])), attributes(name, J))
-    coords = {name: ((name,) if axis.ndim else (), axis, {"units": unit(name)}) for name, axis in poses.axes.items()}
+    coords = {
+        name: ((name,) if axis.ndim else (), axis, {"units": unit(name)})
+        for name, axis in poses.axes.items()
+    }
     attrs = {
         "mechanism": robot.mechanism.name,
         "characteristic_length": scale,
@@ -251,7 +286,9 @@ def message(good: np.ndarray, poses: Poses) -> str:
     """Say how much of a grid is reached."""
     if good.any():
         return f"{int(good.sum())} of {good.size} poses are reached"
-    ranges = ", ".join(f"{name} from {axis.min():g} to {axis.max():g}" for name, axis in poses.axes.items())
+    ranges = ", ".join(
+        f"{name} from {axis.min():g} to {axis.max():g}" for name, axis in poses.axes.items()
+    )
     return f"none of {good.size} poses is reached on this working mode ({ranges}); choose others, or another guess"
 
 
@@ -281,7 +318,9 @@ def measured_at(
         if rates is not None and own.any():
             found[f"isotropic_{velocity}"] = largest_ball(K[:, :, own], rates)
         if forces is not None and own.any():
-            found[f"isotropic_{force}"] = largest_ball(np.swapaxes(inverse[:, own, :], -1, -2), forces)
+            found[f"isotropic_{force}"] = largest_ball(
+                np.swapaxes(inverse[:, own, :], -1, -2), forces
+            )
     return found
 
 
@@ -322,11 +361,19 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     axes = [mapped[name].values for name in dims]
     for name, axis in zip(dims, axes, strict=True):
         steps = np.diff(axis)
-        if name in POSE_ANGLES or len(axis) < 2 or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
-            raise LinkworkError(f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z")
+        if (
+            name in POSE_ANGLES
+            or len(axis) < 2
+            or not np.allclose(steps, steps[0], rtol=1e-6, atol=0)
+        ):
+            raise LinkworkError(
+                f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z"
+            )
     inside = mapped["reachable"].values & ~(mapped["conditioning"].values < at_least)
     spacing = [abs(axis[1] - axis[0]) for axis in axes]
-    distance = np.asarray(distance_transform_edt(np.pad(inside, 1), spacing))[(slice(1, -1),) * len(dims)]
+    distance = np.asarray(distance_transform_edt(np.pad(inside, 1), spacing))[
+        (slice(1, -1),) * len(dims)
+    ]
     best = np.unravel_index(int(np.argmax(distance)), distance.shape)
     centre = {str(name): float(axis[k]) for name, axis, k in zip(dims, axes, best, strict=True)}
     return centre, float(distance[best])

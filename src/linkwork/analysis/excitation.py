@@ -88,7 +88,10 @@ class Search:
         series = np.vstack([np.zeros((1, n)), own / k])
         time = np.linspace(0, self.period, 8 * self.harmonics + 1)
         omega = 2 * np.pi / self.period
-        largest = [np.abs(fourier(time, omega, self.harmonics, order) @ series).max(axis=0) for order in range(3)]
+        largest = [
+            np.abs(fourier(time, omega, self.harmonics, order) @ series).max(axis=0)
+            for order in range(3)
+        ]
         bounds = (self.half * (1 - np.abs(offset)), self.rates, self.accelerations)
         sizes = [np.where(size > 0, size, 1.0) for size in largest]
         stretch = np.min([bound / size for bound, size in zip(bounds, sizes, strict=True)], axis=0)
@@ -107,7 +110,10 @@ class Search:
         if not good.all():
             return None
         states = robot.make_state(q, v)
-        Y = own_rates(robot, states)[:, None] * self.base.regressor(states, dv)[..., self.base.columns]
+        Y = (
+            own_rates(robot, states)[:, None]
+            * self.base.regressor(states, dv)[..., self.base.columns]
+        )
         return Y.reshape(-1, len(self.base))
 
     def condition(self, shape: np.ndarray, sizes: np.ndarray) -> float:
@@ -147,12 +153,21 @@ def exciting_trajectory(
     from scipy.optimize import minimize
 
     if robot.independent != robot.actuators:
-        raise LinkworkError("exciting trajectories are made of actuators whose rates are the independent ones")
+        raise LinkworkError(
+            "exciting trajectories are made of actuators whose rates are the independent ones"
+        )
     checks.positive(period, "the period")
-    if not (isinstance(harmonics, int) and isinstance(trials, int) and harmonics > 0 and trials > 0):
-        raise LinkworkError(f"harmonics and trials are {harmonics!r} and {trials!r}; give whole numbers above zero")
+    if not (
+        isinstance(harmonics, int) and isinstance(trials, int) and harmonics > 0 and trials > 0
+    ):
+        raise LinkworkError(
+            f"harmonics and trials are {harmonics!r} and {trials!r}; give whole numbers above zero"
+        )
     lower, upper = range_of(robot, ranges)
-    largest = [positive(robot, bound, name) for bound, name in ((rates, "rates"), (accelerations, "accelerations"))]
+    largest = [
+        positive(robot, bound, name)
+        for bound, name in ((rates, "rates"), (accelerations, "accelerations"))
+    ]
     search = Search(
         solver(of_joints(robot, robot.actuators)),
         base_parameters(robot, effects),
@@ -166,25 +181,42 @@ def exciting_trajectory(
     shapes = random.standard_normal((trials, lower.size * (1 + 2 * harmonics)))
     stacks = [(shape, Y) for shape in shapes if (Y := search.stacked(shape)) is not None]
     if not stacks:
-        raise LinkworkError(f"none of {trials} trials stays in the workspace on this assembly mode; narrow the ranges")
+        raise LinkworkError(
+            f"none of {trials} trials stays in the workspace on this assembly mode; narrow the ranges"
+        )
     sizes = np.sqrt(np.mean([np.sum(Y**2, axis=0) for _, Y in stacks], axis=0))
     best = min((shape for shape, _ in stacks), key=lambda shape: search.condition(shape, sizes))
     found = minimize(
-        lambda shape: np.log(search.condition(shape, sizes)), best, method="Powell", options={"maxfev": trials}
+        lambda shape: np.log(search.condition(shape, sizes)),
+        best,
+        method="Powell",
+        options={"maxfev": trials},
     )
     best = min((best, np.asarray(found.x)), key=lambda shape: search.condition(shape, sizes))
-    return Excitation(robot.actuators, float(period), search.coefficients(best), search.condition(best, sizes))
+    return Excitation(
+        robot.actuators, float(period), search.coefficients(best), search.condition(best, sizes)
+    )
 
 
-def range_of(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+def range_of(
+    robot: Robot, ranges: Mapping[str, tuple[float, float]]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the lower and upper bounds of all actuators (n)."""
     if not isinstance(ranges, Mapping):
-        raise LinkworkError(f"the ranges are {ranges!r}; give (lower, upper) by name of the actuator")
+        raise LinkworkError(
+            f"the ranges are {ranges!r}; give (lower, upper) by name of the actuator"
+        )
     checks.known(ranges, robot.actuators, "actuator")
     missing = [name for name in robot.actuators if name not in ranges]
     if missing:
-        raise LinkworkError(f"the ranges lack {', '.join(missing)}; give all of {', '.join(robot.actuators)}")
-    pairs = np.array([checks.finite(ranges[name], f"the range of {name!r}") for name in robot.actuators])
+        raise LinkworkError(
+            f"the ranges lack {', '.join(missing)}; give all of {', '.join(robot.actuators)}"
+        )
+    pairs = np.array(
+        [checks.finite(ranges[name], f"the range of {name!r}") for name in robot.actuators]
+    )
     if pairs.shape != (len(robot.actuators), 2) or not (pairs[:, 0] < pairs[:, 1]).all():
-        raise LinkworkError(f"the ranges {dict(ranges)} do not fit; give (lower, upper) with lower < upper for each")
+        raise LinkworkError(
+            f"the ranges {dict(ranges)} do not fit; give (lower, upper) with lower < upper for each"
+        )
     return pairs[:, 0], pairs[:, 1]

@@ -73,7 +73,9 @@ class Identification:
         return Y[..., self.base.columns] @ self.values + known
 
 
-def identify(robot: Robot, measured: Measured | Run, effects: Sequence[str] = (), *, seed: int = 0) -> Identification:
+def identify(
+    robot: Robot, measured: Measured | Run, effects: Sequence[str] = (), *, seed: int = 0
+) -> Identification:
     """Identify the base parameters of a robot from a measured motion.
 
     Args:
@@ -91,7 +93,9 @@ def identify(robot: Robot, measured: Measured | Run, effects: Sequence[str] = ()
     states, n, own = data.states, robot.mobility, own_rates(robot, data.states)
     applied = np.einsum("kan,ka->kn", robot.actuation(states), data.forces)
     Y, known = base.regressor.with_known(states, data.accelerations)
-    right = (own * (applied - known)).T.ravel()  # energies: all samples of one rate, then of the next
+    right = (
+        own * (applied - known)
+    ).T.ravel()  # energies: all samples of one rate, then of the next
     rows = np.swapaxes(own[:, None] * Y[..., base.columns], 0, 1).reshape(right.size, -1)
     if right.size <= rows.shape[1]:
         raise LinkworkError(
@@ -124,7 +128,9 @@ def of_run(robot: Robot, run: Run) -> Measured:
     """Return the samples of a run as a measured motion."""
     missing = [name for name in robot.independent if name not in robot.rates]
     if missing:
-        raise LinkworkError(f"a run does not hold the rates {', '.join(missing)}; give a `Measured` motion")
+        raise LinkworkError(
+            f"a run does not hold the rates {', '.join(missing)}; give a `Measured` motion"
+        )
     places = [robot.rates.index(name) for name in robot.independent]
     rates = run.variables["joint_rate"].values[:, places]
     states = robot.state(run.variables["joint_position"].values, rates)
@@ -155,9 +161,13 @@ def periodic(
     """
     n = len(robot.actuators)
     if robot.independent != robot.actuators:
-        raise LinkworkError("a motion is measured in its actuators where their rates are the independent ones")
+        raise LinkworkError(
+            "a motion is measured in its actuators where their rates are the independent ones"
+        )
     t = checks.finite(time, "time")
-    q_a, u = (checks.finite(part, name) for part, name in ((positions, "positions"), (forces, "forces")))
+    q_a, u = (
+        checks.finite(part, name) for part, name in ((positions, "positions"), (forces, "forces"))
+    )
     if t.ndim != 1 or q_a.shape != (t.size, n) or u.shape != (t.size, n):
         raise LinkworkError(
             f"time, positions and forces have the shapes {t.shape}, {q_a.shape}, {u.shape}; give (N,), (N, {n})"
@@ -188,6 +198,11 @@ def tracked(robot: Robot, positions: np.ndarray, start: np.ndarray) -> np.ndarra
     q, good = problem.solve(start, positions, 30, problem.signs(start))
     if not good.all():
         k = int(np.argmin(good))
-        where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(robot.actuators, positions[k], strict=True))
-        raise UnreachableError(f"sample {k} ({where}) cannot be reached on this assembly mode; give another guess")
+        where = ", ".join(
+            f"{name} = {value:.6g}"
+            for name, value in zip(robot.actuators, positions[k], strict=True)
+        )
+        raise UnreachableError(
+            f"sample {k} ({where}) cannot be reached on this assembly mode; give another guess"
+        )
     return q

@@ -21,7 +21,15 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
 from linkwork.robot.evaluation import own_units
-from linkwork.robot.linear import actuator_forces, at_rest, evaluated, holding, largest, linearised, own_rates
+from linkwork.robot.linear import (
+    actuator_forces,
+    at_rest,
+    evaluated,
+    holding,
+    largest,
+    linearised,
+    own_rates,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -51,7 +59,11 @@ class LinearModel:
     @property
     def poles(self) -> np.ndarray:
         """Return the eigenvalues of A [1/s], by the size of their imaginary parts."""
-        return np.array(sorted(np.linalg.eigvals(self.A), key=lambda pole: (abs(pole.imag), pole.real, pole.imag)))
+        return np.array(
+            sorted(
+                np.linalg.eigvals(self.A), key=lambda pole: (abs(pole.imag), pole.real, pole.imag)
+            )
+        )
 
     @property
     def controllable(self) -> bool:
@@ -75,7 +87,9 @@ class LinearModel:
                 "python-control is not installed; install linkwork[control], or use A, B, C, D"
             ) from None
         names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
-        return control.StateSpace(self.A, self.B, self.C, self.D, **{key: list(value) for key, value in names.items()})
+        return control.StateSpace(
+            self.A, self.B, self.C, self.D, **{key: list(value) for key, value in names.items()}
+        )
 
 
 def linearise(
@@ -158,7 +172,9 @@ class NaturalModes:
         )
 
 
-def natural_modes(robot: Robot, state: State, forces: ArrayLike | Mapping[str, float] | None = None) -> NaturalModes:
+def natural_modes(
+    robot: Robot, state: State, forces: ArrayLike | Mapping[str, float] | None = None
+) -> NaturalModes:
     """Return natural frequencies and mode shapes about an equilibrium: K phi = omega^2 M phi, dampers left out.
 
     Args:
@@ -174,11 +190,16 @@ def natural_modes(robot: Robot, state: State, forces: ArrayLike | Mapping[str, f
     M, K = robot.mass_matrix(state), stiffness_matrix(robot, state, u)
     squares, shapes = eigh((K + K.T) / 2, M)
     units = own_rates(robot, state)
-    parts = np.linalg.solve(M, np.stack([robot.gravity(state), robot.passive_forces(state)], axis=1)) / units[:, None]
+    parts = (
+        np.linalg.solve(M, np.stack([robot.gravity(state), robot.passive_forces(state)], axis=1))
+        / units[:, None]
+    )
     fall = float(np.linalg.norm(robot.mechanism.gravity)) / robot.equations.tree.length
     usual = max(fall, largest(parts), largest(squares))
     if largest(state.rates / units) > AT_REST * np.sqrt(usual):
-        raise LinkworkError("natural modes are those about an equilibrium, but the state moves; set its rates to zero")
+        raise LinkworkError(
+            "natural modes are those about an equilibrium, but the state moves; set its rates to zero"
+        )
     residual = robot.forward_dynamics(state, u)
     if largest(residual / units) > BALANCED * usual:
         raise LinkworkError(
@@ -191,7 +212,9 @@ def natural_modes(robot: Robot, state: State, forces: ArrayLike | Mapping[str, f
     return NaturalModes(frequencies, shapes, joints, M, K, state.independent, robot.rates)
 
 
-def stiffness_matrix(robot: Robot, state: State, forces: ArrayLike | Mapping[str, float] | None = None) -> np.ndarray:
+def stiffness_matrix(
+    robot: Robot, state: State, forces: ArrayLike | Mapping[str, float] | None = None
+) -> np.ndarray:
     """Return K (n x n) = -d(S' u - G + f)/d xi of a state at rest: springs, weight and constant actuator forces.
 
     It is symmetric where the forces are in equilibrium.
@@ -226,7 +249,9 @@ def tool_stiffness(
     checks.known(stiffness, robot.rates, "rate")
     for name, value in stiffness.items():
         if checks.number(value, f"the stiffness of {name!r}") < 0:
-            raise LinkworkError(f"the stiffness of {name!r} is {value}; give a number not below zero")
+            raise LinkworkError(
+                f"the stiffness of {name!r} is {value}; give a number not below zero"
+            )
     robot.require_tool()
     values = evaluated(robot, at_rest(state), actuator_forces(robot, forces))
     rows = values["L"][[robot.rates.index(name) for name in stiffness]]
@@ -235,7 +260,9 @@ def tool_stiffness(
     units = own_rates(robot, state)
     sigma = np.linalg.svd(K * units * units[:, None], compute_uv=False)
     if not sigma[-1] > 1e-12 * max(sigma[0], 1e-300):
-        raise LinkworkError(f"the stiffnesses of {', '.join(stiffness) or 'no joint'} leave the robot loose; give more")
+        raise LinkworkError(
+            f"the stiffnesses of {', '.join(stiffness) or 'no joint'} leave the robot loose; give more"
+        )
     T = values["T_tool"]
     compliance = T @ np.linalg.solve(K, T.T)
     own = np.repeat([1.0, robot.equations.tree.length], 3)

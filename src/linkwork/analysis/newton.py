@@ -26,7 +26,9 @@ from linkwork.simulation.threads import usable_processors
 CHUNK = 4096
 TURN = 1.0  # largest turn of a step [rad]
 SLIDE = 3.0  # largest slide of a step, in lengths of the mechanism
-CONVERGED = 1e-10  # largest residual in the mechanism's own units, relative to what rounding grows with
+CONVERGED = (
+    1e-10  # largest residual in the mechanism's own units, relative to what rounding grows with
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,9 @@ class Solver:
         for places, _ in tree.quaternions:
             q[list(places)] /= ca.sqrt(ca.sumsqr(q[list(places)]))
         rows = square.equations.rows
-        residuals = ca.vertcat(rows.phi, square.error) * (1 / np.concatenate([rows.units, square.heights]))
+        residuals = ca.vertcat(rows.phi, square.error) * (
+            1 / np.concatenate([rows.units, square.heights])
+        )
         gap = ca.mmax(ca.fabs(ca.vertcat(residuals, rows.excess, *tree.norms())))
         return self._compiled("newton_step", {"q_next": q, "gap": gap})
 
@@ -58,13 +62,19 @@ class Solver:
     def verdict(self) -> Kernel:
         """(q, y) -> the alignment of the joints' frames, and the stages' determinants."""
         return self._compiled(
-            "verdict", {"alignment": self.square.equations.rows.alignment, "determinants": self.square.determinants}
+            "verdict",
+            {
+                "alignment": self.square.equations.rows.alignment,
+                "determinants": self.square.determinants,
+            },
         )
 
     def _compiled(self, name: str, outputs: dict[str, ca.SX]) -> Kernel:
         square = self.square
         inputs = {"q": square.equations.tree.q, "y": square.target}
-        return compile_function(functions.function(name, square.equations, inputs, outputs)).given(square.robot.p)
+        return compile_function(functions.function(name, square.equations, inputs, outputs)).given(
+            square.robot.p
+        )
 
     def signs(self, q: np.ndarray) -> np.ndarray:
         """Return the signs of the stages' determinants (..., stages), relative to those at the reference."""
@@ -96,11 +106,17 @@ class Solver:
     def _solve(
         self, q: np.ndarray, y: np.ndarray, iterations: int, mode: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        found, good, allowed = np.array(q), np.zeros(len(q), bool), CONVERGED * self.square.robot.size
+        found, good, allowed = (
+            np.array(q),
+            np.zeros(len(q), bool),
+            CONVERGED * self.square.robot.size,
+        )
         index, ones = np.arange(len(q)), np.ones(q.shape[1])
         for _ in range(iterations):
             q, gap = self.step(q, y)
-            finite = np.isfinite(q @ ones)  # the largest of some numbers passes over those that are none
+            finite = np.isfinite(
+                q @ ones
+            )  # the largest of some numbers passes over those that are none
             done = finite & (gap[:, 0] <= allowed)
             found[index[done]], good[index[done]] = q[done], True
             going = ~done & finite
@@ -125,7 +141,9 @@ def extent(square: Square) -> float:
     frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
     lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
     slides = [
-        abs(x) for x, label in zip(robot.home.positions, robot.coordinates, strict=True) if robot.unit(label) == "m"
+        abs(x)
+        for x, label in zip(robot.home.positions, robot.coordinates, strict=True)
+        if robot.unit(label) == "m"
     ]
     origins = [float(np.linalg.norm(p)) for p, _ in robot.body_poses(robot.home).values()]
     largest, own = max(*lengths, *slides, *origins), robot.equations.tree.length
@@ -153,7 +171,9 @@ def in_threads(work: Callable[[slice], Result], parts: Sequence[slice]) -> list[
         return list(pool.map(work, parts))
 
 
-def random_configurations(square: Square, length: float, count: int, random: np.random.Generator) -> np.ndarray:
+def random_configurations(
+    square: Square, length: float, count: int, random: np.random.Generator
+) -> np.ndarray:
     """Return random configurations (count, nq): angles and orientations uniform, slides within a length of home.
 
     Their loops are open. Coordinates that are asked for are set by the caller.

@@ -89,7 +89,9 @@ def singularity(
     asked, q = watched(robot, what), robot.own(state).q
     checks.positive(bound, "the bound")
     if q.ndim != 1:
-        raise LinkworkError("singularities are told of one state, not of a stack; take one by state.at(index)")
+        raise LinkworkError(
+            "singularities are told of one state, not of a stack; take one by state.at(index)"
+        )
     Phi, J_x, J_q = (np.array(part) for part in asked.rows(q, robot.p))
     columns, _ = robot.equations.sizes
     rank = len(robot.equations.chart.rows)
@@ -99,12 +101,18 @@ def singularity(
     J_x, J_q = asked.x_scale[:, None] * J_x, asked.q_scale[:, None] * J_q
     X, Q = J_x @ allowed, J_q @ allowed
     leg, actuator = (ratio(part, len(Q), J / columns) for part, J in ((X, J_x), (Q, J_q)))
-    kinds = ["III"] if max(leg, actuator) < bound else [k for k, r in (("I", leg), ("II", actuator)) if r < bound]
+    kinds = (
+        ["III"]
+        if max(leg, actuator) < bound
+        else [k for k, r in (("I", leg), ("II", actuator)) if r < bound]
+    )
     kinds += ["constraint"] * (constraint < bound)
     moving = X @ np.linalg.svd(Q)[2][-1]
     free = moving / asked.x_scale
     largest = free[np.argmax(np.abs(free))]
-    loose = actuator < bound and float(np.abs(moving).max()) > bound * float(np.linalg.norm(J_x / columns))
+    loose = actuator < bound and float(np.abs(moving).max()) > bound * float(
+        np.linalg.norm(J_x / columns)
+    )
     tool = dict(zip(asked.what, (free / largest).tolist(), strict=True)) if loose else {}
     return Singularity(tuple(kinds), leg, actuator, constraint, tool, asked.held)
 
@@ -135,11 +143,17 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     led = led_coordinates(robot, near=False) if what is None else tuple(what)
     if led is not None:
         made = jacobians(robot, led)
-        return Watched(robot, made.what, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths())
+        return Watched(
+            robot, made.what, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths()
+        )
     whole, direct = pose_names(robot), of_actuators(robot)
     scale = np.where([name in POSE_ANGLES for name in whole], extent(direct), 1.0)
     return Watched(
-        robot, whole, stacked_rows(robot, twist_rows(robot, whole), direct.J), scale, np.ones(len(direct.what))
+        robot,
+        whole,
+        stacked_rows(robot, twist_rows(robot, whole), direct.J),
+        scale,
+        np.ones(len(direct.what)),
     )
 
 
@@ -173,7 +187,10 @@ class Distance:
             for vanishing, moved in ((made.direct, made.inverse), (made.inverse, made.direct))
         ]
         function = functions.function(
-            "determinant_slopes", equations, {"q": tree.q}, {"slope_A": slopes[0], "slope_B": slopes[1]}
+            "determinant_slopes",
+            equations,
+            {"q": tree.q},
+            {"slope_A": slopes[0], "slope_B": slopes[1]},
         )
         return compile_function(function).given(made.robot.p)
 
@@ -217,7 +234,9 @@ def along(
     made, (axis, values, q) = jacobians(robot, what), samples(robot, motion)
     found = Distance(made)(q, length)
     units = {"tool_distance": "m", "actuator_distance": made.robot.unit(made.direct.what[0])}
-    variables = {name: ((axis,), part, {"units": units.get(name, "1")}) for name, part in found.items()}
+    variables = {
+        name: ((axis,), part, {"units": units.get(name, "1")}) for name, part in found.items()
+    }
     attrs = {
         "mechanism": robot.mechanism.name,
         "characteristic_length": made.characteristic_length if length is None else length,
@@ -237,7 +256,9 @@ def samples(robot: Robot, motion: Motion | Run | State) -> tuple[str, np.ndarray
         return "time", motion.coords["time"].values, states.q
     q = robot.own(motion).q
     if q.ndim != 2:
-        raise LinkworkError(f"the states have the leading shape {q.shape[:-1]}; give a stack of one leading dimension")
+        raise LinkworkError(
+            f"the states have the leading shape {q.shape[:-1]}; give a stack of one leading dimension"
+        )
     return "sample", np.arange(len(q)), q
 
 
@@ -262,7 +283,9 @@ def loci(mapped: xarray.Dataset, name: str = "det_A", level: float = 0.0) -> lis
     from contourpy import contour_generator
 
     if name not in mapped or mapped[name].ndim != 2:
-        given = ", ".join(f"{key} over {', '.join(map(str, part.dims))}" for key, part in mapped.items())
+        given = ", ".join(
+            f"{key} over {', '.join(map(str, part.dims))}" for key, part in mapped.items()
+        )
         raise LinkworkError(f"{name!r} is no quantity over two axes; there are {given}")
     first, second = (mapped[axis].values for axis in mapped[name].dims)
     values = np.ma.masked_invalid(mapped[name].values.astype(float))

@@ -70,7 +70,10 @@ class Square:
         read = ca.Function("A", [equations.tree.q, equations.p], [ca.densify(A)])
         kept = (*equations.chart.rows, *range(len(rows.names), A.shape[0]))
         heights, widths = np.concatenate([rows.units, self.heights]), equations.tree.rate_units
-        values = [(q, np.array(read(q, self.robot.p)) * widths / heights[:, None]) for q in around(self.robot)]
+        values = [
+            (q, np.array(read(q, self.robot.p)) * widths / heights[:, None])
+            for q in around(self.robot)
+        ]
         regular = [(q, value) for q, value in values if full_rank(scaled(value)[list(kept)])]
         if not regular:
             raise LinkworkError(
@@ -85,7 +88,9 @@ class Square:
     def solution(self) -> ca.SX:
         """W (nv x rows): the rates w = W y' for which the loops stay closed, at closed configurations."""
         count = self.J.shape[0]
-        return self._solve(self.equations.rows.Phi, SX.zeros(len(self.equations.rows.names), count), SX.eye(count))[0]
+        return self._solve(
+            self.equations.rows.Phi, SX.zeros(len(self.equations.rows.names), count), SX.eye(count)
+        )[0]
 
     @cached_property
     def determinant(self) -> ca.SX:
@@ -95,9 +100,14 @@ class Square:
     @cached_property
     def determinants(self) -> ca.SX:
         """Determinant of each stage over its value at `base`."""
-        _, pivots = self._solve(self.equations.rows.Phi, SX(len(self.equations.rows.names), 0), SX(self.J.shape[0], 0))
+        _, pivots = self._solve(
+            self.equations.rows.Phi, SX(len(self.equations.rows.names), 0), SX(self.J.shape[0], 0)
+        )
         ends = np.cumsum([len(stage.blocks) for stage in self.chart.stages])
-        parts = [pivots[end - len(stage.blocks) : end] for end, stage in zip(ends, self.chart.stages, strict=True)]
+        parts = [
+            pivots[end - len(stage.blocks) : end]
+            for end, stage in zip(ends, self.chart.stages, strict=True)
+        ]
         return ca.vertcat(SX(0, 1), *[product(part) for part in parts])
 
     @cached_property
@@ -131,15 +141,23 @@ def of_joints(robot: Robot, names: Sequence[str]) -> Square:
     checks.known(names, robot.coordinates, "joint")
     for name in names:
         if name not in robot.rates:
-            raise LinkworkError(f"{name!r} is part of a quaternion and cannot be asked for; name angles and slides")
+            raise LinkworkError(
+                f"{name!r} is part of a quaternion and cannot be asked for; name angles and slides"
+            )
     joints, y = robot.equations.joints, SX.sym("y", len(names))
     angular = dict(zip(robot.coordinates, robot.labels.angular, strict=True))
     errors = [
-        short_way(difference) if angular[name] and name not in robot.equations.tree.coordinates else difference
-        for name, difference in ((name, joints.position(name) - y[k]) for k, name in enumerate(names))
+        short_way(difference)
+        if angular[name] and name not in robot.equations.tree.coordinates
+        else difference
+        for name, difference in (
+            (name, joints.position(name) - y[k]) for k, name in enumerate(names)
+        )
     ]
     heights = np.array([robot.labels.sizes[robot.coordinates.index(name)] for name in names])
-    return square(robot, tuple(names), joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors), heights)
+    return square(
+        robot, tuple(names), joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors), heights
+    )
 
 
 def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
@@ -157,11 +175,15 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
     checks.known(what, pose_names(robot), "coordinate of the tool")
     turns = [name for name in what if name in ("rx", "ry", "rz")]
     if turns and len(turns) < 3:
-        raise LinkworkError(f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none")
+        raise LinkworkError(
+            f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none"
+        )
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
     position, orientation, angle = measures.tool_pose(tree, tool)
     y = SX.sym("y", len(what))
-    errors = {name: position[k] - y[what.index(name)] for k, name in enumerate("xyz") if name in what}
+    errors = {
+        name: position[k] - y[what.index(name)] for k, name in enumerate("xyz") if name in what
+    }
     if "angle" in what:
         errors["angle"] = short_way(angle - y[what.index("angle")])
     if turns:
@@ -170,7 +192,14 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         error = rotation_vector(matrix_quaternion(ca.mtimes(R, exponential(r).T)))
         errors |= {name: error[k] for k, name in enumerate(("rx", "ry", "rz"))}
     heights = np.where([name in POSE_ANGLES for name in what], 1.0, robot.equations.tree.length)
-    return square(robot, what, twist_rows(robot, what), y, ca.vertcat(*[errors[name] for name in what]), heights)
+    return square(
+        robot,
+        what,
+        twist_rows(robot, what),
+        y,
+        ca.vertcat(*[errors[name] for name in what]),
+        heights,
+    )
 
 
 def twist_rows(robot: Robot, what: Sequence[str]) -> ca.SX:
@@ -222,7 +251,9 @@ def twist_maps(robot: Robot) -> list[np.ndarray]:
     """Return the tool's twist (6 x n) for the independent rates, at the reference and near it."""
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
     J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
-    read = ca.Function("twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination[0])])
+    read = ca.Function(
+        "twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination[0])]
+    )
     return [np.array(read(q, robot.p)) for q in around(robot)]
 
 
@@ -244,7 +275,9 @@ def exponential(r: ca.SX) -> ca.SX:
     return SX.eye(3) + ca.sin(t) / t * K + 2 * (ca.sin(t / 2) / t) ** 2 * ca.mtimes(K, K)
 
 
-def square(robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX, heights: np.ndarray) -> Square:
+def square(
+    robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX, heights: np.ndarray
+) -> Square:
     """Return the system; refuse another number of rows than freedoms."""
     freedoms = robot.mobility - len(robot.spins)
     if len(what) != freedoms:
@@ -260,7 +293,13 @@ def around(robot: Robot) -> list[np.ndarray]:
     """Return the reference and configurations near it (fixed seed), whose loops are open by a little."""
     random = np.random.default_rng(1990)
     q = robot.equations.reference
-    return [q, *(q + SPREAD * robot.equations.tree.units * random.standard_normal(q.size) for _ in range(SAMPLES))]
+    return [
+        q,
+        *(
+            q + SPREAD * robot.equations.tree.units * random.standard_normal(q.size)
+            for _ in range(SAMPLES)
+        ),
+    ]
 
 
 def scaled(A: np.ndarray) -> np.ndarray:

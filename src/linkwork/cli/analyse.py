@@ -8,16 +8,27 @@ import typer
 from linkwork.cli.source import Source
 
 analyse = typer.Typer(
-    no_args_is_help=True, help="Study a robot: branches, singularities, workspace, small motions, statics."
+    no_args_is_help=True,
+    help="Study a robot: branches, singularities, workspace, small motions, statics.",
 )
 
-Joints = Annotated[str | None, typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad.")]
+Joints = Annotated[
+    str | None,
+    typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad."),
+]
 ToolPose = Annotated[
     str | None,
-    typer.Option("--tool", metavar="POSE", help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad."),
+    typer.Option(
+        "--tool",
+        metavar="POSE",
+        help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad.",
+    ),
 ]
 Forces = Annotated[
-    str | None, typer.Option(metavar="VALUES", help="Actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero).")
+    str | None,
+    typer.Option(
+        metavar="VALUES", help="Actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero)."
+    ),
 ]
 Reference = Annotated[
     str | None,
@@ -34,7 +45,10 @@ def robot(
     context: typer.Context,
     robot: Annotated[
         str,
-        typer.Argument(metavar="ROBOT", help="A robot of the catalogue (see 'linkwork robots') or a mechanism file."),
+        typer.Argument(
+            metavar="ROBOT",
+            help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.",
+        ),
     ],
     reference: Reference = None,
 ) -> None:
@@ -67,22 +81,35 @@ def singularities(context: typer.Context, joints: Joints = None, tool: ToolPose 
 def workspace(
     context: typer.Context,
     grid: Annotated[
-        str, typer.Option(metavar="AXES", help="Poses: 'x=0:1:101,y=0:1:101,angle=0.5' (from:to:count, or one number).")
+        str,
+        typer.Option(
+            metavar="AXES",
+            help="Poses: 'x=0:1:101,y=0:1:101,angle=0.5' (from:to:count, or one number).",
+        ),
     ],
     joints: Joints = None,
     tool: ToolPose = None,
     limits: Annotated[
-        str | None, typer.Option(metavar="RANGES", help="Joint limits 'slide_1=0:0.5,...' beside the description's.")
+        str | None,
+        typer.Option(
+            metavar="RANGES", help="Joint limits 'slide_1=0:0.5,...' beside the description's."
+        ),
     ] = None,
     rates: Annotated[
-        str | None, typer.Option(metavar="VALUES", help="Largest actuator rates, for the isotropic velocity.")
+        str | None,
+        typer.Option(metavar="VALUES", help="Largest actuator rates, for the isotropic velocity."),
     ] = None,
     forces: Annotated[
-        str | None, typer.Option(metavar="VALUES", help="Largest actuator forces, for the isotropic force.")
+        str | None,
+        typer.Option(metavar="VALUES", help="Largest actuator forces, for the isotropic force."),
     ] = None,
     quantity: Annotated[str, typer.Option(help="What the picture shows.")] = "conditioning",
-    out: Annotated[Path | None, typer.Option(metavar="FILE.nc", help="Write the map as NetCDF.")] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the map: .svg, .pdf or .png.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.nc", help="Write the map as NetCDF.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the map: .svg, .pdf or .png.")
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Map what the tool reaches, and how well, on the working mode of --tool or --joints (home if left out)."""
@@ -93,7 +120,9 @@ def workspace(
 
 
 @analyse.command()
-def linearise(context: typer.Context, joints: Joints = None, tool: ToolPose = None, forces: Forces = None) -> None:
+def linearise(
+    context: typer.Context, joints: Joints = None, tool: ToolPose = None, forces: Forces = None
+) -> None:
     """Show how the robot moves near a configuration at rest: poles, natural frequencies and shapes, controllability.
 
     Where --forces is left out, the actuators hold the configuration.
@@ -107,7 +136,10 @@ def linearise(context: typer.Context, joints: Joints = None, tool: ToolPose = No
 def stiffness(
     context: typer.Context,
     joint_stiffness: Annotated[
-        str, typer.Option("--joint-stiffness", metavar="VALUES", help="N/m or N m/rad: 'slide_1=1e5,slide_2=1e5'.")
+        str,
+        typer.Option(
+            "--joint-stiffness", metavar="VALUES", help="N/m or N m/rad: 'slide_1=1e5,slide_2=1e5'."
+        ),
     ],
     joints: Joints = None,
     tool: ToolPose = None,
@@ -124,7 +156,9 @@ def equilibrium(
     joints: Joints = None,
     tool: ToolPose = None,
     forces: Forces = None,
-    every: Annotated[bool, typer.Option("--all", help="Look for all equilibria, from random configurations.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Look for all equilibria, from random configurations.")
+    ] = False,
 ) -> None:
     """Find where the robot rests under its weight, springs and constant actuator forces (none if left out)."""
     from linkwork.cli import studies
@@ -138,12 +172,16 @@ def parameters(
     effects: Annotated[
         str | None,
         typer.Option(
-            metavar="NAMES", help="Joint effects beside masses: 'slide_1.friction.viscous,slide_1.rotor_inertia'."
+            metavar="NAMES",
+            help="Joint effects beside masses: 'slide_1.friction.viscous,slide_1.rotor_inertia'.",
         ),
     ] = None,
     run: Annotated[
         Path | None,
-        typer.Option(metavar="RUN.nc", help="Identify them from this run; left out: show the described values."),
+        typer.Option(
+            metavar="RUN.nc",
+            help="Identify them from this run; left out: show the described values.",
+        ),
     ] = None,
 ) -> None:
     """List the base parameters: the combinations of masses and friction that motions can tell."""

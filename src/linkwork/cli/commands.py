@@ -62,7 +62,9 @@ def sentence(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-app = typer.Typer(cls=Group, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False)
+app = typer.Typer(
+    cls=Group, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False
+)
 
 app.add_typer(analyse, name="analyse")
 
@@ -79,7 +81,11 @@ class OnSingular(StrEnum):
 
 
 RobotName = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.")
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.",
+    ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")]
 
@@ -95,11 +101,19 @@ def print_version(wanted: bool) -> None:
 @app.callback()
 def root(
     version: Annotated[
-        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and leave.")
+        bool,
+        typer.Option(
+            "--version", callback=print_version, is_eager=True, help="Print the version and leave."
+        ),
     ] = False,
-    debug: Annotated[bool, typer.Option(DEBUG, help="Show the traceback of a refusal; may stand anywhere.")] = False,
+    debug: Annotated[
+        bool, typer.Option(DEBUG, help="Show the traceback of a refusal; may stand anywhere.")
+    ] = False,
     strict: Annotated[
-        bool, typer.Option(STRICT, help="Refuse a model file that is not read whole; may stand anywhere.")
+        bool,
+        typer.Option(
+            STRICT, help="Refuse a model file that is not read whole; may stand anywhere."
+        ),
     ] = False,
 ) -> None:
     """Exact equations of motion of mechanisms with closed loops, compiled to machine code."""
@@ -141,9 +155,15 @@ def export(
 @app.command()
 def convert(
     source: Annotated[
-        str, typer.Argument(metavar="A", help="A model file (.xml or .mjcf, .urdf, .yaml) or a robot of the catalogue.")
+        str,
+        typer.Argument(
+            metavar="A",
+            help="A model file (.xml or .mjcf, .urdf, .yaml) or a robot of the catalogue.",
+        ),
     ],
-    target: Annotated[Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")],
+    target: Annotated[
+        Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")
+    ],
     reference: Reference = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -163,17 +183,26 @@ def simulate(
     forces: Annotated[
         str | None,
         typer.Option(
-            metavar="VALUES", help="Constant actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero)."
+            metavar="VALUES",
+            help="Constant actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero).",
         ),
     ] = None,
     forces_csv: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Forces over time: a column 'time' (s) and one named after each actuator."),
+        typer.Option(
+            metavar="FILE",
+            help="Forces over time: a column 'time' (s) and one named after each actuator.",
+        ),
     ] = None,
-    kind: Annotated[Reading, typer.Option(help="How the forces of a file run between their times.")] = Reading.spline,
+    kind: Annotated[
+        Reading, typer.Option(help="How the forces of a file run between their times.")
+    ] = Reading.spline,
     tool: Annotated[
         str | None,
-        typer.Option(metavar="POSE", help="Start with the tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad."),
+        typer.Option(
+            metavar="POSE",
+            help="Start with the tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad.",
+        ),
     ] = None,
     joints: Annotated[
         str | None,
@@ -192,14 +221,19 @@ def simulate(
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the local error.")] = 1e-8,
     atol: Annotated[
         float,
-        typer.Option(help="Absolute tolerance of the local error: rad; of lengths parts of the robot's own length."),
+        typer.Option(
+            help="Absolute tolerance of the local error: rad; of lengths parts of the robot's own length."
+        ),
     ] = 1e-10,
     samples: Annotated[int, typer.Option(help="Number of equally spaced times to save.")] = 101,
     on_singular: Annotated[
-        OnSingular, typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation.")
+        OnSingular,
+        typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation."),
     ] = OnSingular.stop,
     reference: Reference = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Integrate the equations of motion from a pose under actuator forces.
@@ -219,7 +253,9 @@ def simulate(
 
 @app.command()
 def reproduce(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report, its figures and its data.")],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for the report, its figures and its data.")
+    ],
 ) -> None:
     """Reproduce the paper's study of the 3-PRR robot, checked by independent engines.
 
@@ -232,11 +268,16 @@ def reproduce(
 
 @app.command()
 def report(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="A saved run (.nc), of 'simulate --out' or Run.save.")],
+    run: Annotated[
+        str,
+        typer.Argument(metavar="RUN", help="A saved run (.nc), of 'simulate --out' or Run.save."),
+    ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="The page to write, ending in .html.")],
     of: Annotated[
         str | None,
-        typer.Option("--robot", metavar="ROBOT", help="Whose the run is, if it does not hold its mechanism."),
+        typer.Option(
+            "--robot", metavar="ROBOT", help="Whose the run is, if it does not hold its mechanism."
+        ),
     ] = None,
     reference: Reference = None,
     overwrite: Overwrite = False,
@@ -252,13 +293,21 @@ def sweep(
     study: Annotated[Path, typer.Argument(metavar="STUDY.yaml", help="The study file.")],
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder for the results; left out, one named after the study's file."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder for the results; left out, one named after the study's file.",
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786; left out, compute here."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="A Dask scheduler, such as tcp://host:8786; left out, compute here.",
+        ),
     ] = None,
-    threads: Annotated[int | None, typer.Option(help="Threads to use here; left out, all processors.")] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="Threads to use here; left out, all processors.")
+    ] = None,
 ) -> None:
     """Simulate a robot over a design of parameters, starts and controllers: DIR/results.zarr, table.csv, plots.svg.
 
@@ -273,15 +322,21 @@ def sweep(
 def view(
     robot: Annotated[
         str,
-        typer.Argument(metavar="ROBOT|RUN", help="A robot of the catalogue, a mechanism file, or a saved run (.nc)."),
+        typer.Argument(
+            metavar="ROBOT|RUN",
+            help="A robot of the catalogue, a mechanism file, or a saved run (.nc).",
+        ),
     ],
-    of: Annotated[str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")] = None,
+    of: Annotated[
+        str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")
+    ] = None,
     reference: Reference = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; the default serves this computer alone.")
     ] = "127.0.0.1",
     port: Annotated[
-        int | None, typer.Option(help="Port to listen on; left out, the first free one from 8080 on.")
+        int | None,
+        typer.Option(help="Port to listen on; left out, the first free one from 8080 on."),
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> None:

@@ -37,7 +37,9 @@ def by_name(text: str, names: Sequence[str], option: str) -> dict[str, float]:
     for part in parts:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
-            raise LinkworkError(f"{option}: {part.strip()!r} has no name; write name=value for all, or for none")
+            raise LinkworkError(
+                f"{option}: {part.strip()!r} has no name; write name=value for all, or for none"
+            )
         if name not in names:
             raise LinkworkError(f"{option}: there is no {name!r}; the names are {', '.join(names)}")
         if name in found:
@@ -71,10 +73,14 @@ def read_columns(path: Path, names: Sequence[str]) -> tuple[np.ndarray, np.ndarr
     """
     rows = list(_rows(path))
     if not rows:
-        raise LinkworkError(f"{path} is empty; its first line names the columns: {TIME},{','.join(names)}")
+        raise LinkworkError(
+            f"{path} is empty; its first line names the columns: {TIME},{','.join(names)}"
+        )
     header = [title.strip() for title in rows[0][1]]
     _check_header(path, header, names)
-    values = np.array([_entries(path, line, row, header) for line, row in rows[1:]]).reshape(-1, len(header))
+    values = np.array([_entries(path, line, row, header) for line, row in rows[1:]]).reshape(
+        -1, len(header)
+    )
     order = [header.index(name) for name in (TIME, *names)]
     values = values[:, order]
     if len(values) < 2:
@@ -98,24 +104,37 @@ def _rows(path: Path):
                 if any(entry.strip() for entry in row) and not row[0].lstrip().startswith("#"):
                     yield reader.line_num, row
     except OSError as error:
-        raise LinkworkError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+        raise LinkworkError(
+            f"{path} cannot be read: {(error.strerror or str(error)).lower()}"
+        ) from None
     except (UnicodeDecodeError, csv.Error):
-        raise LinkworkError(f"{path} is not a CSV file: UTF-8 text with commas between the entries") from None
+        raise LinkworkError(
+            f"{path} is not a CSV file: UTF-8 text with commas between the entries"
+        ) from None
 
 
 def _check_header(path: Path, header: list[str], names: Sequence[str]) -> None:
     wanted = (TIME, *names)
     for title in header:
         if title not in wanted:
-            raise LinkworkError(f"{path} has an unknown column {title!r}; the columns are {', '.join(wanted)}")
+            raise LinkworkError(
+                f"{path} has an unknown column {title!r}; the columns are {', '.join(wanted)}"
+            )
         if header.count(title) > 1:
             raise LinkworkError(f"{path} has the column {title!r} more than once; keep one of them")
     missing = [name for name in wanted if name not in header]
     if missing:
-        raise LinkworkError(f"{path} lacks the column {missing[0]!r}; the columns are {', '.join(wanted)}")
+        raise LinkworkError(
+            f"{path} lacks the column {missing[0]!r}; the columns are {', '.join(wanted)}"
+        )
 
 
 def _entries(path: Path, line: int, row: list[str], header: list[str]) -> list[float]:
     if len(row) != len(header):
-        raise LinkworkError(f"{path}, line {line}: holds {len(row)} entries; give {len(header)}: {', '.join(header)}")
-    return [number(entry, f"{path}, line {line}, column {title!r}") for entry, title in zip(row, header, strict=True)]
+        raise LinkworkError(
+            f"{path}, line {line}: holds {len(row)} entries; give {len(header)}: {', '.join(header)}"
+        )
+    return [
+        number(entry, f"{path}, line {line}, column {title!r}")
+        for entry, title in zip(row, header, strict=True)
+    ]

@@ -77,9 +77,13 @@ def joint_facts(robot: Robot, name: str, joint: Joint) -> dict[str, Any]:
         "role": "gear" if gear else "cut" if name in robot.equations.topology.cuts else "tree",
         "actuated": [rate for rate in joint.rates(name) if rate in robot.actuators],
         "limits": {
-            freedom: [limits.lower, limits.upper] for freedom, (_, _, limits, _) in effects if limits != Limits()
+            freedom: [limits.lower, limits.upper]
+            for freedom, (_, _, limits, _) in effects
+            if limits != Limits()
         },
-        "stiffness": {freedom: spring.stiffness for freedom, (_, spring, _, _) in effects if spring.stiffness},
+        "stiffness": {
+            freedom: spring.stiffness for freedom, (_, spring, _, _) in effects if spring.stiffness
+        },
     }
 
 
@@ -116,7 +120,8 @@ def print_tables(found: dict[str, Any]) -> None:
     out.print(facts(rows))
     out.print()
     joints = [
-        (joint["name"], joint["type"], between(joint), joint["role"], actuated(joint)) for joint in found["joints"]
+        (joint["name"], joint["type"], between(joint), joint["role"], actuated(joint))
+        for joint in found["joints"]
     ]
     out.print(table(("joint", "type", "connects", "role", "actuated"), joints))
     out.print()
@@ -130,7 +135,11 @@ def print_tables(found: dict[str, Any]) -> None:
         )
         for item in found["kernels"]
     ]
-    out.print(table(("function", "inputs", "outputs", "operations", "instructions"), kernels, numbers=(3, 4)))
+    out.print(
+        table(
+            ("function", "inputs", "outputs", "operations", "instructions"), kernels, numbers=(3, 4)
+        )
+    )
 
 
 def mobility(found: dict[str, Any]) -> str:
@@ -141,14 +150,18 @@ def mobility(found: dict[str, Any]) -> str:
         return told
     dependent = n - counted
     vanish = dependent - named
-    parts = [f"{named} named below"] * (named > 0) + [f"{vanish} that the geometry makes vanish"] * (vanish > 0)
+    parts = [f"{named} named below"] * (named > 0) + [
+        f"{vanish} that the geometry makes vanish"
+    ] * (vanish > 0)
     rows = "one closure row depends" if dependent == 1 else f"{dependent} closure rows depend"
     return f"{told}, because {rows} on the others: {' and '.join(parts)}"
 
 
 def between(joint: dict[str, Any]) -> str:
     """Return the bodies that a joint connects, or the sum that a gear keeps."""
-    return " - ".join(joint["connects"]) or " + ".join(f"{ratio:g} {name}" for name, ratio in joint["couples"].items())
+    return " - ".join(joint["connects"]) or " + ".join(
+        f"{ratio:g} {name}" for name, ratio in joint["couples"].items()
+    )
 
 
 def actuated(joint: dict[str, Any]) -> str:
@@ -160,7 +173,11 @@ def actuated(joint: dict[str, Any]) -> str:
 def limits(joints: list[dict[str, Any]]) -> Iterator[str]:
     for joint in joints:
         for freedom, (lower, upper) in joint["limits"].items():
-            bounds = [f"{word} {bound:g}" for word, bound in (("from", lower), ("to", upper)) if bound is not None]
+            bounds = [
+                f"{word} {bound:g}"
+                for word, bound in (("from", lower), ("to", upper))
+                if bound is not None
+            ]
             yield f"{freedom_name(joint, freedom)} {' '.join(bounds)} {'m' if freedom in SLIDES else 'rad'}"
 
 
@@ -174,7 +191,11 @@ def springs(found: dict[str, Any]) -> Iterator[str]:
 
 def freedom_name(joint: dict[str, Any], freedom: str) -> str:
     """Return a freedom by the joint's name; the one of a joint that has no other by that alone."""
-    return joint["name"] if joint["type"] in ("revolute", "prismatic", "screw") else f"{joint['name']}.{freedom}"
+    return (
+        joint["name"]
+        if joint["type"] in ("revolute", "prismatic", "screw")
+        else f"{joint['name']}.{freedom}"
+    )
 
 
 def signature(sizes: dict[str, int]) -> str:

@@ -66,7 +66,11 @@ class Load:
         if self.file is not None:
             times, values = read_columns(self.file, robot.actuators)
             return Sampled(times, values, self.kind)
-        return by_name(self.constant, robot.actuators, "--forces") if self.constant is not None else None
+        return (
+            by_name(self.constant, robot.actuators, "--forces")
+            if self.constant is not None
+            else None
+        )
 
 
 @dataclass(frozen=True)
@@ -128,7 +132,10 @@ def print_ending(robot: Robot, run: Run) -> None:
     rows = [
         ("status", f"{run.status.name.lower()}: {run.message}"),
         ("steps", f"{run.steps} accepted, {run.rejected} rejected"),
-        ("evaluations", f"{run.nfev} of the equations of motion, {statistics.projections} projections"),
+        (
+            "evaluations",
+            f"{run.nfev} of the equations of motion, {statistics.projections} projections",
+        ),
         ("independent", str(run.attrs["charts"])),
         ("closure error", f"{run.closure_error:.2g} (own lengths, rad)"),
         ("smallest pivot", f"{statistics.pivot:.3g} at {statistics.pivot_time:.4g} s"),
@@ -147,4 +154,6 @@ def print_ending(robot: Robot, run: Run) -> None:
 def last(run: Run, quantity: str, dim: str, shown: Collection[str] | None = None) -> str:
     """Return the last values of a quantity by name, of all components or of those shown."""
     values = zip(run.coords[dim].values, run.variables[quantity].values[-1], strict=True)
-    return ", ".join(f"{name} {value:.6g}" for name, value in values if shown is None or name in shown)
+    return ", ".join(
+        f"{name} {value:.6g}" for name, value in values if shown is None or name in shown
+    )

@@ -38,7 +38,10 @@ class Map:
 
     def check(self) -> None:
         """Refuse what cannot be written before anything is computed."""
-        for option, file, suffixes in (("--out", self.out, (".nc",)), ("--picture", self.picture, PICTURES)):
+        for option, file, suffixes in (
+            ("--out", self.out, (".nc",)),
+            ("--picture", self.picture, PICTURES),
+        ):
             if file is None:
                 continue
             if file.suffix.lower() not in suffixes:
@@ -90,7 +93,9 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
         numbers_of = robot.tool_pose(found.states)
     lines = [
         (str(k), *(f"{value:.5g}" for value in row), str(hits), "yes" if inside else "no")
-        for k, (row, hits, inside) in enumerate(zip(numbers_of, found.hits, found.within_limits, strict=True), start=1)
+        for k, (row, hits, inside) in enumerate(
+            zip(numbers_of, found.hits, found.within_limits, strict=True), start=1
+        )
     ]
     out.print()
     out.print(table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2)))
@@ -109,12 +114,17 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
         ("constraint", f"{told.constraint:.4g}  0: the loops let go"),
     ]
     if told.tool:
-        rows.append(("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items())))
+        rows.append(
+            ("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items()))
+        )
     elif not told.kinds and led_coordinates(robot, near=False):
         stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
         near = analysis.along(robot, stack).isel(sample=0)
         rows += [
-            ("det A, det B", f"{float(near.det_A):.4g}, {float(near.det_B):.4g}  over those at the reference"),
+            (
+                "det A, det B",
+                f"{float(near.det_A):.4g}, {float(near.det_B):.4g}  over those at the reference",
+            ),
             (
                 "conditioning",
                 f"{float(near.conditioning):.4g}  1 / cond, l = {near.attrs['characteristic_length']:.4g} m",
@@ -139,14 +149,20 @@ def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) 
     )
     with patience("mapping the workspace"):
         guess = configuration(robot, joints, tool)
-        mapped = analysis.workspace(robot, axes(asked.grid), guess=guess, limits=limits, rates=rates, forces=forces)
+        mapped = analysis.workspace(
+            robot, axes(asked.grid), guess=guess, limits=limits, rates=rates, forces=forces
+        )
     rows = [("reached", str(mapped.attrs["message"]))]
     rows += [
         (str(label), spread_of(mapped, str(label)))
         for label in mapped
         if label not in ("reachable", "actuator_position")
     ]
-    rows += [("inscribed", ball(mapped))] if bool(mapped.reachable.any()) and len(mapped.reachable.dims) > 1 else []
+    rows += (
+        [("inscribed", ball(mapped))]
+        if bool(mapped.reachable.any()) and len(mapped.reachable.dims) > 1
+        else []
+    )
     console().print(facts(rows))
     if asked.out is not None:
         mapped.to_netcdf(asked.out, engine="scipy")
@@ -165,10 +181,18 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
     robot = made(source)
     with patience("linearising"):
         state = configuration(robot, joints, tool)
-        held = analysis.holding(robot, state) if forces is None else by_name(forces, robot.actuators, "--forces")
+        held = (
+            analysis.holding(robot, state)
+            if forces is None
+            else by_name(forces, robot.actuators, "--forces")
+        )
         model = analysis.linearise(robot, state, held)
         acceleration = robot.forward_dynamics(state, held)
-        modes = analysis.natural_modes(robot, state, held) if np.abs(acceleration).max(initial=0) < 1e-6 else None
+        modes = (
+            analysis.natural_modes(robot, state, held)
+            if np.abs(acceleration).max(initial=0) < 1e-6
+            else None
+        )
     out = console()
     out.print(
         facts(
@@ -176,13 +200,25 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
                 ("configuration", pose_of(robot, state)),
                 ("states", f"{len(model.states)}: {', '.join(model.states)}"),
                 ("controllable", "yes" if model.controllable else "no"),
-                ("equilibrium", "no: it accelerates" if modes is None else "stable" if modes.stable else "not stable"),
+                (
+                    "equilibrium",
+                    "no: it accelerates"
+                    if modes is None
+                    else "stable"
+                    if modes.stable
+                    else "not stable",
+                ),
             ]
         )
     )
     out.print()
-    poles = [(f"{pole.real:.6g}", f"{pole.imag:+.6g}", f"{abs(pole) / (2 * np.pi):.6g}") for pole in model.poles]
-    out.print(table(("pole, real [1/s]", "imaginary [rad/s]", "size [Hz]"), poles, numbers=(0, 1, 2)))
+    poles = [
+        (f"{pole.real:.6g}", f"{pole.imag:+.6g}", f"{abs(pole) / (2 * np.pi):.6g}")
+        for pole in model.poles
+    ]
+    out.print(
+        table(("pole, real [1/s]", "imaginary [rad/s]", "size [Hz]"), poles, numbers=(0, 1, 2))
+    )
     if modes is not None:
         shown = robot.independent[:FEW]
         shapes = modes.shapes[: len(shown)] / np.abs(modes.shapes).max(axis=0)
@@ -208,18 +244,31 @@ def stiffness(source: Source, joints: str | None, tool: str | None, given: str) 
     shown = [3, 4, 2] if robot.planar else [3, 4, 5, 0, 1, 2]
     rows = [(labels[i], *(f"{K[i, j]:.4g}" for j in shown)) for i in shown]
     out = console()
-    out.print(facts([("configuration", pose_of(robot, state)), ("units", "N/m, N/rad, N m/rad; forces by rows")]))
+    out.print(
+        facts(
+            [
+                ("configuration", pose_of(robot, state)),
+                ("units", "N/m, N/rad, N m/rad; forces by rows"),
+            ]
+        )
+    )
     out.print()
     out.print(table(("", *(labels[i] for i in shown)), rows, numbers=range(1, len(shown) + 1)))
 
 
-def equilibrium(source: Source, joints: str | None, tool: str | None, forces: str | None, every: bool) -> None:
+def equilibrium(
+    source: Source, joints: str | None, tool: str | None, forces: str | None, every: bool
+) -> None:
     """Print where a robot rests."""
     robot = made(source)
     u = None if forces is None else by_name(forces, robot.actuators, "--forces")
     with patience("looking for equilibria"):
         guess = configuration(robot, joints, tool)
-        found = analysis.equilibria(robot, u) if every else [analysis.equilibrium(robot, u, guess=guess)]
+        found = (
+            analysis.equilibria(robot, u)
+            if every
+            else [analysis.equilibrium(robot, u, guess=guess)]
+        )
     if not found:
         raise LinkworkError("no equilibrium is found; give other forces")
     out = console()
@@ -248,15 +297,29 @@ def parameters(source: Source, effects: str | None, run: Path | None) -> None:
     with patience("looking for the base parameters"):
         if run is None:
             base = analysis.base_parameters(robot, wanted)
-            rows = [(f"{value:.6g}", label) for value, label in zip(base.described, base.names, strict=True)]
+            rows = [
+                (f"{value:.6g}", label)
+                for value, label in zip(base.described, base.names, strict=True)
+            ]
             out.print(table(("described", f"{len(base)} base parameters"), rows, numbers=(0,)))
             return
         found = analysis.identify(robot, Run.load(run), wanted)
     lines = zip(found.values, found.deviations, found.described, found.names, strict=True)
-    rows = [(f"{value:.6g}", f"{own:.2g}", f"{told:.6g}", label) for value, own, told, label in lines]
-    out.print(table(("identified", "+-", "described", f"{len(rows)} base parameters"), rows, numbers=(0, 1, 2)))
+    rows = [
+        (f"{value:.6g}", f"{own:.2g}", f"{told:.6g}", label) for value, own, told, label in lines
+    ]
+    out.print(
+        table(
+            ("identified", "+-", "described", f"{len(rows)} base parameters"),
+            rows,
+            numbers=(0, 1, 2),
+        )
+    )
     out.print()
-    residual = ", ".join(f"{label} {value:.3g}" for label, value in zip(robot.independent, found.residual, strict=True))
+    residual = ", ".join(
+        f"{label} {value:.3g}"
+        for label, value in zip(robot.independent, found.residual, strict=True)
+    )
     out.print(facts([("condition", f"{found.condition:.4g}"), ("remains", residual)]))
 
 
@@ -285,7 +348,9 @@ def axes(text: str) -> dict[str, np.ndarray | float]:
         elif len(parts) == 3 and parts[2] == int(parts[2]) >= 1:
             found[name] = np.linspace(parts[0], parts[1], int(parts[2]))
         else:
-            raise LinkworkError(f"--grid: {name}={value} is no axis; give from:to:count, or one number")
+            raise LinkworkError(
+                f"--grid: {name}={value} is no axis; give from:to:count, or one number"
+            )
     return found
 
 
@@ -315,7 +380,11 @@ def pairs(text: str, option: str) -> Iterable[tuple[str, str]]:
 
 def spread(robot: Robot, text: str, option: str) -> float | dict[str, float]:
     """Return one number for all actuators, or one each."""
-    return number(text, option) if "=" not in text and "," not in text else by_name(text, robot.actuators, option)
+    return (
+        number(text, option)
+        if "=" not in text and "," not in text
+        else by_name(text, robot.actuators, option)
+    )
 
 
 def spread_of(mapped, name: str) -> str:

@@ -27,7 +27,9 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
     if threads is not None and threads < 1:
         raise LinkworkError(f"--threads {threads}: give at least 1")
     if threads is not None and scheduler is not None:
-        raise LinkworkError("--threads and --scheduler are both given; the workers of a cluster have their own threads")
+        raise LinkworkError(
+            "--threads and --scheduler are both given; the workers of a cluster have their own threads"
+        )
     with patience("preparing the study"):
         from linkwork import sweeps
         from linkwork.sweeps.chunk import bench_of
@@ -58,7 +60,12 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
 
 def bar() -> Progress:
     """Return a progress bar on stderr."""
-    parts = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    parts = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     return Progress(*parts, console=Console(stderr=True), transient=True)
 
 
@@ -70,11 +77,18 @@ def show(name: str, members: int, before: int, corrupted: int, found: Summary) -
     if before:
         out.print(f"{before} chunks were finished before", soft_wrap=True)
     if corrupted:
-        out.print(f"{corrupted} chunks were corrupted on disk and have been computed again", soft_wrap=True)
+        out.print(
+            f"{corrupted} chunks were corrupted on disk and have been computed again",
+            soft_wrap=True,
+        )
     for controller in dict.fromkeys(row.controller for row in found.rows):
         out.print(f"\n{controller}" if controller else "", soft_wrap=True)
         rows = [
-            (row.output, row.unit, *(f"{value:.4g}" for value in (row.mean, row.deviation, row.least, row.largest)))
+            (
+                row.output,
+                row.unit,
+                *(f"{value:.4g}" for value in (row.mean, row.deviation, row.least, row.largest)),
+            )
             for row in found.rows
             if row.controller == controller
         ]

@@ -19,11 +19,15 @@ def console() -> Console:
     return Console(markup=False, highlight=False)
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> Table:
+def table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()
+) -> Table:
     """Return a table; the columns in `numbers` are set flush right."""
     made = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True)
     for index, title in enumerate(header):
-        made.add_column(Text(title), justify="right" if index in numbers else "left", overflow="fold")
+        made.add_column(
+            Text(title), justify="right" if index in numbers else "left", overflow="fold"
+        )
     for row in rows:
         made.add_row(*map(Text, row))
     return made

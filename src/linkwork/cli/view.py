@@ -20,7 +20,9 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
     name = source.name
     run = Run.load(name) if Path(name).suffix.lower() == SUFFIX else None
     if run is None and of is not None:
-        raise LinkworkError(f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})")
+        raise LinkworkError(
+            f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})"
+        )
     with patience("preparing the robot"):
         from linkwork.viewer import Viewer
 
@@ -30,7 +32,9 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
         out = console()
         out.print(f"{robot.mechanism.name}: {viewer.url} (Ctrl-C ends it)", soft_wrap=True)
         if host not in LOCAL:
-            out.print("everyone who is given this address can see and move the robot", soft_wrap=True)
+            out.print(
+                "everyone who is given this address can see and move the robot", soft_wrap=True
+            )
         if browser:
             webbrowser.open(viewer.url)
         viewer.wait()

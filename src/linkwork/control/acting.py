@@ -82,7 +82,11 @@ class Acting:
     def bounded(self) -> tuple[tuple[str, Drive], ...]:
         """The drives that cannot start everywhere, with their actuators."""
         driven = zip(self.names.actuators, self.drives, strict=True)
-        return tuple((name, drive) for name, drive in driven if type(drive).require_start is not Drive.require_start)
+        return tuple(
+            (name, drive)
+            for name, drive in driven
+            if type(drive).require_start is not Drive.require_start
+        )
 
     @cached_property
     def key(self) -> str:
@@ -98,7 +102,9 @@ class Acting:
         if not self.timed:
             return None
         symbols, outputs = self._outputs
-        acting = ca.vertcat(*(outputs[name] for name in ("command", "force", "extra_rates", "wrenches")))
+        acting = ca.vertcat(
+            *(outputs[name] for name in ("command", "force", "extra_rates", "wrenches"))
+        )
         return timely(symbols["t"], symbols["parameters"], acting, outputs["events"])
 
     @cached_property
@@ -107,7 +113,11 @@ class Acting:
         symbols, outputs = self._outputs
         found = {symbol.element_hash() for symbol in ca.symvar(outputs["events"])}
         references = ca.vertsplit(symbols["references"]) if symbols["references"].numel() else []
-        return [int(self.timed) + i for i, symbol in enumerate(references) if symbol.element_hash() in found]
+        return [
+            int(self.timed) + i
+            for i, symbol in enumerate(references)
+            if symbol.element_hash() in found
+        ]
 
     @cached_property
     def _outputs(self) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
@@ -117,24 +127,38 @@ class Acting:
         return symbols, dict(zip(OUTPUTS, self.function.call([*symbols.values()]), strict=True))
 
     def watch(
-        self, inputs: Signal, kernel: Kernel | None, parameters: np.ndarray, span: tuple[float, float]
+        self,
+        inputs: Signal,
+        kernel: Kernel | None,
+        parameters: np.ndarray,
+        span: tuple[float, float],
     ) -> Watch | None:
         """Return what no step may pass over within a span [s] beside the integrator's inputs, if there is anything.
 
         kernel: of what is `timely`.
         """
-        scanned, strict = self.timely.scanned(kernel, parameters, span) if self.timely and kernel else (None, 0)
+        scanned, strict = (
+            self.timely.scanned(kernel, parameters, span) if self.timely and kernel else (None, 0)
+        )
         columns = self.read_by_events if len(inputs.coefficients) > 1 else []
         if scanned is None and not columns:
             return None
-        read = Signal(inputs.knots, np.ascontiguousarray(inputs.coefficients[:, :, columns]), inputs.breaks)
+        read = Signal(
+            inputs.knots, np.ascontiguousarray(inputs.coefficients[:, :, columns]), inputs.breaks
+        )
         return Watch(stack(inputs, *([scanned] if scanned else []), read), strict + len(columns))
 
     def inputs(self, commands: Signal | None) -> Signal:
         """Return the integrator's inputs over time: t where it is read, commands that no controller gives, references."""
         signals = [*([clock()] if self.timed else []), *([] if commands is None else [commands])]
         signals += [reference.signal for reference in self.references]
-        return signals[0] if len(signals) == 1 else stack(*signals) if signals else as_signal(np.zeros(0))
+        return (
+            signals[0]
+            if len(signals) == 1
+            else stack(*signals)
+            if signals
+            else as_signal(np.zeros(0))
+        )
 
 
 @dataclass(frozen=True)
@@ -173,12 +197,18 @@ def act(
     require_law(names, law)
     require_drives(names, drives)
     require_bodies(names, wrenches)
-    of_drives = [x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras]
+    of_drives = [
+        x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras
+    ]
     own = states_of(law, names.actuators)
     tracer = Tracer(replace(names, extras=tuple(extra.name for extra in (*of_drives, *own))))
     command = commanded(tracer, law, [extra.name for extra in own])
     force, rates = driven(tracer, command.values, drives)
-    parts = [part(tracer, wrench, values) for wrench in wrenches for values in (wrench.moment, wrench.force)]
+    parts = [
+        part(tracer, wrench, values)
+        for wrench in wrenches
+        for values in (wrench.moment, wrench.force)
+    ]
     zeros = [watched(tracer, event) for event in events]
     tracer.check(span)
     outputs = (
@@ -209,7 +239,9 @@ def act(
 def require_law(names: Names, law: Law | Sampler | None) -> None:
     """Refuse a class in the place of a controller made by it, and a sampler of what the robot lacks."""
     if isinstance(law, type):
-        raise LinkworkError(f"{CONTROLLER} is the class {law.__name__}; make one of it, {law.__name__}(...)")
+        raise LinkworkError(
+            f"{CONTROLLER} is the class {law.__name__}; make one of it, {law.__name__}(...)"
+        )
     if isinstance(law, Sampler):
         require_law(names, law.function)
         law.require(names)
@@ -220,7 +252,9 @@ def require_drives(names: Names, drives: Mapping[str, Drive]) -> None:
     able = [actuator for actuator in names.actuators if actuator in names.coordinates]
     for name, drive in drives.items():
         if name not in able:
-            raise LinkworkError(f"there is no actuator {name!r} for a drive; there are {', '.join(able) or 'none'}")
+            raise LinkworkError(
+                f"there is no actuator {name!r} for a drive; there are {', '.join(able) or 'none'}"
+            )
         if not isinstance(drive, Drive):
             raise LinkworkError(
                 f"the drive of {name!r} is {drive!r}; give one of linkwork.control, such as DCMotor(...)"
@@ -232,7 +266,9 @@ def require_bodies(names: Names, wrenches: Sequence[Wrench]) -> None:
     for wrench in wrenches:
         if wrench.body not in names.bodies:
             bodies = ", ".join(names.bodies)
-            raise LinkworkError(f"there is no body {wrench.body!r} for a wrench; there are {bodies}")
+            raise LinkworkError(
+                f"there is no body {wrench.body!r} for a wrench; there are {bodies}"
+            )
 
 
 def states_of(law: Law | Sampler | None, actuators: tuple[str, ...]) -> list[Extra]:
@@ -250,7 +286,10 @@ def commanded(tracer: Tracer, law: Law | Sampler | None, states: Sequence[str]) 
         return Command(given, given=given)
     if isinstance(law, Sampler):
         held = ca.SX.sym("held", len(actuators) * (law.late + 1))
-        now, later = ca.vertcat(NONE, *ca.vertsplit(held)[: len(actuators)]), ca.vertsplit(held)[len(actuators) :]
+        now, later = (
+            ca.vertcat(NONE, *ca.vertsplit(held)[: len(actuators)]),
+            ca.vertsplit(held)[len(actuators) :],
+        )
         if not law.compiled:
             return Command(now, held=held)
         newest = tracer.trace(law.law, lambda result: column(result, actuators, what), what)
@@ -263,7 +302,9 @@ def commanded(tracer: Tracer, law: Law | Sampler | None, states: Sequence[str]) 
             raise LinkworkError(
                 f"{what} returns {shown(result)}; give the forces, and the rates of {', '.join(states)}"
             )
-        return ca.vertcat(column(result[0], actuators, what), column(result[1], states, f"{CONTROLLER}'s states"))
+        return ca.vertcat(
+            column(result[0], actuators, what), column(result[1], states, f"{CONTROLLER}'s states")
+        )
 
     values = tracer.trace(law, both, what)
     return Command(values[: len(actuators)], values[len(actuators) :])
@@ -273,11 +314,16 @@ def driven(tracer: Tracer, command: ca.SX, drives: Mapping[str, Drive]) -> tuple
     """Return the actuators' forces and the rates of the drives' extra states."""
     forces, rates = list(ca.vertsplit(command)), []
     for name, drive in drives.items():
-        numbers = {field: tracer.parameter(f"{name}.{field}", value) for field, value in drive.numbers.items()}
+        numbers = {
+            field: tracer.parameter(f"{name}.{field}", value)
+            for field, value in drive.numbers.items()
+        }
         symbolic = type(drive)(**{**vars(drive), **numbers})
         z = [tracer.state.extra(f"{name}.{extra.name}") for extra in drive.extras]
         i = tracer.names.actuators.index(name)
-        forces[i], change = symbolic.equations(command[i], tracer.state[name], tracer.state.rate(name), z)
+        forces[i], change = symbolic.equations(
+            command[i], tracer.state[name], tracer.state.rate(name), z
+        )
         rates += change
     return ca.vertcat(NONE, *forces), ca.vertcat(NONE, *rates)
 
@@ -311,11 +357,20 @@ def closed(
     quantities = {key: symbols for key, symbols in tracer.quantities.items() if used(symbols)}
     inputs = {
         "t": tracer.t,
-        "references": ca.vertcat(command.given, *(reference.symbols for reference in tracer.references)),
+        "references": ca.vertcat(
+            command.given, *(reference.symbols for reference in tracer.references)
+        ),
         "held": command.held,
         "extras": ca.vertcat(NONE, *tracer.extras.values()),
         "parameters": ca.vertcat(NONE, *(symbol for _, symbol in tracer.parameters.values())),
     }
-    symbols, labels = [*inputs.values(), *quantities.values()], [*inputs, *(f"q{i}" for i in range(len(quantities)))]
+    symbols, labels = (
+        [*inputs.values(), *quantities.values()],
+        [*inputs, *(f"q{i}" for i in range(len(quantities)))],
+    )
     dense = [ca.densify(output) for output in outputs]
-    return ca.Function("acting", symbols, dense, labels, list(OUTPUTS)), tuple(quantities), used(tracer.t)
+    return (
+        ca.Function("acting", symbols, dense, labels, list(OUTPUTS)),
+        tuple(quantities),
+        used(tracer.t),
+    )

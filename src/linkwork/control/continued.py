@@ -21,10 +21,14 @@ import numpy as np
 from linkwork.equations import Equations
 from linkwork.equations.algebra import dot, quaternion_map
 
-Followed = tuple[tuple[str, ...], ...]  # coordinates of each joint: an angle, or the four numbers of a quaternion
+Followed = tuple[
+    tuple[str, ...], ...
+]  # coordinates of each joint: an angle, or the four numbers of a quaternion
 
 
-def continued(equations: Equations, followed: Followed, z: ca.SX) -> Iterator[tuple[tuple[str, ...], ca.SX, ca.SX]]:
+def continued(
+    equations: Equations, followed: Followed, z: ca.SX
+) -> Iterator[tuple[tuple[str, ...], ca.SX, ca.SX]]:
     """Yield the names, values and z' of coordinates that are followed, by their states z."""
     joints, begin = equations.joints, 0
     for labels in followed:
@@ -42,5 +46,6 @@ def continued(equations: Equations, followed: Followed, z: ca.SX) -> Iterator[tu
             yield (
                 labels,
                 value,
-                ca.mtimes(quaternion_map(value), omega) + ca.sqrt(dot(omega, omega) + 1e-300) * (value - own),
+                ca.mtimes(quaternion_map(value), omega)
+                + ca.sqrt(dot(omega, omega) + 1e-300) * (value - own),
             )

@@ -90,7 +90,10 @@ class Follower(Controller):
         if names not in self._targets:
             self._targets[names] = target(self.goal, names)
         x_d, dx_d, ddx_d = self._targets[names].at(t)
-        x, dx = (math.array([read(name) for name in names.actuators]) for read in (state.__getitem__, state.rate))
+        x, dx = (
+            math.array([read(name) for name in names.actuators])
+            for read in (state.__getitem__, state.rate)
+        )
         return x_d - x, dx_d - dx, ddx_d
 
 
@@ -104,7 +107,9 @@ def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
         raise LinkworkError(
             f"the gain {name} lacks {missing[0]!r}; give one number, or one for each of {', '.join(actuators)}"
         )
-    return math.array([state.parameter(f"{name}.{actuator}", value[actuator]) for actuator in actuators])
+    return math.array(
+        [state.parameter(f"{name}.{actuator}", value[actuator]) for actuator in actuators]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +135,9 @@ class PD(Follower):
 
     def __call__(self, t, state):
         e, de, _ = self.errors(t, state)
-        return gain(state, "kp", self.kp) * e + gain(state, "kd", self.kd) * de + self.holding(state)
+        return (
+            gain(state, "kp", self.kp) * e + gain(state, "kd", self.kd) * de + self.holding(state)
+        )
 
     def holding(self, state: Observation) -> Any:
         """Return the forces (na) that hold the model still at the present pose; zero without a model."""
@@ -157,7 +164,9 @@ class PID(PD):
 
     def extras(self, actuators: tuple[str, ...]) -> tuple[Extra, ...]:
         """Return the integrals of the errors of a robot with these actuators."""
-        return tuple(Extra(f"integral.{name}", "m s, rad s", 0.0) for name in self.integrated(actuators))
+        return tuple(
+            Extra(f"integral.{name}", "m s, rad s", 0.0) for name in self.integrated(actuators)
+        )
 
     def integrated(self, actuators: tuple[str, ...]) -> tuple[str, ...]:
         """Return the actuators whose errors are integrated; refuse joints that are none."""
@@ -169,8 +178,14 @@ class PID(PD):
     def __call__(self, t, state):
         actuators, (e, _, _) = state.names.actuators, self.errors(t, state)
         integrated = self.integrated(actuators)
-        integral = [state.extra(f"integral.{name}") if name in integrated else 0.0 for name in actuators]
-        rates = {f"integral.{name}": error for name, error in zip(actuators, e, strict=True) if name in integrated}
+        integral = [
+            state.extra(f"integral.{name}") if name in integrated else 0.0 for name in actuators
+        ]
+        rates = {
+            f"integral.{name}": error
+            for name, error in zip(actuators, e, strict=True)
+            if name in integrated
+        }
         forces = super().__call__(t, state) + gain(state, "ki", self.ki) * math.array(integral)
         return (forces, rates) if rates else forces
 
@@ -232,7 +247,9 @@ class SlidingMode(Follower):
         e, de, ddx_d = self.errors(t, state)
         slope = gain(state, "slope", self.slope)
         switch = math.clip((de + slope * e) / state.parameter("boundary", self.boundary), -1, 1)
-        return self._model.forces(state, ddx_d + slope * de + gain(state, "gain", self.gain) * switch)
+        return self._model.forces(
+            state, ddx_d + slope * de + gain(state, "gain", self.gain) * switch
+        )
 
     @cached_property
     def _model(self) -> InverseDynamics:

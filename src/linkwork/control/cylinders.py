@@ -62,8 +62,17 @@ class FluidCylinder(Drive):
     def volumes(self, x: Any, w: Any) -> tuple[Any, Any, Any]:
         """Return V_a and V_b [m^3] at a joint coordinate, and the rate at which the travel changes them [m/s]."""
         travel = math.clip(x - self.retracted, 0, self.stroke)
-        moving = w * (1 - math.maximum(math.sign(math.abs(x - self.retracted - self.stroke / 2) - self.stroke / 2), 0))
-        return self.dead_volume + self.area_a * travel, self.dead_volume + self.area_b * (self.stroke - travel), moving
+        moving = w * (
+            1
+            - math.maximum(
+                math.sign(math.abs(x - self.retracted - self.stroke / 2) - self.stroke / 2), 0
+            )
+        )
+        return (
+            self.dead_volume + self.area_a * travel,
+            self.dead_volume + self.area_b * (self.stroke - travel),
+            moving,
+        )
 
     def stops(self, x: Any, w: Any) -> Any:
         """Return the force of the stops [N] at a joint coordinate and rate."""
@@ -101,12 +110,18 @@ class PneumaticCylinder(FluidCylinder):
     )
 
     def equations(self, command, x, w, z):
-        opening, (p_a, p_b), (V_a, V_b, w_in) = math.clip(command, -1, 1), (z[0], z[1]), self.volumes(x, w)
+        opening, (p_a, p_b), (V_a, V_b, w_in) = (
+            math.clip(command, -1, 1),
+            (z[0], z[1]),
+            self.volumes(x, w),
+        )
         filling, emptying = math.maximum(opening, 0), math.maximum(-opening, 0)
         m_a = filling * self.flow(self.supply, p_a) - emptying * self.flow(p_a, self.exhaust)
         m_b = emptying * self.flow(self.supply, p_b) - filling * self.flow(p_b, self.exhaust)
         heat = self.gas_constant * self.temperature
-        force = p_a * self.area_a - p_b * self.area_b - self.atmosphere * (self.area_a - self.area_b)
+        force = (
+            p_a * self.area_a - p_b * self.area_b - self.atmosphere * (self.area_a - self.area_b)
+        )
         rates = (
             self.exponent / V_a * (heat * m_a - p_a * self.area_a * w_in),
             self.exponent / V_b * (heat * m_b + p_b * self.area_b * w_in),
@@ -117,7 +132,9 @@ class PneumaticCylinder(FluidCylinder):
         """Return the mass flow [kg/s] of the open valve from one pressure to another; backwards it is negative."""
         upstream, downstream = math.maximum(first, second), math.minimum(first, second)
         ratio, b = downstream / upstream, self.critical_ratio
-        turbulent = math.sqrt(math.maximum(1 - (math.maximum(math.minimum(ratio, LAMINAR) - b, 0) / (1 - b)) ** 2, 0))
+        turbulent = math.sqrt(
+            math.maximum(1 - (math.maximum(math.minimum(ratio, LAMINAR) - b, 0) / (1 - b)) ** 2, 0)
+        )
         psi = turbulent * math.minimum((1 - ratio) / (1 - LAMINAR), 1)
         warmth = math.sqrt(self.reference_temperature / self.temperature)
         return math.sign(first - second) * self.conductance * self.density * warmth * upstream * psi
@@ -146,7 +163,11 @@ class HydraulicCylinder(FluidCylinder):
     air_pressure: ClassVar[float] = 1e5  # at which the share of air is given [Pa]
 
     def equations(self, command, x, w, z):
-        opening, (p_a, p_b), (V_a, V_b, w_in) = math.clip(command, -1, 1), (z[0], z[1]), self.volumes(x, w)
+        opening, (p_a, p_b), (V_a, V_b, w_in) = (
+            math.clip(command, -1, 1),
+            (z[0], z[1]),
+            self.volumes(x, w),
+        )
         filling, emptying = math.maximum(opening, 0), math.maximum(-opening, 0)
         into_a = filling * self.edge(self.supply - p_a) - emptying * self.edge(p_a - self.exhaust)
         into_b = emptying * self.edge(self.supply - p_b) - filling * self.edge(p_b - self.exhaust)

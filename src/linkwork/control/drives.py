@@ -60,7 +60,9 @@ class Drive(ActingPart, ABC):
     @property
     def numbers(self) -> dict[str, float]:
         """The numbers of the drive's equations by name: free parameters."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("initial_")}
+        values = {
+            f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("initial_")
+        }
         return {name: float(value) for name, value in values.items() if not isinstance(value, bool)}
 
 
@@ -130,4 +132,6 @@ class DCMotor(Drive):
 
     def equations(self, command, x, w, z):
         constant = self.torque_constant * self.gear
-        return constant * z[0], ((command - self.resistance * z[0] - constant * w) / self.inductance,)
+        return constant * z[0], (
+            (command - self.resistance * z[0] - constant * w) / self.inductance,
+        )

@@ -31,9 +31,13 @@ class Event(ActingPart):
 
     def __post_init__(self) -> None:
         if not callable(self.function):
-            raise LinkworkError(f"the event {self.name!r} watches a function of (t, state), not {self.function!r}")
+            raise LinkworkError(
+                f"the event {self.name!r} watches a function of (t, state), not {self.function!r}"
+            )
         if self.direction not in (-1, 0, 1):
-            raise LinkworkError(f"the direction of the event {self.name!r} is {self.direction!r}; give -1, 0 or 1")
+            raise LinkworkError(
+                f"the direction of the event {self.name!r} is {self.direction!r}; give -1, 0 or 1"
+            )
 
     @property
     def settled(self) -> bool:
@@ -54,10 +58,16 @@ def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
         free = name != label
         for bound, side in ((limits.lower, "lower"), (limits.upper, "upper")):
             if bound is not None:
-                inside = WithinTurn(label, bound) if free else Within(label, bound, 1 if side == "lower" else -1)
+                inside = (
+                    WithinTurn(label, bound)
+                    if free
+                    else Within(label, bound, 1 if side == "lower" else -1)
+                )
                 events.append(Event(inside, terminal, -1, f"{name}: {side} limit"))
     if not events:
-        raise LinkworkError("the joints of this robot have no limits to watch for; give some of them limits")
+        raise LinkworkError(
+            "the joints of this robot have no limits to watch for; give some of them limits"
+        )
     return tuple(events)
 
 

@@ -36,7 +36,9 @@ class DesiredMotion:
     @property
     def still(self) -> bool:
         """Whether the coordinates are constant."""
-        return not self.positions.coefficients[:, 1:].any() and len(self.positions.coefficients) == 1
+        return (
+            not self.positions.coefficients[:, 1:].any() and len(self.positions.coefficients) == 1
+        )
 
     def at(self, t: Any) -> tuple[Any, Any, Any]:
         """Return x_d, x_d', x_d'' at a time, a number or the symbol."""
@@ -58,18 +60,26 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
     """
     for name in names.actuators:
         if name not in names.coordinates:
-            raise LinkworkError(f"the actuator {name!r} has no coordinate of its own to follow; write a controller")
+            raise LinkworkError(
+                f"the actuator {name!r} has no coordinate of its own to follow; write a controller"
+            )
     if isinstance(goal, Sampled | Signal):
         signal = as_signal(goal)
         width, count = signal.coefficients.shape[2], len(names.actuators)
         if width != count:
-            raise LinkworkError(f"the goal has {width} columns; give {count}: {', '.join(names.actuators)}")
+            raise LinkworkError(
+                f"the goal has {width} columns; give {count}: {', '.join(names.actuators)}"
+            )
         return DesiredMotion(signal)
     if hasattr(goal, "time") and hasattr(goal, "state"):
         columns = [goal.state[name] for name in names.actuators]  # pyright: ignore[reportAttributeAccessIssue]
         return DesiredMotion(as_signal(Sampled(goal.time, np.stack(columns, axis=-1))))  # pyright: ignore[reportAttributeAccessIssue]
-    if isinstance(goal, Mapping) and (lacking := [name for name in names.actuators if name not in goal]):
-        raise LinkworkError(f"the goal lacks {', '.join(lacking)}; give all of {', '.join(names.actuators)}")
+    if isinstance(goal, Mapping) and (
+        lacking := [name for name in names.actuators if name not in goal]
+    ):
+        raise LinkworkError(
+            f"the goal lacks {', '.join(lacking)}; give all of {', '.join(names.actuators)}"
+        )
     try:
         values = [checks.number(goal[name], f"{name} of the goal") for name in names.actuators]  # pyright: ignore
     except (TypeError, AttributeError, IndexError):

@@ -30,7 +30,9 @@ class InverseDynamics:
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Plant):
-            raise LinkworkError(f"the model of a controller is a {type(self.robot).__name__}; give a linkwork.Robot")
+            raise LinkworkError(
+                f"the model of a controller is a {type(self.robot).__name__}; give a linkwork.Robot"
+            )
 
     @cached_property
     def function(self) -> ca.Function:
@@ -42,7 +44,11 @@ class InverseDynamics:
         if set(actuators) <= set(independent):
             driven = [independent.index(name) for name in actuators]
             free = [i for i in range(len(independent)) if i not in driven]
-            y = solve_symmetric(M[free, free], -(ca.mtimes(M[free, driven], a) + h[free])) if free else ca.SX(0, 1)
+            y = (
+                solve_symmetric(M[free, free], -(ca.mtimes(M[free, driven], a) + h[free]))
+                if free
+                else ca.SX(0, 1)
+            )
             u = ca.mtimes(M[driven, driven], a) + ca.mtimes(M[driven, free], y) + h[driven]
         elif set(independent) <= set(actuators):
             S, places = equations.actuation, [actuators.index(name) for name in independent]
@@ -69,7 +75,9 @@ class InverseDynamics:
         q = [state[label] for label in equations.tree.coordinates]
         v = [0.0 if still else state.rate(label) for label in equations.independent]
         p = [state.parameter(f"model.{path}", value) for path, value in robot.parameters.items()]
-        u = self.function(*(ca.vertcat(ca.SX(0, 1), *values) for values in (q, v, math.array(accelerations), p)))
+        u = self.function(
+            *(ca.vertcat(ca.SX(0, 1), *values) for values in (q, v, math.array(accelerations), p))
+        )
         return numeric(math.vector(u))
 
 

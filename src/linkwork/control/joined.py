@@ -45,7 +45,11 @@ class Joined:
     @cached_property
     def outputs(self) -> dict[str, ca.SX]:
         """What acts, by the names of `Acting`'s outputs, in this chart's symbols; wrenches in the ground's axes."""
-        function, timed, (_, _, z, r, p) = self.acting.function, int(self.acting.timed), self.inputs.values()
+        function, timed, (_, _, z, r, p) = (
+            self.acting.function,
+            int(self.acting.timed),
+            self.inputs.values(),
+        )
         held = function.numel_in("held")
         extras = function.numel_in("extras")
         followed = [*continued(self.equations, self.acting.followed, z[extras:])]
@@ -58,10 +62,15 @@ class Joined:
         ]
         references = r[timed : r.numel() - held]
         own = p[self.equations.p.numel() :]
-        found = function(r[0] if timed else 0, references, r[r.numel() - held :], z[:extras], own, *values)
+        found = function(
+            r[0] if timed else 0, references, r[r.numel() - held :], z[:extras], own, *values
+        )
         outputs = dict(zip(OUTPUTS, found, strict=True))
         parts = ca.vertsplit(outputs["wrenches"], 6) if self.acting.wrenches else []
-        in_ground = [w.in_ground(self.equations, part) for w, part in zip(self.acting.wrenches, parts, strict=True)]
+        in_ground = [
+            w.in_ground(self.equations, part)
+            for w, part in zip(self.acting.wrenches, parts, strict=True)
+        ]
         rates = ca.vertcat(outputs["extra_rates"], *(rate for *_, rate in followed))
         return outputs | {"wrenches": ca.vertcat(ca.SX(0, 1), *in_ground), "extra_rates": rates}
 
@@ -73,7 +82,9 @@ class Joined:
         parts = ca.vertsplit(self.outputs["wrenches"], 6) if self.acting.wrenches else []
         for wrench, part in zip(self.acting.wrenches, parts, strict=True):
             applied += wrench.on_rates(equations, part)
-        return solve_symmetric(equations.inertia[0], applied - equations.bias_forces(equations.gravity))
+        return solve_symmetric(
+            equations.inertia[0], applied - equations.bias_forces(equations.gravity)
+        )
 
     @cached_property
     def derivatives(self) -> ca.SX:
@@ -85,9 +96,15 @@ class Joined:
     def pivot(self) -> ca.SX:
         """The weakest relative pivot; nan where a drive might hide that its command is no finite number."""
         commands = ca.vertsplit(self.outputs["command"])
-        driven = [c for c, drive in zip(commands, self.acting.drives, strict=True) if not isinstance(drive, Ideal)]
+        driven = [
+            c
+            for c, drive in zip(commands, self.acting.drives, strict=True)
+            if not isinstance(drive, Ideal)
+        ]
         pivot = self.equations.elimination[2]
-        return ca.if_else(ca.norm_1(ca.vertcat(*driven)) < ca.inf, pivot, np.nan) if driven else pivot
+        return (
+            ca.if_else(ca.norm_1(ca.vertcat(*driven)) < ca.inf, pivot, np.nan) if driven else pivot
+        )
 
     def motion(self) -> ca.Function:
         """Return (q, v, z, r, p) -> y' and the weakest relative pivot, undefined where a command that is driven with is."""
@@ -97,7 +114,9 @@ class Joined:
         """Return (q, v, z, r, p) -> df/dy and df/dr, column by column."""
         q, v, z, r, _ = self.inputs.values()
         f = ca.densify(self.derivatives)
-        return self._function("jacobian", {"f_y": ca.jacobian(f, ca.vertcat(q, v, z)), "f_r": ca.jacobian(f, r)})
+        return self._function(
+            "jacobian", {"f_y": ca.jacobian(f, ca.vertcat(q, v, z)), "f_r": ca.jacobian(f, r)}
+        )
 
     def events(self) -> ca.Function:
         """Return (q, v, z, r, p) -> the numbers whose zeros are the events."""
@@ -110,8 +129,12 @@ class Joined:
     def recorded(self) -> ca.Function:
         """Return (q, v, z, r, p) -> v', command, force and wrenches (moment, force) in the ground's axes."""
         names = ("command", "force", "wrenches")
-        return self._function("recorded", {"dv": self.accelerations} | {name: self.outputs[name] for name in names})
+        return self._function(
+            "recorded", {"dv": self.accelerations} | {name: self.outputs[name] for name in names}
+        )
 
     def _function(self, name: str, outputs: dict[str, ca.SX]) -> ca.Function:
         dense = [ca.densify(value) for value in outputs.values()]
-        return ca.Function(name, [*self.inputs.values()], dense, [*self.inputs], [*outputs], {"cse": True})
+        return ca.Function(
+            name, [*self.inputs.values()], dense, [*self.inputs], [*outputs], {"cse": True}
+        )

@@ -81,7 +81,9 @@ class LQR(Controller):
         from scipy.linalg import LinAlgError, solve_continuous_are
 
         if not robot.actuators:
-            raise LinkworkError("the robot has no actuators to hold a pose with; name some under 'actuators'")
+            raise LinkworkError(
+                "the robot has no actuators to hold a pose with; name some under 'actuators'"
+            )
         for name in robot.own(state).independent:
             if name not in robot.coordinates:
                 raise LinkworkError(
@@ -89,16 +91,23 @@ class LQR(Controller):
                 )
         still, forces = state.with_rates(0 * state.rates), robot.holding_forces(state)
         A, B = robot.linearised(still, forces)
-        Q, R = (weights(value, size, name) for value, size, name in ((Q, len(A), "Q"), (R, B.shape[1], "R")))
+        Q, R = (
+            weights(value, size, name)
+            for value, size, name in ((Q, len(A), "Q"), (R, B.shape[1], "R"))
+        )
         sizes = np.linalg.eigvalsh(R + R.T)
         if not sizes.min() > ROUNDING * sizes.max():
-            raise LinkworkError("the weights R of the forces are not positive definite; give positive numbers")
+            raise LinkworkError(
+                "the weights R of the forces are not positive definite; give positive numbers"
+            )
         try:
             K = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
         except (LinAlgError, ValueError):
             K = np.full(B.T.shape, np.nan)
         if not (np.isfinite(K).all() and stable(A - B @ K)):
-            raise LinkworkError("the pose cannot be stabilised with these weights; change Q, R or the pose")
+            raise LinkworkError(
+                "the pose cannot be stabilised with these weights; change Q, R or the pose"
+            )
         positions = np.array([still[name] for name in still.independent])
         return cls(still.independent, positions, forces, K)
 
@@ -112,7 +121,9 @@ class LQR(Controller):
             [state.parameter(f"K.{u}.{c}", k) for c, k in zip(labels, row, strict=True)]
             for u, row in zip(actuators, self.gains, strict=True)
         ]
-        return math.array([force - math.dot(row, x) for force, row in zip(self.forces, K, strict=True)])
+        return math.array(
+            [force - math.dot(row, x) for force, row in zip(self.forces, K, strict=True)]
+        )
 
 
 def diagonal(what: str, given: float | Mapping[str, float], names: Sequence[str]) -> list[float]:
@@ -121,7 +132,9 @@ def diagonal(what: str, given: float | Mapping[str, float], names: Sequence[str]
         return [given] * len(names)
     for name in set(given) ^ set(names):
         fault = f"lacks {name!r}" if name in names else f"has {name!r}"
-        raise MechanismError(f"{fault}; give one number, or one for each of {', '.join(names)}", (what,))
+        raise MechanismError(
+            f"{fault}; give one number, or one for each of {', '.join(names)}", (what,)
+        )
     return [given[name] for name in names]
 
 
@@ -135,7 +148,9 @@ def stable(A: np.ndarray) -> bool:
 
     A = matrix_balance(A, permute=False)[0]
     poles, nearest = np.linalg.eigvals(A), ROUNDING * np.linalg.norm(A, 2)
-    apart = (np.linalg.svd(A - 1j * pole.imag * np.eye(len(A)), compute_uv=False)[-1] for pole in poles)
+    apart = (
+        np.linalg.svd(A - 1j * pole.imag * np.eye(len(A)), compute_uv=False)[-1] for pole in poles
+    )
     return bool(poles.real.max() < 0 and all(distance > nearest for distance in apart))
 
 
@@ -144,5 +159,7 @@ def weights(values: ArrayLike, size: int, name: str) -> np.ndarray:
     array = checks.finite(values, name)
     matrix = np.diag(array) if array.ndim == 1 else array
     if matrix.shape != (size, size):
-        raise LinkworkError(f"the weights {name} have the shape {array.shape}; give {size} numbers, or {size} x {size}")
+        raise LinkworkError(
+            f"the weights {name} have the shape {array.shape}; give {size} numbers, or {size} x {size}"
+        )
     return matrix

@@ -53,12 +53,19 @@ class Names:
         """Return the names of a mechanism; planar: whether its poses are (x, y, angle)."""
         pose = (3 if planar else 6) if mechanism.tools else 0
         return cls(
-            mechanism.coordinates, mechanism.rates, mechanism.actuators, tuple(mechanism.bodies), pose, tuple(extras)
+            mechanism.coordinates,
+            mechanism.rates,
+            mechanism.actuators,
+            tuple(mechanism.bodies),
+            pose,
+            tuple(extras),
         )
 
     def size(self, quantity: Quantity) -> int:
         """Return how many numbers a quantity has."""
-        return {"position": 1, "rate": 1, "actuation_determinant": 1, "body": 18}.get(quantity.kind, self.pose)
+        return {"position": 1, "rate": 1, "actuation_determinant": 1, "body": 18}.get(
+            quantity.kind, self.pose
+        )
 
 
 @dataclass(frozen=True)
@@ -165,7 +172,12 @@ def require(name: str, known: tuple[str, ...], kind: str) -> None:
         raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(known) or 'none'}")
 
 
-def numbers(names: Names, values: Mapping[Quantity, np.ndarray], extras: np.ndarray, parameters: Mapping[str, float]):
+def numbers(
+    names: Names,
+    values: Mapping[Quantity, np.ndarray],
+    extras: np.ndarray,
+    parameters: Mapping[str, float],
+):
     """Return an observation of numbers: quantities, extra states in the order of the names, parameters by name."""
 
     def quantity(key: Quantity) -> np.ndarray:
@@ -178,7 +190,9 @@ def numbers(names: Names, values: Mapping[Quantity, np.ndarray], extras: np.ndar
     def extra(name: str) -> float:
         return float(extras[names.extras.index(name)])
 
-    return Observation(names, Readings(quantity, lambda name, default: parameters.get(name, default), extra))
+    return Observation(
+        names, Readings(quantity, lambda name, default: parameters.get(name, default), extra)
+    )
 
 
 def expression(equations: Equations, quantity: Quantity) -> ca.SX:
@@ -191,7 +205,9 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
             return ca.mtimes(equations.joints.rate_row(name), equations.rates)
         case "body":
             node = tree.node(name)
-            twist = ca.mtimes(measures.jacobian(tree, node, near_offset(node, np.zeros(3))), equations.rates)
+            twist = ca.mtimes(
+                measures.jacobian(tree, node, near_offset(node, np.zeros(3))), equations.rates
+            )
             return ca.vertcat(node.O + offset(node, np.zeros(3)), ca.vec(node.R.matrix.T), twist)
         case "actuation_determinant":
             if len(mechanism.actuators) != equations.mobility:

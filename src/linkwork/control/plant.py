@@ -57,7 +57,9 @@ class Plant(Protocol):
         self, joints: Mapping[str, float] | None = None, *, tool: Any = None, guess: Any = None
     ) -> Posture: ...
 
-    def follow(self, path: Path, duration: float, *, samples: int = 101, guess: Any = None) -> TimedStates: ...
+    def follow(
+        self, path: Path, duration: float, *, samples: int = 101, guess: Any = None
+    ) -> TimedStates: ...
 
 
 class Linearised(Plant, Protocol):

@@ -81,13 +81,19 @@ class Sampler(ActingPart):
 
         def quantity(key: Quantity) -> np.ndarray:
             value = state.source.quantity(key)
-            step = self._steps.get(key.name, self._steps.get(ALL)) if key.kind in ("position", "rate") else None
+            step = (
+                self._steps.get(key.name, self._steps.get(ALL))
+                if key.kind in ("position", "rate")
+                else None
+            )
             if step is None:
                 return value
             step = step if key.kind == "position" else step * self.rate
             return step * math.floor(value / step + 0.5)
 
-        return Observation(state.names, Readings(quantity, state.source.parameter, state.source.extra))
+        return Observation(
+            state.names, Readings(quantity, state.source.parameter, state.source.extra)
+        )
 
     def law(self, t: Any, state: Observation) -> Any:
         """Return what the function gives for what is measured."""
@@ -97,7 +103,11 @@ class Sampler(ActingPart):
         """Refuse steps of what is no coordinate or rate of a robot with these names."""
         for name in self._steps:
             if name != ALL:
-                require(name, tuple(dict.fromkeys(names.coordinates + names.rates)), "coordinate to quantise")
+                require(
+                    name,
+                    tuple(dict.fromkeys(names.coordinates + names.rates)),
+                    "coordinate to quantise",
+                )
 
     @property
     def _steps(self) -> Mapping[str, float]:

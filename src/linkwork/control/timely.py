@@ -29,7 +29,9 @@ class Timely:
     function: ca.Function
     events: int
 
-    def scanned(self, kernel: Kernel, parameters: np.ndarray, span: tuple[float, float]) -> tuple[Signal | None, int]:
+    def scanned(
+        self, kernel: Kernel, parameters: np.ndarray, span: tuple[float, float]
+    ) -> tuple[Signal | None, int]:
         """Return what varies within a span [s] as a signal, None if nothing does so often, and how many columns events read.
 
         kernel: of the function.
@@ -55,7 +57,9 @@ def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
     """Return the largest expressions of t and parameters alone in a column, but for t itself and those without it."""
     known = {symbol.element_hash() for symbol in (t, *ca.vertsplit(parameters))}
     symbols = [s for s in ca.symvar(column) if s.element_hash() not in known]
-    function = ca.Function("column", [t, parameters, ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)])
+    function = ca.Function(
+        "column", [t, parameters, ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)]
+    )
     inputs = [ca.vertsplit(t), ca.vertsplit(parameters) if parameters.numel() else []]
     kinds: dict[int, int] = {}
     values: dict[int, ca.SX] = {}
@@ -77,7 +81,9 @@ def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
                         found[values[place].element_hash()] = values[place]
             else:
                 of = [values[place] for place in places]
-                value = ca.SX.unary(operation, *of) if len(of) == 1 else ca.SX.binary(operation, *of)
+                value = (
+                    ca.SX.unary(operation, *of) if len(of) == 1 else ca.SX.binary(operation, *of)
+                )
         if operation != ca.OP_OUTPUT:
             kinds[target], values[target] = kind, value
     return list(found.values())

@@ -73,7 +73,9 @@ class Tracer:
     @property
     def state(self) -> Observation:
         """The observation that holds the symbols."""
-        return Observation(self.names, Readings(self.quantity, self.parameter, self.extras.__getitem__))
+        return Observation(
+            self.names, Readings(self.quantity, self.parameter, self.extras.__getitem__)
+        )
 
     def quantity(self, key: Quantity) -> np.ndarray:
         """Return the symbols of a quantity."""
@@ -112,14 +114,18 @@ class Tracer:
             LinkworkError: a function that cannot be called with symbols, in one sentence.
         """
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # NumPy's functions are welcome on symbols
+            warnings.simplefilter(
+                "ignore", FutureWarning
+            )  # NumPy's functions are welcome on symbols
             self.t.reference = partial(self.reference, what=what)
             try:
                 result = function(self.t, self.state)
             except LinkworkError:
                 raise
             except Exception as error:
-                raise LinkworkError(f"{what} cannot be traced with symbols ({reason(error)}); {cure(what)}") from error
+                raise LinkworkError(
+                    f"{what} cannot be traced with symbols ({reason(error)}); {cure(what)}"
+                ) from error
         traced = Traced(function, read, read(result), what)
         self.traced.append(traced)
         return traced.column
@@ -133,16 +139,26 @@ class Tracer:
         symbols = [self.t, *self.quantities.values(), *self.extras.values()]
         symbols += [reference.symbols for reference in self.references]
         symbols += [symbol for _, symbol in self.parameters.values()]
-        evaluate = ca.Function("traced", symbols, [ca.densify(traced.column) for traced in self.traced])
+        evaluate = ca.Function(
+            "traced", symbols, [ca.densify(traced.column) for traced in self.traced]
+        )
         parameters = {name: default for name, (default, _) in self.parameters.items()}
         random = np.random.default_rng(0)
         for _ in range(TRIALS):
             t = float(random.uniform(*span))
             values = {key: random.uniform(-1, 1, self.names.size(key)) for key in self.quantities}
             extras = random.uniform(-1, 1, len(self.extras))
-            given = [t, *values.values(), *extras, *(of.signal(t) for of in self.references), *parameters.values()]
+            given = [
+                t,
+                *values.values(),
+                *extras,
+                *(of.signal(t) for of in self.references),
+                *parameters.values(),
+            ]
             state = numbers(self.names, values, extras, parameters)
-            for traced, found in zip(self.traced, evaluate.call([ca.DM(value) for value in given]), strict=True):
+            for traced, found in zip(
+                self.traced, evaluate.call([ca.DM(value) for value in given]), strict=True
+            ):
                 require_same(traced, np.array(found, float).ravel(), t, state)
 
 
@@ -156,7 +172,9 @@ def require_same(traced: Traced, found: np.ndarray, t: float, state: Observation
                 f"{traced.what} does other things with numbers than with symbols ({reason(error)}); {cure(traced.what)}"
             ) from error
     expected = np.array(ca.DM(ca.densify(result)), float).ravel()
-    if found.shape != expected.shape or not np.allclose(found, expected, AGREE, AGREE, equal_nan=True):
+    if found.shape != expected.shape or not np.allclose(
+        found, expected, AGREE, AGREE, equal_nan=True
+    ):
         raise LinkworkError(
             f"{traced.what} returns other values with numbers than it did with symbols: it branches on values, or keeps "
             f"memory from call to call; {cure(traced.what)}"
@@ -172,9 +190,13 @@ def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
     if isinstance(values, Mapping):
         unknown = [name for name in values if name not in names]
         if unknown:
-            raise LinkworkError(f"{what} returns a value for {unknown[0]!r}; there are {', '.join(names) or 'none'}")
+            raise LinkworkError(
+                f"{what} returns a value for {unknown[0]!r}; there are {', '.join(names) or 'none'}"
+            )
         values = [values.get(name, 0.0) for name in names]
-    missing = any(value is None for value in (values if isinstance(values, list | tuple) else [values]))
+    missing = any(
+        value is None for value in (values if isinstance(values, list | tuple) else [values])
+    )
     try:
         array = None if missing else math.array(values)
     except (TypeError, ValueError):
@@ -198,7 +220,11 @@ def shown(values: Any) -> str:
     """Show what a function returned in a sentence: text and numbers as such, all else by its kind."""
     if values is None or isinstance(values, str | int | float):
         return repr(values)
-    kinds = f" of {', '.join(type(value).__name__ for value in values)}" if isinstance(values, tuple | list) else ""
+    kinds = (
+        f" of {', '.join(type(value).__name__ for value in values)}"
+        if isinstance(values, tuple | list)
+        else ""
+    )
     return f"a {type(values).__name__}{kinds}"
 
 

@@ -37,11 +37,15 @@ class Wrench(ActingPart):
 
     def __post_init__(self) -> None:
         if self.frame not in ("ground", "body"):
-            raise LinkworkError(f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or 'body'")
+            raise LinkworkError(
+                f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or 'body'"
+            )
         for part, unit in (("point", "m"), ("force", "N"), ("moment", "N m")):
             value = getattr(self, part)
             if part == "point" or not (isinstance(value, Sampled | Signal) or callable(value)):
-                object.__setattr__(self, part, three(value, f"the {part} of the wrench on {self.body!r}", unit))
+                object.__setattr__(
+                    self, part, three(value, f"the {part} of the wrench on {self.body!r}", unit)
+                )
 
     @property
     def settled(self) -> bool:

@@ -56,7 +56,9 @@ def snap(values: Vector, size: float | None = None) -> Vector:
         return ca.reshape(ca.vertcat(*snapped), *values.shape)
     size = min(1.0, np.abs(values).max(initial=0.0)) if size is None else size
     halves = np.round(2 * values) / 2
-    return np.where(np.abs(values - halves) < ROUNDING * np.maximum(size, np.abs(halves)), halves, values)
+    return np.where(
+        np.abs(values - halves) < ROUNDING * np.maximum(size, np.abs(halves)), halves, values
+    )
 
 
 def dense(matrix: ca.DM) -> np.ndarray:
@@ -122,8 +124,22 @@ def quaternion_matrix(p: ca.SX) -> ca.SX:
     """Return R of a unit quaternion p = (w, x, y, z): R = 1 + 2 w [u x] + 2 [u x]^2, u = (x, y, z)."""
     w, x, y, z = (p[i] for i in range(4))
     X, Y, Z = 2 * x, 2 * y, 2 * z
-    xX, yY, zZ, xY, xZ, yZ, wX, wY, wZ = (x * X, y * Y, z * Z, x * Y, x * Z, y * Z, w * X, w * Y, w * Z)
-    rows = ((1 - (yY + zZ), xY - wZ, xZ + wY), (xY + wZ, 1 - (xX + zZ), yZ - wX), (xZ - wY, yZ + wX, 1 - (xX + yY)))
+    xX, yY, zZ, xY, xZ, yZ, wX, wY, wZ = (
+        x * X,
+        y * Y,
+        z * Z,
+        x * Y,
+        x * Z,
+        y * Z,
+        w * X,
+        w * Y,
+        w * Z,
+    )
+    rows = (
+        (1 - (yY + zZ), xY - wZ, xZ + wY),
+        (xY + wZ, 1 - (xX + zZ), yZ - wX),
+        (xZ - wY, yZ + wX, 1 - (xX + yY)),
+    )
     return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 

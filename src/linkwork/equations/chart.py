@@ -63,7 +63,9 @@ def largest_rows(A: np.ndarray, count: int) -> list[int]:
     return chosen
 
 
-def choose_independent(Phi: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW) -> tuple[int, ...]:
+def choose_independent(
+    Phi: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW
+) -> tuple[int, ...]:
     """Return n = nv - rank rates that determine the others: the preferred ones first, as far as they are independent.
 
     Args:
@@ -74,7 +76,9 @@ def choose_independent(Phi: np.ndarray, preferred: Sequence[int], share: float =
     return tuple(choose_independents(reflect(Phi).null_space[None], preferred, share)[0].tolist())
 
 
-def choose_independents(motions: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW) -> np.ndarray:
+def choose_independents(
+    motions: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW
+) -> np.ndarray:
     """Return the n rates that `choose_independent` takes at each of G configurations (G x n).
 
     Args:
@@ -189,7 +193,9 @@ def choose_chart(
         independent: indices of the independent rates.
         units: those of the rows and of the rates; 1 if left out.
     """
-    ((_, stages, determinants),) = choose_orders(constancy(Phi), np.array(samples)[None], rows, independent)
+    ((_, stages, determinants),) = choose_orders(
+        constancy(Phi), np.array(samples)[None], rows, independent
+    )
     units = (np.ones(Phi.shape[0]), np.ones(Phi.shape[1])) if units is None else units
     scales = determinants[0] * [unit_of(block, units) for stage in stages for block in stage]
     return chart_of(stages, scales.tolist(), rows, independent, Phi.shape[1])
@@ -198,7 +204,9 @@ def choose_chart(
 def unit_of(block: Block, units: tuple[np.ndarray, np.ndarray]) -> float:
     """Return the unit of a block's determinant for those of the rows and of the rates."""
     of_rows, of_rates = units
-    return prod([of_rows.item(r) for r in block.rows]) / prod([of_rates.item(c) for c in block.columns])
+    return prod([of_rows.item(r) for r in block.rows]) / prod(
+        [of_rates.item(c) for c in block.columns]
+    )
 
 
 def chart_of(
@@ -217,14 +225,19 @@ def chart_of(
 
 def constancy(Phi: ca.SX) -> dict[int, dict[int, bool]]:
     """Return which elements of a matrix are not zero, by row and column, and whether they are constant."""
-    return {r: {c: value.is_constant() for c, value in row.items()} for r, row in entries(Phi).items()}
+    return {
+        r: {c: value.is_constant() for c, value in row.items()} for r, row in entries(Phi).items()
+    }
 
 
 Order = tuple[np.ndarray, list[tuple[Block, ...]], np.ndarray]
 
 
 def choose_orders(
-    pattern: Mapping[int, Mapping[int, bool]], Phi: np.ndarray, rows: Sequence[int], independent: Sequence[int]
+    pattern: Mapping[int, Mapping[int, bool]],
+    Phi: np.ndarray,
+    rows: Sequence[int],
+    independent: Sequence[int],
 ) -> list[Order]:
     """Choose the order of elimination for each of G groups of configurations.
 
@@ -243,9 +256,18 @@ def choose_orders(
         constant = {(r, c) for r in stage_rows for c in columns_of[r] if pattern[r][c]}
         longer: list[Order] = []
         for groups, stages, determinants in orders:
-            values = {r: {c: Phi[groups, :, r, c] for c in columns_of[r] if c in columns} for r in stage_rows}
+            values = {
+                r: {c: Phi[groups, :, r, c] for c in columns_of[r] if c in columns}
+                for r in stage_rows
+            }
             for own, blocks, found in stage_orders(values, constant, len(groups)):
-                longer.append((groups[own], [*stages, blocks], np.concatenate([determinants[own], found], axis=1)))
+                longer.append(
+                    (
+                        groups[own],
+                        [*stages, blocks],
+                        np.concatenate([determinants[own], found], axis=1),
+                    )
+                )
         orders = longer
     return orders
 
@@ -264,7 +286,10 @@ def stage_orders(
             found.append((members, blocks, determinants))
             continue
         for block, own in next_blocks(values, constant, len(members)):
-            rest, steady = {r: {c: value[own] for c, value in row.items()} for r, row in values.items()}, set(constant)
+            rest, steady = (
+                {r: {c: value[own] for c, value in row.items()} for r, row in values.items()},
+                set(constant),
+            )
             determinant = block_determinants(rest, block, own.size)
             determinant = np.where(np.abs(determinant) > 1e-300, determinant, 1e-300)
             eliminate_values(rest, steady, block)
@@ -283,11 +308,15 @@ def block_determinants(values: Values, block: Block, groups: int) -> np.ndarray:
 def block_values(values: Values, block: Block, groups: int) -> np.ndarray:
     """Return the numbers of a block at the groups' first samples (groups x rows x columns)."""
     zero = np.zeros((groups, 1))
-    rows = [np.stack([values[r].get(c, zero)[:, 0] for c in block.columns], axis=1) for r in block.rows]
+    rows = [
+        np.stack([values[r].get(c, zero)[:, 0] for c in block.columns], axis=1) for r in block.rows
+    ]
     return np.stack(rows, axis=1)
 
 
-def triangular(pattern: Mapping[int, Iterable[int]]) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
+def triangular(
+    pattern: Mapping[int, Iterable[int]],
+) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
     """Return the stages (rows, columns) of the block triangular form: each holds columns of its own and of stages before.
 
     Rows are matched with columns; a row leads to the rows matched with its columns; what leads back is one stage.
@@ -303,18 +332,24 @@ def _triangular(
     rows: tuple[tuple[int, tuple[int, ...]], ...],
 ) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
     graph, pattern = nx.Graph(), dict(rows)
-    graph.add_nodes_from(sorted(pattern))  # a column c is the node -1 - c: numbers keep one order on every machine
+    graph.add_nodes_from(
+        sorted(pattern)
+    )  # a column c is the node -1 - c: numbers keep one order on every machine
     graph.add_edges_from((r, -1 - c) for r in sorted(pattern) for c in pattern[r])
     matching = nx.bipartite.hopcroft_karp_matching(graph, sorted(pattern))
     leads = nx.DiGraph()
     leads.add_nodes_from(sorted(pattern))
     leads.add_edges_from((matching[-1 - c], r) for r in pattern for c in pattern[r])
     order = nx.condensation(leads)
-    stages = [sorted(order.nodes[part]["members"]) for part in nx.lexicographical_topological_sort(order)]
+    stages = [
+        sorted(order.nodes[part]["members"]) for part in nx.lexicographical_topological_sort(order)
+    ]
     return tuple((tuple(stage), frozenset(-1 - matching[r] for r in stage)) for stage in stages)
 
 
-def next_blocks(values: Values, constant: set[tuple[int, int]], groups: int) -> Iterator[tuple[Block, np.ndarray]]:
+def next_blocks(
+    values: Values, constant: set[tuple[int, int]], groups: int
+) -> Iterator[tuple[Block, np.ndarray]]:
     """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else a strong entry.
 
     Yields the blocks that any of the groups take, and these groups.
@@ -381,7 +416,10 @@ def eliminate_values(values: Values, constant: set[tuple[int, int]], block: Bloc
 def faced(chart: Chart, signs: Sequence[float]) -> Chart:
     """Return the chart with the scales of its blocks multiplied by signs, in order."""
     left = iter(signs)
-    stages = (replace(stage, scales=tuple(scale * next(left) for scale in stage.scales)) for stage in chart.stages)
+    stages = (
+        replace(stage, scales=tuple(scale * next(left) for scale in stage.scales))
+        for stage in chart.stages
+    )
     return replace(chart, stages=tuple(stages))
 
 
@@ -401,7 +439,9 @@ def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], lis
     pivots: list[ca.SX] = []
     for stage in chart.stages:
         own = set(stage.columns)
-        rows = {r: {c: value for c, value in expressions[r].items() if c in own} for r in stage.rows}
+        rows = {
+            r: {c: value for c, value in expressions[r].items() if c in own} for r in stage.rows
+        }
         rhs = {r: right[r, :] for r in stage.rows}
         for r in stage.rows:
             for c, value in expressions[r].items():
@@ -411,7 +451,9 @@ def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], lis
     return X, pivots
 
 
-def solve_stage(stage: Stage, rows: Entries, rhs: dict[int, ca.SX], X: dict[int, ca.SX], pivots: list[ca.SX]) -> None:
+def solve_stage(
+    stage: Stage, rows: Entries, rhs: dict[int, ca.SX], X: dict[int, ca.SX], pivots: list[ca.SX]
+) -> None:
     """Solve a stage by elimination and back substitution; add its unknowns to X and its relative pivots."""
     order: list[tuple[Block, Entries]] = []
     for block, scale in zip(stage.blocks, stage.scales, strict=True):
@@ -454,7 +496,9 @@ def weakest(pivots: Sequence[ca.SX]) -> ca.SX:
 
 def solve_block(block: Block, taken: Entries, rhs: dict[int, ca.SX]) -> ca.SX:
     """Solve a coupled block by cofactors in place of its right sides; return its determinant."""
-    A = ca.vertcat(*[ca.horzcat(*[taken[r].get(c, SX(0)) for c in block.columns]) for r in block.rows])
+    A = ca.vertcat(
+        *[ca.horzcat(*[taken[r].get(c, SX(0)) for c in block.columns]) for r in block.rows]
+    )
     B = ca.vertcat(*[rhs[r] for r in block.rows])
     adjugate = ca.densify(ca.adj(A))
     determinant = ca.mtimes(A[0, :], adjugate[:, 0])

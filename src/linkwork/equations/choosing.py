@@ -26,13 +26,20 @@ from linkwork.equations.chart import (
 )
 from linkwork.equations.equations import Equations, smallest_singular
 
-WELL = 0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
+WELL = (
+    0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
+)
 DETERMINED = 1e-4  # least singular value of what rates are to solve for, over the smallest one at the reference
 NOISE = 1e-11  # determinants that are rounding errors, over the product of the sizes of their rows and columns
-LEAST, FALL = 0.125, 16.0  # relative pivot at least; factor by which scales fall until it is reached
+LEAST, FALL = (
+    0.125,
+    16.0,
+)  # relative pivot at least; factor by which scales fall until it is reached
 
 
-def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = ()) -> list[tuple[np.ndarray, Chart]]:
+def charts_at(
+    equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = ()
+) -> list[tuple[np.ndarray, Chart]]:
     """Return charts that are good at configurations: rows, independent rates and elimination chosen at each.
 
     Args:
@@ -44,13 +51,17 @@ def charts_at(equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = 
         by a rounding error.
     """
     units, count = equations.scaled(Phi), len(equations.chart.rows)
-    kept = np.array([independent_rows([one], count) for one in units], int).reshape(len(units), count)
+    kept = np.array([independent_rows([one], count) for one in units], int).reshape(
+        len(units), count
+    )
     found = []
     for rows, members in alike(kept):
         own = null_spaces(units[np.ix_(members, rows)])
         for independent, places in alike(choose_independents(own, preferred, WELL)):
             at = members[places]
-            for groups, stages, determinants, usual in orders(equations, Phi[at], rows, independent):
+            for groups, stages, determinants, usual in orders(
+                equations, Phi[at], rows, independent
+            ):
                 sound = np.flatnonzero((np.abs(determinants) > NOISE * usual).all(axis=1))
                 for scales, same in alike(scales_of(determinants[sound], usual)):
                     chart = chart_of(stages, scales, rows, independent, Phi.shape[2])
@@ -68,10 +79,16 @@ def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray
     units, weakest = equations.scaled(Phi), np.full(len(Phi), np.inf)
     for stage in chart.stages:
         own = set(stage.columns)
-        values = {r: {c: units[:, r, c, None] for c in equations.rows.pattern[r] if c in own} for r in stage.rows}
+        values = {
+            r: {c: units[:, r, c, None] for c in equations.rows.pattern[r] if c in own}
+            for r in stage.rows
+        }
         for block in stage.blocks:
             found = block_values(values, block, len(Phi))
-            weakest = np.minimum(weakest, smallest_singular(np.where(np.isfinite(found), found, 0.0), len(block.rows)))
+            weakest = np.minimum(
+                weakest,
+                smallest_singular(np.where(np.isfinite(found), found, 0.0), len(block.rows)),
+            )
             with np.errstate(all="ignore"):
                 eliminate_values(values, set(), block)
     return weakest
@@ -90,12 +107,17 @@ def chart_in(
     unit, count = equations.scaled(Phi), len(equations.chart.rows)
     rows = independent_rows([unit], count)
     solved = unit[np.ix_(rows, [j for j in range(Phi.shape[1]) if j not in independent])]
-    if solved.shape != (count, count) or smallest_singular(solved, count) <= least * equations.smallest:
+    if (
+        solved.shape != (count, count)
+        or smallest_singular(solved, count) <= least * equations.smallest
+    ):
         return None
     ((_, stages, determinants, usual),) = orders(equations, Phi[None], rows, independent)
     if (np.abs(determinants[0]) <= NOISE * usual).any():
         return None
-    return chart_of(stages, scales_of(determinants, usual)[0].tolist(), rows, independent, Phi.shape[1])
+    return chart_of(
+        stages, scales_of(determinants, usual)[0].tolist(), rows, independent, Phi.shape[1]
+    )
 
 
 def orders(

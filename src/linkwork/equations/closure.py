@@ -21,7 +21,17 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, Vector, cross, dot, rotation_matrix, snap, spin, vector, zero
+from linkwork.equations.algebra import (
+    SX,
+    Vector,
+    cross,
+    dot,
+    rotation_matrix,
+    snap,
+    spin,
+    vector,
+    zero,
+)
 from linkwork.equations.joints import KINDS, Motion, Row, transversals
 from linkwork.equations.orientation import Orientation, convert
 from linkwork.equations.tree import Column, Node, Tree, in_axes, in_base
@@ -66,17 +76,28 @@ class Cut:
 
     @property
     def open(self) -> bool:
-        return any(motion.slides for motion in self.motions) or any(row.length is not None for row in self.rows)
+        return any(motion.slides for motion in self.motions) or any(
+            row.length is not None for row in self.rows
+        )
 
 
 def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
     """Set up a cut joint: its two sides, and its rows along directions that make them sparse."""
-    sides = (side(tree, joint.connects[0], joint.frames[0]), side(tree, joint.connects[1], joint.frames[1]))
+    sides = (
+        side(tree, joint.connects[0], joint.frames[0]),
+        side(tree, joint.connects[1], joint.frames[1]),
+    )
     swapped = len(tree.path(sides[1].node)) < len(tree.path(sides[0].node))
     this = sides[1] if swapped else sides[0]
     kind = KINDS[joint.type]
     rows = kind.rows(joint, snap(this.R_F.T @ tree.number(this.arm)))
-    return Cut(name, sides, swapped, kind.motions(joint), tuple(row.exchanged() for row in rows) if swapped else rows)
+    return Cut(
+        name,
+        sides,
+        swapped,
+        kind.motions(joint),
+        tuple(row.exchanged() for row in rows) if swapped else rows,
+    )
 
 
 def side(tree: Tree, body: str, frame: Frame) -> Side:
@@ -107,18 +128,27 @@ def residuals(cut: Cut) -> list[ca.SX]:
 
 def shared(tree: Tree, cut: Cut) -> set[int]:
     """Return the rates inward of both sides: they move the loop as a whole and enter none of its rows."""
-    chains = [{column.rate for node in tree.path(side.node) for column in node.columns} for side in cut.sides]
+    chains = [
+        {column.rate for node in tree.path(side.node) for column in node.columns}
+        for side in cut.sides
+    ]
     return chains[0] & chains[1]
 
 
-def reaches(tree: Tree, cut: Cut, parted: bool = False) -> Iterator[tuple[int, Column, Node, ca.SX]]:
+def reaches(
+    tree: Tree, cut: Cut, parted: bool = False
+) -> Iterator[tuple[int, Column, Node, ca.SX]]:
     """Yield what moves in the loop: sign of the side, column, its node, vector to the joint's point in its `column_axes`.
 
     Where the joint's origins part, or are `parted` in an open loop, both sides take the point of that side, as if they were
     one body's.
     """
     common = shared(tree, cut)
-    slip = ca.mtimes(cut.this.node.axes.matrix.T, cut.that.P - cut.this.P) if cut.open or parted else zero()
+    slip = (
+        ca.mtimes(cut.this.node.axes.matrix.T, cut.that.P - cut.this.P)
+        if cut.open or parted
+        else zero()
+    )
     for sign, side, extra in ((-1, cut.this, slip), (1, cut.that, zero())):
         for node, d in tree.reaches(side.node, in_axes(side.node.R, side.arm) + extra):
             for column in node.columns:
@@ -141,7 +171,9 @@ def jacobian(tree: Tree, cut: Cut) -> ca.SX:
         for k, row in enumerate(cut.rows):
             own = near.get(node.index) if sign < 0 and near_enough(cut, row, column, node) else None
             value = (
-                near_effect(cut, row, column, node, *own) if own else effect(cut, row, lines[k], column, node, velocity)
+                near_effect(cut, row, column, node, *own)
+                if own
+                else effect(cut, row, lines[k], column, node, velocity)
             )
             Phi[k, column.rate] = sign * value
     return Phi
@@ -177,7 +209,9 @@ def effect(cut: Cut, row: Row, line: ca.SX, column: Column, node: Node, velocity
     e = convert(line, this.node.axes, axes)
     if row.f is not None:
         return dot(e, column.z) if node.turns else SX(0)
-    return dot(e, velocity) - (row.pitch * dot(e, column.z) if row.pitch is not None and node.turns else SX(0))
+    return dot(e, velocity) - (
+        row.pitch * dot(e, column.z) if row.pitch is not None and node.turns else SX(0)
+    )
 
 
 def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
@@ -252,17 +286,39 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
         elif cut.open:
             v = tree.velocities(omega, rates, nodes)
             result.append(
-                open_bias(cut, row, omega[i], alpha[i], v[i], a[i], here(v[j] + cross(omega[j], d)), a_that, turning)
+                open_bias(
+                    cut,
+                    row,
+                    omega[i],
+                    alpha[i],
+                    v[i],
+                    a[i],
+                    here(v[j] + cross(omega[j], d)),
+                    a_that,
+                    turning,
+                )
             )
         else:
             to_body, arm = this.node.R.near.T, SX(this.arm)
-            local = cross(ca.mtimes(to_body, alpha[i]), arm) + spin(ca.mtimes(to_body, omega[i]), arm)
-            result.append(dot(in_axes(this.R, row.e), a_that - a[i]) - dot(SX(snap(this.R_F @ row.e)), local))
+            local = cross(ca.mtimes(to_body, alpha[i]), arm) + spin(
+                ca.mtimes(to_body, omega[i]), arm
+            )
+            result.append(
+                dot(in_axes(this.R, row.e), a_that - a[i]) - dot(SX(snap(this.R_F @ row.e)), local)
+            )
     return result
 
 
 def open_bias(
-    cut: Cut, row: Row, omega: ca.SX, alpha: ca.SX, v: ca.SX, a: ca.SX, v_that: ca.SX, a_that: ca.SX, turning: ca.SX
+    cut: Cut,
+    row: Row,
+    omega: ca.SX,
+    alpha: ca.SX,
+    v: ca.SX,
+    a: ca.SX,
+    v_that: ca.SX,
+    a_that: ca.SX,
+    turning: ca.SX,
 ) -> ca.SX:
     """Return gamma of a row of a joint whose origins part: omega to a of this side's node, v_that and a_that of that point."""
     this = cut.this
@@ -270,7 +326,9 @@ def open_bias(
     d = in_axes(this.node.R, this.arm)
     if row.length is not None:
         apart = v_that - v - cross(omega, d)
-        return (dot(apart, apart) + dot(gap, a_that - a - cross(alpha, d) - spin(omega, d))) / row.length
+        return (
+            dot(apart, apart) + dot(gap, a_that - a - cross(alpha, d) - spin(omega, d))
+        ) / row.length
     d, e = d + gap, in_axes(this.R, row.e)
     slide = v_that - v - cross(omega, d)
     bias = dot(e, a_that - a - cross(alpha, d) - spin(omega, d) - 2 * cross(omega, slide))
@@ -289,7 +347,10 @@ def alignment(cut: Cut) -> ca.SX:
             products.append(dot(in_base(cut.this.R, row.f), in_base(cut.that.R, row.f)))
         if row.pitch is not None:
             gap, (e1, e2) = cut.that.P - cut.this.P, transversals(row.e, np.zeros(3))
-            f1, advance = (in_base(cut.that.R, e1), dot(in_base(cut.this.R, row.e), gap) / row.pitch)
+            f1, advance = (
+                in_base(cut.that.R, e1),
+                dot(in_base(cut.this.R, row.e), gap) / row.pitch,
+            )
             s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)
             products.append(ca.cos(advance) * c + ca.sin(advance) * s)
     return ca.mmin(ca.vertcat(*products))

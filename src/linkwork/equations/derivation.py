@@ -16,7 +16,12 @@ import numpy as np
 
 from linkwork.equations import closure, gears, mobility, readings, spins
 from linkwork.equations.algebra import SX, dense, symbol
-from linkwork.equations.chart import choose_chart, choose_independent, independent_rows, largest_rows
+from linkwork.equations.chart import (
+    choose_chart,
+    choose_independent,
+    independent_rows,
+    largest_rows,
+)
 from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import loop_length, own_length
@@ -45,9 +50,7 @@ TURNS_OUT = 1e-9
 SHOWN = 6  # coordinates in a note
 REGULAR = 1e-3  # least singular value at a bent reference, in own units
 ROUNDED = 1e-6  # gap of redundant rows, over the loop's extents, that rounded numbers explain
-ROUNDED_RANK = (
-    1e-5  # singular value over the largest, and what is left of a row over the longest, that rounded numbers make
-)
+ROUNDED_RANK = 1e-5  # singular value over the largest, and what is left of a row over the longest, that rounded numbers make
 NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
     "branches of motion meet at the given reference, as where a linkage lies in a line; home is bent to {}; give a "
@@ -63,7 +66,9 @@ FLIPPED = (
 )
 
 
-def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()) -> Equations:
+def derive(
+    mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()
+) -> Equations:
     """Derive the equations of motion of a mechanism.
 
     Every choice that needs numbers is made at the description's; a free number never counts as zero.
@@ -88,7 +93,9 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     start = guess(mechanism, topology, tree)
     joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
     loops = {cut.joint: mobility.loop_of(topology, cut.joint) for cut in cuts}
-    extents = {name: (loop_length(mechanism, loop) / length, len(loop)) for name, loop in loops.items()}
+    extents = {
+        name: (loop_length(mechanism, loop) / length, len(loop)) for name, loop in loops.items()
+    }
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length), extents)
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
     rows, configurations, samples, notes = closed_samples(joints, rows, start, begin)
@@ -96,7 +103,11 @@ def derive(mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence
     redundant = tuple(name for name in every if name not in [rows.names[index] for index in kept])
     mobility.refuse_locked(topology, tree, rows.names, samples[0])
     refuse_out_of_plane(mechanism, tree, configurations, samples)
-    preferred = [tree.rates.index(label) for label in (*independent, *mechanism.actuators) if label in tree.rates]
+    preferred = [
+        tree.rates.index(label)
+        for label in (*independent, *mechanism.actuators)
+        if label in tree.rates
+    ]
     chosen = choose_independent(samples[0][list(kept)], preferred)
     chart = choose_chart(rows.Phi, samples, kept, chosen, (rows.units, tree.rate_units))
     turning, idle = spins.spins(joints, configurations, samples)
@@ -144,7 +155,13 @@ def closure_rows(
     names, phi, Phi, open_Phi, gamma, units, extents = [], [], [], [], [], [], []
 
     def gather(
-        name: str, residual: ca.SX, row: ca.SX, open_row: ca.SX, bias: ca.SX, unit: float, extent: float
+        name: str,
+        residual: ca.SX,
+        row: ca.SX,
+        open_row: ca.SX,
+        bias: ca.SX,
+        unit: float,
+        extent: float,
     ) -> None:
         if ca.SX(ca.sparsify(row)).nnz() == 0 and residual.is_constant():
             refuse_open(name, float(residual), unit)
@@ -160,8 +177,12 @@ def closure_rows(
     for cut in cuts:
         if not cut.rows:
             continue
-        jacobians = (ca.vertsplit(of(tree, cut)) for of in (closure.jacobian, closure.open_jacobian))
-        parts = zip(closure.residuals(cut), *jacobians, closure.biases(tree, cut, rates), strict=True)
+        jacobians = (
+            ca.vertsplit(of(tree, cut)) for of in (closure.jacobian, closure.open_jacobian)
+        )
+        parts = zip(
+            closure.residuals(cut), *jacobians, closure.biases(tree, cut, rates), strict=True
+        )
         for row, part in zip(cut.rows, parts, strict=True):
             along, turns = of_loops[cut.joint]
             unit, extent = (tree.length, max(along, 1.0)) if row.f is None else (1.0, turns)
@@ -171,7 +192,9 @@ def closure_rows(
         bias = ca.mtimes(derivative(Phi_row, tree, rates), rates)
         gather(f"{name}: ratio", residual, Phi_row, Phi_row, bias, of_gears[name], 1.0)
     alignment = ca.mmin(ca.vertcat(SX(1), *[closure.alignment(cut) for cut in cuts]))
-    stacked, open_stacked = (ca.sparsify(ca.vertcat(SX(0, len(tree.rates)), *part)) for part in (Phi, open_Phi))
+    stacked, open_stacked = (
+        ca.sparsify(ca.vertcat(SX(0, len(tree.rates)), *part)) for part in (Phi, open_Phi)
+    )
     return Rows(
         tuple(names),
         column(phi),
@@ -229,7 +252,10 @@ def closed_samples(
     beside = bent(tree, rows, reference, rank)
     if beside is None:
         return rows, samples[0][:1], samples[1][:1], rounded
-    where = ", ".join(f"{label} = {x:.3g}" for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN])
+    where = ", ".join(
+        f"{label} = {x:.3g}"
+        for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN]
+    )
     samples = about(tree, rows, beside)
     return rows, *samples, (BENT.format(where), *unheld_notes(tree, rows, samples[0]))
 
@@ -247,7 +273,9 @@ def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
             samples = np.array(jacobians(tree, rows, [q, *near]))
             values = np.linalg.svd(samples, compute_uv=False)
             rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
-            opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (near and not neighbours(system, tree, q))
+            opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (
+                near and not neighbours(system, tree, q)
+            )
             if opens and rank < len(rows.names):
                 kept = sorted(largest_rows(samples[np.argmax(values[:, rank - 1])], rank))
                 left = [index for index in range(len(rows.names)) if index not in kept]
@@ -269,7 +297,9 @@ def unheld_notes(tree: Tree, rows: Rows, configurations: Sequence[np.ndarray]) -
     return (UNHELD.format(gap, ", ".join(rows.unheld.names)),)
 
 
-def about(tree: Tree, rows: Rows, reference: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def about(
+    tree: Tree, rows: Rows, reference: np.ndarray
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own units."""
     configurations = [reference, *neighbours(closing(tree, rows), tree, reference)]
     return configurations, jacobians(tree, rows, configurations)
@@ -278,7 +308,10 @@ def about(tree: Tree, rows: Rows, reference: np.ndarray) -> tuple[list[np.ndarra
 def singular_start(tree: Tree, rows: Rows, start: np.ndarray) -> bool:
     """Tell whether the rows lose rank at an open start, compared with what is beside it."""
     system = closing(tree, rows)
-    ranks = [len(reflect(dense(ca.DM(system(unit(tree, q))[1]))).rows) for q in (start, *islice(bends(tree, start), 4))]
+    ranks = [
+        len(reflect(dense(ca.DM(system(unit(tree, q))[1]))).rows)
+        for q in (start, *islice(bends(tree, start), 4))
+    ]
     return ranks[0] < max(ranks)
 
 
@@ -302,7 +335,9 @@ def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
     """Return the system that `close` solves, in the mechanism's own units, at p or at the description's numbers."""
     D_r, D_c = ca.diag(ca.DM(1 / rows.units)), ca.diag(ca.DM(tree.rate_units))
     scaled_Phi = ca.mtimes(ca.mtimes(D_r, rows.open_Phi), D_c)
-    exact = tree.evaluated("rows", [rows.phi / rows.units, scaled_Phi, ca.mtimes(tree.derivative_map, D_c)], p)
+    exact = tree.evaluated(
+        "rows", [rows.phi / rows.units, scaled_Phi, ca.mtimes(tree.derivative_map, D_c)], p
+    )
 
     def system(q: np.ndarray) -> tuple[np.ndarray, ca.DM, ca.DM]:
         phi, Phi, derivatives = exact(q)
@@ -312,7 +347,11 @@ def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
 
 
 def home(
-    joints: JointMap, rows: Rows, start: np.ndarray, starts: Iterable[np.ndarray], p: np.ndarray | None = None
+    joints: JointMap,
+    rows: Rows,
+    start: np.ndarray,
+    starts: Iterable[np.ndarray],
+    p: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the closed configuration nearest to the reference, from the first start that leads to a closed one.
 
@@ -323,7 +362,9 @@ def home(
     return closed if found is closed else closed_reference(joints.tree, rows, [found, closed], p)
 
 
-def closed_reference(tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np.ndarray | None = None) -> np.ndarray:
+def closed_reference(
+    tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np.ndarray | None = None
+) -> np.ndarray:
     """Return the closed configuration that is reached from the first start that leads to one.
 
     p: values of the free parameters; the description's if left out
@@ -347,7 +388,9 @@ def closed_reference(tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np
     raise refusal
 
 
-def open_unheld(tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None) -> MechanismError | None:
+def open_unheld(
+    tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None
+) -> MechanismError | None:
     """Return the refusal of a row that is not held and open by more than rounded numbers explain, if there is one."""
     if rows.unheld is None:
         return None
@@ -355,7 +398,9 @@ def open_unheld(tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None) -> 
     worst = int((gaps / rows.unheld.extents).argmax())
     if gaps[worst] <= ROUNDED * rows.unheld.extents[worst]:
         return None
-    return open_near_reference(rows.unheld.names[worst], float(gaps[worst] * rows.unheld.units[worst]))
+    return open_near_reference(
+        rows.unheld.names[worst], float(gaps[worst] * rows.unheld.units[worst])
+    )
 
 
 def too_large(tree: Tree, q: np.ndarray) -> MechanismError | None:

@@ -88,7 +88,11 @@ def project_inward(tree: Tree, node: Node, m: Number, h: ca.SX, inertia: ca.SX, 
         own = axes
         for inner in reversed(tree.path(node)):
             if inner is not node:
-                N, F, own = (convert(N, own, inner.column_axes), convert(F, own, inner.column_axes), inner.column_axes)
+                N, F, own = (
+                    convert(N, own, inner.column_axes),
+                    convert(F, own, inner.column_axes),
+                    inner.column_axes,
+                )
             for other in inner.columns:
                 H[i, other.rate] = H[other.rate, i] = along(inner, other, N, F)
             N, F, own = (convert(N, own, inner.before), convert(F, own, inner.before), inner.before)
@@ -121,7 +125,9 @@ def inertia_forces(
         m, h, inertia = near_moments(node)
         w = omega[i]
         forces[i] += m * a[i] + cross(alpha[i], h) + spin(w, h)
-        moments[i] += ca.mtimes(inertia, alpha[i]) + cross(w, ca.mtimes(inertia, w)) + cross(h, a[i])
+        moments[i] += (
+            ca.mtimes(inertia, alpha[i]) + cross(w, ca.mtimes(inertia, w)) + cross(h, a[i])
+        )
         N, F = (convert(x, node.axes, node.column_axes) for x in (moments[i], forces[i]))
         for column in node.columns:
             h_tree[column.rate] = along(node, column, N, F)

@@ -48,7 +48,9 @@ class Freedom:
         """Return the force of friction and damper on the freedom."""
         resistance = self.friction.viscous + self.spring.damping
         if present(self.friction.coulomb):
-            resistance += self.friction.coulomb / ca.sqrt(ca.sumsqr(w) + self.friction.coulomb_rate**2)
+            resistance += self.friction.coulomb / ca.sqrt(
+                ca.sumsqr(w) + self.friction.coulomb_rate**2
+            )
         return -resistance * w
 
     @property
@@ -65,9 +67,15 @@ def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
         labels, rates = iter(joint.coordinates(name)), iter(joint.rates(name))
         for freedom, (friction, spring, _, rotor) in joint.effects().items():
             free = freedom == TURN
-            own, own_rates = (list(islice(labels, 4 if free else 1)), list(islice(rates, 3 if free else 1)))
+            own, own_rates = (
+                list(islice(labels, 4 if free else 1)),
+                list(islice(rates, 3 if free else 1)),
+            )
             if every or any(
-                map(present, (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor))
+                map(
+                    present,
+                    (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor),
+                )
             ):
                 x = ca.vertcat(*[joints.position(label) for label in own])
                 J = joints.rate_rows(own_rates)
@@ -85,15 +93,22 @@ def rotation_vector(p: ca.SX) -> ca.SX:
 
 def joint_forces(freedoms: tuple[Freedom, ...], rates: ca.SX) -> ca.SX:
     """Return the forces (nv) of friction and springs in joints on the tree's rates."""
-    return sum((ca.mtimes(f.J.T, f.force(ca.mtimes(f.J, rates))) for f in freedoms), SX.zeros(rates.numel()))
+    return sum(
+        (ca.mtimes(f.J.T, f.force(ca.mtimes(f.J, rates))) for f in freedoms),
+        SX.zeros(rates.numel()),
+    )
 
 
 def rotor_inertia(freedoms: tuple[Freedom, ...], nv: int) -> ca.SX:
     """Return what rotors add to the tree's generalised inertia, J' J_rotor J."""
-    return sum((f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if present(f.rotor)), SX.zeros(nv, nv))
+    return sum(
+        (f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if present(f.rotor)), SX.zeros(nv, nv)
+    )
 
 
-def rotor_forces(freedoms: tuple[Freedom, ...], tree: Tree, rates: ca.SX, accelerations: ca.SX) -> ca.SX:
+def rotor_forces(
+    freedoms: tuple[Freedom, ...], tree: Tree, rates: ca.SX, accelerations: ca.SX
+) -> ca.SX:
     """Return what rotors add to the inertia forces, J' J_rotor (J w' + (dJ/dt) w)."""
     total = SX.zeros(rates.numel())
     for f in freedoms:
@@ -134,7 +149,9 @@ class Pull:
         if not self.needs_direction:
             return spring.stiffness * self.gap
         direction = self.gap / self.length
-        tension = spring.stiffness * (self.length - spring.rest_length) + spring.damping * dot(direction, apart)
+        tension = spring.stiffness * (self.length - spring.rest_length) + spring.damping * dot(
+            direction, apart
+        )
         return tension * direction
 
 
@@ -149,7 +166,9 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
         yield Pull(spring, (first, second), arms, gap, length)
 
 
-def point_wrenches(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> dict[int, tuple[ca.SX, ca.SX]]:
+def point_wrenches(
+    mechanism: Mechanism, tree: Tree, rates: ca.SX
+) -> dict[int, tuple[ca.SX, ca.SX]]:
     """Return the wrenches (moment about the node's origin, force) of springs between points, by node in its axes."""
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     omega = tree.angular_velocities(rates) if mechanism.springs else []

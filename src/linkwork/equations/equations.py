@@ -66,7 +66,17 @@ class Rows:
         names = tuple(self.names[index] for index in own)
         phi, Phi, open_Phi = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
         units, extents = self.units[own], self.extents[own]
-        return Rows(names, phi, Phi, open_Phi, self.rates, self.gamma[own, :], self.alignment, units, extents)
+        return Rows(
+            names,
+            phi,
+            Phi,
+            open_Phi,
+            self.rates,
+            self.gamma[own, :],
+            self.alignment,
+            units,
+            extents,
+        )
 
     @property
     def unheld_gap(self) -> ca.SX:

@@ -16,21 +16,31 @@ from linkwork.equations.equations import Equations, solve_symmetric
 from linkwork.equations.joint_map import derivative
 
 
-def function(name: str, equations: Equations, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+def function(
+    name: str, equations: Equations, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]
+) -> ca.Function:
     """Make a CasADi function of inputs and p, with dense outputs and no expression computed twice."""
     inputs = inputs | {"p": equations.p}
     dense = [ca.densify(value) for value in outputs.values()]
-    return ca.Function(name, list(inputs.values()), dense, list(inputs), list(outputs), {"cse": True})
+    return ca.Function(
+        name, list(inputs.values()), dense, list(inputs), list(outputs), {"cse": True}
+    )
 
 
 def motion(equations: Equations) -> ca.Function:
     """Return (q, v, u) -> q', v' and the weakest relative pivot: the direct dynamics, Eq. (9)."""
     u = SX.sym("u", len(equations.mechanism.actuators))
     applied = ca.mtimes(equations.actuation.T, u)
-    acceleration = solve_symmetric(equations.inertia[0], applied - equations.bias_forces(equations.gravity))
+    acceleration = solve_symmetric(
+        equations.inertia[0], applied - equations.bias_forces(equations.gravity)
+    )
     inputs = {"q": equations.tree.q, "v": equations.v, "u": u}
     derivatives = equations.tree.derivatives(equations.rates)
-    outputs = {"derivatives": derivatives, "accelerations": acceleration, "pivot": equations.elimination[2]}
+    outputs = {
+        "derivatives": derivatives,
+        "accelerations": acceleration,
+        "pivot": equations.elimination[2],
+    }
     return function("motion", equations, inputs, outputs)
 
 
@@ -40,7 +50,9 @@ def inverse_dynamics(equations: Equations) -> ca.Function:
     L, b, pivot = equations.elimination
     h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
     inputs = {"q": equations.tree.q, "v": equations.v, "dv": dv}
-    return function("inverse_dynamics", equations, inputs, {"forces": ca.mtimes(L.T, h), "pivot": pivot})
+    return function(
+        "inverse_dynamics", equations, inputs, {"forces": ca.mtimes(L.T, h), "pivot": pivot}
+    )
 
 
 def actuation(equations: Equations) -> ca.Function:
@@ -54,7 +66,9 @@ def terms(equations: Equations) -> ca.Function:
     still = SX.zeros(3)
     velocity = equations.bias_forces(still, passive=False)
     at_rest = ca.substitute(
-        equations.bias_forces(equations.gravity, passive=False), equations.v, SX.zeros(equations.mobility)
+        equations.bias_forces(equations.gravity, passive=False),
+        equations.v,
+        SX.zeros(equations.mobility),
     )
     outputs = {
         "M": equations.inertia[0],
@@ -77,14 +91,18 @@ def closure_step(equations: Equations) -> ca.Function:
     q = tree.q + tree.derivatives(equations.scatter(step, SX.zeros(equations.mobility, 1)))
     for places, _ in tree.quaternions:
         q[list(places)] *= (3 - ca.sumsqr(tree.q[list(places)])) / 2
-    conditions = ca.vertcat(phi * ca.DM(1 / equations.rows.units), *tree.norms(), equations.rows.excess)
+    conditions = ca.vertcat(
+        phi * ca.DM(1 / equations.rows.units), *tree.norms(), equations.rows.excess
+    )
     largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
     return function("closure_step", equations, {"q": tree.q}, {"q_next": q, "residual": largest})
 
 
 def unheld_gap(equations: Equations) -> ca.Function:
     """Return q -> the largest |phi| of the rows that are not held, in own units."""
-    return function("unheld_gap", equations, {"q": equations.tree.q}, {"gap": equations.rows.unheld_gap})
+    return function(
+        "unheld_gap", equations, {"q": equations.tree.q}, {"gap": equations.rows.unheld_gap}
+    )
 
 
 def tree_rates(equations: Equations) -> ca.Function:
@@ -97,7 +115,12 @@ def motion_energy(equations: Equations) -> ca.Function:
     """Return (q, w) -> the kinetic energy w' H w / 2 [J] of rates w of the whole tree: the same in all charts."""
     tree, w = equations.tree, equations.rows.rates
     H = dynamics.generalised_inertia(tree) + effects.rotor_inertia(equations.freedoms, equations.nv)
-    return function("motion_energy", equations, {"q": tree.q, "w": w}, {"T": ca.mtimes(w.T, ca.mtimes(H, w)) / 2})
+    return function(
+        "motion_energy",
+        equations,
+        {"q": tree.q, "w": w},
+        {"T": ca.mtimes(w.T, ca.mtimes(H, w)) / 2},
+    )
 
 
 def maps(equations: Equations) -> ca.Function:
@@ -110,7 +133,9 @@ def maps(equations: Equations) -> ca.Function:
 
 def positions(equations: Equations) -> ca.Function:
     """Return q -> coordinates of all joints."""
-    return function("positions", equations, {"q": equations.tree.q}, {"positions": equations.joints.positions()})
+    return function(
+        "positions", equations, {"q": equations.tree.q}, {"positions": equations.joints.positions()}
+    )
 
 
 def joints_motion(equations: Equations) -> ca.Function:
@@ -125,7 +150,9 @@ def joints_motion(equations: Equations) -> ca.Function:
         "accelerations": ca.mtimes(J, ca.mtimes(L, dv) + b) + turning,
         "pivot": pivot,
     }
-    return function("joints_motion", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
+    return function(
+        "joints_motion", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs
+    )
 
 
 def bodies_motion(equations: Equations) -> ca.Function:
@@ -133,8 +160,15 @@ def bodies_motion(equations: Equations) -> ca.Function:
     weakest relative pivot.
     """
     origins, orientations = measures.body_poses(equations.mechanism, equations.tree)
-    twists = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), equations.rates)
-    outputs = {"origins": origins, "orientations": orientations, "twists": twists, "pivot": equations.elimination[2]}
+    twists = ca.mtimes(
+        measures.body_jacobians(equations.mechanism, equations.tree), equations.rates
+    )
+    outputs = {
+        "origins": origins,
+        "orientations": orientations,
+        "twists": twists,
+        "pivot": equations.elimination[2],
+    }
     return function("bodies_motion", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
@@ -147,7 +181,9 @@ def constraints(equations: Equations) -> ca.Function:
 def pivots(equations: Equations) -> ca.Function:
     """Return q -> the relative pivots of the elimination, block by block."""
     _, found = solve(equations.chart, equations.rows.Phi, SX(len(equations.rows.names), 0))
-    return function("pivots", equations, {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)})
+    return function(
+        "pivots", equations, {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)}
+    )
 
 
 def assembly(equations: Equations) -> ca.Function:
@@ -173,7 +209,13 @@ def assembly(equations: Equations) -> ca.Function:
     if tool is not None:
         position, orientation, angle = measures.tool_pose(tree, tool)
         J, bias = measures.tool_twist(tree, tool, rates)
-        outputs |= {"position": position, "orientation": orientation, "angle": angle, "J_tool": J, "bias_tool": bias}
+        outputs |= {
+            "position": position,
+            "orientation": orientation,
+            "angle": angle,
+            "J_tool": J,
+            "bias_tool": bias,
+        }
     return function("assembly", equations, {"q": tree.q, "rates": rates}, outputs)
 
 
@@ -185,7 +227,9 @@ def regressor(equations: Equations) -> ca.Function:
     dv = SX.sym("dv", equations.mobility)
     Y, rest = linear.regressor(equations, dv)
     outputs = {"Y": Y, "rest": rest, "pivot": equations.elimination[2]}
-    return function("regressor", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
+    return function(
+        "regressor", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs
+    )
 
 
 def energy(equations: Equations) -> ca.Function:
@@ -195,6 +239,8 @@ def energy(equations: Equations) -> ca.Function:
     potential = sum((freedom.potential for freedom in equations.freedoms), SX(0))
     potential += sum((pull.potential for pull in effects.pulls(mechanism, tree)), SX(0))
     for name, body in mechanism.bodies.items():
-        potential -= body.mass * dot(equations.gravity, tree.point(tree.node(name), vector(body.centre_of_mass)))
+        potential -= body.mass * dot(
+            equations.gravity, tree.point(tree.node(name), vector(body.centre_of_mass))
+        )
     outputs = {"kinetic": kinetic, "potential": potential, "pivot": equations.elimination[2]}
     return function("energy", equations, {"q": tree.q, "v": v}, outputs)

@@ -28,6 +28,8 @@ def units(mechanism: Mechanism, length: float) -> dict[str, float]:
     """Return the unit of each gear's phi, the largest of its terms': slides count in the mechanism's own length."""
     slide = slides(mechanism)
     return {
-        name: max(abs(ratio) * (length if slide[label] else 1.0) for label, ratio in gear.ratios.items())
+        name: max(
+            abs(ratio) * (length if slide[label] else 1.0) for label, ratio in gear.ratios.items()
+        )
         for name, gear in mechanism.gears.items()
     }

@@ -39,9 +39,9 @@ class JointMap:
             return self.tree.q[self.tree.coordinates.index(label)]
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].coordinates(cut.joint)
-        return self._read(f"{cut.joint}: positions", lambda: zip(names, readings.positions(cut), strict=True))[
-            label
-        ] + self.turns.get(label, 0.0)
+        return self._read(
+            f"{cut.joint}: positions", lambda: zip(names, readings.positions(cut), strict=True)
+        )[label] + self.turns.get(label, 0.0)
 
     def rate_row(self, label: str) -> ca.SX:
         """Return the row (1 x nv) of a joint rate."""
@@ -52,17 +52,22 @@ class JointMap:
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].rates(cut.joint)
         rows = self._read(
-            f"{cut.joint}: rates", lambda: zip(names, ca.vertsplit(readings.rate_rows(self.tree, cut)), strict=True)
+            f"{cut.joint}: rates",
+            lambda: zip(names, ca.vertsplit(readings.rate_rows(self.tree, cut)), strict=True),
         )
         return rows[label]
 
     def positions(self) -> ca.SX:
         """Return the coordinates of all joints, in the order of `mechanism.coordinates`."""
-        return ca.vertcat(SX.zeros(0, 1), *[self.position(label) for label in self.mechanism.coordinates])
+        return ca.vertcat(
+            SX.zeros(0, 1), *[self.position(label) for label in self.mechanism.coordinates]
+        )
 
     def rate_rows(self, labels: Sequence[str] | None = None) -> ca.SX:
         """Return the matrix (m x nv) of joint rates: those named, or all in the order of `mechanism.rates`."""
-        rows = [self.rate_row(label) for label in (self.mechanism.rates if labels is None else labels)]
+        rows = [
+            self.rate_row(label) for label in (self.mechanism.rates if labels is None else labels)
+        ]
         return ca.vertcat(SX(0, len(self.tree.rates)), *rows)
 
     def _cut(self, label: str) -> Cut:

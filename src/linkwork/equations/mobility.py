@@ -46,11 +46,22 @@ def refuse_locked(topology: Topology, tree: Tree, rows: Sequence[str], Phi: np.n
         return
     joints = [row.partition(": ")[0] for row in rows]
     last = next(
-        (k for k in range(len(joints)) if np.linalg.matrix_rank(Phi[: k + 1], RANK) == Phi.shape[1]), len(joints) - 1
+        (
+            k
+            for k in range(len(joints))
+            if np.linalg.matrix_rank(Phi[: k + 1], RANK) == Phi.shape[1]
+        ),
+        len(joints) - 1,
     )
     loop = loop_of(topology, joints[last]) if joints else ()
-    cause = f"the loop of {', '.join(loop)} leaves it no motion" if loop else "no joint lets a body move"
-    raise MechanismError(f"the mechanism has mobility 0: {cause}; add a joint or free one", ("joints",))
+    cause = (
+        f"the loop of {', '.join(loop)} leaves it no motion"
+        if loop
+        else "no joint lets a body move"
+    )
+    raise MechanismError(
+        f"the mechanism has mobility 0: {cause}; add a joint or free one", ("joints",)
+    )
 
 
 def loop_of(topology: Topology, cut: str) -> tuple[str, ...]:
@@ -67,4 +78,8 @@ def loop_of(topology: Topology, cut: str) -> tuple[str, ...]:
     if cut not in topology.closing:
         return (cut,)
     first, second = (chain(body) for body in topology.closing[cut].connects)
-    return tuple(dict.fromkeys([*(name for name in first + second if (name in first) != (name in second)), cut]))
+    return tuple(
+        dict.fromkeys(
+            [*(name for name in first + second if (name in first) != (name in second)), cut]
+        )
+    )

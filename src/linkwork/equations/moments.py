@@ -48,7 +48,11 @@ class Moments:
 def tensor(inertia: Inertia) -> Vector:
     """Return the 3 x 3 tensor; the elements that a planar body leaves out are zero."""
     xx, yy = (0.0 if moment is None else moment for moment in (inertia.xx, inertia.yy))
-    rows = (xx, inertia.xy, inertia.xz), (inertia.xy, yy, inertia.yz), (inertia.xz, inertia.yz, inertia.zz)
+    rows = (
+        (xx, inertia.xy, inertia.xz),
+        (inertia.xy, yy, inertia.yz),
+        (inertia.xz, inertia.yz, inertia.zz),
+    )
     values = vector([element for row in rows for element in row])
     return values.reshape((3, 3))
 

@@ -41,7 +41,11 @@ Reading = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def nearest(
-    system: System, joints: JointMap, start: np.ndarray, closed: np.ndarray, p: np.ndarray | None = None
+    system: System,
+    joints: JointMap,
+    start: np.ndarray,
+    closed: np.ndarray,
+    p: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the closed configuration nearest to the reference, as far as descent from a closed one leads.
 
@@ -89,12 +93,19 @@ def differences(joints: JointMap) -> tuple[ca.SX, list[bool]]:
             if freedom == TURN:
                 own = [next(labels) for _ in range(4)]
                 r.append(
-                    rotation_vector(turn_between(ca.vertcat(*map(joints.position, own)), [values[x] for x in own]))
+                    rotation_vector(
+                        turn_between(
+                            ca.vertcat(*map(joints.position, own)), [values[x] for x in own]
+                        )
+                    )
                 )
                 periodic += [False] * 3
             else:
                 label = next(labels)
-                r.append((joints.position(label) - values[label]) / (tree.length if lengths[label] else 1.0))
+                r.append(
+                    (joints.position(label) - values[label])
+                    / (tree.length if lengths[label] else 1.0)
+                )
                 periodic.append(label in joint.angles(name) and not isinstance(joint, ScrewJoint))
     return ca.vertcat(SX(0, 1), *r), periodic
 
@@ -104,7 +115,10 @@ def readings(joints: JointMap, r: ca.SX, periodic: list[bool], p: np.ndarray | N
     mechanism, tree, lengths = joints.mechanism, joints.tree, slides(joints.mechanism)
     rates = [label for name, joint in mechanism.pairs.items() for label in joint.rates(name)]
     heights = [tree.length if lengths[label] else 1.0 for label in rates]
-    J = ca.mtimes(ca.mtimes(ca.diag(1 / ca.DM(heights)), joints.rate_rows(rates)), ca.diag(ca.DM(tree.rate_units)))
+    J = ca.mtimes(
+        ca.mtimes(ca.diag(1 / ca.DM(heights)), joints.rate_rows(rates)),
+        ca.diag(ca.DM(tree.rate_units)),
+    )
     evaluated = tree.evaluated("readings", [r, J], p)
 
     def read(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -162,7 +176,9 @@ def approached(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tupl
     return q, determined
 
 
-def newton_step(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tuple[np.ndarray, bool]:
+def newton_step(
+    system: System, read: Reading, tree: Tree, q: np.ndarray
+) -> tuple[np.ndarray, bool]:
     """Return a step of q downhill, Newton's near a least distance, and whether every freedom bends the distance."""
     _, Phi, N = system(q)
     r, J = read(q)
@@ -177,14 +193,18 @@ def newton_step(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tup
         return Z.T @ (J.T @ r + dense(ca.DM(Phi)).T @ multipliers)
 
     aside = APART * along.T
-    H = np.transpose([(g(unit(tree, q + dq)) - g(unit(tree, q - dq))) / (2 * APART) for dq in aside])
+    H = np.transpose(
+        [(g(unit(tree, q + dq)) - g(unit(tree, q - dq))) / (2 * APART) for dq in aside]
+    )
     curvatures, V = np.linalg.eigh((H + H.T) / 2)
     bent = np.abs(curvatures) > FLAT * max(np.abs(curvatures).max(), FLAT)
     step = V[:, bent] @ ((V.T @ -g(q))[bent] / np.abs(curvatures[bent]))
     return along @ step * min(1.0, LONGEST / max(np.abs(Z @ step).max(), 1e-300)), bool(bent.all())
 
 
-def nearer(system: System, read: Reading, tree: Tree, q: np.ndarray, step: np.ndarray) -> np.ndarray | None:
+def nearer(
+    system: System, read: Reading, tree: Tree, q: np.ndarray, step: np.ndarray
+) -> np.ndarray | None:
     """Return the closed configuration after a step, or a part of it, that is not farther off; None if there is none."""
     far = np.linalg.norm(read(q)[0])
     for part in 0.5 ** np.arange(HALVINGS):

@@ -105,7 +105,9 @@ class Orientation:
 
     def then_matrix(self, rotation: ca.SX) -> Orientation:
         """Return R_0B rotation for a rotation given as an expression: the start of new axes, those of the result."""
-        return Orientation(Axes(self.axes, ca.mtimes(self.near, rotation)), np.zeros(3), SX(0), np.eye(3))
+        return Orientation(
+            Axes(self.axes, ca.mtimes(self.near, rotation)), np.zeros(3), SX(0), np.eye(3)
+        )
 
     def turns_with(self, other: Orientation) -> bool:
         """Tell whether this orientation differs from another by a constant rotation, R_other' R = right_other' right."""
@@ -117,11 +119,19 @@ class Orientation:
 
         With equal axes and right factors, R_other' R = right' Rot(axis, angle - angle_other) right.
         """
-        same = np.allclose(self.axis, other.axis, atol=PARALLEL) and np.allclose(self.right, other.right, atol=PARALLEL)
+        same = np.allclose(self.axis, other.axis, atol=PARALLEL) and np.allclose(
+            self.right, other.right, atol=PARALLEL
+        )
         return self.angle - other.angle if same and self.axes is other.axes else None
 
 
 def angle_about(axis: np.ndarray, rotation: np.ndarray) -> float:
     """Return the angle [rad] of a rotation matrix whose axis is known: tan = axis . vee(R - R') / (trace - 1)."""
-    vee = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+    vee = np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
     return float(np.arctan2(axis @ vee, np.trace(rotation) - 1))

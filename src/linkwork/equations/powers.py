@@ -21,7 +21,9 @@ def powers(equations: Equations) -> ca.Function:
     friction = SX.zeros(len(mechanism.rates))
     for freedom in equations.freedoms:
         own = ca.mtimes(freedom.J, w)
-        friction[[mechanism.rates.index(label) for label in freedom.rates]] = freedom.drag(own) * own
+        friction[[mechanism.rates.index(label) for label in freedom.rates]] = (
+            freedom.drag(own) * own
+        )
     dampers = []
     for pull in effects.pulls(mechanism, tree):
         damped = present(pull.spring.damping)

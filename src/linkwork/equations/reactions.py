@@ -52,12 +52,16 @@ def joint_loads(equations: Equations) -> ca.Function:
         "f": known_forces(equations, accelerations),
         "pivot": pivot,
     }
-    return function("joint_loads", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs)
+    return function(
+        "joint_loads", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs
+    )
 
 
 def joint_axes(equations: Equations) -> ca.Function:
     """Return q -> the axes R_1, R_2 of every joint that connects two bodies, row by row (18J), in the ground's axes."""
-    sides = (frame for joint in equations.mechanism.pairs.values() for frame in frames(equations, joint))
+    sides = (
+        frame for joint in equations.mechanism.pairs.values() for frame in frames(equations, joint)
+    )
     axes = ca.vertcat(SX(0, 1), *[ca.vec(frame.R.matrix.T) for frame in sides])
     return function("joint_axes", equations, {"q": equations.tree.q}, {"axes": axes})
 
@@ -85,7 +89,8 @@ def bodies_need(equations: Equations, accelerations: ca.SX) -> tuple[list[ca.SX]
 def frames(equations: Equations, joint: PairJoint) -> tuple[Side, Side]:
     """Return a joint's frames F1 and F2."""
     first, second = (
-        side(equations.tree, body, frame) for body, frame in zip(joint.connects, joint.frames, strict=True)
+        side(equations.tree, body, frame)
+        for body, frame in zip(joint.connects, joint.frames, strict=True)
     )
     return first, second
 
@@ -108,6 +113,12 @@ def known_forces(equations: Equations, accelerations: ca.SX) -> ca.SX:
     f = SX.zeros(len(labels))
     for freedom in equations.freedoms:
         turning = ca.mtimes(derivative(freedom.J, equations.tree, w), w)
-        rotor = freedom.rotor * (ca.mtimes(freedom.J, accelerations) + turning) if present(freedom.rotor) else 0
-        f[[labels.index(label) for label in freedom.rates]] += freedom.force(ca.mtimes(freedom.J, w)) - rotor
+        rotor = (
+            freedom.rotor * (ca.mtimes(freedom.J, accelerations) + turning)
+            if present(freedom.rotor)
+            else 0
+        )
+        f[[labels.index(label) for label in freedom.rates]] += (
+            freedom.force(ca.mtimes(freedom.J, w)) - rotor
+        )
     return f

@@ -24,7 +24,9 @@ from linkwork.equations.tree import Tree, in_base
 
 def jump(cut: Cut) -> bool:
     """Tell whether a coordinate is an angle read by the arc tangent, which forgets whole turns."""
-    turns = [motion for motion in cut.motions if motion.turns and not motion.ball and not motion.slides]
+    turns = [
+        motion for motion in cut.motions if motion.turns and not motion.ball and not motion.slides
+    ]
     return bool(turns) and (universal(cut) or cut.sides[1].R.angle_from(cut.sides[0].R) is None)
 
 
@@ -41,7 +43,11 @@ def positions(cut: Cut) -> list[ca.SX]:
             result.append(dot(in_base(first.R, along), gap))
         elif universal(cut):
             a, b = (part.turn for part in cut.motions)
-            result.append(angle(first, a, b, second, b) if motion.turn is a else -angle(second, b, a, first, a))
+            result.append(
+                angle(first, a, b, second, b)
+                if motion.turn is a
+                else -angle(second, b, a, first, a)
+            )
         else:
             result.append(turned(first, second, motion.turn))
     return result
@@ -83,5 +89,7 @@ def rate_rows(tree: Tree, cut: Cut) -> ca.SX:
         d = d + ca.mtimes(to_ground.T, offset)
         for k, (axis, turns) in enumerate(directions):
             motion = (column.z if node.turns else zero()) if turns else moving(column, node, d)
-            rows[k, column.rate] = (-sign if cut.swapped else sign) * dot(axis, ca.mtimes(to_ground, motion))
+            rows[k, column.rate] = (-sign if cut.swapped else sign) * dot(
+                axis, ca.mtimes(to_ground, motion)
+            )
     return rows

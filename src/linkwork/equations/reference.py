@@ -23,7 +23,13 @@ CLOSED = 1e-12
 NEIGHBOURS = 4
 STARTS = 30
 SPREAD = 0.05
-BENDS = (0.1, 0.2, 0.4, 0.8, 1.6)  # how far coordinates are moved out of a singular start, each several times
+BENDS = (
+    0.1,
+    0.2,
+    0.4,
+    0.8,
+    1.6,
+)  # how far coordinates are moved out of a singular start, each several times
 OPEN = 1e-9  # gap that rounding of large coordinates never excuses
 DAMPING = 1e-6  # over the largest number of Phi: far above the rounding of inconsistent rows, far below what matters
 ROUNDED_DAMPING = 1e-3  # the same where rounded numbers of the description make rows inconsistent
@@ -43,7 +49,12 @@ class OpenLoopsError(ArithmeticError):
 
 
 def close(
-    system: System, tree: Tree, q: np.ndarray, steps: int = 100, gap: float = 0.0, damping: float = DAMPING
+    system: System,
+    tree: Tree,
+    q: np.ndarray,
+    steps: int = 100,
+    gap: float = 0.0,
+    damping: float = DAMPING,
 ) -> np.ndarray:
     """Solve phi(q) = 0 by damped Gauss-Newton steps of least length in the rates.
 
@@ -136,7 +147,9 @@ def guess(mechanism: Mechanism, topology: Topology, tree: Tree) -> np.ndarray:
     return tree_coordinates(mechanism, topology, tree, described(mechanism))
 
 
-def starts(mechanism: Mechanism, topology: Topology, tree: Tree, first: np.ndarray) -> Iterator[np.ndarray]:
+def starts(
+    mechanism: Mechanism, topology: Topology, tree: Tree, first: np.ndarray
+) -> Iterator[np.ndarray]:
     """Yield starts q (nq) for closing the loops: the guess, then others in the poses of bodies that only rods reach.
 
     Nothing in the description says where these are; positions and orientations are tried at random (fixed seed).
@@ -145,16 +158,23 @@ def starts(mechanism: Mechanism, topology: Topology, tree: Tree, first: np.ndarr
     reached = body_poses(mechanism, described(mechanism))
     lost = [name for name in topology.added if topology.joints[name].connects[1] not in reached]
     random = np.random.default_rng(1998)
-    size = max((joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)), default=tree.length)
+    size = max(
+        (joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)),
+        default=tree.length,
+    )
     for _ in range(STARTS if lost else 0):
         q = first.copy()
         for name in lost:
             place = tree.coordinates.index(f"{name}.x")
-            q[place : place + 7] = np.append(size * random.standard_normal(3), random.standard_normal(4))
+            q[place : place + 7] = np.append(
+                size * random.standard_normal(3), random.standard_normal(4)
+            )
         yield q
 
 
-def tree_coordinates(mechanism: Mechanism, topology: Topology, tree: Tree, values: Mapping[str, float]) -> np.ndarray:
+def tree_coordinates(
+    mechanism: Mechanism, topology: Topology, tree: Tree, values: Mapping[str, float]
+) -> np.ndarray:
     """Return q (nq) from the coordinates of all joints; free joints that the description lacks follow from the others."""
     values = dict(values)
     if topology.added:
@@ -182,7 +202,8 @@ def described(mechanism: Mechanism) -> dict[str, float]:
         length = float(np.linalg.norm(p))
         if length < 1e-12:
             raise MechanismError(
-                f"the quaternion of joint {name!r} has no length; give qw, qx, qy, qz of length 1", ("reference",)
+                f"the quaternion of joint {name!r} has no length; give qw, qx, qy, qz of length 1",
+                ("reference",),
             )
         values |= dict(zip(labels, p / length, strict=True))
     return values

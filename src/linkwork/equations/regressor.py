@@ -28,12 +28,19 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, OneFreedom
 
 ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
-OF_BODIES = ("mass", *(f"first_moment.{axis}" for axis in "xyz"), *(f"inertia_at_origin.{name}" for name in ELEMENTS))
+OF_BODIES = (
+    "mass",
+    *(f"first_moment.{axis}" for axis in "xyz"),
+    *(f"inertia_at_origin.{name}" for name in ELEMENTS),
+)
 
 
 def names(mechanism: Mechanism) -> tuple[str, ...]:
     """Name the parameters pi: "platform.mass", "platform.first_moment.x", "slide_1.friction.viscous" ..."""
-    return (*(f"{body}.{name}" for body in mechanism.bodies for name in OF_BODIES), *of_freedoms(mechanism))
+    return (
+        *(f"{body}.{name}" for body in mechanism.bodies for name in OF_BODIES),
+        *of_freedoms(mechanism),
+    )
 
 
 def values(mechanism: Mechanism) -> np.ndarray:
@@ -77,7 +84,9 @@ def regressor(equations: Equations, dv: ca.SX) -> tuple[ca.SX, ca.SX]:
     L, b, _ = equations.elimination
     tree, w, dw = equations.tree, equations.rates, ca.mtimes(L, dv) + b
     columns = [body_columns(equations, w, dw), freedom_columns(equations, w, dw)]
-    return ca.mtimes(L.T, ca.horzcat(SX(len(tree.rates), 0), *columns)), ca.mtimes(L.T, spring_forces(equations))
+    return ca.mtimes(L.T, ca.horzcat(SX(len(tree.rates), 0), *columns)), ca.mtimes(
+        L.T, spring_forces(equations)
+    )
 
 
 def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:

@@ -72,7 +72,9 @@ def members(mechanism: Mechanism) -> dict[Member, str]:
         outer = {name: body for *bodies, name in edges for body in bodies if body not in chain}
         if len(set(outer.values())) == 2:
             ends = sorted(outer, key=rank)
-            found[chain] = f"{' and '.join(chain)}: spin about the line through {' and '.join(ends)}"
+            found[chain] = (
+                f"{' and '.join(chain)}: spin about the line through {' and '.join(ends)}"
+            )
     return found
 
 
@@ -91,7 +93,9 @@ def spinning(
         t, motions = np.array(twists(q, N)[0]).reshape(len(mechanism.bodies), 6, -1), N.shape[1]
         t[:, 3:] /= tree.length
         turns = {chain: alone(t, [order(body) for body in chain]) for chain in found}
-        found = {chain: [*found[chain], N @ turn] for chain, turn in turns.items() if turn is not None}
+        found = {
+            chain: [*found[chain], N @ turn] for chain, turn in turns.items() if turn is not None
+        }
         if not found:
             break
     return found, motions
@@ -119,7 +123,9 @@ def alone(twists: np.ndarray, own: list[int]) -> np.ndarray | None:
         twists: of all bodies (r x 6 x n) in n motions; own: places of the bodies that turn.
     """
     n = twists.shape[2]
-    still = np.concatenate([twists[own] - twists[own[0]], np.delete(twists, own, axis=0)]).reshape(-1, n)
+    still = np.concatenate([twists[own] - twists[own[0]], np.delete(twists, own, axis=0)]).reshape(
+        -1, n
+    )
     _, sizes, rows = np.linalg.svd(np.linalg.qr(still, mode="r"))
     if np.sum(sizes <= STILL * np.linalg.norm(twists)) != 1:
         return None
@@ -127,11 +133,15 @@ def alone(twists: np.ndarray, own: list[int]) -> np.ndarray | None:
     return rows[-1] if np.linalg.norm(omega) > STILL * np.linalg.norm(twists) else None
 
 
-def moves(tree: Tree, rows: ca.SX, configurations: Sequence[np.ndarray]) -> Callable[[list[np.ndarray]], bool]:
+def moves(
+    tree: Tree, rows: ca.SX, configurations: Sequence[np.ndarray]
+) -> Callable[[list[np.ndarray]], bool]:
     """Return the test whether rates (nv) at the configurations, one for each, move any of the rows (rows x nv)."""
     read = tree.evaluated("rows", [rows])
     matrices = [np.array(read(q)[0]) for q in configurations]
-    return lambda rates: any(not (np.abs(A @ w) <= STILL).all() for A, w in zip(matrices, rates, strict=True))
+    return lambda rates: any(
+        not (np.abs(A @ w) <= STILL).all() for A, w in zip(matrices, rates, strict=True)
+    )
 
 
 def loaded_rows(joints: JointMap) -> ca.SX:

@@ -20,7 +20,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from linkwork.equations.algebra import present
-from linkwork.mechanism import GROUND, FixedJoint, Frame, FreeJoint, Mechanism, PairJoint, RodJoint, ScrewJoint
+from linkwork.mechanism import (
+    GROUND,
+    FixedJoint,
+    Frame,
+    FreeJoint,
+    Mechanism,
+    PairJoint,
+    RodJoint,
+    ScrewJoint,
+)
 
 
 @dataclass(frozen=True)
@@ -78,7 +87,11 @@ def span(mechanism: Mechanism) -> Topology:
     def hang(body: str) -> None:
         described = next((name for name, joint in waiting.items() if joins(joint, body)), None)
         name = described or (body if body not in mechanism.joints else f"{body} in ground")
-        joint = waiting.pop(name) if described else added.setdefault(name, FreeJoint(connects=(GROUND, body)))
+        joint = (
+            waiting.pop(name)
+            if described
+            else added.setdefault(name, FreeJoint(connects=(GROUND, body)))
+        )
         branches.append(Branch(name, GROUND, body, joint.connects[0] == body))
         depth[body] = 1
 
@@ -88,7 +101,8 @@ def span(mechanism: Mechanism) -> Topology:
         rim = [
             name
             for name, joint in waiting.items()
-            if not isinstance(joint, RodJoint) and (joint.connects[0] in depth) != (joint.connects[1] in depth)
+            if not isinstance(joint, RodJoint)
+            and (joint.connects[0] in depth) != (joint.connects[1] in depth)
         ]
         if not rim:
             hang(next(body for body in mechanism.bodies if body not in depth))
@@ -121,17 +135,25 @@ def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Top
 
     That body is then fixed to the one that the joint leads to: the joint's coordinates are the tree's, and count turns.
     """
-    branches, joints, closing = list(topology.branches), dict(topology.joints), dict(topology.closing)
+    branches, joints, closing = (
+        list(topology.branches),
+        dict(topology.joints),
+        dict(topology.closing),
+    )
     for name in names:
         joint, end = closing[name], f"end of {name}"
         first, second = joint.connects
         branches.append(Branch(name, first, end, False))
-        joints[name] = joint.model_copy(update={"connects": (first, end), "frames": (joint.frames[0], Frame())})
+        joints[name] = joint.model_copy(
+            update={"connects": (first, end), "frames": (joint.frames[0], Frame())}
+        )
         closing[name] = FixedJoint(connects=(end, second), frames=(Frame(), joint.frames[1]))
     order = list(mechanism.pairs)
     ordered = {
         name: joints[name]
-        for name in sorted(joints, key=lambda name: (name not in order, order.index(name) if name in order else 0))
+        for name in sorted(
+            joints, key=lambda name: (name not in order, order.index(name) if name in order else 0)
+        )
     }
     return Topology(tuple(branches), ordered, closing, topology.added)
 
@@ -158,6 +180,11 @@ def platforms(mechanism: Mechanism) -> list[str]:
 def has_effects(joint: PairJoint) -> bool:
     """Tell whether friction, a spring or a rotor acts in a joint."""
     return any(
-        any(map(present, (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor)))
+        any(
+            map(
+                present,
+                (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor),
+            )
+        )
         for friction, spring, _, rotor in joint.effects().values()
     )

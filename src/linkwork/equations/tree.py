@@ -165,7 +165,11 @@ class Tree:
         return ca.vertcat(SX(0, 1), *[symbol(path) for path in self.parameters])
 
     def evaluated(
-        self, name: str, outputs: Sequence[ca.SX], p: np.ndarray | None = None, inputs: Sequence[ca.SX] = ()
+        self,
+        name: str,
+        outputs: Sequence[ca.SX],
+        p: np.ndarray | None = None,
+        inputs: Sequence[ca.SX] = (),
     ) -> Callable[..., Sequence[ca.DM]]:
         """Return the function of q, and of further inputs, that gives the values of expressions.
 
@@ -179,12 +183,16 @@ class Tree:
         """Return the value (k) of a constant vector at the description's numbers."""
         if not isinstance(constant, SX):
             return constant
-        return np.array(self.evaluated("constant", [constant])(np.zeros(len(self.coordinates)))[0]).ravel()
+        return np.array(
+            self.evaluated("constant", [constant])(np.zeros(len(self.coordinates)))[0]
+        ).ravel()
 
     @cached_property
     def of_bodies(self) -> dict[str, Node]:
         """Nodes by body."""
-        return {GROUND: GROUND_NODE} | {node.body: node for node in self.nodes if node.body is not None}
+        return {GROUND: GROUND_NODE} | {
+            node.body: node for node in self.nodes if node.body is not None
+        }
 
     def node(self, body: str) -> Node:
         """Return the node of a body."""
@@ -221,7 +229,9 @@ class Tree:
             {k for _, r in self.quaternions for k in r},
         )
         places = [i for i in range(len(self.coordinates)) if i not in of_balls[0]]
-        return list(zip(places, (k for k in range(len(self.rates)) if k not in of_balls[1]), strict=True))
+        return list(
+            zip(places, (k for k in range(len(self.rates)) if k not in of_balls[1]), strict=True)
+        )
 
     @cached_property
     def derivative_map(self) -> ca.SX:
@@ -245,21 +255,34 @@ class Tree:
         """Return omega of every node for the rates w, in its axes; the last is ground's. Given nodes, the others rest."""
         omega = [zero()] * (len(self.nodes) + 1)
         for node in self.nodes if nodes is None else nodes:
-            turn = convert(turning(node, rates), node.column_axes, node.axes) if node.turns else zero()
+            turn = (
+                convert(turning(node, rates), node.column_axes, node.axes) if node.turns else zero()
+            )
             omega[node.index] = convert(omega[node.parent], node.before, node.axes) + turn
         return omega
 
-    def velocities(self, omega: list[ca.SX], rates: ca.SX, nodes: Sequence[Node] | None = None) -> list[ca.SX]:
+    def velocities(
+        self, omega: list[ca.SX], rates: ca.SX, nodes: Sequence[Node] | None = None
+    ) -> list[ca.SX]:
         """Return v_O of every node for the rates w, in its axes; the last is ground's. Given nodes, the others rest."""
         v = [zero()] * (len(self.nodes) + 1)
         for node in self.nodes if nodes is None else nodes:
             carried = v[node.parent] + cross(omega[node.parent], node.r)
-            slide = convert(sliding(node, rates), node.column_axes, node.axes) if node.slides else zero()
+            slide = (
+                convert(sliding(node, rates), node.column_axes, node.axes)
+                if node.slides
+                else zero()
+            )
             v[node.index] = convert(carried, node.before, node.axes) + slide
         return v
 
     def accelerations(
-        self, omega: list[ca.SX], rates: ca.SX, accelerations: ca.SX, base: ca.SX, nodes: Sequence[Node] | None = None
+        self,
+        omega: list[ca.SX],
+        rates: ca.SX,
+        accelerations: ca.SX,
+        base: ca.SX,
+        nodes: Sequence[Node] | None = None,
     ) -> tuple[list[ca.SX], list[ca.SX]]:
         """Return alpha and a_O of every node for w', in its axes, with the acceleration `base` of ground.
 
@@ -298,7 +321,9 @@ def near_offset(node: Node, position: Vector) -> ca.SX:
     return in_axes(node.R, position - node.frame_origin)
 
 
-def grow(mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float], length: float = 1.0) -> Tree:
+def grow(
+    mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float], length: float = 1.0
+) -> Tree:
     """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the joints.
 
     parameters: values of the mechanism's free numbers, by path; length: its own [m]
@@ -308,22 +333,37 @@ def grow(mechanism: Mechanism, topology: Topology, parameters: Mapping[str, floa
         for motion in KINDS[joint.type].motions(joint):
             if motion.ball:
                 places = len(coordinates), len(rates)
-                quaternions.append((range(places[0], places[0] + 4), range(places[1], places[1] + 3)))
+                quaternions.append(
+                    (range(places[0], places[0] + 4), range(places[1], places[1] + 3))
+                )
             coordinates += [name] * motion.coordinates
             rates += [name] * motion.rates
     labels = (joint.coordinates(name) for name, joint in topology.joints.items())
     rate_labels = (joint.rates(name) for name, joint in topology.joints.items())
     q = SX.sym("q", len(coordinates))
-    tree = Tree(q, tuple(chain(*labels)), tuple(chain(*rate_labels)), tuple(quaternions), (), parameters, length)
+    tree = Tree(
+        q,
+        tuple(chain(*labels)),
+        tuple(chain(*rate_labels)),
+        tuple(quaternions),
+        (),
+        parameters,
+        length,
+    )
     for branch in topology.branches:
         joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
         start = coordinates.index(branch.joint) if branch.joint in coordinates else 0
         first_rate = rates.index(branch.joint) if branch.joint in rates else 0
-        tree = replace(tree, nodes=tree.nodes + tuple(branch_nodes(joint, body, tree, branch, start, first_rate)))
+        tree = replace(
+            tree,
+            nodes=tree.nodes + tuple(branch_nodes(joint, body, tree, branch, start, first_rate)),
+        )
     return replace(tree, nodes=regroup(tree.nodes))
 
 
-def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start: int, rate: int) -> Iterator[Node]:
+def branch_nodes(
+    joint: PairJoint, body: Body, tree: Tree, branch: Branch, start: int, rate: int
+) -> Iterator[Node]:
     """Yield the nodes that one joint adds, the last one being the body; a joint without motion adds one all the same.
 
     start, rate: places of the joint's first coordinate in q and first rate in w
@@ -334,9 +374,14 @@ def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
     origin, own = vector(outer.position), rotation_matrix(outer.rotation).T
     parent = tree.node(branch.parent)
-    arm, turned = (snap(vector(inner.position) - parent.frame_origin, tree.length), rotation_matrix(inner.rotation))
+    arm, turned = (
+        snap(vector(inner.position) - parent.frame_origin, tree.length),
+        rotation_matrix(inner.rotation),
+    )
     first = len(tree.nodes)
-    for index, (motion, places, rates) in enumerate(steps or [(None, range(0), range(0))], start=first):
+    for index, (motion, places, rates) in enumerate(
+        steps or [(None, range(0), range(0))], start=first
+    ):
         last = index == first + max(len(steps), 1) - 1
         after = own if last else np.eye(3)
         coordinate = tree.q[list(places)]
@@ -351,7 +396,11 @@ def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start
             joint=branch.joint,
             body=branch.body if last else None,
             motion=motion,
-            columns=columns(parent.R.then_constant(turned), R, motion, rates, branch.reversed, after) if motion else (),
+            columns=columns(
+                parent.R.then_constant(turned), R, motion, rates, branch.reversed, after
+            )
+            if motion
+            else (),
             column_axes=column_axes,
             R=R.then_constant(after),
             before=parent.axes,
@@ -367,7 +416,9 @@ def branch_nodes(joint: PairJoint, body: Body, tree: Tree, branch: Branch, start
         arm, turned = np.zeros(3), np.eye(3)
 
 
-def placed(motions: tuple[Motion, ...], start: int, rate: int) -> Iterator[tuple[Motion, range, range]]:
+def placed(
+    motions: tuple[Motion, ...], start: int, rate: int
+) -> Iterator[tuple[Motion, range, range]]:
     """Yield a joint's motions with the places of their coordinates in q and of their rates in w."""
     for motion in motions:
         yield (motion, range(start, start + motion.coordinates), range(rate, rate + motion.rates))
@@ -383,7 +434,12 @@ def moved(R: Orientation, motion: Motion | None, q: ca.SX, backwards: bool) -> O
 
 
 def columns(
-    inner: Orientation, outer: Orientation, motion: Motion, rates: range, backwards: bool, own: np.ndarray
+    inner: Orientation,
+    outer: Orientation,
+    motion: Motion,
+    rates: range,
+    backwards: bool,
+    own: np.ndarray,
 ) -> tuple[Column, ...]:
     """Return what each rate of a motion does: a ball's are the angular velocity in the axes of the first frame.
 
@@ -391,14 +447,19 @@ def columns(
     """
     if not motion.ball:
         local = snap(own.T @ motion.turn), snap(own.T @ motion.slide)
-        near = inner if inner.axes is outer.axes else outer  # the axis is the same before and behind the motion
+        near = (
+            inner if inner.axes is outer.axes else outer
+        )  # the axis is the same before and behind the motion
         return (Column(rates[0], in_axes(near, motion.turn), in_axes(near, motion.slide), *local),)
     if backwards:
         return tuple(
             Column(k, in_axes(outer, -e), zero(), snap(own.T @ -e), np.zeros(3))
             for k, e in zip(rates, np.eye(3), strict=True)
         )
-    return tuple(Column(k, in_axes(inner, e), zero(), None, None) for k, e in zip(rates, np.eye(3), strict=True))
+    return tuple(
+        Column(k, in_axes(inner, e), zero(), None, None)
+        for k, e in zip(rates, np.eye(3), strict=True)
+    )
 
 
 def in_axes(R: Orientation, local: Vector) -> ca.SX:
@@ -415,4 +476,6 @@ def in_base(R: Orientation, local: Vector) -> ca.SX:
 def regroup(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     """Move masses into parents (`moments`)."""
     links = [(node.moments, node.parent, node.arm, node.weld) for node in nodes]
-    return tuple(replace(node, moments=own) for node, own in zip(nodes, regrouped(links), strict=True))
+    return tuple(
+        replace(node, moments=own) for node, own in zip(nodes, regrouped(links), strict=True)
+    )

@@ -40,8 +40,17 @@ class Solid:
 
     def fields(self) -> dict:
         """Return the fields of a `Body`."""
-        I = np.where(abs(self.inertia) < TINY * np.max(abs(self.inertia), initial=0), 0.0, self.inertia)  # noqa: E741
-        elements = {"xx": I[0, 0], "yy": I[1, 1], "zz": I[2, 2], "xy": I[0, 1], "xz": I[0, 2], "yz": I[1, 2]}
+        I = np.where(  # noqa: E741
+            abs(self.inertia) < TINY * np.max(abs(self.inertia), initial=0), 0.0, self.inertia
+        )
+        elements = {
+            "xx": I[0, 0],
+            "yy": I[1, 1],
+            "zz": I[2, 2],
+            "xy": I[0, 1],
+            "xz": I[0, 2],
+            "yz": I[1, 2],
+        }
         return {
             "mass": float(self.mass),
             "centre_of_mass": tuple(float(c) if abs(c) >= TINY else 0.0 for c in self.centre),

@@ -86,7 +86,11 @@ def load(path: str | Path, reference: Mapping[str, float] | None = None) -> Impo
     """
     imported = read(path)
     warn(imported.mechanism, stacklevel=3)
-    return imported if reference is None else replace(imported, mechanism=imported.mechanism.with_reference(reference))
+    return (
+        imported
+        if reference is None
+        else replace(imported, mechanism=imported.mechanism.with_reference(reference))
+    )
 
 
 def warn(mechanism: Mechanism, stacklevel: int) -> None:
@@ -108,7 +112,10 @@ def read(path: str | Path) -> Imported:
     form = next((form for form in FORMATS if form.root == root.tag), None)
     if form is None:
         first, *others = FORMATS
-        known = [f"{first.name} begins with <{first.root}>", *(f"{form.name} with <{form.root}>" for form in others)]
+        known = [
+            f"{first.name} begins with <{first.root}>",
+            *(f"{form.name} with <{form.root}>" for form in others),
+        ]
         raise root.refusal(f"is not the root of a model known here; {', '.join(known)}")
     mechanism = form.opened().read(root, notes)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())

@@ -17,7 +17,9 @@ class FreeNames:
 
     def give(self, wanted: str, element: Element | None = None) -> str:
         """Return the wanted name, or the nearest to it that is free; a name of the file that changes is noted."""
-        clean = "".join(c if c.isprintable() else "_" for c in wanted.replace(".", "_")).strip() or "_"
+        clean = (
+            "".join(c if c.isprintable() else "_" for c in wanted.replace(".", "_")).strip() or "_"
+        )
         name = clean
         while name in self._taken:
             self._tried[clean] += 1

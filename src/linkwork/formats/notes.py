@@ -15,7 +15,9 @@ class Notes:
 
     def __init__(self) -> None:
         self._groups: dict[tuple[str, str, bool], list[Element]] = {}
-        self._alters: dict[str | tuple[str, str, bool], bool] = {}  # in the order of the first remarks
+        self._alters: dict[
+            str | tuple[str, str, bool], bool
+        ] = {}  # in the order of the first remarks
 
     def say(self, sentence: str, alters: bool = False) -> None:
         """Add a sentence, once; `alters`: the motion is another than the file's."""
@@ -43,6 +45,12 @@ class Notes:
         first = elements[0]
         if len(elements) == 1:
             return f"{first.place}: {first.label} {remark}"
-        names = [repr(element.attributes["name"]) for element in elements[:SHOWN] if element.attributes.get("name")]
-        shown = f" ({', '.join(names)}{', ...' if len(elements) > len(names) else ''})" if names else ""
+        names = [
+            repr(element.attributes["name"])
+            for element in elements[:SHOWN]
+            if element.attributes.get("name")
+        ]
+        shown = (
+            f" ({', '.join(names)}{', ...' if len(elements) > len(names) else ''})" if names else ""
+        )
         return f"{first.place} and {len(elements) - 1} more: <{tag}>{shown} {remark}"

@@ -34,12 +34,16 @@ def frame_of(X: np.ndarray) -> Frame:
     """Return the frame of a pose; what rounding left of zeros is zero."""
     if (X[:3, :3] == np.eye(3)).all():
         return Frame(position=triple(X[:3, 3]))
-    return Frame(position=triple(X[:3, 3]), rotation=triple(Rotation.from_matrix(X[:3, :3]).as_rotvec()))
+    return Frame(
+        position=triple(X[:3, 3]), rotation=triple(Rotation.from_matrix(X[:3, :3]).as_rotvec())
+    )
 
 
 def carried(shapes: Iterable[Shape], X: np.ndarray) -> tuple[Shape, ...]:
     """Return shapes of B as shapes of A, where X = X_AB."""
-    return tuple(shape.model_copy(update={"frame": frame_of(X @ of_frame(shape.frame))}) for shape in shapes)
+    return tuple(
+        shape.model_copy(update={"frame": frame_of(X @ of_frame(shape.frame))}) for shape in shapes
+    )
 
 
 def triple(vector) -> Vector3:
@@ -103,7 +107,9 @@ def completed(columns: dict[int, np.ndarray]) -> np.ndarray | None:
     missing = [index for index in range(3) if index not in columns]
     if len(missing) == 2:
         (given,) = columns
-        R = np.roll(across(columns[given], np.eye(3)[np.argmin(abs(columns[given]))]), given - 2, axis=1)
+        R = np.roll(
+            across(columns[given], np.eye(3)[np.argmin(abs(columns[given]))]), given - 2, axis=1
+        )
     elif missing:
         (m,) = missing
         R[:, m] = np.cross(R[:, m - 2], R[:, m - 1])

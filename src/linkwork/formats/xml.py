@@ -84,7 +84,11 @@ class Element:
         return word
 
     def numbers(
-        self, name: str, counts: tuple[int, ...], default: tuple[float, ...] | None = None, most: float = HUGE
+        self,
+        name: str,
+        counts: tuple[int, ...],
+        default: tuple[float, ...] | None = None,
+        most: float = HUGE,
     ) -> tuple[float, ...]:
         """Return the numbers of an attribute; another count than those allowed, or a number that is not finite, is refused.
 
@@ -102,7 +106,9 @@ class Element:
         """Return the number of an attribute."""
         return self.numbers(name, (1,), None if default is None else (default,), most)[0]
 
-    def vector(self, name: str, default: tuple[float, float, float] | None = None) -> tuple[float, float, float]:
+    def vector(
+        self, name: str, default: tuple[float, float, float] | None = None
+    ) -> tuple[float, float, float]:
         """Return the three numbers of an attribute."""
         x, y, z = self.numbers(name, (3,), default)
         return x, y, z
@@ -120,9 +126,13 @@ class Element:
         except ValueError:
             raise self.refusal(f"{name} holds {shortened(word)}, which is not a number") from None
         if not isfinite(value):
-            raise self.refusal(f"{name} holds {shortened(word, quoted=False)}, which is not a finite number")
+            raise self.refusal(
+                f"{name} holds {shortened(word, quoted=False)}, which is not a finite number"
+            )
         if abs(value) > most:
-            raise self.refusal(f"{name} holds {shortened(word, quoted=False)}; give numbers up to {most:g}")
+            raise self.refusal(
+                f"{name} holds {shortened(word, quoted=False)}; give numbers up to {most:g}"
+            )
         if vanishes(word):
             raise self.refusal(f"{name}: {shortened(word, quoted=False)} {VANISHES}")
         return value
@@ -144,7 +154,9 @@ def read(path: Path) -> Element:
     """
     parser, building = expat.ParserCreate(), _Building(path)
     parser.buffer_text = True
-    parser.StartElementHandler = lambda tag, attributes: building.start(tag, attributes, parser.CurrentLineNumber)
+    parser.StartElementHandler = lambda tag, attributes: building.start(
+        tag, attributes, parser.CurrentLineNumber
+    )
     parser.EndElementHandler = building.end
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = building.refuse_entities
     try:
@@ -153,9 +165,13 @@ def read(path: Path) -> Element:
         raise
     except expat.ExpatError as error:
         what = expat.errors.messages[error.code]
-        raise MechanismError(f"{path}: line {error.lineno}: is not well-formed XML: {what}") from None
+        raise MechanismError(
+            f"{path}: line {error.lineno}: is not well-formed XML: {what}"
+        ) from None
     except (LookupError, ValueError):
-        raise MechanismError(f"{path}: is in an encoding that is not known; save it as UTF-8") from None
+        raise MechanismError(
+            f"{path}: is in an encoding that is not known; save it as UTF-8"
+        ) from None
     return building.open[0].children[0]
 
 
@@ -167,9 +183,13 @@ def contents(path: Path) -> bytes:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
     except OSError as error:
-        raise MechanismError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
+        raise MechanismError(
+            f"{path}: cannot be read: {(error.strerror or str(error)).lower()}"
+        ) from None
     if len(data) > LARGEST:
-        raise MechanismError(f"{path}: is larger than {LARGEST // 1_000_000} MB; a mechanism's file is not")
+        raise MechanismError(
+            f"{path}: is larger than {LARGEST // 1_000_000} MB; a mechanism's file is not"
+        )
     return data
 
 
@@ -192,7 +212,9 @@ class _Building:
             )
         element = Element(tag, attributes, self.path, line)
         if len(attributes) > ATTRIBUTES:
-            raise element.refusal(f"holds more than {ATTRIBUTES} attributes; no element of a model does")
+            raise element.refusal(
+                f"holds more than {ATTRIBUTES} attributes; no element of a model does"
+            )
         self.open[-1].children.append(element)
         self.open.append(element)
 

@@ -17,25 +17,37 @@ FUNCTION = "sines_and_cosines"
 UNLIKELY = '!prof !{!"branch_weights", i32 1, i32 1000000}'
 
 
-def in_place(lines: Lines, angles: list[str], memory: str, first: int, machine: Machine) -> list[tuple[str, str]]:
+def in_place(
+    lines: Lines, angles: list[str], memory: str, first: int, machine: Machine
+) -> list[tuple[str, str]]:
     """Append the sines and cosines of a few vectors of angles and return their names.
 
     lines: of vectors.  memory: pointer to vectors, of which those from `first` on are for the case that an angle is too large:
     all angles, their sines and their cosines.
     """
     near = [elementary.sine_and_cosine(lines, angle, machine.has_fma) for angle in angles]
-    total = reduce(lambda total, square: lines.op("fadd", total, square), [lines.op("fmul", x, x) for x in angles])
+    total = reduce(
+        lambda total, square: lines.op("fadd", total, square),
+        [lines.op("fmul", x, x) for x in angles],
+    )
     start, mark, n = lines.block, len(lines.text), len(angles)
-    lines.do(f"br i1 {_too_large(lines, total, machine)}, label %far.{mark}, label %near.{mark}, {UNLIKELY}")
+    lines.do(
+        f"br i1 {_too_large(lines, total, machine)}, label %far.{mark}, label %near.{mark}, {UNLIKELY}"
+    )
     lines.label(f"far.{mark}")
     for k, angle in enumerate(angles):
         lines.store(angle, memory, first + k)
     by_call(lines, n, memory, first)
-    far = [(lines.load(memory, first + n + k), lines.load(memory, first + 2 * n + k)) for k in range(n)]
+    far = [
+        (lines.load(memory, first + n + k), lines.load(memory, first + 2 * n + k)) for k in range(n)
+    ]
     lines.do(f"br label %near.{mark}")
     lines.label(f"near.{mark}")
     return [
-        (lines.phi(sine, start, far_sine, f"far.{mark}"), lines.phi(cosine, start, far_cosine, f"far.{mark}"))
+        (
+            lines.phi(sine, start, far_sine, f"far.{mark}"),
+            lines.phi(cosine, start, far_cosine, f"far.{mark}"),
+        )
         for (sine, cosine), (far_sine, far_cosine) in zip(near, far, strict=True)
     ]
 
@@ -63,11 +75,15 @@ def sines_and_cosines_text(machine: Machine) -> str:
     lines.do("br i1 %k.more, label %near, label %test")
     lines.label("test")
     lines.do(f"%numbers = mul i64 %vectors, {machine.lanes}")
-    lines.do(f"br i1 {_too_large(lines, '%total.next', machine)}, label %far, label %done, {UNLIKELY}")
+    lines.do(
+        f"br i1 {_too_large(lines, '%total.next', machine)}, label %far, label %done, {UNLIKELY}"
+    )
     _again(lines.of_width(1), _bound(machine))
     lines.label("done")
     lines.do("ret void")
-    pointers = ", ".join(f"ptr noalias nonnull {name}" for name in ("%angles", "%sines", "%cosines"))
+    pointers = ", ".join(
+        f"ptr noalias nonnull {name}" for name in ("%angles", "%sines", "%cosines")
+    )
     head = f"internal void @{FUNCTION}(i64 %vectors, {pointers}) noinline {machine.attributes}"
     return lines.table_text() + function_text(head, lines.text)
 

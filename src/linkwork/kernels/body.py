@@ -35,7 +35,9 @@ class Body:
     So many vectors lie `abreast` in a row of %in and of %out.
     """
 
-    def __init__(self, lines: Lines, program: Program, plan: Plan, source: str, target: str, abreast: int):
+    def __init__(
+        self, lines: Lines, program: Program, plan: Plan, source: str, target: str, abreast: int
+    ):
         self.lines = lines
         self.nodes = program.nodes
         self.plan = plan
@@ -76,7 +78,9 @@ class Body:
         return self._truths[k]
 
     def _truth_as_number(self, k: int) -> str:
-        return self.lines.select(self._truths[k], self.lines.constant(1.0), self.lines.constant(0.0))
+        return self.lines.select(
+            self._truths[k], self.lines.constant(1.0), self.lines.constant(0.0)
+        )
 
     def _fetched(self, k: int) -> str:
         op, args, value = self.nodes[k]
@@ -86,14 +90,18 @@ class Body:
             return self.lines.load(self.source, self.plan.kept[k])
         if args[0] in self._turned:
             return self._turned[args[0]][op == "cos"]
-        return self.lines.load(self.source, (self.plan.sines if op == "sin" else self.plan.cosines)[args[0]])
+        return self.lines.load(
+            self.source, (self.plan.sines if op == "sin" else self.plan.cosines)[args[0]]
+        )
 
     def _compute(self, k: int, node: Node) -> None:
         lines, op, args = self.lines, node.op, node.args
         if op in _COMPARISONS:
             self._truths[k] = lines.compare(_COMPARISONS[op], *map(self.number, args))
         elif op in _LOGICAL:
-            self._truths[k] = lines.let(f"{op} {lines.truth} {self.truth(args[0])}, {self.truth(args[1])}")
+            self._truths[k] = lines.let(
+                f"{op} {lines.truth} {self.truth(args[0])}, {self.truth(args[1])}"
+            )
         elif op == "not":
             self._truths[k] = lines.let(f"xor {lines.truth} {self.truth(args[0])}, {lines.always}")
         else:

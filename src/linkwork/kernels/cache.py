@@ -41,10 +41,16 @@ def read(name: str) -> bytes | None:
         data = path.read_bytes()
     except OSError:
         return None
-    mark, checksum, content = data[: len(_MARK)], data[len(_MARK) :][:_HASH_BYTES], data[len(_MARK) + _HASH_BYTES :]
+    mark, checksum, content = (
+        data[: len(_MARK)],
+        data[len(_MARK) :][:_HASH_BYTES],
+        data[len(_MARK) + _HASH_BYTES :],
+    )
     if mark == _MARK and checksum == hashlib.sha256(content).digest():
         return content
-    warnings.warn(f"The cached kernel {path} is damaged; it is compiled anew.", RuntimeWarning, stacklevel=3)
+    warnings.warn(
+        f"The cached kernel {path} is damaged; it is compiled anew.", RuntimeWarning, stacklevel=3
+    )
     return None
 
 
@@ -82,5 +88,7 @@ def _path(name: str) -> Path:
 @cache
 def _source() -> bytes:
     """Return the source of this package: other source makes other code."""
-    files = [file for file in resources.files("linkwork.kernels").iterdir() if file.name.endswith(".py")]
+    files = [
+        file for file in resources.files("linkwork.kernels").iterdir() if file.name.endswith(".py")
+    ]
     return b"".join(file.read_bytes() for file in sorted(files, key=lambda file: file.name))

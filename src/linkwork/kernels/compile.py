@@ -66,5 +66,8 @@ def _library_addresses() -> dict[str, int]:
     library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
     if not hasattr(library, "sin"):
         library = ctypes.CDLL(ctypes.util.find_library("m"))
-    addresses = {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value for name in (*LIBRARY, *_ROUNDING)}
+    addresses = {
+        name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+        for name in (*LIBRARY, *_ROUNDING)
+    }
     return {name: address for name, address in addresses.items() if address}

@@ -73,7 +73,9 @@ def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     square = lines.op("fmul", rest, rest)
     cube = lines.op("fmul", square, rest)
     sine = product_plus(lines, cube, _polynomial(lines, square, _SINE, product_plus), rest)
-    cosine = product_plus(lines, square, _polynomial(lines, square, _COSINE, product_plus), lines.constant(1.0))
+    cosine = product_plus(
+        lines, square, _polynomial(lines, square, _COSINE, product_plus), lines.constant(1.0)
+    )
 
     quadrant = lines.as_integer(shifted)
     odd = lines.bits("shl", quadrant, lines.whole(63))
@@ -85,7 +87,9 @@ def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     )
 
 
-def _polynomial(lines: Lines, z: str, coefficients: tuple[float, ...], product_plus: _ProductPlus) -> str:
+def _polynomial(
+    lines: Lines, z: str, coefficients: tuple[float, ...], product_plus: _ProductPlus
+) -> str:
     """Append the polynomial c_0 + c_1 z + c_2 z^2 + ... by Horner's rule."""
     *lower, highest = map(lines.constant, coefficients)
     value = highest

@@ -25,7 +25,11 @@ from linkwork.kernels.sections import Plan, Section, planned
 Kind = Literal["one", "batch", "wide"]
 
 ABREAST = 2  # vectors of states that `wide` evaluates
-FUNCTIONS: dict[Kind, tuple[str, ...]] = {"one": ("one",), "batch": ("batch", "rows"), "wide": ("wide",)}
+FUNCTIONS: dict[Kind, tuple[str, ...]] = {
+    "one": ("one",),
+    "batch": ("batch", "rows"),
+    "wide": ("wide",),
+}
 
 _INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull writeonly {}"
 
@@ -35,7 +39,10 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
     called = {node.op for node in program.nodes if node.op in LIBRARY}
     if called & {"sin", "cos"}:
         called |= {"sin", "cos"}
-    parts = [f"declare double @{name}({', '.join(['double'] * LIBRARY[name])})" for name in sorted(called)]
+    parts = [
+        f"declare double @{name}({', '.join(['double'] * LIBRARY[name])})"
+        for name in sorted(called)
+    ]
     if "sin" in called:
         parts.append(angles.sines_and_cosines_text(machine))
     if kind == "one":
@@ -59,7 +66,9 @@ def _one(program: Program, machine: Machine) -> list[str]:
 def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
     """Return `batch`, whose blocks lie one after the other, or `wide`, whose rows hold the vectors side by side."""
     wide = kind == "wide"
-    count, abreast, steps = (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
+    count, abreast, steps = (
+        (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
+    )
     lines = Lines(machine.lanes, Table.of(kind, machine))
     lines.do(f"%some = icmp sgt i64 {count}, 0")
     lines.do("br i1 %some, label %block, label %done")
@@ -82,7 +91,9 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
-def _evaluation(name: str, lines: Lines, program: Program, machine: Machine, abreast: int) -> list[str]:
+def _evaluation(
+    name: str, lines: Lines, program: Program, machine: Machine, abreast: int
+) -> list[str]:
     """Append the evaluation of a program, from %in to %out, to a function; return the definitions that this needs besides.
 
     abreast: the vectors that lie side by side in %in and %out, of which the first is meant.
@@ -92,7 +103,11 @@ def _evaluation(name: str, lines: Lines, program: Program, machine: Machine, abr
         lines.text.insert(1, f"%kept = alloca [{plan.slots} x {lines.number}], align 64")
     if plan.apart:
         return _in_functions(name, lines, program, plan, machine, abreast)
-    wide = lines if lines.width > 1 else lines.of_width(machine.lanes, Table.of(f"{name}.angles", machine))
+    wide = (
+        lines
+        if lines.width > 1
+        else lines.of_width(machine.lanes, Table.of(f"{name}.angles", machine))
+    )
     body = Body(lines, program, plan, "%kept", "%kept", abreast)
     for section in plan.sections:
         body.add(section)
@@ -101,7 +116,9 @@ def _evaluation(name: str, lines: Lines, program: Program, machine: Machine, abr
     return [] if wide is lines else [wide.table_text()]
 
 
-def _in_functions(name: str, lines: Lines, program: Program, plan: Plan, machine: Machine, abreast: int) -> list[str]:
+def _in_functions(
+    name: str, lines: Lines, program: Program, plan: Plan, machine: Machine, abreast: int
+) -> list[str]:
     """Append the calls of the sections as functions, and return these."""
     wide = lines.of_width(machine.lanes)
     parts = []
@@ -124,7 +141,9 @@ def _keep_angles(body: Body, section: Section, machine: Machine) -> None:
     """Append the code that writes a section's angles to their slots, and zeros that fill up the last vector."""
     in_vector = machine.lanes // body.lines.width
     for k in range(section.vectors * in_vector):
-        angle = body.number(section.angles[k]) if k < len(section.angles) else body.lines.constant(0.0)
+        angle = (
+            body.number(section.angles[k]) if k < len(section.angles) else body.lines.constant(0.0)
+        )
         body.lines.store(angle, body.target, section.first * in_vector + k)
 
 
@@ -134,10 +153,16 @@ def _turn(body: Body, section: Section, wide: Lines, machine: Machine) -> None:
     if wide is body.lines:
         pairs = angles.in_place(wide, numbers, body.target, section.first, machine)
     else:
-        vectors = [wide.vector(numbers[k : k + wide.width]) for k in range(0, len(numbers), wide.width)]
+        vectors = [
+            wide.vector(numbers[k : k + wide.width]) for k in range(0, len(numbers), wide.width)
+        ]
         turned = angles.in_place(wide, vectors, body.target, section.first, machine)
-        pairs = [pair for s, c in turned for pair in zip(wide.entries(s), wide.entries(c), strict=True)]
-    for k, (sine, cosine) in zip(section.angles, pairs, strict=False):  # the last vector may not be full
+        pairs = [
+            pair for s, c in turned for pair in zip(wide.entries(s), wide.entries(c), strict=True)
+        ]
+    for k, (sine, cosine) in zip(
+        section.angles, pairs, strict=False
+    ):  # the last vector may not be full
         body.turn(k, sine, cosine)
 
 
@@ -146,7 +171,10 @@ def _lane_by_lane(name: str, machine: Machine) -> str:
     lines = Lines(machine.lanes)
     arguments = ["%x", "%y"][: LIBRARY[name]]
     entries = zip(*(lines.entries(argument) for argument in arguments), strict=True)
-    values = [lines.let(f"call double @{name}({', '.join(f'double {e}' for e in lane)})") for lane in entries]
+    values = [
+        lines.let(f"call double @{name}({', '.join(f'double {e}' for e in lane)})")
+        for lane in entries
+    ]
     lines.do(f"ret {lines.number} {lines.vector(values)}")
     parameters = ", ".join(f"{lines.number} {a}" for a in arguments)
     head = f"internal {lines.number} @lanes.{name}({parameters}) noinline {machine.attributes}"

@@ -82,7 +82,10 @@ class Kernel:
         return kernel
 
     def __repr__(self) -> str:
-        names = [", ".join(f"{name}[{size}]" for name, size in part) for part in (self.inputs, self.outputs)]
+        names = [
+            ", ".join(f"{name}[{size}]" for name, size in part)
+            for part in (self.inputs, self.outputs)
+        ]
         return f"Kernel {self.name}: ({names[0]}) -> ({names[1]}), {self.operations} operations"
 
     def __reduce__(self):
@@ -143,7 +146,9 @@ class Kernel:
             np.concatenate(parts, out=x)
         except ValueError:
             shapes = " and ".join(str(part.shape) for part in parts)
-            raise KernelError(f"Kernel '{self.name}' takes {self.n_in} numbers, not parts of {shapes}.") from None
+            raise KernelError(
+                f"Kernel '{self.name}' takes {self.n_in} numbers, not parts of {shapes}."
+            ) from None
         self._one(x_address, y_address)
         return y.copy()
 
@@ -192,7 +197,14 @@ class Kernel:
         strides = [0 if row.ndim == 1 else row.shape[-1] for row in rows]
         results = tuple([np.empty((*leading, size)) for _, size in self.outputs])
         x, y = self._buffers.block_addresses
-        self._rows(prod(leading), _addresses(rows), (ctypes.c_int64 * len(rows))(*strides), _addresses(results), x, y)
+        self._rows(
+            prod(leading),
+            _addresses(rows),
+            (ctypes.c_int64 * len(rows))(*strides),
+            _addresses(results),
+            x,
+            y,
+        )
         return results
 
     def _leading_shape(self, values: list[NDArray[np.float64]]) -> tuple[int, ...]:
@@ -209,8 +221,12 @@ class Kernel:
         try:
             return np.broadcast_shapes(*different)
         except ValueError:
-            shapes = ", ".join(f"{name} {shape}" for (name, _), shape in zip(self.inputs, leading, strict=True))
-            raise KernelError(f"The batches of kernel '{self.name}' do not fit each other: {shapes}.") from None
+            shapes = ", ".join(
+                f"{name} {shape}" for (name, _), shape in zip(self.inputs, leading, strict=True)
+            )
+            raise KernelError(
+                f"The batches of kernel '{self.name}' do not fit each other: {shapes}."
+            ) from None
 
 
 def _restored(f: ca.Function, last: NDArray[np.float64] | None) -> Kernel:
@@ -225,16 +241,24 @@ class _Buffers(threading.local):
     block_addresses: of the input and the output of one block of states.
     """
 
-    def __init__(self, inputs: tuple[tuple[str, int], ...], outputs: tuple[tuple[str, int], ...], lanes: int):
+    def __init__(
+        self, inputs: tuple[tuple[str, int], ...], outputs: tuple[tuple[str, int], ...], lanes: int
+    ):
         self.one = _partitioned(inputs), _partitioned(outputs)
         self._block = [_aligned(lanes * flat.size) for flat, _, _ in self.one]
         self.block_addresses: list[int] = [flat.ctypes.data for flat in self._block]
 
 
-def _partitioned(parts: tuple[tuple[str, int], ...]) -> tuple[NDArray[np.float64], int, list[NDArray[np.float64]]]:
+def _partitioned(
+    parts: tuple[tuple[str, int], ...],
+) -> tuple[NDArray[np.float64], int, list[NDArray[np.float64]]]:
     ends = list(accumulate(size for _, size in parts))
     flat = _aligned(ends[-1] if ends else 0)
-    return flat, flat.ctypes.data, [flat[end - size : end] for end, (_, size) in zip(ends, parts, strict=True)]
+    return (
+        flat,
+        flat.ctypes.data,
+        [flat[end - size : end] for end, (_, size) in zip(ends, parts, strict=True)],
+    )
 
 
 def _aligned(size: int) -> NDArray[np.float64]:

@@ -124,7 +124,9 @@ class Lines:
 
     def entries(self, vector: str) -> list[str]:
         """Return the single numbers of a vector."""
-        return [self.let(f"extractelement {self.number} {vector}, i64 {k}") for k in range(self.width)]
+        return [
+            self.let(f"extractelement {self.number} {vector}, i64 {k}") for k in range(self.width)
+        ]
 
     def call(self, intrinsic: str, *args: str) -> str:
         """Call an LLVM intrinsic on numbers."""

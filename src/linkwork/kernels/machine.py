@@ -42,7 +42,9 @@ class Machine:
         LLVM is to use the whole width of AVX-512, not half of it as by default, and to align the stack to a vector register
         before it spills any there: by default it aligns to 16 bytes, and longer vectors would cross cache lines.
         """
-        wide = ' "prefer-vector-width"="512" "min-legal-vector-width"="512"' if self.lanes == 8 else ""
+        wide = (
+            ' "prefer-vector-width"="512" "min-legal-vector-width"="512"' if self.lanes == 8 else ""
+        )
         aligned = f" alignstack({8 * self.lanes})" if self.lanes > 2 else ""
         return f"nounwind{aligned}{wide}"
 

@@ -68,7 +68,9 @@ _SAME = (
     "add sub mul div neg sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp log log1p expm1 pow "
     "fabs sign floor ceil fmin fmax fmod remainder hypot erf lt le eq ne and or not if_else_zero copysign"
 )
-_NAMES = {getattr(ca, "OP_" + name.upper()): name for name in _SAME.split()} | {ca.OP_CONSTPOW: "pow"}
+_NAMES = {getattr(ca, "OP_" + name.upper()): name for name in _SAME.split()} | {
+    ca.OP_CONSTPOW: "pow"
+}
 
 # Operations that are spelled with the others.
 _SPELLED: dict[int, Callable[[Callable[..., int], list[int]], int]] = {
@@ -88,18 +90,24 @@ def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[
     compiled.
     """
     if not isinstance(f, ca.Function):
-        raise KernelError(f"A kernel is compiled from a casadi.Function, not from {type(f).__name__}.")
+        raise KernelError(
+            f"A kernel is compiled from a casadi.Function, not from {type(f).__name__}."
+        )
     if not f.is_a("SXFunction"):
         raise KernelError(
             f"Function '{f.name()}' is a {f.class_name()}; only functions of SX are compiled (try expand())."
         )
     if f.has_free():
         free = ", ".join(f.get_free())
-        raise KernelError(f"Function '{f.name()}' has free variables ({free}); every symbol has to be an input.")
+        raise KernelError(
+            f"Function '{f.name()}' has free variables ({free}); every symbol has to be an input."
+        )
     for k in range(f.n_instructions()):
         if f.instruction_id(k) not in _KNOWN:
             name = _name_of(f.instruction_id(k))
-            raise KernelError(f"Function '{f.name()}' uses the operation {name}, which cannot be compiled.")
+            raise KernelError(
+                f"Function '{f.name()}' uses the operation {name}, which cannot be compiled."
+            )
     return (
         tuple((f.name_in(i), f.numel_in(i)) for i in range(f.n_in())),
         tuple((f.name_out(i), f.numel_out(i)) for i in range(f.n_out())),
@@ -124,7 +132,11 @@ def trace(f: ca.Function) -> Program:
     results = [zero] * sum(size for _, size in outputs)
     work = [zero] * f.sz_w()
     for k in range(f.n_instructions()):
-        code, operands, targets = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        code, operands, targets = (
+            f.instruction_id(k),
+            f.instruction_input(k),
+            f.instruction_output(k),
+        )
         if code == ca.OP_INPUT:
             work[targets[0]] = emit("input", value=input_slots[operands[0]][operands[1]])
         elif code == ca.OP_OUTPUT:

@@ -30,10 +30,18 @@ def rows_text(program: Program, machine: Machine) -> str:
     lines.do("ret void")
     pointers = "ptr %in, ptr %strides, ptr %out, ptr noalias %x, ptr noalias %y"
     head = f"void @rows(i64 %states, {pointers}) {machine.attributes}"
-    return "\n\n".join((_move_text("gather", machine), _move_text("scatter", machine), function_text(head, lines.text)))
+    return "\n\n".join(
+        (
+            _move_text("gather", machine),
+            _move_text("scatter", machine),
+            function_text(head, lines.text),
+        )
+    )
 
 
-def _moves(lines: Lines, move: str, arrays: str, block: str, sizes: list[tuple[int, int | None]]) -> None:
+def _moves(
+    lines: Lines, move: str, arrays: str, block: str, sizes: list[tuple[int, int | None]]
+) -> None:
     """Append the moves between the rows of all arrays and a block; sizes: of a row, and its stride if that is known."""
     start = 0
     for k, (size, stride) in enumerate(sizes):
@@ -41,9 +49,13 @@ def _moves(lines: Lines, move: str, arrays: str, block: str, sizes: list[tuple[i
         first = lines.let(f"load ptr, ptr {rows}")
         step = str(stride)
         if stride is None:
-            step = lines.let(f"load i64, ptr {lines.let(f'getelementptr inbounds i64, ptr %strides, i64 {k}')}")
+            step = lines.let(
+                f"load i64, ptr {lines.let(f'getelementptr inbounds i64, ptr %strides, i64 {k}')}"
+            )
         place = lines.at(block, start)
-        lines.do(f"call void @{move}(i64 {size}, ptr {first}, i64 {step}, i64 %first, i64 %last, ptr {place})")
+        lines.do(
+            f"call void @{move}(i64 {size}, ptr {first}, i64 {step}, i64 %first, i64 %last, ptr {place})"
+        )
         start += size
 
 
@@ -57,7 +69,11 @@ def _move_text(name: str, machine: Machine) -> str:
     lines.do("%k = phi i64 [ 0, %entry ], [ %k.next, %number ]")
     places = [lines.let(f"getelementptr inbounds double, ptr {row}, i64 %k") for row in rows]
     if name == "gather":
-        lines.store(lines.vector([lines.let(f"load double, ptr {place}") for place in places]), "%block", "%k")
+        lines.store(
+            lines.vector([lines.let(f"load double, ptr {place}") for place in places]),
+            "%block",
+            "%k",
+        )
     else:
         for entry, place in zip(lines.entries(lines.load("%block", "%k")), places, strict=True):
             lines.do(f"store double {entry}, ptr {place}")
@@ -75,4 +91,6 @@ def _row(lines: Lines, lane: int) -> str:
     own = lines.let(f"add i64 %first, {lane}")
     within = lines.let(f"icmp slt i64 {own}, %last")
     row = lines.let(f"select i1 {within}, i64 {own}, i64 %last")
-    return lines.let(f"getelementptr inbounds double, ptr %rows, i64 {lines.let(f'mul i64 {row}, %stride')}")
+    return lines.let(
+        f"getelementptr inbounds double, ptr %rows, i64 {lines.let(f'mul i64 {row}, %stride')}"
+    )

@@ -78,7 +78,10 @@ def planned(program: Program, angles_in_vector: int) -> Plan:
         done.update(needed)
         *before, last = pieces(needed)
         vectors = -(-len(angles) // angles_in_vector)
-        sections += [*map(Section, before), Section(last, angles, vectors, slots // angles_in_vector)]
+        sections += [
+            *map(Section, before),
+            Section(last, angles, vectors, slots // angles_in_vector),
+        ]
         size = vectors * angles_in_vector
         sines.update((k, slots + size + i) for i, k in enumerate(angles))
         cosines.update((k, slots + 2 * size + i) for i, k in enumerate(angles))
@@ -87,7 +90,15 @@ def planned(program: Program, angles_in_vector: int) -> Plan:
     sections += map(Section, pieces(k for k in range(len(nodes)) if k not in done))
     apart = large or max(section.vectors for section in sections) > _MANY
     kept = _slots(nodes, sections, slots) if apart else {}
-    return Plan(tuple(sections), apart, kept, sines, cosines, max(kept.values(), default=slots - 1) + 1, dict(places))
+    return Plan(
+        tuple(sections),
+        apart,
+        kept,
+        sines,
+        cosines,
+        max(kept.values(), default=slots - 1) + 1,
+        dict(places),
+    )
 
 
 def _angles(nodes: tuple[Node, ...]) -> list[tuple[int, ...]]:
@@ -130,7 +141,12 @@ def _stretches(positions: list[int]) -> list[tuple[int, ...]]:
 
 def _slots(nodes: tuple[Node, ...], sections: list[Section], first: int) -> dict[int, int]:
     """Return a slot from `first` on for each value that a later section than its own needs."""
-    home = {k: s for s, section in enumerate(sections) for k in section.nodes if nodes[k].op not in FETCHED}
+    home = {
+        k: s
+        for s, section in enumerate(sections)
+        for k in section.nodes
+        if nodes[k].op not in FETCHED
+    }
     last: dict[int, int] = {}
     for s, section in enumerate(sections):
         needed = {a for k in section.nodes for a in nodes[k].args}.union(section.angles)

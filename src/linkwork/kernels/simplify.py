@@ -50,7 +50,9 @@ def _ordered(program: Program) -> Program:
         _visit(program.nodes, result, depths, visited)
     order = list(visited)
     for start in range(0, len(order), STRETCH):
-        order[start : start + STRETCH] = sorted(order[start : start + STRETCH], key=depths.__getitem__)
+        order[start : start + STRETCH] = sorted(
+            order[start : start + STRETCH], key=depths.__getitem__
+        )
     places = {k: place for place, k in enumerate(order)}
     nodes = (program.nodes[k] for k in order)
     return replace(
@@ -107,7 +109,9 @@ class _Builder:
     def __init__(self):
         self.nodes: list[Node] = []
         self._known: dict[tuple, int] = {}
-        self._rules = {op: getattr(self, op) for op in ("neg", "add", "sub", "mul", "div", "sqrt", "tan")}
+        self._rules = {
+            op: getattr(self, op) for op in ("neg", "add", "sub", "mul", "div", "sqrt", "tan")
+        }
 
     def build(self, node: Node, args: list[_Signed]) -> _Signed:
         op = node.op
@@ -167,7 +171,9 @@ class _Builder:
         if a == b:
             return self.mul(_Signed(1, a), self.const(2.0))
         for one, other in ((self.nodes[a], self.nodes[b]), (self.nodes[b], self.nodes[a])):
-            if one.op == other.op == "if_else_zero" and self.nodes[other.args[0]] == Node("not", one.args[:1]):
+            if one.op == other.op == "if_else_zero" and self.nodes[other.args[0]] == Node(
+                "not", one.args[:1]
+            ):
                 return _Signed(1, self._node("select", *one.args, other.args[1]))
         return _Signed(1, self._node("add", a, b))
 

@@ -111,7 +111,11 @@ def compare(robot: Robot, motion: Motion, asked: Sequence[str], step: float = 5e
     curves, failures = [prescribed, by_noc(robot, motion, signal, time)], {}
     for name in asked:
         try:
-            curves.append(by_engine(robot, name, start.positions, robot.joint_rates(start), signal, time, step))
+            curves.append(
+                by_engine(
+                    robot, name, start.positions, robot.joint_rates(start), signal, time, step
+                )
+            )
         except engines.EngineError as error:
             failures[name] = str(error)
     return Comparison(robot, time, forces[::2], tuple(curves), spline_error, failures)
@@ -122,8 +126,12 @@ def by_noc(robot: Robot, motion: Motion, signal: Signal, time: np.ndarray) -> Cu
 
     def simulate() -> tuple[float, Run]:
         start = perf_counter()
-        run = robot.simulate(motion.state.at(0), signal, duration=float(time[-1]), rtol=RTOL, atol=ATOL, save_at=time)
-        dict(run.variables)  # what follows from coordinates and rates is measured when it is asked for
+        run = robot.simulate(
+            motion.state.at(0), signal, duration=float(time[-1]), rtol=RTOL, atol=ATOL, save_at=time
+        )
+        dict(
+            run.variables
+        )  # what follows from coordinates and rates is measured when it is asked for
         return perf_counter() - start, run
 
     runs = [simulate() for _ in range(REPEATS)]
@@ -162,7 +170,9 @@ def by_engine(
     duration = float(time[-1])
     stride = round((time[1] - time[0]) / step)
     if stride < 1 or abs(stride * step * (len(time) - 1) - duration) > 1e-9 * duration:
-        raise LinkworkError(f"steps of {step:g} s do not divide the {time[1] - time[0]:g} s between two samples")
+        raise LinkworkError(
+            f"steps of {step:g} s do not divide the {time[1] - time[0]:g} s between two samples"
+        )
     run = engine.simulate(positions, rates, signal, duration, step)
     return Curve(
         name,
@@ -212,7 +222,8 @@ def largest_differences(robot: Robot, a: Curve, b: Curve) -> dict[tuple[str, str
     units = {"m": "m/s²", "rad": "rad/s²"}
     accelerations = np.abs(a.accelerations - b.accelerations).T
     series = [
-        ("joint position", unit, values) for unit, values in position_differences(robot, a.positions, b.positions)
+        ("joint position", unit, values)
+        for unit, values in position_differences(robot, a.positions, b.positions)
     ]
     series += [
         ("acceleration", units[robot.unit(name)], values)
@@ -224,7 +235,9 @@ def largest_differences(robot: Robot, a: Curve, b: Curve) -> dict[tuple[str, str
     return found | {("tool", "m"): float(distance.max()), ("tool", "rad"): float(angle.max())}
 
 
-def position_differences(robot: Robot, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def position_differences(
+    robot: Robot, a: np.ndarray, b: np.ndarray
+) -> Iterator[tuple[str, np.ndarray]]:
     """Yield unit and difference (K,) of each joint coordinate, of a quaternion the angle between the two turns.
 
     Unit quaternions p, q of turns that differ by the angle t:  |p -+ q| = 2 sin(t / 4).
@@ -248,14 +261,21 @@ def as_dataset(comparison: Comparison) -> xarray.Dataset:
         return np.stack([getattr(curve, field) for curve in curves])
 
     def numbers(field: str) -> np.ndarray:
-        return np.array([np.nan if (value := getattr(curve, field)) is None else value for curve in curves], float)
+        return np.array(
+            [np.nan if (value := getattr(curve, field)) is None else value for curve in curves],
+            float,
+        )
 
     coordinates = {"unit_of_each": ", ".join(robot.unit(name) for name in robot.coordinates)}
     pose = list(POSES[robot.planar])
     seconds = "s, wall time of the run (Linkwork: the shortest of a few)"
     return xarray.Dataset(
         {
-            "joint_position": (("source", "time", "coordinate"), stacked("positions"), {"units": "m, rad"}),
+            "joint_position": (
+                ("source", "time", "coordinate"),
+                stacked("positions"),
+                {"units": "m, rad"},
+            ),
             "actuator_acceleration": (
                 ("source", "time", "actuator"),
                 stacked("accelerations"),

@@ -34,12 +34,16 @@ def forces_figure(comparison: Comparison) -> Figure:
     with styled():
         figure = new_figure(7.2, 3.0)
         axes = figure.subplots()
-        for name, values, colour in zip(robot.actuators, comparison.forces[every].T, COLOURS, strict=False):
+        for name, values, colour in zip(
+            robot.actuators, comparison.forces[every].T, COLOURS, strict=False
+        ):
             axes.plot(time, values, color=colour, label=name)
         axes.axhline(0, color=PALE, lw=0.8, zorder=0.5)
         axes.set_ylabel(f"actuator force [{units(comparison, 'N', 'N m')}]")
         label_time(axes, time)
-        axes.legend(loc="upper left", ncols=len(robot.actuators), bbox_to_anchor=(0, 1.12), borderaxespad=0)
+        axes.legend(
+            loc="upper left", ncols=len(robot.actuators), bbox_to_anchor=(0, 1.12), borderaxespad=0
+        )
     return figure
 
 
@@ -47,7 +51,10 @@ def path_figure(comparison: Comparison) -> Figure:
     """Draw the tool's path, and its distance from Linkwork's over time."""
     with styled():
         figure = new_figure(9.6, 4.0)
-        draw_path(figure.add_subplot(1, 2, 1, projection=None if comparison.robot.planar else "3d"), comparison)
+        draw_path(
+            figure.add_subplot(1, 2, 1, projection=None if comparison.robot.planar else "3d"),
+            comparison,
+        )
         axes = figure.add_subplot(1, 2, 2)
         every, time = thinned(comparison)
         for curve in others(comparison):
@@ -59,7 +66,9 @@ def path_figure(comparison: Comparison) -> Figure:
     return figure
 
 
-def series_figure(comparison: Comparison, field: str, quantity: str, linear: str, angular: str) -> Figure:
+def series_figure(
+    comparison: Comparison, field: str, quantity: str, linear: str, angular: str
+) -> Figure:
     """Draw one quantity of the actuated joints: a panel each, below it the differences from Linkwork.
 
     field: "positions" or "accelerations" of a `Curve`; linear, angular: the units for lengths and for angles.
@@ -106,14 +115,23 @@ def summary_figure(comparison: Comparison) -> Figure:
             grid[0, 0].plot(time, comparison.forces[every, index], color=colour, label=name)
             for axes, field in ((grid[1, 0], "accelerations"), (grid[1, 1], "positions")):
                 if name in drawn(comparison, field):
-                    axes.plot(time, values_of(comparison, comparison[NOC], field, name)[every], color=colour, lw=2.2)
+                    axes.plot(
+                        time,
+                        values_of(comparison, comparison[NOC], field, name)[every],
+                        color=colour,
+                        lw=2.2,
+                    )
                     for curve in curves:
                         axes.plot(time, values_of(comparison, curve, field, name)[every], **OVER)
         grid[0, 1].plot(*comparison[NOC].tool[every, :2].T, color=BLUE, lw=2.2)
         for curve in curves:
             grid[0, 1].plot(*curve.tool[every, :2].T, **OVER)
         frame_path(grid[0, 1], comparison)
-        titles = ("actuator forces", "N", "N m"), ("accelerations", "m/s²", "rad/s²"), ("positions", "m", "rad")
+        titles = (
+            ("actuator forces", "N", "N m"),
+            ("accelerations", "m/s²", "rad/s²"),
+            ("positions", "m", "rad"),
+        )
         for axes, (title, *names) in zip((grid[0, 0], *grid[1]), titles, strict=True):
             axes.set_title(f"{title} [{units(comparison, *names)}]")
             label_time(axes, time)
@@ -123,7 +141,9 @@ def summary_figure(comparison: Comparison) -> Figure:
             Line2D([], [], color=GREY, lw=2.2, label="Linkwork (NOC)"),
             *(Line2D([], [], label=curve.title, **OVER) for curve in curves),
         ]
-        figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6)
+        figure.legend(
+            handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6
+        )
     return figure
 
 
@@ -155,7 +175,13 @@ def legend(figure: Figure, comparison: Comparison) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], label=curve.title, **look(curve)) for curve in comparison.curves]
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), handlelength=3.6, columnspacing=1.6)
+    figure.legend(
+        handles=handles,
+        loc="outside upper left",
+        ncols=len(handles),
+        handlelength=3.6,
+        columnspacing=1.6,
+    )
 
 
 def look(curve: Curve) -> dict[str, Any]:
@@ -170,7 +196,9 @@ def others(comparison: Comparison) -> list[Curve]:
 def drawn(comparison: Comparison, field: str) -> list[str]:
     """Return the actuated joints that a field is drawn of; a free turn has rates, but no coordinates that belong to them."""
     robot = comparison.robot
-    return [name for name in robot.actuators if field == "accelerations" or name in robot.coordinates]
+    return [
+        name for name in robot.actuators if field == "accelerations" or name in robot.coordinates
+    ]
 
 
 def values_of(comparison: Comparison, curve: Curve, field: str, name: str) -> np.ndarray:

@@ -39,12 +39,18 @@ def plot_work_precision(
     read = {str(name): checked(str(name), parts) for name, parts in curves.items()}
     if not read:
         raise LinkworkError("there are no curves; give some by name, each a pair (work, errors)")
-    titles = [f"error [{unit}]", f"closure error [{unit}]"][: max(len(parts) for parts in read.values()) - 1]
+    titles = [f"error [{unit}]", f"closure error [{unit}]"][
+        : max(len(parts) for parts in read.values()) - 1
+    ]
     with styled():
         figure = new_figure(WIDTH * len(titles), HEIGHT)
         grid = figure.subplots(1, len(titles), squeeze=False)[0]
         for index, (name, (seconds, *errors)) in enumerate(read.items()):
-            style = look(index) | {"marker": MARKERS[index % len(MARKERS)], "markersize": 4.5, "markeredgewidth": 0}
+            style = look(index) | {
+                "marker": MARKERS[index % len(MARKERS)],
+                "markersize": 4.5,
+                "markeredgewidth": 0,
+            }
             for axes, values in zip(grid, errors, strict=False):
                 axes.loglog(seconds, np.maximum(values, FLOOR), label=name, **style)
         for axes, title in zip(grid, titles, strict=True):
@@ -57,7 +63,11 @@ def checked(name: str, parts: Sequence[ArrayLike]) -> list[np.ndarray]:
     """Return work, errors and perhaps closure errors (K,) of a curve."""
     read = [np.atleast_1d(np.asarray(part, float)) for part in parts]
     if len(read) not in (2, 3) or len({part.shape for part in read}) != 1 or read[0].ndim != 1:
-        raise LinkworkError(f"the curve {name!r} is no pair (work, errors) of sequences of the same length")
+        raise LinkworkError(
+            f"the curve {name!r} is no pair (work, errors) of sequences of the same length"
+        )
     if not (read[0] > 0).all() or any((part < 0).any() for part in read[1:]):
-        raise LinkworkError(f"the curve {name!r} has work that is not positive, or errors below zero")
+        raise LinkworkError(
+            f"the curve {name!r} has work that is not positive, or errors below zero"
+        )
     return read

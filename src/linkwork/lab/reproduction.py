@@ -21,7 +21,16 @@ import numpy as np
 
 from linkwork import paths
 from linkwork.lab import engines, overlays
-from linkwork.lab.comparison import NOC, PRESCRIBED, RTOL, TITLES, Comparison, Curve, compare, largest_differences
+from linkwork.lab.comparison import (
+    NOC,
+    PRESCRIBED,
+    RTOL,
+    TITLES,
+    Comparison,
+    Curve,
+    compare,
+    largest_differences,
+)
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Motion, Robot, State
 from linkwork.robots import prr3
@@ -71,14 +80,18 @@ def absent(comparison: Comparison) -> dict[str, str]:
     """Return why an engine is not shown, by its title."""
     shown = {curve.source for curve in comparison.engines}
     reason = "not installed; pip install 'linkwork[engines]' adds it"
-    return {TITLES[name]: comparison.failures.get(name, reason) for name in ORDER if name not in shown}
+    return {
+        TITLES[name]: comparison.failures.get(name, reason) for name in ORDER if name not in shown
+    }
 
 
 def prescribed_motion(robot: Robot, samples: int = SAMPLES) -> Motion:
     """Lead the platform once around the circle while its angle swings, from rest to rest."""
     circle = paths.circle(CENTRE, RADIUS, start=-pi / 2)
     start = robot.assemble(tool=[CENTRE[0], CENTRE[1] - RADIUS, ANGLE])
-    return robot.follow(paths.together(circle, paths.swing(ANGLE, SWING)), DURATION, samples=samples, guess=start)
+    return robot.follow(
+        paths.together(circle, paths.swing(ANGLE, SWING)), DURATION, samples=samples, guess=start
+    )
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
@@ -87,8 +100,12 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
         "robot": robot_figure(comparison),
         "figure-4-forces": overlays.forces_figure(comparison),
         "figure-5-path": overlays.path_figure(comparison),
-        "figure-6-accelerations": overlays.series_figure(comparison, "accelerations", "acceleration", "m/s²", "rad/s²"),
-        "figure-7-positions": overlays.series_figure(comparison, "positions", "position", "m", "rad"),
+        "figure-6-accelerations": overlays.series_figure(
+            comparison, "accelerations", "acceleration", "m/s²", "rad/s²"
+        ),
+        "figure-7-positions": overlays.series_figure(
+            comparison, "positions", "position", "m", "rad"
+        ),
     }
 
 
@@ -98,7 +115,9 @@ def robot_figure(comparison: Comparison) -> Figure:
     with styled():
         figure = new_figure(5.4, 5.0)
         axes = figure.subplots()
-        plot_mechanism(comparison.robot, poses_along(comparison.robot, comparison[PRESCRIBED]), axes)
+        plot_mechanism(
+            comparison.robot, poses_along(comparison.robot, comparison[PRESCRIBED]), axes
+        )
         axes.plot(*path[:: overlays.POINTS // 50].T, color="white", lw=3, zorder=5)
         axes.plot(*path[:: overlays.POINTS // 50].T, color=BLUE, lw=1.3, zorder=5)
     return figure
@@ -106,7 +125,9 @@ def robot_figure(comparison: Comparison) -> Figure:
 
 def poses_along(robot: Robot, curve: Curve) -> State:
     """Return states at equal distances along the first two thirds of the tool's path."""
-    way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve.tool[:, :2], axis=0), axis=1))])
+    way = np.concatenate(
+        [[0], np.cumsum(np.linalg.norm(np.diff(curve.tool[:, :2], axis=0), axis=1))]
+    )
     places = np.searchsorted(way, np.linspace(0, 2 / 3, POSES) * way[-1])
     return robot.state(curve.positions[places])
 
@@ -143,7 +164,8 @@ def render(comparison: Comparison, drawn: dict[str, str]) -> str:
         engines=comparison.engines,
         absent=absent(comparison),
         tool_difference={
-            curve.source: largest_differences(robot, curve, noc)["tool", "m"] for curve in comparison.engines
+            curve.source: largest_differences(robot, curve, noc)["tool", "m"]
+            for curve in comparison.engines
         },
         returned=returned["tool", "m"],
         forces=np.abs(comparison.forces).max(axis=0),
@@ -152,7 +174,14 @@ def render(comparison: Comparison, drawn: dict[str, str]) -> str:
         wall_time=duration(noc.seconds),
         samples=len(comparison.time),
         lengths={name: parameter.default for name, parameter in signature(prr3).parameters.items()},
-        motion={"x": CENTRE[0], "y": CENTRE[1], "R": RADIUS, "angle": ANGLE, "A": SWING, "T": DURATION},
+        motion={
+            "x": CENTRE[0],
+            "y": CENTRE[1],
+            "R": RADIUS,
+            "angle": ANGLE,
+            "A": SWING,
+            "T": DURATION,
+        },
         made_by=f"Linkwork {version('linkwork')}, NumPy {np.__version__}, Python {platform.python_version()} on "
         f"{platform.system()} {platform.machine()}",
     )
@@ -163,10 +192,11 @@ def bodies_table(mechanism: Mechanism) -> PageTable:
     alike: dict[tuple[float, float], list[str]] = {}
     for name, body in mechanism.bodies.items():
         alike.setdefault((body.mass, body.inertia.zz), []).append(name)
-    rows = [(", ".join(names), short(mass, 6), short(inertia, 4)) for (mass, inertia), names in alike.items()]
-    caption = (
-        "Bodies: mass, and moment of inertia about the mass centre (the middle of a link, the centre of the platform)."
-    )
+    rows = [
+        (", ".join(names), short(mass, 6), short(inertia, 4))
+        for (mass, inertia), names in alike.items()
+    ]
+    caption = "Bodies: mass, and moment of inertia about the mass centre (the middle of a link, the centre of the platform)."
     return PageTable(caption, ("bodies", "mass [kg]", "inertia [kg m²]"), rows)
 
 
@@ -174,7 +204,9 @@ def differences_table(comparison: Comparison) -> PageTable:
     """Return the largest differences of all sources from Linkwork's forward dynamics."""
     aside = {PRESCRIBED: "Prescribed motion (forward after inverse dynamics)"}
     found = {
-        aside.get(curve.source, curve.title): largest_differences(comparison.robot, curve, comparison[NOC])
+        aside.get(curve.source, curve.title): largest_differences(
+            comparison.robot, curve, comparison[NOC]
+        )
         for curve in comparison.curves
         if curve.source != NOC
     }
@@ -184,7 +216,9 @@ def differences_table(comparison: Comparison) -> PageTable:
         "Largest differences from Linkwork's forward dynamics over the run. The first row is how well forward dynamics "
         "undoes inverse dynamics; joint positions are those of all nine joints, accelerations those of the actuated ones."
     )
-    return PageTable(caption, ("source", *(f"{quantity} [{unit}]" for quantity, unit in keys)), rows)
+    return PageTable(
+        caption, ("source", *(f"{quantity} [{unit}]" for quantity, unit in keys)), rows
+    )
 
 
 def runs_table(comparison: Comparison) -> PageTable:
@@ -205,7 +239,9 @@ def runs_table(comparison: Comparison) -> PageTable:
         "The runs. The largest gap of any loop is the closure error. Times are of this machine: Linkwork's from call to "
         "result, the engines' of the integration alone, with the calls of the function that gives them the forces."
     )
-    return PageTable(caption, ("run", "steps", "mean step [ms]", "wall time", "closure error [m]"), rows)
+    return PageTable(
+        caption, ("run", "steps", "mean step [ms]", "wall time", "closure error [m]"), rows
+    )
 
 
 def summary(comparison: Comparison) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

@@ -28,7 +28,8 @@ class Inertia(Record):
     xz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
     yz: Real = Field(default=0.0, description="off-diagonal element of the tensor [kg m^2]")
     moments: Literal["rigid", "any"] = Field(
-        default="rigid", description="rigid: no principal moment exceeds the sum of the others; any: it may"
+        default="rigid",
+        description="rigid: no principal moment exceeds the sum of the others; any: it may",
     )
 
     @property
@@ -39,19 +40,27 @@ class Inertia(Record):
     def tensor(self) -> np.ndarray:
         """Return the 3 x 3 tensor [kg m^2]; the elements that a planar body leaves out are zero."""
         xx, yy = self.xx or 0.0, self.yy or 0.0
-        return np.array([[xx, self.xy, self.xz], [self.xy, yy, self.yz], [self.xz, self.yz, self.zz]])
+        return np.array(
+            [[xx, self.xy, self.xz], [self.xy, yy, self.yz], [self.xz, self.yz, self.zz]]
+        )
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
         if (self.xx is None) != (self.yy is None):
-            raise MechanismError("give xx, yy and zz, or zz alone for a body that moves in its xy plane")
+            raise MechanismError(
+                "give xx, yy and zz, or zz alone for a body that moves in its xy plane"
+            )
         if self.planar:
             if self.xy or self.xz or self.yz:
-                raise MechanismError("xy, xz and yz need xx and yy too; give zz alone for a planar body")
+                raise MechanismError(
+                    "xy, xz and yz need xx and yy too; give zz alone for a planar body"
+                )
             return self
         a, b, c = np.linalg.eigvalsh(self.tensor())
         if a < -1e-12 * c:
-            raise MechanismError(f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2: none may be negative")
+            raise MechanismError(
+                f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2: none may be negative"
+            )
         if self.moments == "rigid" and not rigid(a, b, c):
             raise MechanismError(
                 f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2 violate the triangle inequality: "
@@ -72,8 +81,12 @@ class Body(Record):
     """
 
     mass: Amount = Field(description="mass [kg], zero or more")
-    centre_of_mass: Vector3 = Field(default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]")
+    centre_of_mass: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]"
+    )
     inertia: Inertia = Field(
         default_factory=lambda: Inertia(xx=0.0, yy=0.0, zz=0.0), description="about the mass centre"
     )
-    shapes: tuple[Shape, ...] = Field(default=(), description="what the body looks like; without mass")
+    shapes: tuple[Shape, ...] = Field(
+        default=(), description="what the body looks like; without mass"
+    )

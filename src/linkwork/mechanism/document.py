@@ -58,7 +58,10 @@ def read_document(text: str) -> Node:
     stray = NO_TEXT.search(text)
     if stray:
         line = text.count("\n", 0, stray.start()) + 1
-        _refuse(line, f"holds the character U+{ord(stray[0]):04X}, which no YAML text may; is it a binary file?")
+        _refuse(
+            line,
+            f"holds the character U+{ord(stray[0]):04X}, which no YAML text may; is it a binary file?",
+        )
     try:
         return _Reader(text).document()
     except yaml.YAMLError as error:
@@ -86,7 +89,10 @@ class _Reader:
         next(self.events)
         after = next(self.events)
         if isinstance(after, yaml.DocumentStartEvent):
-            _refuse(after.start_mark.line + 1, "a second document begins here; a file holds one mechanism")
+            _refuse(
+                after.start_mark.line + 1,
+                "a second document begins here; a file holds one mechanism",
+            )
         return node
 
     def node(self, event: Any, where: Where) -> Node:
@@ -94,9 +100,17 @@ class _Reader:
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event.anchor, line, where)
         if event.tag:
-            _refuse(line, f"the tag {event.tag!r} is not read; give plain numbers, text, lists and mappings", where)
+            _refuse(
+                line,
+                f"the tag {event.tag!r} is not read; give plain numbers, text, lists and mappings",
+                where,
+            )
         if len(where) > MAX_DEPTH:
-            _refuse(line, f"is nested deeper than {MAX_DEPTH} levels; a mechanism needs no more", where[:3])
+            _refuse(
+                line,
+                f"is nested deeper than {MAX_DEPTH} levels; a mechanism needs no more",
+                where[:3],
+            )
         before = self.entries
         self.count(1, line)
         if isinstance(event, yaml.MappingStartEvent):
@@ -114,7 +128,11 @@ class _Reader:
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
             key, at = _key(event, where), event.start_mark.line + 1
             if key in parts:
-                _refuse(at, f"is given twice, first in line {parts[key].line}; keep one of them", (*where, key))
+                _refuse(
+                    at,
+                    f"is given twice, first in line {parts[key].line}; keep one of them",
+                    (*where, key),
+                )
             parts[key] = replace(self.node(next(self.events), (*where, key)), line=at)
         return Node({key: node.data for key, node in parts.items()}, line, parts)
 
@@ -122,11 +140,19 @@ class _Reader:
         items: list[Node] = []
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             items.append(self.node(event, (*where, str(len(items)))))
-        return Node([node.data for node in items], line, {str(index): node for index, node in enumerate(items)})
+        return Node(
+            [node.data for node in items],
+            line,
+            {str(index): node for index, node in enumerate(items)},
+        )
 
     def alias(self, name: str, line: int, where: Where) -> Node:
         if name not in self.anchors:
-            _refuse(line, f"the alias *{name} stands for nothing: no finished &{name} comes before it", where)
+            _refuse(
+                line,
+                f"the alias *{name} stands for nothing: no finished &{name} comes before it",
+                where,
+            )
         node, entries = self.anchors[name]
         self.count(entries, line)
         return node
@@ -150,7 +176,11 @@ def _scalar(event: Any, where: Where) -> float | str | None:
         return text
     if TRUTH.match(text):
         fault = f"{text} without quotes means true or false, which nothing in a mechanism is"
-        _refuse(event.start_mark.line + 1, f"{fault}; put it in quotes to use it as a name: '{text}'", where)
+        _refuse(
+            event.start_mark.line + 1,
+            f"{fault}; put it in quotes to use it as a name: '{text}'",
+            where,
+        )
     if EMPTY.match(text):
         return None
     if NUMBER.match(text):
@@ -172,7 +202,9 @@ def _key(event: Any, where: Where) -> str:
         _refuse(line, "a key is empty; give a name before each colon", where)
     if not isinstance(key, str):
         _refuse(
-            line, f"the key {event.value} is a number; put it in quotes to use it as a name: '{event.value}'", where
+            line,
+            f"the key {event.value} is a number; put it in quotes to use it as a name: '{event.value}'",
+            where,
         )
     if key == "<<" and event.implicit[0]:
         _refuse(line, "merging by << is not read; write the fields out", where)

@@ -15,9 +15,12 @@ class Friction(Record):
     """Resist a rate: F = -(viscous + coulomb / sqrt(|w|^2 + coulomb_rate^2)) w."""
 
     viscous: Amount = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
-    coulomb: Amount = Field(default=0.0, description="force at rates well above coulomb_rate [N, N m]")
+    coulomb: Amount = Field(
+        default=0.0, description="force at rates well above coulomb_rate [N, N m]"
+    )
     coulomb_rate: Positive = Field(
-        default=0.01, description="rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]"
+        default=0.01,
+        description="rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]",
     )
 
 
@@ -38,7 +41,9 @@ class Limits(Record):
     @model_validator(mode="after")
     def _ordered(self):
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
-            raise MechanismError(f"the lower limit {self.lower} is not below the upper limit {self.upper}")
+            raise MechanismError(
+                f"the lower limit {self.lower} is not below the upper limit {self.upper}"
+            )
         return self
 
 
@@ -46,7 +51,9 @@ class PointSpring(Record):
     """Pull two points of two bodies together: tension stiffness (l - rest_length) + damping l', l their distance."""
 
     connects: tuple[Name, Name] = Field(description="names of the two bodies")
-    points: tuple[Vector3, Vector3] = Field(description="a point in the first and one in the second body's frame [m]")
+    points: tuple[Vector3, Vector3] = Field(
+        description="a point in the first and one in the second body's frame [m]"
+    )
     stiffness: Amount = Field(default=0.0, description="tension per length [N/m]")
     rest_length: Amount = Field(default=0.0, description="length without tension [m]")
     damping: Amount = Field(default=0.0, description="tension per rate of the length [N s/m]")

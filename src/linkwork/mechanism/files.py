@@ -81,10 +81,14 @@ def text_of(path: Path, what: str = "a mechanism file", most: int = MAX_BYTES) -
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise MechanismError(f"is not UTF-8 text; {what} is YAML text", place=f"line {line}") from None
+        raise MechanismError(
+            f"is not UTF-8 text; {what} is YAML text", place=f"line {line}"
+        ) from None
 
 
-def described(root: Node, key: str, version: int, what: str, make: Callable[..., Described]) -> Described:
+def described(
+    root: Node, key: str, version: int, what: str, make: Callable[..., Described]
+) -> Described:
     """Return what a document describes, made of its fields; every refusal names the line.
 
     key: of the first line, which gives the version of the format; what: it describes
@@ -98,7 +102,9 @@ def described(root: Node, key: str, version: int, what: str, make: Callable[...,
         if given is None:
             raise MechanismError(f"is missing; {first_line}", (key,))
         if given != version:
-            raise MechanismError(f"{shown(given)} is not a format version this program reads; give {version}", (key,))
+            raise MechanismError(
+                f"{shown(given)} is not a format version this program reads; give {version}", (key,)
+            )
         return make(**fields)
     except MechanismError as error:
         raise MechanismError(error.what, error.where, f"line {root.line_of(error.where)}") from None
@@ -109,7 +115,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Record):
         fields = {name: getattr(value, name) for name in type(value).model_fields}
         kind = {"type": fields.pop("type")} if "type" in fields else {}
-        return kind | {name: _plain(item) for name, item in fields.items() if not _is_default(value, name, item)}
+        return kind | {
+            name: _plain(item)
+            for name, item in fields.items()
+            if not _is_default(value, name, item)
+        }
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
@@ -136,11 +146,19 @@ Dumper.add_representer(
     ),
 )
 Dumper.add_representer(
-    list, lambda dumper, data: dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=_flat(data))
+    list,
+    lambda dumper, data: dumper.represent_sequence(
+        "tag:yaml.org,2002:seq", data, flow_style=_flat(data)
+    ),
 )
 Dumper.add_representer(
-    dict, lambda dumper, data: dumper.represent_mapping("tag:yaml.org,2002:map", data.items(), flow_style=_flat(data))
+    dict,
+    lambda dumper, data: dumper.represent_mapping(
+        "tag:yaml.org,2002:map", data.items(), flow_style=_flat(data)
+    ),
 )
-Dumper.add_multi_representer(float, lambda dumper, number: dumper.represent_float(float(number)))  # NumPy's, too
+Dumper.add_multi_representer(
+    float, lambda dumper, number: dumper.represent_float(float(number))
+)  # NumPy's, too
 for pattern, meaning in ((NUMBER, "float"), (TRUTH, "bool"), (EMPTY, "null")):
     Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{meaning}", pattern, None)

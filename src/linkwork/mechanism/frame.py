@@ -17,8 +17,12 @@ from linkwork.mechanism.record import MechanismError, Record, Vector3, followed
 class Frame(Record):
     """Place a frame F in the frame B of a body: p_BF and R_BF = exp([rotation x])."""
 
-    position: Vector3 = Field(default=(0.0, 0.0, 0.0), description="p_BF, origin of the frame in the body's frame [m]")
-    rotation: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector of R_BF, axis times angle [rad]")
+    position: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="p_BF, origin of the frame in the body's frame [m]"
+    )
+    rotation: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="rotation vector of R_BF, axis times angle [rad]"
+    )
 
     @classmethod
     def planar(cls, x: float = 0.0, y: float = 0.0, angle: float = 0.0) -> Frame:
@@ -26,17 +30,24 @@ class Frame(Record):
         return cls(position=(x, y, 0.0), rotation=(0.0, 0.0, angle))
 
     @classmethod
-    def from_quaternion(cls, position: Vector3, quaternion: tuple[float, float, float, float]) -> Frame:
+    def from_quaternion(
+        cls, position: Vector3, quaternion: tuple[float, float, float, float]
+    ) -> Frame:
         """Place a frame by position [m] and quaternion (w, x, y, z), which is normalised; zero length is refused."""
         w, x, y, z = numbers(quaternion, 4, "the quaternion", "w, x, y, z")
         norm = sqrt(w * w + x * x + y * y + z * z)
         if norm < 1e-12:
-            raise MechanismError(f"quaternion {quaternion} has no length; give (w, x, y, z) of length 1")
+            raise MechanismError(
+                f"quaternion {quaternion} has no length; give (w, x, y, z) of length 1"
+            )
         if w < 0:
             w, x, y, z = -w, -x, -y, -z
         vector = hypot(x, y, z)
         scale = 2 * atan2(vector, w) / vector if vector > 0 else 0.0
-        return cls(position=position, rotation=(followed(scale * x), followed(scale * y), followed(scale * z)))
+        return cls(
+            position=position,
+            rotation=(followed(scale * x), followed(scale * y), followed(scale * z)),
+        )
 
     @classmethod
     def from_rpy(cls, position: Vector3, roll: float, pitch: float, yaw: float) -> Frame:

@@ -20,7 +20,17 @@ from pydantic import AfterValidator, Field, model_validator
 
 from linkwork.mechanism.effects import Friction, Limits, Spring
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.record import Amount, MechanismError, Name, PathName, Positive, Real, Record, Vector3, followed
+from linkwork.mechanism.record import (
+    Amount,
+    MechanismError,
+    Name,
+    PathName,
+    Positive,
+    Real,
+    Record,
+    Vector3,
+    followed,
+)
 
 TURN = "turn"
 SLIDES = ("slide", "x", "y", "z")
@@ -34,7 +44,11 @@ def unit_axis(axis: Vector3) -> Vector3:
     if length < 1e-12:
         raise ValueError(f"axis {list(axis)} has no length; give a direction such as [0, 0, 1]")
     x, y, z = axis
-    return axis if abs(length - 1) < 1e-15 else (followed(x / length), followed(y / length), followed(z / length))
+    return (
+        axis
+        if abs(length - 1) < 1e-15
+        else (followed(x / length), followed(y / length), followed(z / length))
+    )
 
 
 Axis = Annotated[Vector3, AfterValidator(unit_axis)]
@@ -63,7 +77,9 @@ class JointBase(Record):
         if len(self.freedoms) == 1 and self.freedoms != (TURN,):
             return (name,)
         return tuple(
-            f"{name}.{part}" for freedom in self.freedoms for part in (turning if freedom == TURN else (freedom,))
+            f"{name}.{part}"
+            for freedom in self.freedoms
+            for part in (turning if freedom == TURN else (freedom,))
         )
 
 
@@ -84,8 +100,12 @@ class OneFreedom(PairJoint):
     """Give a joint's one freedom friction, a spring, limits and a rotor."""
 
     friction: Friction = Field(default=Friction(), description="resists the joint's rate")
-    spring: Spring = Field(default=Spring(), description="pulls the joint's coordinate towards its rest")
-    limits: Limits = Field(default=Limits(), description="range of the joint's coordinate; passing it is reported")
+    spring: Spring = Field(
+        default=Spring(), description="pulls the joint's coordinate towards its rest"
+    )
+    limits: Limits = Field(
+        default=Limits(), description="range of the joint's coordinate; passing it is reported"
+    )
     rotor_inertia: Amount = Field(
         default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"
     )
@@ -98,11 +118,18 @@ class OneFreedom(PairJoint):
 class ManyFreedoms(PairJoint):
     """Give a joint's freedoms friction, springs, limits and rotors, each by the name of the freedom."""
 
-    friction: Mapping[Name, Friction] = Field(default_factory=dict, description="by freedom; resists its rate")
-    spring: Mapping[Name, Spring] = Field(default_factory=dict, description="by freedom; pulls towards its rest")
-    limits: Mapping[Name, Limits] = Field(default_factory=dict, description="by freedom; passing them is reported")
+    friction: Mapping[Name, Friction] = Field(
+        default_factory=dict, description="by freedom; resists its rate"
+    )
+    spring: Mapping[Name, Spring] = Field(
+        default_factory=dict, description="by freedom; pulls towards its rest"
+    )
+    limits: Mapping[Name, Limits] = Field(
+        default_factory=dict, description="by freedom; passing them is reported"
+    )
     rotor_inertia: Mapping[Name, Amount] = Field(
-        default_factory=dict, description="by freedom; inertia that moves with its rate [kg m^2; kg for a slide]"
+        default_factory=dict,
+        description="by freedom; inertia that moves with its rate [kg m^2; kg for a slide]",
     )
 
     def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
@@ -169,7 +196,9 @@ class ScrewJoint(OneFreedom):
     freedoms: ClassVar = ("angle",)
     type: Literal["screw"] = "screw"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
-    pitch: Real = Field(description="advance along the axis per radian [m/rad]; a lead of one turn is 2 pi times this")
+    pitch: Real = Field(
+        description="advance along the axis per radian [m/rad]; a lead of one turn is 2 pi times this"
+    )
 
 
 class CylindricalJoint(ManyFreedoms):
@@ -189,7 +218,8 @@ class UniversalJoint(ManyFreedoms):
     freedoms: ClassVar = ("angle_1", "angle_2")
     type: Literal["universal"] = "universal"
     axes: tuple[Axis, Axis] = Field(
-        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), description="unit axes, the first in F1 and the second in F2"
+        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        description="unit axes, the first in F1 and the second in F2",
     )
 
     @model_validator(mode="after")
@@ -239,8 +269,12 @@ class GearJoint(JointBase):
     """
 
     type: Literal["gear"] = "gear"
-    ratios: Mapping[PathName, Real] = Field(description="ratio by coordinate, at least two [1; m/rad between kinds]")
-    offset: Real = Field(default=0.0, description="value that the sum keeps [unit of ratio times coordinate]")
+    ratios: Mapping[PathName, Real] = Field(
+        description="ratio by coordinate, at least two [1; m/rad between kinds]"
+    )
+    offset: Real = Field(
+        default=0.0, description="value that the sum keeps [unit of ratio times coordinate]"
+    )
 
     def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
         """Return nothing: a gear has no coordinate."""
@@ -249,7 +283,9 @@ class GearJoint(JointBase):
     @model_validator(mode="after")
     def _couples(self):
         if sum(ratio != 0 for ratio in self.ratios.values()) < 2:
-            raise MechanismError("a gear couples at least two coordinates by ratios other than zero", ("ratios",))
+            raise MechanismError(
+                "a gear couples at least two coordinates by ratios other than zero", ("ratios",)
+            )
         return self
 
 

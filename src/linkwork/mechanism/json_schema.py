@@ -24,7 +24,11 @@ def schema() -> dict[str, Any]:
         _say_type(definitions[record.__name__])
         if issubclass(record, ManyFreedoms):
             _name_freedoms(definitions[record.__name__], record.freedoms)
-    version = {"const": FORMAT_VERSION, "title": "Format", "description": "version of the file format"}
+    version = {
+        "const": FORMAT_VERSION,
+        "title": "Format",
+        "description": "version of the file format",
+    }
     return _in_draft_7(
         {
             "$schema": "http://json-schema.org/draft-07/schema#",
@@ -42,7 +46,10 @@ def schema() -> dict[str, Any]:
 def _say_type(record: dict[str, Any]) -> None:
     """Require the type of a joint or a shape, and put it first."""
     kind = record["properties"].pop("type")
-    record["properties"] = {"type": {"const": kind["const"], "title": "Type"}, **record["properties"]}
+    record["properties"] = {
+        "type": {"const": kind["const"], "title": "Type"},
+        **record["properties"],
+    }
     record["required"] = ["type", *record["required"]]
 
 

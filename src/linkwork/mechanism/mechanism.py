@@ -48,18 +48,24 @@ class Mechanism(Record):
 
     name: str = Field(default="mechanism", description="name of the mechanism")
     gravity: Vector3 = Field(
-        default=(0.0, 0.0, -9.81), description="acceleration of gravity in the ground's axes [m/s^2]"
+        default=(0.0, 0.0, -9.81),
+        description="acceleration of gravity in the ground's axes [m/s^2]",
     )
     bodies: Mapping[Name, Body] = Field(description="the bodies by name, without ground")
     joints: Mapping[Name, Joint] = Field(description="the joints by name")
-    springs: Mapping[Name, PointSpring] = Field(default_factory=dict, description="springs between points, by name")
+    springs: Mapping[Name, PointSpring] = Field(
+        default_factory=dict, description="springs between points, by name"
+    )
     actuators: tuple[PathName, ...] = Field(default=(), description="the actuated joints' rates")
-    tools: Mapping[Name, Tool] = Field(default_factory=dict, description="the tools by name; the first is the default")
+    tools: Mapping[Name, Tool] = Field(
+        default_factory=dict, description="the tools by name; the first is the default"
+    )
     reference: Mapping[PathName, Real] = Field(
         default_factory=dict, description="approximate joint coordinates [m, rad]"
     )
     caveats: tuple[str, ...] = Field(
-        default=(), description="what the model that this was read from has and this has not, and changes the motion"
+        default=(),
+        description="what the model that this was read from has and this has not, and changes the motion",
     )
 
     @property
@@ -75,7 +81,9 @@ class Mechanism(Record):
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Return the names of all joint coordinates, in the order of the joints."""
-        return tuple(label for name, joint in self.joints.items() for label in joint.coordinates(name))
+        return tuple(
+            label for name, joint in self.joints.items() for label in joint.coordinates(name)
+        )
 
     @property
     def rates(self) -> tuple[str, ...]:
@@ -86,15 +94,20 @@ class Mechanism(Record):
     def _consistent(self) -> Self:
         if GROUND in self.bodies:
             raise MechanismError(
-                "'ground' is the fixed frame and cannot be described; rename the body", ("bodies", GROUND)
+                "'ground' is the fixed frame and cannot be described; rename the body",
+                ("bodies", GROUND),
             )
         bodies, coordinates = dict.fromkeys((GROUND, *self.bodies)), dict.fromkeys(self.coordinates)
         pairs = {("joints", name): joint for name, joint in self.pairs.items()}
-        for where, pair in (pairs | {("springs", name): spring for name, spring in self.springs.items()}).items():
+        for where, pair in (
+            pairs | {("springs", name): spring for name, spring in self.springs.items()}
+        ).items():
             for body in pair.connects:
                 require(body, bodies, "body", (*where, "connects"))
             if pair.connects[0] == pair.connects[1]:
-                raise MechanismError(f"connects {pair.connects[0]!r} to itself; name two bodies", where)
+                raise MechanismError(
+                    f"connects {pair.connects[0]!r} to itself; name two bodies", where
+                )
         for name, gear in self.gears.items():
             for label in gear.ratios:
                 require(label, coordinates, "coordinate", ("joints", name, "ratios"))
@@ -111,7 +124,9 @@ class Mechanism(Record):
         loose = set(self.bodies) - set(nx.node_connected_component(self.graph(), GROUND))
         if loose:
             first = next(name for name in self.bodies if name in loose)
-            raise MechanismError("no chain of joints connects it to ground; add a joint to it", ("bodies", first))
+            raise MechanismError(
+                "no chain of joints connects it to ground; add a joint to it", ("bodies", first)
+            )
         return self
 
     def graph(self) -> nx.MultiGraph:
@@ -128,11 +143,18 @@ class Mechanism(Record):
             joint = self.joints.get(name)
             if joint is not None and name not in rates:
                 own = joint.rates(name)
-                cure = f"actuate one of its rates {', '.join(own)}" if own else "actuate another joint"
-                raise MechanismError(f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}", ("actuators",))
+                cure = (
+                    f"actuate one of its rates {', '.join(own)}" if own else "actuate another joint"
+                )
+                raise MechanismError(
+                    f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}",
+                    ("actuators",),
+                )
             require(name, rates, "joint", ("actuators",))
             if name in seen:
-                raise MechanismError(f"{name!r} is named twice; name each actuated joint once", ("actuators",))
+                raise MechanismError(
+                    f"{name!r} is named twice; name each actuated joint once", ("actuators",)
+                )
             seen.add(name)
 
     def with_payload(
@@ -155,11 +177,20 @@ class Mechanism(Record):
             raise MechanismError("there is no tool to carry a payload; add one", ("tools",))
         name = next(iter(self.tools)) if tool is None else tool
         if name not in self.tools:
-            raise MechanismError(f"there is no tool {name!r}; the tools are {', '.join(self.tools)}", ("tools",))
+            raise MechanismError(
+                f"there is no tool {name!r}; the tools are {', '.join(self.tools)}", ("tools",)
+            )
         held = self.tools[name]
         if held.body not in self.bodies:
-            raise MechanismError(f"the tool is on {held.body!r}, which does not move; choose another", ("tools", name))
-        payload = Body(mass=mass, centre_of_mass=centre_of_mass, inertia=inertia or Inertia(xx=0.0, yy=0.0, zz=0.0))
+            raise MechanismError(
+                f"the tool is on {held.body!r}, which does not move; choose another",
+                ("tools", name),
+            )
+        payload = Body(
+            mass=mass,
+            centre_of_mass=centre_of_mass,
+            inertia=inertia or Inertia(xx=0.0, yy=0.0, zz=0.0),
+        )
         body = together(self.bodies[held.body], payload, held.frame)
         return self.model_copy(update={"bodies": {**self.bodies, held.body: body}})
 
@@ -204,4 +235,6 @@ def require(name: str, known: Collection[str], kind: str, where: tuple[str, ...]
     if name not in known:
         names = ", ".join(islice(known, SHOWN)) or "(none)"
         more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
-        raise MechanismError(f"there is no {kind} {shown(name)}; the {kind} names are {names}{more}", where)
+        raise MechanismError(
+            f"there is no {kind} {shown(name)}; the {kind} names are {names}{more}", where
+        )

@@ -58,7 +58,9 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
                 "springs, lengths or gravity"
             )
         if where in places:
-            raise MechanismError(f"{shown(places[where])} and {shown(path)} are the same number; name it once")
+            raise MechanismError(
+                f"{shown(places[where])} and {shown(path)} are the same number; name it once"
+            )
         places[where], values[path] = path, value
     return values
 
@@ -84,7 +86,9 @@ def edited(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
 def located(mechanism: Mechanism, path: str) -> tuple[Where, float]:
     """Return where in a mechanism a path leads to, field by field, and the number there."""
     if not isinstance(path, str):
-        raise MechanismError(f"{shown(path)} is no path of a number; give one such as 'platform.mass'")
+        raise MechanismError(
+            f"{shown(path)} is no path of a number; give one such as 'platform.mass'"
+        )
     parts, found, dead_ends = tuple(path.split(".")), [], []
     for section in ((), *((name,) for name in SECTIONS)):
         try:
@@ -92,7 +96,9 @@ def located(mechanism: Mechanism, path: str) -> tuple[Where, float]:
         except NoNumberError as error:
             dead_ends.append((error.depth - len(section), str(error)))
     if not found:
-        raise MechanismError(f"{shown(path)} leads to no number: {max(dead_ends, key=lambda end: end[0])[1]}")
+        raise MechanismError(
+            f"{shown(path)} leads to no number: {max(dead_ends, key=lambda end: end[0])[1]}"
+        )
     if len(found) > 1:
         spelled = " or ".join(repr(".".join(where)) for where, _ in found)
         raise MechanismError(f"{shown(path)} may mean several numbers; write {spelled}")
@@ -115,7 +121,8 @@ def _follow(item: Any, parts: Where, before: Where) -> tuple[Where, float]:
             return _follow(inside[key], parts[count:], (*before, key))
     holds = f"it holds {', '.join(inside)}" if inside else "it holds nothing"
     raise NoNumberError(
-        len(before), f"{'.'.join(before) or 'the mechanism'} has no {parts[0]!r}{suggestion(parts[0], inside)}; {holds}"
+        len(before),
+        f"{'.'.join(before) or 'the mechanism'} has no {parts[0]!r}{suggestion(parts[0], inside)}; {holds}",
     )
 
 
@@ -124,7 +131,11 @@ def _inside(item: Any) -> dict[str, Any]:
     if isinstance(item, Record):
         fields = {name: getattr(item, name) for name in type(item).model_fields}
         if isinstance(item, ManyFreedoms):
-            for field, default in (("friction", Friction()), ("spring", Spring()), ("rotor_inertia", 0.0)):
+            for field, default in (
+                ("friction", Friction()),
+                ("spring", Spring()),
+                ("rotor_inertia", 0.0),
+            ):
                 fields[field] = dict.fromkeys(item.freedoms, default) | fields[field]
         return fields
     if isinstance(item, Mapping):

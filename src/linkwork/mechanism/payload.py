@@ -18,7 +18,10 @@ def together(body: Body, payload: Body, frame: Frame) -> Body:
     """Return a body with a second one fixed in a frame of it; a body of `zz` alone stays one."""
     R = rotation(frame)
     masses = body.mass, payload.mass
-    centres = np.array(body.centre_of_mass), np.array(frame.position) + R @ np.array(payload.centre_of_mass)
+    centres = (
+        np.array(body.centre_of_mass),
+        np.array(frame.position) + R @ np.array(payload.centre_of_mass),
+    )
     total = sum(masses)
     centre = (masses[0] * centres[0] + masses[1] * centres[1]) / total if total else centres[0]
     if payload.inertia.planar and not body.inertia.planar:
@@ -30,7 +33,9 @@ def together(body: Body, payload: Body, frame: Frame) -> Body:
     names = ("zz",) if body.inertia.planar else ("xx", "yy", "zz", "xy", "xz", "yz")
     axes = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in names}
     moments = "any" if "any" in (body.inertia.moments, payload.inertia.moments) else "rigid"
-    inertia = Inertia(**{name: float(tensor[place]) for name, place in axes.items()}, moments=moments)
+    inertia = Inertia(
+        **{name: float(tensor[place]) for name, place in axes.items()}, moments=moments
+    )
     x, y, z = map(float, centre)
     return Body(mass=float(total), centre_of_mass=(x, y, z), inertia=inertia, shapes=body.shapes)
 

@@ -9,7 +9,17 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from linkwork.mechanism.refusal import VANISHES, MechanismError, first_refusal, shown
 
-__all__ = ["HUGE", "Amount", "MechanismError", "Name", "PathName", "Positive", "Real", "Record", "Vector3"]
+__all__ = [
+    "HUGE",
+    "Amount",
+    "MechanismError",
+    "Name",
+    "PathName",
+    "Positive",
+    "Real",
+    "Record",
+    "Vector3",
+]
 
 HUGE = 1e50  # of lengths, angles, masses and the like: moments of inertia of greater ones are not finite
 
@@ -29,7 +39,9 @@ def followed(number: float) -> float:
 Real = Annotated[float, Field(allow_inf_nan=False), AfterValidator(held_in_full)]
 Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
 Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
-Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
+Component = Annotated[
+    float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)
+]
 Vector3 = tuple[Component, Component, Component]
 
 
@@ -48,7 +60,9 @@ class Record(BaseModel):
 def checked_name(name: str) -> str:
     """Accept a name: not empty, no dot (dots separate the parts of a path), no control character."""
     if not name.strip() or name != name.strip() or "." in name or not name.isprintable():
-        raise ValueError(f"{shown(name)} cannot be a name: give printable text without dots or spaces around it")
+        raise ValueError(
+            f"{shown(name)} cannot be a name: give printable text without dots or spaces around it"
+        )
     return name
 
 
@@ -62,7 +76,11 @@ def checked_path(path: str) -> str:
 
 
 NAME = r"[^\s.](?:[^.]*[^\s.])?"
-Name = Annotated[str, AfterValidator(checked_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})]
+Name = Annotated[
+    str, AfterValidator(checked_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})
+]
 PathName = Annotated[
-    str, AfterValidator(checked_path), WithJsonSchema({"type": "string", "pattern": rf"^{NAME}(?:\.{NAME})?$"})
+    str,
+    AfterValidator(checked_path),
+    WithJsonSchema({"type": "string", "pattern": rf"^{NAME}(?:\.{NAME})?$"}),
 ]

@@ -22,15 +22,24 @@ class MechanismError(LinkworkError):
 
     def __init__(self, what: str, where: tuple[str, ...] = (), place: str = ""):
         self.what, self.where, self.place = what, where, place
-        path = ".".join(part if part.isprintable() and len(part) <= LONG else shown(part) for part in where)
+        path = ".".join(
+            part if part.isprintable() and len(part) <= LONG else shown(part) for part in where
+        )
         super().__init__(": ".join(part for part in (place, path, what) if part))
 
 
-def first_refusal(error: ValidationError, record: type[BaseModel], fields: Mapping[str, Any]) -> MechanismError:
+def first_refusal(
+    error: ValidationError, record: type[BaseModel], fields: Mapping[str, Any]
+) -> MechanismError:
     """Turn pydantic's errors about the fields of a record into one: about an unknown field, else about the first."""
     errors: Sequence[Any] = error.errors(include_url=False)
     first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
-    kind, location, value, context = first["type"], first["loc"], first["input"], first.get("ctx", {})
+    kind, location, value, context = (
+        first["type"],
+        first["loc"],
+        first["input"],
+        first.get("ctx", {}),
+    )
     where = path_in(fields, location)
     cause = context.get("error")
     if isinstance(cause, MechanismError):
@@ -49,14 +58,18 @@ def first_refusal(error: ValidationError, record: type[BaseModel], fields: Mappi
     if kind in ("model_type", "model_attributes_type"):
         expected = fields_of(field.annotation)
     if kind == "missing" and isinstance(location[-1], int):
-        lacking = sum(one["type"] == "missing" and one["loc"][:-1] == location[:-1] for one in errors)
+        lacking = sum(
+            one["type"] == "missing" and one["loc"][:-1] == location[:-1] for one in errors
+        )
         context = {"max_length": len(value) + lacking}
     elif kind == "missing":
         return MechanismError(f"is missing; {expected}", (*where, str(location[-1])))
     if value is None:
         return MechanismError(f"is empty; {expected}", where)
     if kind == "string_type" and isinstance(value, int | float):
-        return MechanismError(f"{value} is not text; put it in quotes to use it as a name: '{value}'", where)
+        return MechanismError(
+            f"{value} is not text; put it in quotes to use it as a name: '{value}'", where
+        )
     return MechanismError(f"{complaint(kind, value, context, first['msg'])}; {expected}", where)
 
 
@@ -113,14 +126,22 @@ def wrong_type(fields: Any, annotation: Any, where: tuple[str, ...]) -> Mechanis
     """Refuse fields whose `type` is left out or is none of the annotation's types."""
     known = [record.model_fields["type"].default for record in records_in(annotation)]
     word = fields.get("type") if isinstance(fields, Mapping) else None
-    fault = "is missing" if word is None else f"{shown(word)} is not a type{suggestion(str(word), known)}"
+    fault = (
+        "is missing"
+        if word is None
+        else f"{shown(word)} is not a type{suggestion(str(word), known)}"
+    )
     return MechanismError(f"{fault}; the types are {', '.join(known)}", (*where, "type"))
 
 
 def fields_of(annotation: Any) -> str:
     """Say which fields a record of this annotation takes."""
     first, *others = records_in(annotation)
-    return "give a type and its fields" if others else f"give the fields {', '.join(first.model_fields)}"
+    return (
+        "give a type and its fields"
+        if others
+        else f"give the fields {', '.join(first.model_fields)}"
+    )
 
 
 def records_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -78,7 +78,9 @@ class Cylinder(ShapeBase):
     @property
     def outline(self) -> Outline:
         """Return a line along z that goes round it."""
-        return Outline(((1.0, -0.5), (1.0, 0.5)), (self.radius, self.radius, self.length), turned=True)
+        return Outline(
+            ((1.0, -0.5), (1.0, 0.5)), (self.radius, self.radius, self.length), turned=True
+        )
 
 
 class Sphere(ShapeBase):
@@ -103,7 +105,11 @@ class Capsule(ShapeBase):
     @property
     def outline(self) -> Outline:
         """Return a line with quarter circles at its ends that goes round z."""
-        return Outline(rounded(self.length / self.radius / 2), (self.radius, self.radius, self.radius), turned=True)
+        return Outline(
+            rounded(self.length / self.radius / 2),
+            (self.radius, self.radius, self.radius),
+            turned=True,
+        )
 
 
 class Polygon(ShapeBase):

@@ -85,7 +85,9 @@ class Compared:
         if not times[-1] > self.passage.start:
             return list(self.segments)
         settings = tightened(self.passage.settings).but(save_at=times)
-        other = replace(self.passage, end=float(times[-1]), settings=settings, pace=None, watching=False)
+        other = replace(
+            self.passage, end=float(times[-1]), settings=settings, pace=None, watching=False
+        )
         return list(other.segments(*self.start))
 
     @cached_property
@@ -107,21 +109,37 @@ class Compared:
         error = compared(y[own], y_c[other], allowed, units, settings.integrator)
         k, m = np.unravel_index(np.argmax(error), error.shape)
         value = error[k, m] * allowed[m]
-        return Estimate(float(error[k, m]), float(value), names[m], units[m], float(common[k]), float(common[-1]))
+        return Estimate(
+            float(error[k, m]),
+            float(value),
+            names[m],
+            units[m],
+            float(common[k]),
+            float(common[-1]),
+        )
 
     @property
     def own_units(self) -> np.ndarray:
         """Units in which atol counts, of the tree's coordinates and rates, and of extra states, as in the run."""
         tree = self.robot.equations.tree
-        return np.concatenate([tree.units, tree.rate_units, np.ones(len(self.passage.system.extras))])
+        return np.concatenate(
+            [tree.units, tree.rate_units, np.ones(len(self.passage.system.extras))]
+        )
 
     @property
     def named(self) -> tuple[list[str], list[str]]:
         """Names and units of the tree's coordinates and rates, and of extra states."""
         robot, extras = self.robot, self.passage.system.extras
         tree = robot.equations.tree
-        names = [*tree.coordinates, *(f"the rate of {name}" for name in tree.rates), *(extra.name for extra in extras)]
-        units = [*map(robot.unit, tree.coordinates), *(f"{robot.unit(name)}/s" for name in tree.rates)]
+        names = [
+            *tree.coordinates,
+            *(f"the rate of {name}" for name in tree.rates),
+            *(extra.name for extra in extras),
+        ]
+        units = [
+            *map(robot.unit, tree.coordinates),
+            *(f"{robot.unit(name)}/s" for name in tree.rates),
+        ]
         return names, [*units, *(extra.unit for extra in extras)]
 
 
@@ -170,7 +188,9 @@ def reached(segments: Sequence[Segment]) -> tuple[np.ndarray, np.ndarray]:
         if segment.crossed:
             rates = partial(tree_rates, chart)
             t.append(part.t)
-            y.append(np.column_stack([q, segment.measured(rates, np.arange(len(q)))["w"], v[:, n:]]))
+            y.append(
+                np.column_stack([q, segment.measured(rates, np.arange(len(q)))["w"], v[:, n:]])
+            )
             continue
         q, v = np.vstack([q, part.q_end]), np.vstack([v, part.v_end])
         w = chart.kernel("tree_rates")(q, v[:, :n])[0]

@@ -46,7 +46,9 @@ def least_forces(S: np.ndarray, f: np.ndarray, weights: np.ndarray) -> np.ndarra
     """Return the forces u (..., actuators) of least  sum weight_i u_i^2  with S' u = f (..., n), or nearest to it."""
     left, values, right = np.linalg.svd(S)
     kept = np.zeros(S.shape[:-1], bool)  # directions of u that move the robot
-    kept[..., : values.shape[-1]] = values > DRIVEN * values.max(axis=-1, initial=0.0, keepdims=True)
+    kept[..., : values.shape[-1]] = values > DRIVEN * values.max(
+        axis=-1, initial=0.0, keepdims=True
+    )
     parts = np.zeros(S.shape[:-1])
     r = values.shape[-1]
     np.divide((right @ f[..., None])[..., :r, 0], values, out=parts[..., :r], where=kept[..., :r])
@@ -92,14 +94,21 @@ def undriven(S: np.ndarray, independent: Sequence[str]) -> list[str]:
     names = []
     for direction in rows[rank:]:
         parts = [
-            name for name, part in zip(independent, direction, strict=True) if abs(part) > 0.5 * abs(direction).max()
+            name
+            for name, part in zip(independent, direction, strict=True)
+            if abs(part) > 0.5 * abs(direction).max()
         ]
         names.append(" with ".join(parts))
     return names
 
 
 def require_driven(
-    S: np.ndarray, f: np.ndarray, u: np.ndarray, parts: np.ndarray, independent: Sequence[str], idle: int
+    S: np.ndarray,
+    f: np.ndarray,
+    u: np.ndarray,
+    parts: np.ndarray,
+    independent: Sequence[str],
+    idle: int,
 ) -> None:
     """Refuse forces f on the rates that the actuators cannot give; idle freedoms may be left to themselves.
 

@@ -49,7 +49,9 @@ class Lone:
         return statistics(self.segments)
 
 
-def by_themselves(crew: Members, settings: Settings, tasks: Sequence[Task], report: Progress) -> list[Lone]:
+def by_themselves(
+    crew: Members, settings: Settings, tasks: Sequence[Task], report: Progress
+) -> list[Lone]:
     """Run members, each from chart to chart; those that KeyboardInterrupt leaves out are not returned."""
     sampler = crew.system.sampler
     threads = 1 if sampler and not sampler.compiled else settings.threads or usable_processors()
@@ -65,7 +67,13 @@ def by_themselves(crew: Members, settings: Settings, tasks: Sequence[Task], repo
             done.append(led(crew, settings, task))
         return True
 
-    dealt(run, len(chunks), threads, lambda: report(len(crew) - len(tasks) + len(done), len(crew)), cancel.set)
+    dealt(
+        run,
+        len(chunks),
+        threads,
+        lambda: report(len(crew) - len(tasks) + len(done), len(crew)),
+        cancel.set,
+    )
     return done
 
 
@@ -80,12 +88,17 @@ def led(crew: Members, settings: Settings, task: Task) -> Lone:
     if task.first is None or task.choice is None:
         state = crew.state(task.member)
         chart, v = rereading.start(robot, state)
-        segments = list(passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q)))
+        segments = list(
+            passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q))
+        )
     else:
         better = task.choice.better
         choice = Choice(task.choice.regular, better and own(better))
         stand = passage.stand(own(task.first.chart), *task.first.start)
-        segments = [task.first, *passage.onward(passage.after(stand, task.first.trajectory, choice))]
+        segments = [
+            task.first,
+            *passage.onward(passage.after(stand, task.first.trajectory, choice)),
+        ]
     for fault in system.faults:
         if not isinstance(fault, Exception):
             raise fault

@@ -52,10 +52,15 @@ def approach(chart: CompiledChart, modes: Modes, twist: list[int]) -> Approach |
         return None
     stages = [frozenset(stage.rows) for stage in modes.stages]
     key = f"approach {twist} {order.rows} {order.blocks} {stages}"
-    kernel = chart.compiled(key, lambda equations: step(equations, twist, order, stages)).given(chart.p)
+    kernel = chart.compiled(key, lambda equations: step(equations, twist, order, stages)).given(
+        chart.p
+    )
     own = {frozenset(stage.rows): stage for stage in order.stages}
     orders = [(stage, own[frozenset(stage.rows)]) for stage in modes.stages]
-    parities = [parity(stage.rows, taken.rows) * parity(stage.columns, taken.columns) for stage, taken in orders]
+    parities = [
+        parity(stage.rows, taken.rows) * parity(stage.columns, taken.columns)
+        for stage, taken in orders
+    ]
     return Approach(kernel, np.array([stage.size for stage in modes.stages]) * parities)
 
 
@@ -65,7 +70,9 @@ def parity(numbers: Sequence[int], other: Sequence[int]) -> float:
     return float(np.round(np.linalg.det(np.eye(len(places))[places])))
 
 
-def step(equations: Equations, twist: list[int], chart: Chart, stages: list[frozenset[int]]) -> ca.Function:
+def step(
+    equations: Equations, twist: list[int], chart: Chart, stages: list[frozenset[int]]
+) -> ca.Function:
     """Return (q, pose) -> q after a step; residual and length of the step in own units, alignment, determinants.
 
     Args:
@@ -119,4 +126,6 @@ def turn_of(vector: ca.SX) -> ca.SX:
     near = square < NEAR**2
     t = ca.sqrt(ca.if_else(near, 1.0, square))
     part = ca.if_else(near, 1 / 2 - square / 48, ca.sin(t / 2) / t)
-    return quaternion_matrix(ca.vertcat(ca.if_else(near, 1 - square / 8, ca.cos(t / 2)), part * vector))
+    return quaternion_matrix(
+        ca.vertcat(ca.if_else(near, 1 - square / 8, ca.cos(t / 2)), part * vector)
+    )

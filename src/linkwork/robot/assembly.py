@@ -22,7 +22,10 @@ from linkwork.kernels import Kernel
 
 OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
-NEWTON, CONTRACTS = 6, 0.3  # steps of Newton's method, and the part of the last one that the next one may have
+NEWTON, CONTRACTS = (
+    6,
+    0.3,
+)  # steps of Newton's method, and the part of the last one that the next one may have
 LONGEST = 0.5  # Newton's step, in the mechanism's own units
 MET = 1e-6  # distance from a solution, in the same units, from which Newton's method is sure to reach it
 EPS = np.finfo(float).eps
@@ -44,7 +47,9 @@ class AssemblyKernel:
         """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as such."""
         named = zip(self.kernel.outputs, self.kernel(q, rates), strict=True)
         rows = len(rates), -1
-        return {name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named}
+        return {
+            name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named
+        }
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space, for q (..., nq)."""
@@ -79,7 +84,9 @@ class Assembler:
     units: np.ndarray
     planar: bool
 
-    def at_joints(self, targets: dict[str, float], guess: np.ndarray, wraps: np.ndarray) -> np.ndarray:
+    def at_joints(
+        self, targets: dict[str, float], guess: np.ndarray, wraps: np.ndarray
+    ) -> np.ndarray:
         """Return q with the given joint coordinates [m, rad], from a guess of q; wraps: which of them but for whole turns."""
         indices = [self.coordinates.index(name) for name in targets]
         rates = [self._rate_index(name) for name in targets]
@@ -110,10 +117,18 @@ class Assembler:
         def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             out = self.still(q)
             error, J = self._pose_rows(out, pose)
-            return np.concatenate([out["phi"], error]), np.vstack([out["Phi"], J]), out["derivatives"]
+            return (
+                np.concatenate([out["phi"], error]),
+                np.vstack([out["Phi"], J]),
+                out["derivatives"],
+            )
 
         return self._solve(
-            system, self._pose_units(pose.size), guess, names, lambda: f"with the tool at {np.round(pose, 6).tolist()}"
+            system,
+            self._pose_units(pose.size),
+            guess,
+            names,
+            lambda: f"with the tool at {np.round(pose, 6).tolist()}",
         )
 
     def rates(
@@ -129,11 +144,16 @@ class Assembler:
             acceleration = np.append(acceleration[:3], alpha)
         out = self.still(q)
         rows = self.pose_indices(velocity.size)
-        widths, heights = self.tree.rate_units, np.concatenate([self.units, self._pose_units(velocity.size)])
+        widths, heights = (
+            self.tree.rate_units,
+            np.concatenate([self.units, self._pose_units(velocity.size)]),
+        )
         A = np.concatenate([out["Phi"], out["J_tool"][rows]]) * (widths / heights[:, None])
         U, values, V = np.linalg.svd(A, full_matrices=False)
         self._refuse_leg_singular(A.shape, values, velocity.size)
-        inverse = np.divide(1.0, values, out=np.zeros_like(values), where=values > max(A.shape) * EPS * values[0])
+        inverse = np.divide(
+            1.0, values, out=np.zeros_like(values), where=values > max(A.shape) * EPS * values[0]
+        )
 
         def least(right: np.ndarray) -> np.ndarray:
             return widths * (V.T @ (inverse * (U.T @ (right / heights))))
@@ -163,7 +183,11 @@ class Assembler:
         return unit(self.tree, q + self.still(q)["derivatives"] @ step) if step.any() else q
 
     def pose_names(self, size: int) -> tuple[str, ...]:
-        names = ("x", "y", "angle") if self.planar else ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+        names = (
+            ("x", "y", "angle")
+            if self.planar
+            else ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+        )
         allowed = (2, 3) if self.planar else (3, 6)
         if size not in allowed:
             raise LinkworkError(
@@ -175,7 +199,9 @@ class Assembler:
         self.pose_names(size)
         return [3, 4, 2][:size] if self.planar else [3, 4, 5, 0, 1, 2][:size]
 
-    def _pose_rows(self, out: dict[str, np.ndarray], pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _pose_rows(
+        self, out: dict[str, np.ndarray], pose: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the pose's error and Jacobian; turns are measured the short way round."""
         if self.planar:
             error = np.append(out["position"][:2] - pose[:2], wrapped(out["angle"] - pose[2:]))
@@ -185,12 +211,19 @@ class Assembler:
             turn = np.empty(0)
             if pose.size == 6:
                 R = out["orientation"].reshape(3, 3)
-                turn = Rotation.from_matrix(R @ Rotation.from_rotvec(pose[3:]).as_matrix().T).as_rotvec()
+                turn = Rotation.from_matrix(
+                    R @ Rotation.from_rotvec(pose[3:]).as_matrix().T
+                ).as_rotvec()
             error = np.append(out["position"] - pose[:3], turn)
         return error, out["J_tool"][self.pose_indices(pose.size)]
 
     def _solve(
-        self, system, sizes: np.ndarray, guess: np.ndarray, names: tuple[str, ...], asked: Callable[[], str]
+        self,
+        system,
+        sizes: np.ndarray,
+        guess: np.ndarray,
+        names: tuple[str, ...],
+        asked: Callable[[], str],
     ) -> np.ndarray:
         """Return q that solves a system.
 

@@ -186,16 +186,25 @@ class CompiledChart:
         return strengths(self.equations, self.equations.chart, Phi)
 
     def anew(
-        self, q: np.ndarray, independent: tuple[int, ...], least: float = DETERMINED, p: np.ndarray | None = None
+        self,
+        q: np.ndarray,
+        independent: tuple[int, ...],
+        least: float = DETERMINED,
+        p: np.ndarray | None = None,
     ) -> CompiledChart | None:
         """Return a chart in given independent rates that is good at q (nq); None where they do not determine the motion."""
         chart = chart_in(self.equations, self.constraint_jacobian(q, p), independent, least)
         return chart and CompiledChart(self.equations.in_chart(chart), self.p)
 
-    def chosen(self, Phi: np.ndarray, preferred: tuple[int, ...]) -> list[tuple[np.ndarray, CompiledChart]]:
+    def chosen(
+        self, Phi: np.ndarray, preferred: tuple[int, ...]
+    ) -> list[tuple[np.ndarray, CompiledChart]]:
         """Return charts chosen at each of some configurations, and the numbers of those (`charts_at`)."""
         found = charts_at(self.equations, Phi, preferred)
-        return [(members, CompiledChart(self.equations.in_chart(chart), self.p)) for members, chart in found]
+        return [
+            (members, CompiledChart(self.equations.in_chart(chart), self.p))
+            for members, chart in found
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +243,12 @@ def shorter(home: CompiledChart, q: np.ndarray) -> CompiledChart:
     """Return the chart for runs: of the home chart and that of free bodies' own rates the one with fewer instructions."""
     equations = home.equations
     joints = equations.topology.joints
-    labels = [label for name, joint in joints.items() if joint.type == "free" for label in joint.rates(name)]
+    labels = [
+        label
+        for name, joint in joints.items()
+        if joint.type == "free"
+        for label in joint.rates(name)
+    ]
     if not labels or set(labels) == set(home.independent):
         return home
     candidate = home.better(q, tuple(sorted(equations.tree.rates.index(label) for label in labels)))

@@ -48,7 +48,9 @@ def names(values: object, what: str) -> tuple[str, ...]:
 def known(names: Iterable[object], allowed: Sequence[str], kind: str) -> None:
     for name in names:
         if not isinstance(name, str) or name not in allowed:
-            raise LinkworkError(f"there is no {kind} {shown(name)}; there are {', '.join(allowed) or 'none'}")
+            raise LinkworkError(
+                f"there is no {kind} {shown(name)}; there are {', '.join(allowed) or 'none'}"
+            )
 
 
 def values_by_name(
@@ -62,18 +64,28 @@ def values_by_name(
         known(values, names, kind)
         missing = [name for name in names if name not in values]
         if missing:
-            other = "; robot.assemble closes the loops from some of them" if what == "positions" else ""
-            raise LinkworkError(f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}{other}")
+            other = (
+                "; robot.assemble closes the loops from some of them" if what == "positions" else ""
+            )
+            raise LinkworkError(
+                f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}{other}"
+            )
         parts = [finite(values[name], f"{what}[{name!r}]") for name in names]
         batch = together(*{part.shape for part in parts})
-        return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1) if batch else np.array(parts)
+        return (
+            np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1)
+            if batch
+            else np.array(parts)
+        )
     array = finite(values, what)
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
     return array
 
 
-def actuator_forces(forces: ArrayLike | Mapping[str, ArrayLike], actuators: Sequence[str]) -> np.ndarray:
+def actuator_forces(
+    forces: ArrayLike | Mapping[str, ArrayLike], actuators: Sequence[str]
+) -> np.ndarray:
     """Return u (..., actuators) from an array in their order, or by name, zero where left out."""
     if not isinstance(forces, np.ndarray) and isinstance(forces, Mapping):
         known(forces, actuators, "actuator")
@@ -81,16 +93,24 @@ def actuator_forces(forces: ArrayLike | Mapping[str, ArrayLike], actuators: Sequ
     return vector(forces, "forces", actuators, "actuator")
 
 
-def vector(values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str], kind: str) -> np.ndarray:
+def vector(
+    values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str], kind: str
+) -> np.ndarray:
     """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked through."""
-    if isinstance(values, np.ndarray) and values.dtype == float and values.shape[-1:] == (len(names),):
+    if (
+        isinstance(values, np.ndarray)
+        and values.dtype == float
+        and values.shape[-1:] == (len(names),)
+    ):
         return values
     if isinstance(values, Mapping):
         return values_by_name(values, names, what, kind)
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
-        raise LinkworkError(f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}") from None
+        raise LinkworkError(
+            f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}"
+        ) from None
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
     return array
@@ -102,19 +122,27 @@ def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn
     )
 
 
-def refuse_foreign(state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]]) -> None:
+def refuse_foreign(
+    state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]]
+) -> None:
     """Refuse what is not a state of this robot; states of an equal robot (the same joints) are accepted."""
     if not isinstance(state, State):
-        raise LinkworkError(f"a state is needed, not {type(state).__name__}; make one by robot.state or robot.assemble")
+        raise LinkworkError(
+            f"a state is needed, not {type(state).__name__}; make one by robot.state or robot.assemble"
+        )
     if state.independent not in charts:
         rates = ", ".join(state.independent)
         raise LinkworkError(f"the state belongs to another robot: its rates are those of {rates}")
     if state.coordinates != coordinates:
         found = ", ".join(state.coordinates)
-        raise LinkworkError(f"the state belongs to another robot: its joints are {found}, not {', '.join(coordinates)}")
+        raise LinkworkError(
+            f"the state belongs to another robot: its joints are {found}, not {', '.join(coordinates)}"
+        )
 
 
-def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, ...]], str]) -> None:
+def require_closed(
+    gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, ...]], str]
+) -> None:
     """Refuse configurations whose loops are open; name the first of them, and its worst row."""
     if (gap <= tolerance).all():
         return
@@ -128,7 +156,9 @@ def require_closed(gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, 
 
 def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:
     """Return the refusal of a configuration where the independent rates do not determine the motion."""
-    weakest = np.unravel_index(int(np.argmin(np.nan_to_num(np.abs(pivot[..., 0]), nan=-1.0))), pivot.shape[:-1])
+    weakest = np.unravel_index(
+        int(np.argmin(np.nan_to_num(np.abs(pivot[..., 0]), nan=-1.0))), pivot.shape[:-1]
+    )
     which = f" of state {', '.join(str(int(i)) for i in weakest)}" if weakest else ""
     return SingularError(
         f"the configuration{which} is singular (smallest relative pivot {abs(float(pivot[(*weakest, 0)])):.2g}): with "

@@ -40,7 +40,9 @@ def lost(chart: CompiledChart, q: np.ndarray) -> bool:
     return bool(chart.equations.lost(chart.constraint_jacobian(q)))
 
 
-def choices(robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> list[Choice]:
+def choices(
+    robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
+) -> list[Choice]:
     """Choose what is better than a chart at each of some configurations.
 
     Args:

@@ -62,7 +62,9 @@ class Crossed:
     def zeros(self, values: np.ndarray) -> list[tuple[float, bool]]:
         """Return when a quantity passes zero [s], and whether it rises; its values (K,) at the nodes tell between which."""
         found, polynomial = [], Polynomial.fit(self.t, values, self.t.size - 1)
-        for k in np.flatnonzero((values[:-1] * values[1:] < 0) | ((values[1:] == 0) & (values[:-1] != 0))):
+        for k in np.flatnonzero(
+            (values[:-1] * values[1:] < 0) | ((values[1:] == 0) & (values[:-1] != 0))
+        ):
             low, high = self.t[k], self.t[k + 1]
             while low < (middle := (low + high) / 2) < high:
                 low, high = (middle, high) if polynomial(middle) * values[k] > 0 else (low, middle)
@@ -79,7 +81,9 @@ class Crossed:
         if not roots.size or np.abs(polynomial(roots)).min() > VANISHED * np.abs(values).max():
             return None
         pose = float(roots[np.argmin(np.abs(polynomial(roots)))])
-        there, *nodes = self._least(np.concatenate([self.through(self.y, np.array([pose])), self.y])).tolist()
+        there, *nodes = self._least(
+            np.concatenate([self.through(self.y, np.array([pose])), self.y])
+        ).tolist()
         return pose if there <= VANISHED * max(nodes) else None
 
     def _least(self, y: np.ndarray) -> np.ndarray:
@@ -122,9 +126,16 @@ class Crossing:
         for state in states[1:]:
             state[: q.size], _ = self._closed(state[: q.size])
         times = t + h * nodes(NODES[1])
-        pivots = np.array([self.chart.kernel("pivots").flat(state[: q.size], self.chart.p) for state in states])
+        pivots = np.array(
+            [self.chart.kernel("pivots").flat(state[: q.size], self.chart.p) for state in states]
+        )
         return Crossed(
-            times, states, self.system.inputs(times), pivots, 1 + fine.evaluations + coarse.evaluations, self.chart
+            times,
+            states,
+            self.system.inputs(times),
+            pivots,
+            1 + fine.evaluations + coarse.evaluations,
+            self.chart,
         )
 
     def _error(self, fine: Collocation, coarse: Collocation) -> float:
@@ -166,10 +177,15 @@ class Crossing:
         while True:
             evaluations += len(slopes)
             stages = y + h * a @ slopes
-            previous, slopes = slopes, np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)])
+            previous, slopes = (
+                slopes,
+                np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)]),
+            )
             last, change = change, float((np.abs(slopes - previous).max(axis=0) * h / scale).max())
             if change <= CONVERGED:
-                return Collocation(np.array([y, *(y + h * a @ slopes), y + h * b @ slopes]), slopes, evaluations)
+                return Collocation(
+                    np.array([y, *(y + h * a @ slopes), y + h * b @ slopes]), slopes, evaluations
+                )
             if not change < last / 2:
                 return None
 

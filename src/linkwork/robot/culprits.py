@@ -28,7 +28,11 @@ def culprit(system: System, segment: Segment) -> str:
             return lost
         if fault < 0 and not np.isfinite(slope).all():
             fault = int(np.isfinite(slope).argmin())
-    return came_upon(system, chart, held.size)[fault] if fault >= 0 else "what the equations of motion return"
+    return (
+        came_upon(system, chart, held.size)[fault]
+        if fault >= 0
+        else "what the equations of motion return"
+    )
 
 
 def undefined(system: System, chart: CompiledChart, x: np.ndarray, u: np.ndarray) -> str:
@@ -42,12 +46,16 @@ def undefined(system: System, chart: CompiledChart, x: np.ndarray, u: np.ndarray
     forces = np.concatenate([values[: ends[0]].reshape(2, -1), held])
     bodies = [repr(wrench.body) for wrench in acting.wrenches]
     wrenches = values[ends[0] : ends[1]].reshape(-1, 6).T
-    return named("the controller's force on", actuators, forces) or named("the wrench on", bodies, wrenches)
+    return named("the controller's force on", actuators, forces) or named(
+        "the wrench on", bodies, wrenches
+    )
 
 
 def named(what: str, names: Sequence[str], columns: np.ndarray) -> str:
     """Return the names whose columns hold numbers that are not finite; nothing if there are none."""
-    lost = [name for name, values in zip(names, columns.T, strict=True) if not np.isfinite(values).all()]
+    lost = [
+        name for name, values in zip(names, columns.T, strict=True) if not np.isfinite(values).all()
+    ]
     return f"{what} {', '.join(lost)}" if lost else ""
 
 

@@ -80,22 +80,40 @@ class Flow:
 
 
 def power_parts(
-    robot: Model, system: System, chart: CompiledChart, q: np.ndarray, v: np.ndarray, force: np.ndarray, wrenches
+    robot: Model,
+    system: System,
+    chart: CompiledChart,
+    q: np.ndarray,
+    v: np.ndarray,
+    force: np.ndarray,
+    wrenches,
 ) -> dict[str, np.ndarray]:
     """Return the powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of the dampers of springs
     between points (K, springs), and of external wrenches (K, wrenches).
     """
     actuated, friction, dampers, _ = chart.compiled("powers", powers).given(chart.p)(q, v)
-    parts = {"actuator_power": force * actuated, "friction_power": friction, "damper_power": dampers}
+    parts = {
+        "actuator_power": force * actuated,
+        "friction_power": friction,
+        "damper_power": dampers,
+    }
     if wrenches is not None:
         twists = chart.kernel("bodies_motion")(q, v)[2].reshape(len(q), len(robot.bodies), 6)
-        columns = [np.sum(w * twists[:, k], axis=1) for k, w in about_centres(robot, system, chart, q, v, wrenches)]
+        columns = [
+            np.sum(w * twists[:, k], axis=1)
+            for k, w in about_centres(robot, system, chart, q, v, wrenches)
+        ]
         parts["external_power"] = np.stack(columns, axis=1) if columns else np.zeros((len(q), 0))
     return parts
 
 
 def about_centres(
-    robot: Model, system: System, chart: CompiledChart, q: np.ndarray, v: np.ndarray, wrenches: np.ndarray
+    robot: Model,
+    system: System,
+    chart: CompiledChart,
+    q: np.ndarray,
+    v: np.ndarray,
+    wrenches: np.ndarray,
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the body's place and [moment about the mass centre; force] (K, 6) of each external wrench, ground's axes."""
     acting = system.acting
@@ -107,14 +125,20 @@ def about_centres(
         yield body, np.concatenate([moment + np.cross(axes[:, body] @ arm, force), force], axis=1)
 
 
-def power_quantities(robot: Model, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
+def power_quantities(
+    robot: Model, system: System, kept: Kept, of: Mapping[str, np.ndarray]
+) -> dict[str, Quantity]:
     """Return powers and conditioning over time: axes, values and unit by name.
 
     of: what was measured at the saved times, by name (`recording.measured`)
     """
-    parts = [segment.measured(Flow(robot, system, segment.chart).powers, rows) for segment, rows in kept]
+    parts = [
+        segment.measured(Flow(robot, system, segment.chart).powers, rows) for segment, rows in kept
+    ]
     power = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    (pivot,) = np.abs(robot.kernel("tree_rates")(of["q"], np.zeros((len(of["q"]), robot.mobility)))[1]).T
+    (pivot,) = np.abs(
+        robot.kernel("tree_rates")(of["q"], np.zeros((len(of["q"]), robot.mobility)))[1]
+    ).T
     found: dict[str, Quantity] = {"actuator_power": (("actuator",), power["actuator_power"], "W")}
     if power["friction_power"].any():
         found["friction_power"] = (("rate",), power["friction_power"], "W")
@@ -125,10 +149,15 @@ def power_quantities(robot: Model, system: System, kept: Kept, of: Mapping[str, 
     return found | {"conditioning": ((), pivot, "1")}
 
 
-def balance_quantities(robot: Model, system: System, kept: Kept, of: Mapping[str, np.ndarray]) -> dict[str, Quantity]:
+def balance_quantities(
+    robot: Model, system: System, kept: Kept, of: Mapping[str, np.ndarray]
+) -> dict[str, Quantity]:
     """Return work and energy balance over time: axes, values and unit by name."""
     work, start = works(robot, system, kept)
-    return {"work": ((), work, "J"), "energy_balance": ((), of["kinetic"] + of["potential"] - start - work, "J")}
+    return {
+        "work": ((), work, "J"),
+        "energy_balance": ((), of["kinetic"] + of["potential"] - start - work, "J"),
+    }
 
 
 def works(robot: Model, system: System, kept: Kept) -> tuple[np.ndarray, float]:
@@ -138,9 +167,15 @@ def works(robot: Model, system: System, kept: Kept) -> tuple[np.ndarray, float]:
     """
     total, columns, begun, end = 0.0, [np.zeros(0)], 0.0, None
     for segment, rows in kept:
-        flow, part, (start, q, v) = Flow(robot, system, segment.chart), segment.trajectory, segment.start
+        flow, part, (start, q, v) = (
+            Flow(robot, system, segment.chart),
+            segment.trajectory,
+            segment.start,
+        )
         if segment.crossed is not None and end is not None:
-            energies = segment.measured(lambda y, _, flow=flow: {"energy": flow.energy(y)}, rows)["energy"]
+            energies = segment.measured(lambda y, _, flow=flow: {"energy": flow.energy(y)}, rows)[
+                "energy"
+            ]
             columns.append(total + energies - end[1])
             continue
         energy = flow.energy(np.block([[q, v], [part.q_end, part.v_end]]))
@@ -148,7 +183,9 @@ def works(robot: Model, system: System, kept: Kept) -> tuple[np.ndarray, float]:
             begun = float(energy[0])
         elif start > end[0]:
             total += energy[0] - end[1]
-        W = total + np.cumsum(gained(flow, segment, np.concatenate([[start], part.t, [part.end_time]])))
+        W = total + np.cumsum(
+            gained(flow, segment, np.concatenate([[start], part.t, [part.end_time]]))
+        )
         columns.append(W[1:-1][rows])
         total, end = W[-1], (part.end_time, energy[-1])
     work = np.concatenate(columns)
@@ -171,7 +208,11 @@ def gained(flow: Flow, segment: Segment, t: np.ndarray) -> np.ndarray:
     work = np.zeros(len(t))
     if segment.trajectory.control is None:
         ends = np.unique(t)
-        work[1:] = np.diff(np.interp(t, ends, np.concatenate([[0.0], np.cumsum(quadrature(flow, segment, ends, 0))])))
+        work[1:] = np.diff(
+            np.interp(
+                t, ends, np.concatenate([[0.0], np.cumsum(quadrature(flow, segment, ends, 0))])
+            )
+        )
         return work
     for i in np.flatnonzero(np.diff(t) > 0).tolist():
         work[i + 1] = quadrature(flow, segment, t[i : i + 2], i - 1).sum()
@@ -195,12 +236,22 @@ def quadrature(flow: Flow, segment: Segment, t: np.ndarray, row: int) -> np.ndar
     return np.add.reduceat(work, np.searchsorted(edges, t[:-1])) if work.size else work
 
 
-def run_reactions(robot: Model, system: System, kept: Kept, frame: str, length: float | None) -> Reactions:
+def run_reactions(
+    robot: Model, system: System, kept: Kept, frame: str, length: float | None
+) -> Reactions:
     """Return the reactions at a run's saved times."""
     samples = []
     for segment, rows in kept:
-        flow, part, crossed = Flow(robot, system, segment.chart), segment.trajectory, segment.crossed
-        y, r = (crossed.y, crossed.u) if crossed else (np.column_stack([part.q, part.v])[rows], part.u[rows])
+        flow, part, crossed = (
+            Flow(robot, system, segment.chart),
+            segment.trajectory,
+            segment.crossed,
+        )
+        y, r = (
+            (crossed.y, crossed.u)
+            if crossed
+            else (np.column_stack([part.q, part.v])[rows], part.u[rows])
+        )
         q, v, _ = flow.split(y)
         force, wrenches = flow.acting(y, r)
         nq, n = segment.chart.equations.nq, segment.chart.equations.mobility
@@ -209,7 +260,9 @@ def run_reactions(robot: Model, system: System, kept: Kept, frame: str, length: 
             applied = np.zeros((len(q), len(robot.bodies), 6))
             for body, wrench in about_centres(robot, system, segment.chart, q, v, wrenches):
                 applied[:, body] += wrench
-        samples.append(Samples(segment.chart, q, v, flow.slope(y, r)[:, nq : nq + n], force, applied))
+        samples.append(
+            Samples(segment.chart, q, v, flow.slope(y, r)[:, nq : nq + n], force, applied)
+        )
     ends = np.cumsum([len(part.q) for part in samples])
     found = transmitted(robot, samples, (ends[-1],), frame, length)
 
@@ -218,4 +271,6 @@ def run_reactions(robot: Model, system: System, kept: Kept, frame: str, length: 
         return np.concatenate([one.interpolated(part, rows) for (one, rows), part in parts])
 
     gears = {name: saved(values) for name, values in found.gears.items()}
-    return replace(found, wrenches=saved(found.wrenches), constraint=saved(found.constraint), gears=gears)
+    return replace(
+        found, wrenches=saved(found.wrenches), constraint=saved(found.constraint), gears=gears
+    )

@@ -114,7 +114,8 @@ class Ensemble:
         count = 1 + max((int(part.times.max(initial=-1)) for part in parts), default=-1)
         time = np.full((len(crew), count + 1), np.nan)
         read, rates = (
-            np.full((*time.shape, len(names)), np.nan) for names in (crew.robot.coordinates, crew.robot.rates)
+            np.full((*time.shape, len(names)), np.nan)
+            for names in (crew.robot.coordinates, crew.robot.rates)
         )
         for part in parts:
             at = part.members, part.times
@@ -144,13 +145,17 @@ class Ensemble:
         if self._companion is None:
             return np.full(len(self), np.nan)
         other = self._companion()
-        y, y_c = (np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other))
+        y, y_c = (
+            np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other)
+        )
         start = np.pad(self.members.q, [(0, 0), (0, y.shape[1] - self.members.q.shape[1])])
         robot, settings = self.members.robot, self.settings
         labels = robot.equations.tree.coordinates
         units = [*map(robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
         size = np.maximum(np.abs(start), np.abs(y))
-        allowed = robot.chart_of(self.final).tolerances(settings.atol, y.shape[1]) + settings.rtol * size
+        allowed = (
+            robot.chart_of(self.final).tolerances(settings.atol, y.shape[1]) + settings.rtol * size
+        )
         largest = compared(y, y_c, allowed, units, settings.integrator).max(axis=1)
         reached = (self.status == Status.FINISHED) & (other.status == Status.FINISHED)
         return np.where(reached, largest, np.nan)
@@ -172,7 +177,9 @@ class Ensemble:
     def events(self, member: int) -> tuple[tuple[str, float], ...]:
         """Return the events of a member's run, each its name and time [s], in the order of the times."""
         of = self._happened.members == self._numbered(member)
-        return tuple(zip(self._happened.names[of].tolist(), self._happened.times[of].tolist(), strict=True))
+        return tuple(
+            zip(self._happened.names[of].tolist(), self._happened.times[of].tolist(), strict=True)
+        )
 
     def singular_times(self, member: int) -> np.ndarray:
         """Return when a member stepped over singular poses (on_singular="step_over") [s]."""
@@ -190,7 +197,9 @@ class Ensemble:
         try:
             return range(len(self))[member]
         except (IndexError, TypeError):
-            raise LinkworkError(f"there is no member {member!r}; there are {len(self)}, from 0 on") from None
+            raise LinkworkError(
+                f"there is no member {member!r}; there are {len(self)}, from 0 on"
+            ) from None
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -206,20 +215,27 @@ class Ensemble:
         read, rates = variables["joint_position"], variables["joint_rate"].values
         variables["joint_position"] = replace(read, values=self.turned(time, read.values, rates))
         variables |= {
-            "status": Variable(("member",), np.array([Status(s).name for s in self.status], dtype=object)),
+            "status": Variable(
+                ("member",), np.array([Status(s).name for s in self.status], dtype=object)
+            ),
             "end_time": Variable(("member",), self.end_time, {"units": "s"}),
         }
         variables |= {name: Variable(("member",), getattr(self, name)) for name in STATISTICS}
-        variables |= {name: Variable(("member",), values) for name, values in self.parameters.items()}
+        variables |= {
+            name: Variable(("member",), values) for name, values in self.parameters.items()
+        }
         if self.members.system.events:
             coords["event"] = labels("event", self._happened.names.tolist())
             coords["event_time"] = Variable(("event",), self._happened.times, {"units": "s"})
             coords["event_member"] = Variable(("event",), self._happened.members)
         if self._passed.times.size:
-            coords["singular_time"] = Variable(("singular_pose",), self._passed.times, {"units": "s"})
+            coords["singular_time"] = Variable(
+                ("singular_pose",), self._passed.times, {"units": "s"}
+            )
             coords["singular_member"] = Variable(("singular_pose",), self._passed.members)
         entries = [
-            {name: (v.dims, v.values, dict(v.attrs)) for name, v in part.items()} for part in (variables, coords)
+            {name: (v.dims, v.values, dict(v.attrs)) for name, v in part.items()}
+            for part in (variables, coords)
         ]
         caveats = self.members.robot.mechanism.caveats
         return xarray.Dataset(*entries, attrs={"caveats": "\n".join(caveats)} if caveats else {})
@@ -241,7 +257,9 @@ def ensemble(
         settings = settings.but(save_at=np.empty(0))
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
     events, stiff = watched(robot, settings.events), settings.integrator.stiff
-    crew = members(robot, states, forces, parameters, drives, wrenches, events, settings.duration, stiff)
+    crew = members(
+        robot, states, forces, parameters, drives, wrenches, events, settings.duration, stiff
+    )
     settings = settings.suited(smooth(crew.system, crew.signals))
     with shown(progress) as report:
         return completed(crew, settings, report)
@@ -251,8 +269,12 @@ def completed(crew: Members, settings: Settings, report: Progress) -> Ensemble:
     """Run members to their ends."""
     if in_lanes(crew, settings.integrator):
         parts, cancelled = together(crew, settings, report)
-        tasks = [] if cancelled else [task for part in parts for task in weakened(crew, settings, part)]
-        tasks += [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
+        tasks = (
+            [] if cancelled else [task for part in parts for task in weakened(crew, settings, part)]
+        )
+        tasks += (
+            [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
+        )
     else:
         parts = [waiting(crew, settings, np.arange(len(crew)))]
         tasks = [Task(member) for member in range(len(crew))]
@@ -317,7 +339,10 @@ def together(crew: Members, settings: Settings, report: Progress) -> tuple[list[
         parts.append(waiting(crew, settings, np.flatnonzero(~crew.told)))
     if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
         ((first, _),) = faced(crew, able[:1])
-    groups, limits = [(first, able)], turning(crew.robot.turning, crew.robot.chart, crew.system.acting)
+    groups, limits = (
+        [(first, able)],
+        turning(crew.robot.turning, crew.robot.chart, crew.system.acting),
+    )
 
     def progress(ended: int, _: int) -> None:
         report(sum(len(part.members) for part in parts) + ended, len(crew))
@@ -348,7 +373,9 @@ def together(crew: Members, settings: Settings, report: Progress) -> tuple[list[
             progress=progress,
             turning=limits,
         )
-        averted = (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
+        averted = (
+            (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
+        )
         if chart is first and averted.any():
             groups = list(faced(crew, indices[averted]))
             indices, outcomes = indices[~averted], outcomes.part(~averted)
@@ -376,14 +403,18 @@ def weakened(crew: Members, settings: Settings, part: Part) -> Iterator[Task]:
     stiff = np.flatnonzero(part.outcomes.status == Status.STIFF)
     if stiff.size:
         for row, y in zip(stiff.tolist(), crew.start(part.members[stiff]), strict=True):
-            yield Task(int(part.members[row]), segment(crew, settings, part, row, y), Choice(True, None))
+            yield Task(
+                int(part.members[row]), segment(crew, settings, part, row, y), Choice(True, None)
+            )
     rows = np.flatnonzero(part.outcomes.status == Status.SINGULAR)
     if not rows.size:
         return
     indices, nq = part.members[rows], part.chart.equations.nq
     p = crew.p_robot(indices) if crew.varied and crew.robot.p.size else None
     found = choices(crew.robot, part.chart, np.ascontiguousarray(part.outcomes.y_end[rows, :nq]), p)
-    for row, member, y, choice in zip(rows.tolist(), indices.tolist(), crew.start(indices), found, strict=True):
+    for row, member, y, choice in zip(
+        rows.tolist(), indices.tolist(), crew.start(indices), found, strict=True
+    ):
         begun = part.outcomes.steps[row] > 0
         yield Task(member, segment(crew, settings, part, row, y), choice) if begun else Task(member)
 
@@ -395,7 +426,11 @@ def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarr
     nq, done = part.chart.equations.nq, part.outcomes
     saved = int(done.saved[row])
     rows = np.zeros((saved, 3 + y.size))
-    rows[:, 0], rows[:, 1 : 1 + y.size], rows[:, -1] = settings.save_at[:saved], done.samples[row, :saved], -1.0
+    rows[:, 0], rows[:, 1 : 1 + y.size], rows[:, -1] = (
+        settings.save_at[:saved],
+        done.samples[row, :saved],
+        -1.0,
+    )
     outcome = Outcome(
         status=done.status[row],
         evaluations=done.nfev[row],
@@ -415,14 +450,28 @@ def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarr
         rejected_pivot=float(done.rejected_pivot[row]),
         rejected_residual=float(done.rejected_residual[row]),
     )
-    bounds = {"pivot_bound": SOFT, "closure_tol": CLOSURE * crew.robot.size, "max_steps": settings.max_steps}
+    bounds = {
+        "pivot_bound": SOFT,
+        "closure_tol": CLOSURE * crew.robot.size,
+        "max_steps": settings.max_steps,
+    }
     trajectory = Trajectory(
-        rows, rows[:0], done.y_end[row], done.turns[row], nq, outcome, None, bounds, Status(outcome.status)
+        rows,
+        rows[:0],
+        done.y_end[row],
+        done.turns[row],
+        nq,
+        outcome,
+        None,
+        bounds,
+        Status(outcome.status),
     )
     return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), settings.integrator.name)
 
 
-def collected(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], settings: Settings) -> Ensemble:
+def collected(
+    crew: Members, parts: Sequence[Part], lone: Sequence[Lone], settings: Settings
+) -> Ensemble:
     """Put the results of all members side by side."""
     alone = {one.member: one for one in lone}
     unfinished = [i for part in parts for i in part.members[part.left] if i not in alone]
@@ -468,14 +517,17 @@ def again(
     crew: Members, settings: Settings, lone: Sequence[Lone], which: Sequence[int]
 ) -> Iterator[tuple[int, Sequence[Segment], bool]]:
     """Yield members with their segments that ran by themselves, and others once more; tell whether every step was saved."""
-    whole = {one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)}
+    whole = {
+        one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)
+    }
     yield from ((member, whole[member].segments, False) for member in which if member in whole)
     left = [member for member in which if member not in whole]
     every = settings.but(save_at=None)
     for first in range(0, len(left), AT_ONCE):
         tasks = [Task(member) for member in left[first : first + AT_ONCE]]
         yield from (
-            (one.member, one.segments, True) for one in by_themselves(crew, every, tasks, lambda done, total: None)
+            (one.member, one.segments, True)
+            for one in by_themselves(crew, every, tasks, lambda done, total: None)
         )
 
 
@@ -503,7 +555,10 @@ def closure_errors(crew: Members, part: Part) -> np.ndarray:
 
 def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
     """Return numbers of all members; where they are one part and not to be written to, those of the part."""
-    columns = {name: [getattr(part.outcomes, name) for part in parts] for name in ("status", "end_time", *STATISTICS)}
+    columns = {
+        name: [getattr(part.outcomes, name) for part in parts]
+        for name in ("status", "end_time", *STATISTICS)
+    }
     columns["closure_error"] = [closure_errors(crew, part) for part in parts]
     if keep and len(parts) == 1:
         return {name: values for name, (values,) in columns.items()}
@@ -511,7 +566,9 @@ def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.n
     return {name: np.concatenate(values)[order] for name, values in columns.items()}
 
 
-def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> tuple[State, np.ndarray]:
+def last_states(
+    crew: Members, parts: Sequence[Part], lone: Sequence[Lone]
+) -> tuple[State, np.ndarray]:
     """Return the last states reached, in one chart, and the extra states there; angles as they are read off the tree's.
 
     It is the home chart where that tells all motions, else the first of the members' own that does; if none does it is the
@@ -532,12 +589,16 @@ def last_states(crew: Members, parts: Sequence[Part], lone: Sequence[Lone]) -> t
     home, common, v = robot.chart, robot.chart, told_in(crew, rows, robot.chart)
     if np.isnan(v).any():
         ways = ((chart, told_in(crew, rows, chart)) for chart in own)
-        common, v = next(((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v))
+        common, v = next(
+            ((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v)
+        )
     if common is not home:
         robot.charts.setdefault(common.independent, common)
     q = whole(q, turns)
     (positions,) = robot.kernel("positions")(q, crew.p_robot())
-    return State(positions, v, q, robot.coordinates, common.independent), z[:, : len(crew.system.extras)]
+    return State(positions, v, q, robot.coordinates, common.independent), z[
+        :, : len(crew.system.extras)
+    ]
 
 
 def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.ndarray:
@@ -558,7 +619,9 @@ def last_of(part: Part) -> Rows:
     return Rows(part.chart, part.members, none, done.end_time, done.y_end, np.empty((none.size, 0)))
 
 
-def saved(crew: Members, parts: Sequence[Part], lone: Sequence[Lone], at: np.ndarray) -> Iterator[Rows]:
+def saved(
+    crew: Members, parts: Sequence[Part], lone: Sequence[Lone], at: np.ndarray
+) -> Iterator[Rows]:
     """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their own runs."""
     alone = np.array([one.member for one in lone], dtype=int)
     for part in parts:
@@ -577,16 +640,23 @@ def happened(crew: Members, lone: Sequence[Lone]) -> Happened:
     found = [(one.member, part.trajectory.events) for one in runs for part in one.segments]
     index = np.concatenate([np.empty(0, int), *(events.index for _, events in found)])
     times = np.concatenate([np.empty(0), *(events.times for _, events in found)])
-    whose = np.repeat([member for member, _ in found], [len(events) for _, events in found]).astype(int)
+    whose = np.repeat([member for member, _ in found], [len(events) for _, events in found]).astype(
+        int
+    )
     return Happened(whose, names[index], times)
 
 
 def passed(lone: Sequence[Lone]) -> Happened:
     """Return the singular poses that all runs stepped over."""
-    found = [(one.member, singular_times(one.segments)) for one in sorted(lone, key=lambda one: one.member)]
+    found = [
+        (one.member, singular_times(one.segments))
+        for one in sorted(lone, key=lambda one: one.member)
+    ]
     whose = np.array([member for member, times in found for _ in times], int)
     return Happened(
-        whose, np.full(whose.size, "singular pose", object), np.array([t for _, of in found for t in of], float)
+        whose,
+        np.full(whose.size, "singular pose", object),
+        np.array([t for _, of in found for t in of], float),
     )
 
 
@@ -598,11 +668,18 @@ def measured(
     shape = (len(crew), len(times))
     coords = {
         "time": Variable(("time",), times, {"units": "s"}),
-        "coordinate": labels("coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]),
+        "coordinate": labels(
+            "coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]
+        ),
         "rate": labels("rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]),
     }
     axes = {"joint_position": "coordinate", "joint_rate": "rate"}
-    units = {"joint_position": "m, rad", "joint_rate": "m/s, rad/s", "tool_pose": "m, rad", "drive_state": ""}
+    units = {
+        "joint_position": "m, rad",
+        "joint_rate": "m/s, rad/s",
+        "tool_pose": "m, rad",
+        "drive_state": "",
+    }
     if robot.mechanism.tools:
         coords["pose"] = labels("pose", POSES[robot.planar])
         axes["tool_pose"] = "pose"
@@ -610,7 +687,9 @@ def measured(
         coords["extra"] = labels("extra", [x.name for x in extras], [x.unit for x in extras])
         axes["drive_state"] = "extra"
         units["drive_state"] = ", ".join(extra.unit for extra in extras)
-    values = {name: np.full((*shape, coords[axis].values.size), np.nan) for name, axis in axes.items()}
+    values = {
+        name: np.full((*shape, coords[axis].values.size), np.nan) for name, axis in axes.items()
+    }
     for part in parts:
         (q, _, z), p, places = part.split(), crew.p_robot(part.members), (part.members, part.times)
         found = joints_of(crew, part)
@@ -619,9 +698,12 @@ def measured(
         if extras:
             values["drive_state"][places] = z[:, : len(extras)]
         if robot.mechanism.tools:
-            values["tool_pose"][places] = AssemblyKernel(robot.kernel("assembly").given(p), robot.planar).tool_poses(q)
+            values["tool_pose"][places] = AssemblyKernel(
+                robot.kernel("assembly").given(p), robot.planar
+            ).tool_poses(q)
     variables = {
-        name: Variable(("member", "time", axes[name]), array, {"units": units[name]}) for name, array in values.items()
+        name: Variable(("member", "time", axes[name]), array, {"units": units[name]})
+        for name, array in values.items()
     }
     return variables, coords
 
@@ -630,14 +712,18 @@ def joints_of(crew: Members, part: Rows) -> dict[str, np.ndarray]:
     """Return the positions and rates of all joints at saved states (rows, m), by name."""
     found = part.measured(partial(joints, crew))
     if part.nodes:  # angles are not interpolated: they may jump by a turn
-        found["joint_position"] = crew.robot.kernel("positions")(part.split()[0], crew.p_robot(part.members))[0]
+        found["joint_position"] = crew.robot.kernel("positions")(
+            part.split()[0], crew.p_robot(part.members)
+        )[0]
     return found
 
 
 def joints(crew: Members, rows: Rows) -> dict[str, np.ndarray]:
     """Return the positions and rates of all joints at states (rows, m), by name."""
     q, v, _ = rows.split()
-    found = rows.chart.kernel("joints_motion")(q, v, np.zeros(v.shape[1]), crew.p_robot(rows.members))
+    found = rows.chart.kernel("joints_motion")(
+        q, v, np.zeros(v.shape[1]), crew.p_robot(rows.members)
+    )
     return dict(zip(("joint_position", "joint_rate"), found, strict=False))
 
 

@@ -27,10 +27,16 @@ def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
         if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
             chart = chart_in(robot, names, q)
         if chart is None:
-            able = robot.chart.better(q, tuple(map(robot.equations.tree.rates.index, names))).independent
-            raise LinkworkError(f"the rates {', '.join(names)} do not determine the motion here; {', '.join(able)} do")
+            able = robot.chart.better(
+                q, tuple(map(robot.equations.tree.rates.index, names))
+            ).independent
+            raise LinkworkError(
+                f"the rates {', '.join(names)} do not determine the motion here; {', '.join(able)} do"
+            )
     if chart is None:
-        raise LinkworkError("the stack of states is empty; there is no configuration to choose the rates at")
+        raise LinkworkError(
+            "the stack of states is empty; there is no configuration to choose the rates at"
+        )
     rates, kept = reread(robot, given, chart, state.q, state.rates)
     if not kept.all():
         raise LinkworkError(
@@ -43,7 +49,9 @@ def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
 
 def outputs(robot: Model, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good orders of elimination."""
-    return evaluated(robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given)
+    return evaluated(
+        robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given
+    )
 
 
 def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
@@ -69,7 +77,9 @@ def actuator_forces(
     weights: ArrayLike | Mapping[str, float] | None,
 ) -> np.ndarray:
     """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm: `Robot.inverse_dynamics`."""
-    v_dot = checks.vector(accelerations, "accelerations", robot.own(state).independent, "independent rate")
+    v_dot = checks.vector(
+        accelerations, "accelerations", robot.own(state).independent, "independent rate"
+    )
     f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
     W = np.ones(len(robot.actuators)) if weights is None else actuator_weights(robot, weights)
     if state.independent == robot.actuators:
@@ -80,7 +90,10 @@ def actuator_forces(
     if robot.idle:
         M, *forces = terms(robot, state)
         forces.append((M @ v_dot[..., None])[..., 0])
-        parts = np.max([np.abs(force * units.rates).max(axis=-1) for force in np.broadcast_arrays(*forces)], axis=0)
+        parts = np.max(
+            [np.abs(force * units.rates).max(axis=-1) for force in np.broadcast_arrays(*forces)],
+            axis=0,
+        )
         f = actuation.idle_left(S, units.inertia(M), f, len(robot.idle))
     u = actuation.least_forces(S, f, W / units.actuators**2)
     actuation.require_driven(S, f, u, parts, state.independent, len(robot.idle))
@@ -98,7 +111,9 @@ def actuator_weights(robot: Model, weights: ArrayLike | Mapping[str, float]) -> 
     """Return positive weights (actuators), given in their order or by name."""
     W = checks.values_by_name(weights, robot.actuators, "weights", "actuator")
     if not (W.ndim == 1 and (W > 0).all()):
-        raise LinkworkError(f"weights {W.tolist()} do not fit; give one positive number per actuator")
+        raise LinkworkError(
+            f"weights {W.tolist()} do not fit; give one positive number per actuator"
+        )
     return W
 
 
@@ -116,7 +131,9 @@ def actuation_map(robot: Model, state: State) -> np.ndarray:
 def internal_forces(robot: Model, state: State, weights: np.ndarray | None = None) -> np.ndarray:
     """Return the actuator forces B (actuators, k) with S' B = 0 and B' W B = 1 at one state: `Robot.internal_forces`."""
     if robot.own(state).batch:
-        raise LinkworkError("internal forces are those of one state, not of a stack; take one by state.at(index)")
+        raise LinkworkError(
+            "internal forces are those of one state, not of a stack; take one by state.at(index)"
+        )
     units, W = own_units(robot, state), 1.0 if weights is None else weights
     B = actuation.internal_forces(units.map(actuation_map(robot, state)), W / units.actuators**2)
     return B / units.actuators[:, None]

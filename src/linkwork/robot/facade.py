@@ -151,7 +151,9 @@ class Robot(Model):
         """
         return posing.assemble(self, joints, tool, rates, guess, branch)
 
-    def follow(self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None) -> Motion:
+    def follow(
+        self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None
+    ) -> Motion:
         """Lead the tool along a path: positions, rates and accelerations of all joints.
 
         Args:
@@ -182,7 +184,9 @@ class Robot(Model):
 
     # Equations of motion
 
-    def forward_dynamics(self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]) -> np.ndarray:
+    def forward_dynamics(
+        self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]
+    ) -> np.ndarray:
         """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G) (paper, Eq. (9)).
 
         Args:
@@ -201,11 +205,17 @@ class Robot(Model):
 
     @overload
     def inverse_dynamics(
-        self, motion: State, accelerations: ArrayLike | Mapping[str, ArrayLike], *, weights: Weights = None
+        self,
+        motion: State,
+        accelerations: ArrayLike | Mapping[str, ArrayLike],
+        *,
+        weights: Weights = None,
     ) -> np.ndarray: ...
 
     @overload
-    def inverse_dynamics(self, motion: Motion, accelerations: None = None, *, weights: Weights = None) -> Sampled: ...
+    def inverse_dynamics(
+        self, motion: Motion, accelerations: None = None, *, weights: Weights = None
+    ) -> Sampled: ...
 
     def inverse_dynamics(
         self,
@@ -264,7 +274,9 @@ class Robot(Model):
         Raises:
             LinkworkError: a stack of states, forces of wrong length, a singular configuration.
         """
-        return linear.linearised(self, linear.evaluated(self, state, linear.actuator_forces(self, forces)))
+        return linear.linearised(
+            self, linear.evaluated(self, state, linear.actuator_forces(self, forces))
+        )
 
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the independent rates (paper, Eq. (10))."""
@@ -332,12 +344,16 @@ class Robot(Model):
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the independent rates, L v' + L' v."""
-        v_dot = checks.vector(accelerations, "accelerations", self.own(state).independent, "independent rate")
+        v_dot = checks.vector(
+            accelerations, "accelerations", self.own(state).independent, "independent rate"
+        )
         return evaluation.joints_motion(self, state, v_dot)[2]
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame, by name."""
-        origins, orientations, *_ = self.kernel("bodies_motion")(self.own(state).q, np.zeros(self.mobility))
+        origins, orientations, *_ = self.kernel("bodies_motion")(
+            self.own(state).q, np.zeros(self.mobility)
+        )
         p = origins.reshape(*state.batch, len(self.bodies), 3)
         R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
         return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
@@ -434,7 +450,9 @@ class Robot(Model):
             max_steps=max_steps,
             on_singular=on_singular,
         )
-        return simulate(self, state, forces, settings, drives=drives, wrenches=wrenches, parameters=parameters)
+        return simulate(
+            self, state, forces, settings, drives=drives, wrenches=wrenches, parameters=parameters
+        )
 
     def resume(self, run: Run, forces: Forces = None, *, duration: float, **options: Any) -> Run:
         """Go on from the end of a run, also of one that was saved and loaded: time, extra and held inputs continue.
@@ -453,7 +471,9 @@ class Robot(Model):
 
         checks.known(options, OPTIONS, "option of a run")
         acting = {name: options.pop(name) for name in ACTING & options.keys()}
-        return running.resume(self, run, forces, running.Settings(duration=duration, **options), **acting)
+        return running.resume(
+            self, run, forces, running.Settings(duration=duration, **options), **acting
+        )
 
     def ensemble(
         self,
@@ -534,5 +554,11 @@ class Robot(Model):
         return observed(self, state)
 
 
-OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[3:]  # of a run, without self, state and forces
-ACTING = {"drives", "wrenches", "parameters"}  # those of them that say what acts, not how it is computed
+OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[
+    3:
+]  # of a run, without self, state and forces
+ACTING = {
+    "drives",
+    "wrenches",
+    "parameters",
+}  # those of them that say what acts, not how it is computed

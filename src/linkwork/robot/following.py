@@ -42,7 +42,11 @@ class Course:
         """Return the motion of parts one after the other; an instant that two of them hold is the earlier one's."""
         time, first = np.unique(np.concatenate([part.time for part in parts]), return_index=True)
         return cls(
-            time, *(np.concatenate([getattr(part, name) for part in parts])[first] for name in ("read", "rates"))
+            time,
+            *(
+                np.concatenate([getattr(part, name) for part in parts])[first]
+                for name in ("read", "rates")
+            ),
         )
 
     def windings(self, labels: Labels, first: np.ndarray) -> np.ndarray:
@@ -56,10 +60,14 @@ class Course:
         steps, times: how many each took and has (N,)
         """
         fastest = np.abs(self.rates[..., labels.turning]).max(axis=(-2, -1), initial=0.0)
-        return (times > DENSE * steps) & (fastest * np.diff(self.time).max(axis=-1, initial=0.0) < NEAR)
+        return (times > DENSE * steps) & (
+            fastest * np.diff(self.time).max(axis=-1, initial=0.0) < NEAR
+        )
 
 
-def windings(robot: Model, state: State, segments: Sequence[Segment], every: bool) -> tuple[np.ndarray, np.ndarray]:
+def windings(
+    robot: Model, state: State, segments: Sequence[Segment], every: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """Return when whole turns of joints' coordinates were counted (K,) [s], and these (K, m).
 
     Args:
@@ -97,7 +105,9 @@ def steps(segment: Segment) -> Iterator[Trajectory]:
 
 def moving(chart: CompiledChart, time: np.ndarray, q: np.ndarray, v: np.ndarray) -> Course:
     """Return the motion at states in a chart (K, ...)."""
-    read, rates, *_ = chart.kernel("joints_motion")(np.ascontiguousarray(q), np.ascontiguousarray(v), 0 * v)
+    read, rates, *_ = chart.kernel("joints_motion")(
+        np.ascontiguousarray(q), np.ascontiguousarray(v), 0 * v
+    )
     return Course(time, read, rates)
 
 
@@ -142,7 +152,9 @@ def of_members(
 
     def along(values: np.ndarray, at_start: np.ndarray) -> np.ndarray:
         whole = np.concatenate([at_start[:, None], values], axis=1)
-        return np.take_along_axis(whole, last.reshape(*last.shape, *(1 for _ in whole.shape[2:])), axis=1)
+        return np.take_along_axis(
+            whole, last.reshape(*last.shape, *(1 for _ in whole.shape[2:])), axis=1
+        )
 
     course = Course(along(time, np.zeros(len(crew))), along(read, begun), along(rates, start))
     found = course.windings(labels, first)

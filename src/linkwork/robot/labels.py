@@ -19,7 +19,10 @@ from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.robot import checks
 from linkwork.robot.charts import CompiledChart
 
-POSES = {True: ("x", "y", "angle"), False: ("x", "y", "z", "rx", "ry", "rz")}  # of a tool, by planar
+POSES = {
+    True: ("x", "y", "angle"),
+    False: ("x", "y", "z", "rx", "ry", "rz"),
+}  # of a tool, by planar
 POSE_ANGLES = ("angle", "rx", "ry", "rz")
 UNITS = {slide: "m" for slide in SLIDES} | {TURN: "1"}
 
@@ -38,9 +41,17 @@ class Labels:
     def units(self) -> dict[str, str]:
         """Unit by label, those of joints that were added to the tree included: m, rad, or 1 for a part of a quaternion."""
         units: dict[str, str] = {}
-        for name, joint in {**self.equations.topology.joints, **self.equations.mechanism.joints}.items():
-            parts = [freedom for freedom in joint.freedoms for _ in range(4 if freedom == TURN else 1)]
-            units |= {label: UNITS.get(part, "rad") for label, part in zip(joint.coordinates(name), parts, strict=True)}
+        for name, joint in {
+            **self.equations.topology.joints,
+            **self.equations.mechanism.joints,
+        }.items():
+            parts = [
+                freedom for freedom in joint.freedoms for _ in range(4 if freedom == TURN else 1)
+            ]
+            units |= {
+                label: UNITS.get(part, "rad")
+                for label, part in zip(joint.coordinates(name), parts, strict=True)
+            }
             units |= {label: "rad" for label in joint.rates(name) if label not in units}
         return units
 
@@ -52,12 +63,16 @@ class Labels:
     @cached_property
     def angular(self) -> np.ndarray:
         """Which coordinates are angles (m)."""
-        return np.array([self.units[label] == "rad" for label in self.equations.mechanism.coordinates], bool)
+        return np.array(
+            [self.units[label] == "rad" for label in self.equations.mechanism.coordinates], bool
+        )
 
     @cached_property
     def turning(self) -> np.ndarray:
         """Which rates are angular."""
-        return np.array([self.units[label] == "rad" for label in self.equations.mechanism.rates], bool)
+        return np.array(
+            [self.units[label] == "rad" for label in self.equations.mechanism.rates], bool
+        )
 
     @cached_property
     def sizes(self) -> np.ndarray:
@@ -71,7 +86,9 @@ class Labels:
         mechanism = self.equations.mechanism
         places = {label: i for i, label in enumerate(mechanism.coordinates)}
         free = {name: joint for name, joint in mechanism.joints.items() if TURN in joint.freedoms}
-        return {name: [places[x] for x in joint.coordinates(name)[-4:]] for name, joint in free.items()}
+        return {
+            name: [places[x] for x in joint.coordinates(name)[-4:]] for name, joint in free.items()
+        }
 
     @cached_property
     def quaternions(self) -> list[list[int]]:
@@ -82,18 +99,32 @@ class Labels:
     @cached_property
     def of_tree(self) -> np.ndarray:
         """Places among the coordinates of those of the tree (nq), where no joints were added to it."""
-        return np.array([self.equations.mechanism.coordinates.index(x) for x in self.equations.tree.coordinates])
+        return np.array(
+            [self.equations.mechanism.coordinates.index(x) for x in self.equations.tree.coordinates]
+        )
 
     @cached_property
     def jumping(self) -> list[str]:
         """Angles of loop-closing joints that are read by the arc tangent."""
-        return [label for cut in self.equations.cuts if readings.jump(cut) for label in self._angles(cut.joint)]
+        return [
+            label
+            for cut in self.equations.cuts
+            if readings.jump(cut)
+            for label in self._angles(cut.joint)
+        ]
 
     @cached_property
     def counted(self) -> np.ndarray:
         """Which coordinates (m) are angles of loop-closing joints whose turns act, on a spring, a gear or a thread."""
         names = counting(self.equations.mechanism)
-        return self._among([x for cut in self.equations.cuts if cut.joint in names for x in self._angles(cut.joint)])
+        return self._among(
+            [
+                x
+                for cut in self.equations.cuts
+                if cut.joint in names
+                for x in self._angles(cut.joint)
+            ]
+        )
 
     @cached_property
     def wound(self) -> np.ndarray:
@@ -109,7 +140,10 @@ class Labels:
     @cached_property
     def signed(self) -> np.ndarray:
         """Which coordinates (m) belong to the quaternions of loop-closing joints."""
-        return np.array([any(i in places for places in self.quaternions) for i in range(self.angular.size)], bool)
+        return np.array(
+            [any(i in places for places in self.quaternions) for i in range(self.angular.size)],
+            bool,
+        )
 
     @cached_property
     def free(self) -> np.ndarray:
@@ -129,7 +163,11 @@ class Labels:
     def _angles(self, joint: str) -> list[str]:
         """Return the angles of a loop-closing joint that the tree does not hold."""
         joints, tree = self.equations.mechanism.joints, self.equations.tree.coordinates
-        return [label for label in joints[joint].angles(joint) if label not in tree] if joint in joints else []
+        return (
+            [label for label in joints[joint].angles(joint) if label not in tree]
+            if joint in joints
+            else []
+        )
 
     def _among(self, labels: list[str]) -> np.ndarray:
         """Tell of each coordinate (m) whether it is among some labels."""
@@ -174,11 +212,15 @@ class Labels:
         if not self.may_wind or not windings.any():
             return read
         ahead = read + 2 * np.pi * windings
-        return np.where(self.signed, read * (-1.0) ** windings, ahead) if self.quaternions else ahead
+        return (
+            np.where(self.signed, read * (-1.0) ** windings, ahead) if self.quaternions else ahead
+        )
 
     def nearest(self, read: np.ndarray, positions: np.ndarray) -> np.ndarray:
         """Return coordinates (..., m) that are read off the tree's with the whole turns of others."""
-        near = not self.may_wind or (not self.quaternions and np.abs(positions - read).max(initial=0.0) < np.pi)
+        near = not self.may_wind or (
+            not self.quaternions and np.abs(positions - read).max(initial=0.0) < np.pi
+        )
         return read if near else self.turned(read, self.windings(positions, read))
 
     def unwrapped(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> np.ndarray:
@@ -191,14 +233,23 @@ class Labels:
         mechanism, positions = self.equations.mechanism, positions.copy()
         h = np.diff(time, axis=-1)
         for label in self.jumping:
-            q, w = positions[..., mechanism.coordinates.index(label)], rates[..., mechanism.rates.index(label)]
+            q, w = (
+                positions[..., mechanism.coordinates.index(label)],
+                rates[..., mechanism.rates.index(label)],
+            )
             told = h * np.abs(np.diff(w, axis=-1)) / 2 < np.pi
             ahead = np.where(told, h * (w[..., 1:] + w[..., :-1]) / 2, 0.0)
-            q[..., 1:] += 2 * np.pi * np.cumsum(np.round((ahead - np.diff(q, axis=-1)) / (2 * np.pi)), axis=-1)
+            q[..., 1:] += (
+                2
+                * np.pi
+                * np.cumsum(np.round((ahead - np.diff(q, axis=-1)) / (2 * np.pi)), axis=-1)
+            )
         for places in self.quaternions:
             p = positions[..., places]
             flips = np.sign(np.sum(p[..., 1:, :] * p[..., :-1, :], axis=-1))
-            positions[..., 1:, places] *= np.cumprod(np.where(flips == 0, 1, flips), axis=-1)[..., None]
+            positions[..., 1:, places] *= np.cumprod(np.where(flips == 0, 1, flips), axis=-1)[
+                ..., None
+            ]
         return positions
 
     def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:
@@ -212,6 +263,8 @@ class Labels:
         frames = [frame for joint in mechanism.pairs.values() for frame in joint.frames]
         lengths = [abs(x) for frame in frames for x in frame.position]
         lengths += [
-            abs(x) for x, label in zip(positions, mechanism.coordinates, strict=True) if self.unit(label) == "m"
+            abs(x)
+            for x, label in zip(positions, mechanism.coordinates, strict=True)
+            if self.unit(label) == "m"
         ]
         return max(1.0, max(lengths) / tree.length) * max(1.0, float(np.abs(q / tree.units).max()))

@@ -25,7 +25,15 @@ from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.robot.approach import Approach
-from linkwork.robot.assembly import CONTRACTS, LONGEST, MATRICES, MET, NEWTON, Assembler, UnreachableError
+from linkwork.robot.assembly import (
+    CONTRACTS,
+    LONGEST,
+    MATRICES,
+    MET,
+    NEWTON,
+    Assembler,
+    UnreachableError,
+)
 from linkwork.robot.modes import Modes, same
 
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
@@ -74,21 +82,33 @@ class Way:
             return np.concatenate([aside, wrapped(out["angle"] - goal[:, axes:])], axis=1)
         from scipy.spatial.transform import Rotation
 
-        turn = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)) * Rotation.from_rotvec(goal[:, axes:]).inv()
+        turn = (
+            Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3))
+            * Rotation.from_rotvec(goal[:, axes:]).inv()
+        )
         return np.concatenate([aside, turn.as_rotvec()], axis=1)
 
     def poses(self, which: np.ndarray, part: np.ndarray) -> np.ndarray:
         """Return the poses (K, size) at parts (K) from 0 to 1 of the ways `which` (K)."""
-        aside, turned = self.position + part[:, None] * self.shift[which], part[:, None] * self.turning[which]
+        aside, turned = (
+            self.position + part[:, None] * self.shift[which],
+            part[:, None] * self.turning[which],
+        )
         if self.planar or not self.turning.shape[1]:
-            return np.concatenate([aside, self.turn + turned], axis=1) if self.turning.shape[1] else aside
+            return (
+                np.concatenate([aside, self.turn + turned], axis=1)
+                if self.turning.shape[1]
+                else aside
+            )
         from scipy.spatial.transform import Rotation
 
         goal = Rotation.from_rotvec(turned) * Rotation.from_matrix(self.turn)
         return np.concatenate([aside, goal.as_rotvec()], axis=1)
 
 
-Nearby = Callable[[np.ndarray, Way, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Nearby = Callable[
+    [np.ndarray, Way, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +180,12 @@ class Leader:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and the part of each way (K)."""
         count = which.size
-        q, part, step, going = np.tile(start, (count, 1)), np.zeros(count), np.ones(count), np.arange(count)
+        q, part, step, going = (
+            np.tile(start, (count, 1)),
+            np.zeros(count),
+            np.ones(count),
+            np.arange(count),
+        )
         for _ in range(ROUNDS):
             if not going.size:
                 break
@@ -202,9 +227,13 @@ class Leader:
 
     def moved(self, q: np.ndarray, out: dict[str, np.ndarray], s: np.ndarray) -> np.ndarray:
         """Return q (K, nq) after steps s (K, nv) in the mechanism's own units."""
-        return unit(self.tree, q + (out["derivatives"] @ (self.tree.rate_units * s)[:, :, None])[:, :, 0])
+        return unit(
+            self.tree, q + (out["derivatives"] @ (self.tree.rate_units * s)[:, :, None])[:, :, 0]
+        )
 
-    def otherwise(self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray) -> np.ndarray:
+    def otherwise(
+        self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray
+    ) -> np.ndarray:
         """Return q (nq) at a pose to which no straight way leads on the mode; near: how far it led."""
         refusal, elsewhere = None, False
         for begin in self.begins(start, near, pose):
@@ -234,7 +263,9 @@ class Leader:
         tree, random = self.tree, np.random.default_rng(1990)
         q = np.tile(start, (STARTS, 1))
         for place, rate in tree.single:
-            q[:, place] += random.uniform(-1, 1, STARTS) * (self.length if self.slides[rate] else np.pi)
+            q[:, place] += random.uniform(-1, 1, STARTS) * (
+                self.length if self.slides[rate] else np.pi
+            )
         for places, _ in tree.quaternions:
             q[:, list(places)] = random.standard_normal((STARTS, 4))
         q, every, end = unit(tree, q), np.arange(STARTS), np.ones(STARTS)
@@ -247,7 +278,11 @@ class Leader:
         residual, A, out = self.rows(q, way, every, end)
         q = q[(np.abs(residual).max(axis=1) <= MET) & (out["alignment"][:, 0] >= 0)]
         for place, rate in tree.single if not self.mechanism.gears else ():
-            q[:, place] -= 0 if self.slides[rate] else 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
+            q[:, place] -= (
+                0
+                if self.slides[rate]
+                else 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
+            )
         return q[np.argsort(np.linalg.norm((q - start) / tree.units, axis=1))]
 
     def keeps(self, q: np.ndarray) -> np.ndarray:
@@ -305,7 +340,9 @@ class Leader:
     @cached_property
     def heights(self) -> np.ndarray:
         """The mechanism's own units of the closure rows and of the tool's coordinates (rows)."""
-        return np.concatenate([self.assembler.units, np.where(np.array(self.twist) < 3, 1.0, self.tree.length)])
+        return np.concatenate(
+            [self.assembler.units, np.where(np.array(self.twist) < 3, 1.0, self.tree.length)]
+        )
 
     @cached_property
     def factors(self) -> np.ndarray:
@@ -315,9 +352,13 @@ class Leader:
     @cached_property
     def length(self) -> float:
         """How far slides may be from the guess [m]: the largest distance that joints' frames and slides have at home."""
-        frames = [frame.position for joint in self.mechanism.pairs.values() for frame in joint.frames]
+        frames = [
+            frame.position for joint in self.mechanism.pairs.values() for frame in joint.frames
+        ]
         lengths = [float(np.linalg.norm(position)) for position in frames]
-        return max([self.tree.length, *lengths, *np.abs(self.home[~self.assembler.angular]).tolist()])
+        return max(
+            [self.tree.length, *lengths, *np.abs(self.home[~self.assembler.angular]).tolist()]
+        )
 
     @cached_property
     def slides(self) -> np.ndarray:

@@ -15,9 +15,7 @@ from linkwork.mechanism.limits import limited
 if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
-ROUNDING = (
-    1e-12  # how far behind a limit a coordinate is still at it, over the mechanism's own length or 1 rad, or the limit
-)
+ROUNDING = 1e-12  # how far behind a limit a coordinate is still at it, over the mechanism's own length or 1 rad, or the limit
 
 
 def passed(robot: Model, positions: np.ndarray, time: np.ndarray | None = None) -> tuple[str, ...]:
@@ -29,7 +27,10 @@ def passed(robot: Model, positions: np.ndarray, time: np.ndarray | None = None) 
         values, size = flat[:, place], robot.labels.sizes[place]
         if name.endswith(f".{TURN}"):
             values = 2 * np.arccos(np.clip(np.abs(values), 0, 1))
-        for bound, sign, side in ((limits.lower, -1, "below its lower"), (limits.upper, 1, "above its upper")):
+        for bound, sign, side in (
+            (limits.lower, -1, "below its lower"),
+            (limits.upper, 1, "above its upper"),
+        ):
             if bound is None:
                 continue
             beyond = sign * (values - bound) > ROUNDING * max(size, abs(bound))

@@ -62,9 +62,14 @@ def holding(robot: Model, state: State) -> np.ndarray:
         return np.zeros(0)
     S, (_, _, G, f) = evaluation.actuation_map(robot, still), evaluation.terms(robot, still)
     units = evaluation.own_units(robot, still)
-    u = actuation.least_forces(units.map(S), (G - f) * units.rates, 1 / units.actuators**2) / units.actuators
+    u = (
+        actuation.least_forces(units.map(S), (G - f) * units.rates, 1 / units.actuators**2)
+        / units.actuators
+    )
     missed, own = np.abs(G - f - S.T @ u), units.rates
-    if (missed * own).max(initial=0.0) > HELD * max(weight(robot), *map(largest, (G * own, f * own))):
+    if (missed * own).max(initial=0.0) > HELD * max(
+        weight(robot), *map(largest, (G * own, f * own))
+    ):
         raise LinkworkError(
             f"no forces of {', '.join(robot.actuators)} hold this pose: {missed.max():.3g} N or N m are missing; "
             "choose an equilibrium"

@@ -59,7 +59,9 @@ class Members:
         positions = self.given.positions[rows] if self.given.batch else self.given.positions
         z = self.system.start(self.robot, positions, q)
         z = np.broadcast_to(z, (len(q), z.shape[-1]))
-        return np.broadcast_to(np.concatenate([q, v, z], axis=1), (len(members), q.shape[1] + v.shape[1] + z.shape[1]))
+        return np.broadcast_to(
+            np.concatenate([q, v, z], axis=1), (len(members), q.shape[1] + v.shape[1] + z.shape[1])
+        )
 
     @property
     def alike(self) -> bool:
@@ -76,7 +78,9 @@ class Members:
 
     def p_robot(self, members: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the robot's parameters (1, np) or of some members (M, np)."""
-        return np.ascontiguousarray((self.p[members] if len(self.p) > 1 else self.p)[:, : self.robot.p.size])
+        return np.ascontiguousarray(
+            (self.p[members] if len(self.p) > 1 else self.p)[:, : self.robot.p.size]
+        )
 
     @property
     def signals(self) -> list[Signal]:
@@ -113,18 +117,28 @@ class Members:
             self.robot.p.size,
             self.p if len(self.p) > 1 else np.broadcast_to(self.p, (len(self), self.p.size)),
         )
-        systems = [replace(self.system, inputs=self.signal(i), parameters=rows[i, count:]) for i in members]
+        systems = [
+            replace(self.system, inputs=self.signal(i), parameters=rows[i, count:]) for i in members
+        ]
         seen = [system.watch(self.robot.chart, span) for system in systems]
         if not any(seen):
             return None
-        return [own.signal if own else system.inputs for own, system in zip(seen, systems, strict=True)]
+        return [
+            own.signal if own else system.inputs for own, system in zip(seen, systems, strict=True)
+        ]
 
     def alone(self, member: int) -> tuple[Model, System]:
         """Return the robot and the system of one member."""
-        values = {name: float(given[member]) for name, given in self.varied.items() if name in self.robot.parameters}
+        values = {
+            name: float(given[member])
+            for name, given in self.varied.items()
+            if name in self.robot.parameters
+        }
         robot = with_parameters(self.robot, values) if values else self.robot
         p = self.p[member if len(self.p) > 1 else 0]
-        return robot, replace(self.system, inputs=self.signal(member), parameters=p[robot.p.size :], faults=[])
+        return robot, replace(
+            self.system, inputs=self.signal(member), parameters=p[robot.p.size :], faults=[]
+        )
 
 
 def constant(values: np.ndarray) -> Signal:
@@ -159,13 +173,17 @@ def members(
     require_starts(runs, state, parameters)
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
     checks.known(parameters, names, "parameter")
-    varied = {name: checks.finite(values, f"parameter {name!r}") for name, values in parameters.items()}
+    varied = {
+        name: checks.finite(values, f"parameter {name!r}") for name, values in parameters.items()
+    }
     for name, values in varied.items():
         if runs.acting:
             runs.acting.require(name, values)
     for name, values in varied.items():
         if values.ndim > 1:
-            raise LinkworkError(f"parameter {name!r} has the shape {values.shape}; give one number for each member")
+            raise LinkworkError(
+                f"parameter {name!r} has the shape {values.shape}; give one number for each member"
+            )
     lengths = {f"parameter {name!r}": values.size for name, values in varied.items() if values.ndim}
     lengths |= {"states": state.batch[0]} if state.batch else {}
     lengths |= {"forces": len(each)} if each is not None else {}
@@ -184,13 +202,19 @@ def members(
     v, told = np.broadcast_to(state.rates, (count, state.rates.shape[-1])), np.ones(count, bool)
     if chart is robot.chart and chart is not robot.run_chart:
         chart = robot.run_chart
-        v, told = reread(robot, robot.chart, chart, q, v, np.ascontiguousarray(p[:, : robot.p.size]))
+        v, told = reread(
+            robot, robot.chart, chart, q, v, np.ascontiguousarray(p[:, : robot.p.size])
+        )
     varied = {name: np.broadcast_to(values, count) for name, values in varied.items()}
-    require_possible(robot, {name: values for name, values in varied.items() if name in robot.parameters}, q, p)
+    require_possible(
+        robot, {name: values for name, values in varied.items() if name in robot.parameters}, q, p
+    )
     return Members(robot, runs, each, chart, state, told, q, v, p, varied)
 
 
-def require_possible(robot: Model, own: Mapping[str, np.ndarray], q: np.ndarray, p: np.ndarray) -> None:
+def require_possible(
+    robot: Model, own: Mapping[str, np.ndarray], q: np.ndarray, p: np.ndarray
+) -> None:
     """Refuse members with numbers that no description may hold, or whose loops are open.
 
     What descriptions may hold is convex: the corners of the box about all members stand for them, where they are fewer.
@@ -203,7 +227,10 @@ def require_possible(robot: Model, own: Mapping[str, np.ndarray], q: np.ndarray,
         return
     ends = [sorted({values.min(), values.max()}) for values in own.values()]
     few = np.prod([len(values) for values in ends]) < len(q)
-    if not (few and all(allowed(robot, dict(zip(own, corner, strict=True))) for corner in product(*ends))):
+    if not (
+        few
+        and all(allowed(robot, dict(zip(own, corner, strict=True))) for corner in product(*ends))
+    ):
         for member, row in enumerate(zip(*own.values(), strict=True)):
             with checks.at(f"member {member}: "):
                 edited(robot.mechanism, dict(zip(own, map(float, row), strict=True)))
@@ -231,7 +258,9 @@ def forces_of_each(robot: Model, forces: Any) -> tuple[np.ndarray | list[Signal]
         forces = checks.actuator_forces(forces, robot.actuators)
     if isinstance(forces, Mapping | Sampled | Signal) or callable(forces) or forces is None:
         return None, forces
-    if isinstance(forces, Sequence) and any(isinstance(given, Sampled | Signal) for given in forces):
+    if isinstance(forces, Sequence) and any(
+        isinstance(given, Sampled | Signal) for given in forces
+    ):
         return [as_input(robot, given) for given in forces], None
     try:
         table = np.asarray(forces, float)

@@ -30,7 +30,9 @@ class Model:
     `Robot` is made of it, and the modules of this package work on it.
     """
 
-    def __init__(self, mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()):
+    def __init__(
+        self, mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()
+    ):
         if not isinstance(mechanism, Mechanism):
             raise LinkworkError(
                 f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, or Robot.from_file"
@@ -143,7 +145,11 @@ class Model:
     def windings(self, state: State) -> np.ndarray:
         """Return the whole turns of joints' coordinates (..., m) that a state holds beside its q."""
         (read,) = self.kernel("positions")(state.q)
-        return 0 * read if np.array_equal(state.positions, read) else self.labels.windings(state.positions, read)
+        return (
+            0 * read
+            if np.array_equal(state.positions, read)
+            else self.labels.windings(state.positions, read)
+        )
 
     def own(self, state: State) -> State:
         if getattr(state, "coordinates", None) is not self.coordinates:

@@ -80,7 +80,9 @@ def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> Modes:
         p: values of the free parameters.
     """
     tree, Phi = equations.tree, equations.rows.Phi
-    J, _ = measures.tool_twist(tree, next(iter(equations.mechanism.tools.values())), SX.zeros(equations.nv))
+    J, _ = measures.tool_twist(
+        tree, next(iter(equations.mechanism.tools.values())), SX.zeros(equations.nv)
+    )
     A = ca.vertcat(Phi, J[twist, :])
     read = ca.Function("A", [tree.q, equations.p], [ca.densify(A)])
     random = np.random.default_rng(1998)
@@ -97,6 +99,8 @@ def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> Modes:
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
             stages.append(Stage(rows_of, columns, max(size, 1e-300)))
     units = np.concatenate([equations.rows.units, np.where(np.array(twist) < 3, 1.0, tree.length)])
-    ((_, blocks, _),) = choose_orders(pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ())
+    ((_, blocks, _),) = choose_orders(
+        pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
+    )
     ones = [1.0 for stage in blocks for _ in stage]
     return Modes(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv))

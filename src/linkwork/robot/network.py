@@ -64,19 +64,38 @@ class Network:
         pairs = tuple((place[joint.connects[0]], place[joint.connects[1]]) for joint in joints)
         freedoms = [mobility.freedoms("", joint, planar=False) for joint in joints]
         counts = [len(joint.rates("")) for joint in joints]
-        rates = tuple(slice(end - count, end) for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True))
+        rates = tuple(
+            slice(end - count, end)
+            for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True)
+        )
         rods = frozenset(index for index, joint in enumerate(joints) if isinstance(joint, RodJoint))
         depth, branches = {-1: 0}, []
         while len(depth) <= len(mechanism.bodies):
-            rim = [k for k, (first, second) in enumerate(pairs) if (first in depth) != (second in depth)]
-            joint = min(rim, key=lambda k: (freedoms[k], min(depth[body] for body in pairs[k] if body in depth), k))
+            rim = [
+                k
+                for k, (first, second) in enumerate(pairs)
+                if (first in depth) != (second in depth)
+            ]
+            joint = min(
+                rim,
+                key=lambda k: (
+                    freedoms[k],
+                    min(depth[body] for body in pairs[k] if body in depth),
+                    k,
+                ),
+            )
             forward = pairs[joint][0] in depth
             parent, body = pairs[joint] if forward else reversed(pairs[joint])
             branches.append(Branch(joint, body, parent, forward))
             depth[body] = depth[parent] + 1
         in_tree = {branch.joint for branch in branches}
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)
-        G = np.array([[gear.ratios.get(label, 0.0) for label in mechanism.rates] for gear in mechanism.gears.values()])
+        G = np.array(
+            [
+                [gear.ratios.get(label, 0.0) for label in mechanism.rates]
+                for gear in mechanism.gears.values()
+            ]
+        )
         G = G.reshape(len(mechanism.gears), len(mechanism.rates))
         return cls(tuple(mechanism.pairs), pairs, rates, rods, tuple(branches), closing, G)
 
@@ -141,7 +160,9 @@ def balanced(network: Network, loads: Loads) -> Balance:
         known, free = measured[..., 0] + times(measured[..., 1:], y), measured[..., 1:] @ N
         y = y - times(N @ np.linalg.pinv(free, rcond=DEPENDENT), known)
     wrenches, held = (part[..., 0] + times(part[..., 1:], y[:, None]) for part in (W, constraint))
-    return Balance(wrenches, held, y[:, network.columns - 1 - len(network.G) :], W[..., 1:] @ N[:, None])
+    return Balance(
+        wrenches, held, y[:, network.columns - 1 - len(network.G) :], W[..., 1:] @ N[:, None]
+    )
 
 
 def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -213,7 +234,11 @@ def moved(wrench: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Return wrenches (K, 6, columns) about another point: moment + r x force, r (K, 3) to the old point from the new."""
     moment, force = wrench[:, :3], wrench[:, 3:]
     x, y, z = (r[:, i, None] for i in range(3))
-    turned = [y * force[:, 2] - z * force[:, 1], z * force[:, 0] - x * force[:, 2], x * force[:, 1] - y * force[:, 0]]
+    turned = [
+        y * force[:, 2] - z * force[:, 1],
+        z * force[:, 0] - x * force[:, 2],
+        x * force[:, 1] - y * force[:, 0],
+    ]
     return np.concatenate([moment + np.stack(turned, axis=1), force], axis=1)
 
 
@@ -228,7 +253,9 @@ def least_norm(B: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     kept = values > DEPENDENT * largest
     inverse = np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)
     used = values.shape[1]
-    y = times(np.swapaxes(right[:, :used], 1, 2), inverse * times(np.swapaxes(left[..., :used], 1, 2), c))
+    y = times(
+        np.swapaxes(right[:, :used], 1, 2), inverse * times(np.swapaxes(left[..., :used], 1, 2), c)
+    )
     open_rows = np.concatenate([~kept, np.ones((len(B), n - used), bool)], axis=1)
     nullity = int(open_rows.sum(axis=1).max(initial=0))
     N = np.swapaxes(right * open_rows[..., None], 1, 2)[..., n - nullity :]

@@ -49,7 +49,9 @@ def observation(
         if key.kind in JOINTS:
             place = labels[key.kind].index(key.name)
             return joints()[key.kind][place : place + 1]
-        kernel = chart.compiled(f"observation of {key}", lambda equations: quantity_function(equations, key))
+        kernel = chart.compiled(
+            f"observation of {key}", lambda equations: quantity_function(equations, key)
+        )
         return kernel(q, v, chart.p)[0]
 
     def parameter(name: str, default: float) -> float:
@@ -67,13 +69,17 @@ def joints_function(equations: Equations) -> ca.Function:
         "positions": equations.joints.positions(),
         "rates": ca.mtimes(equations.joints.rate_rows(), equations.rates),
     }
-    return functions.function("observation", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
+    return functions.function(
+        "observation", equations, {"q": equations.tree.q, "v": equations.v}, outputs
+    )
 
 
 def quantity_function(equations: Equations, key: Quantity) -> ca.Function:
     """Return (q, v) -> one quantity."""
     inputs = {"q": equations.tree.q, "v": equations.v}
-    return functions.function("observation", equations, inputs, {"quantity": expression(equations, key)})
+    return functions.function(
+        "observation", equations, inputs, {"quantity": expression(equations, key)}
+    )
 
 
 def observed(robot: Model, state: State) -> Observation:

@@ -25,9 +25,13 @@ Known = TypeVar("Known", bound=Model)
 def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
     """Return the robot with other values of its free numbers; see `Robot.with_parameters`."""
     if not isinstance(values, Mapping):
-        raise LinkworkError(f"the parameters are {values!r}; give values by path, such as {{'platform.mass': 2.0}}")
+        raise LinkworkError(
+            f"the parameters are {values!r}; give values by path, such as {{'platform.mass': 2.0}}"
+        )
     if values and not robot.parameters:
-        raise LinkworkError("no number of this robot is free; free some first: robot.free('platform.mass')")
+        raise LinkworkError(
+            "no number of this robot is free; free some first: robot.free('platform.mass')"
+        )
     checks.known(values, tuple(robot.parameters), "free parameter")
     given = {path: checks.number(value, f"parameter {path!r}") for path, value in values.items()}
     mechanism, parameters = edited(robot.mechanism, given), robot.parameters | given
@@ -39,12 +43,17 @@ def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
     other.mechanism, other.parameters, other.p = mechanism, parameters, p
     other.origin = robot if robot.origin is None else robot.origin
     other.chart = robot.chart.with_parameters(p)
-    other.charts, other.run_charts = robot.charts.with_parameters(p), robot.run_charts.with_parameters(p)
+    other.charts, other.run_charts = (
+        robot.charts.with_parameters(p),
+        robot.run_charts.with_parameters(p),
+    )
     other.charts[other.independent] = other.chart
     closed = reference(other, mechanism)
     if closed is not robot.equations.reference:
         other.equations = robot.equations.about(closed)
-        other.coordinates = mechanism.coordinates  # an object of its own: states of the other robot are looked at
+        other.coordinates = (
+            mechanism.coordinates
+        )  # an object of its own: states of the other robot are looked at
     return other
 
 
@@ -54,11 +63,15 @@ def reference(robot: Model, mechanism: Mechanism) -> np.ndarray:
     gap = robot.chart.kernel("closure_step")(kept)[1][0]
     if np.isnan(gap):
         shown = ", ".join(f"{path} = {value:g}" for path, value in robot.parameters.items())
-        raise LinkworkError(f"the loops have no meaning with {shown}; a pitch that is free may not be zero")
+        raise LinkworkError(
+            f"the loops have no meaning with {shown}; a pitch that is free may not be zero"
+        )
     if gap <= CLOSED and not equations.rows.unheld:
         return kept
     tree, topology = equations.tree, equations.topology
     if equations.notes:
         return closed_reference(tree, equations.rows, [kept], robot.p)
     start = guess(mechanism, topology, tree)
-    return home(equations.joints, equations.rows, start, starts(mechanism, topology, tree, start), robot.p)
+    return home(
+        equations.joints, equations.rows, start, starts(mechanism, topology, tree, start), robot.p
+    )

@@ -66,7 +66,9 @@ class Segment:
     crossed: Crossed | None = None
 
     def measured(
-        self, measure: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], rows: np.ndarray
+        self,
+        measure: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]],
+        rows: np.ndarray,
     ) -> dict[str, np.ndarray]:
         """Return quantities (rows, ...) by name, of states y and inputs u, at some of the saved times.
 
@@ -74,7 +76,9 @@ class Segment:
         polynomial through its values at the nodes of the crossing.
         """
         part, over = self.trajectory, self.crossed
-        y, u = (over.y, over.u) if over else (part.rows[rows, 1 : 1 + part.y_end.size], part.u[rows])
+        y, u = (
+            (over.y, over.u) if over else (part.rows[rows, 1 : 1 + part.y_end.size], part.u[rows])
+        )
         return {name: self.interpolated(values, rows) for name, values in measure(y, u).items()}
 
     def interpolated(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -144,7 +148,14 @@ class Passage:
             q, turns = self.turning.begun(q, turns)
         chart = self._faced(chart, q)
         return self.onward(
-            self.stand(chart, self.start, q, np.concatenate([v, z]), turns, self.system.control(chart, control))
+            self.stand(
+                chart,
+                self.start,
+                q,
+                np.concatenate([v, z]),
+                turns,
+                self.system.control(chart, control),
+            )
         )
 
     def stand(
@@ -158,7 +169,16 @@ class Passage:
     ) -> Stand:
         """Return a stand from which nothing was done yet; v with the extra states."""
         return Stand(
-            chart, t, q, v, turns, control, self.settings.max_steps, SOFT, self.shortest, self.settings.integrator
+            chart,
+            t,
+            q,
+            v,
+            turns,
+            control,
+            self.settings.max_steps,
+            SOFT,
+            self.shortest,
+            self.settings.integrator,
         )
 
     @property
@@ -188,7 +208,9 @@ class Passage:
                     return
             trajectory = self._integrate(stand)
             again = partial(self._again, stand, trajectory)
-            yield Segment(stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again)
+            yield Segment(
+                stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again
+            )
             stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory, choice: Choice | None = None) -> Stand | None:
@@ -197,10 +219,16 @@ class Passage:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
-        here = stand._replace(t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None)
+        here = stand._replace(
+            t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None
+        )
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
-            return here._replace(bound=SOFT, short=self.shortest) if recovered else here._replace(short=2 * stand.short)
+            return (
+                here._replace(bound=SOFT, short=self.shortest)
+                if recovered
+                else here._replace(short=2 * stand.short)
+            )
         if done.status is Status.STIFF:
             return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
@@ -214,7 +242,9 @@ class Passage:
                 rates, kept = reread(self.robot, chart, better, q, v[:n])
             if better is not None and kept:
                 control = self.system.control(better, done.control)
-                return here._replace(chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT)
+                return here._replace(
+                    chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT
+                )
             if self.settings.step_over and not tried:
                 over = self._over(here, done)
         if over is not None:
@@ -235,7 +265,9 @@ class Passage:
         """Return the time at which the segment from a stand on ends."""
         return self.end if stand.bound == SOFT else min(stand.t + stand.short, self.end)
 
-    def _again(self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int) -> Trajectory:
+    def _again(
+        self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int
+    ) -> Trajectory:
         """Integrate a segment again. Samples within a step may have a weaker pivot than its ends, which kept to the bound."""
         until = self._until(stand)
         stand = stand if save_at is None else stand._replace(bound=LOWER * stand.bound)
@@ -255,9 +287,13 @@ class Passage:
             save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
         return self._along(stand, end, save_at, self.system.inputs)
 
-    def _along(self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal) -> Trajectory:
+    def _along(
+        self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal
+    ) -> Trajectory:
         chart, t, system, settings = stand.chart, stand.t, self.system, self.settings
-        rtol, atol = system.tolerances(chart, settings.rtol, settings.atol, stand.q.size + stand.v.size)
+        rtol, atol = system.tolerances(
+            chart, settings.rtol, settings.atol, stand.q.size + stand.v.size
+        )
         first = t == self.start and stand.method is settings.integrator
         done = integrate(
             system.kernel(chart, "motion").address,
@@ -278,7 +314,9 @@ class Passage:
             leave_stiff=settings.leave_stiff,
             closure_tol=CLOSURE * self.robot.size,
             pivot_bound=stand.bound,
-            jacobian=self.with_jacobian.kernel(chart, "jacobian").address if stand.method.stiff else None,
+            jacobian=self.with_jacobian.kernel(chart, "jacobian").address
+            if stand.method.stiff
+            else None,
             events=system.conditions(chart) if self.watching else None,
             control=stand.control,
             watch=self.watch if system.acting else None,
@@ -286,7 +324,11 @@ class Passage:
             turns=stand.turns,
         )
         most = settings.max_steps
-        return done if stand.steps == most else replace(done, bounds={**done.bounds, "max_steps": most})
+        return (
+            done
+            if stand.steps == most
+            else replace(done, bounds={**done.bounds, "max_steps": most})
+        )
 
     @cached_property
     def with_jacobian(self) -> System:
@@ -303,17 +345,32 @@ class Passage:
         if self.system.sampler:
             return None
         chart, settings = stand.chart, self.settings
-        crossing = Crossing(chart, self.system, CLOSURE * self.robot.size, settings.atol, settings.rtol)
+        crossing = Crossing(
+            chart, self.system, CLOSURE * self.robot.size, settings.atol, settings.rtol
+        )
         crossed = crossing.over(stand.t, stand.q, stand.v)
         if crossed is None:
             return None
         trajectory = self._recorded(crossing, crossed, done)
-        return Segment(chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, crossed=crossed)
+        return Segment(
+            chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, crossed=crossed
+        )
 
     def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
         """Return a crossing, as far as the run goes, with what is saved and what happens on the way."""
-        happened = [(time, number) for time, number in sorted(self._events(crossing, crossed)) if time <= self.end]
-        last = next((number for number, (_, event) in enumerate(happened) if self.system.events[event].terminal), None)
+        happened = [
+            (time, number)
+            for time, number in sorted(self._events(crossing, crossed))
+            if time <= self.end
+        ]
+        last = next(
+            (
+                number
+                for number, (_, event) in enumerate(happened)
+                if self.system.events[event].terminal
+            ),
+            None,
+        )
         end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
         events = happened if last is None else happened[: last + 1]
         asked = np.array([end]) if self.settings.save_at is None else self.settings.save_at
@@ -341,7 +398,9 @@ class Passage:
         y_end, q = states[-1].copy(), slice(1, 1 + done.nq)
         rows[:, q] = whole(rows[:, q], done.turns)
         saved, found = rows[: asked.size], rows[asked.size : -1]
-        return replace(done, rows=saved, found=found, y_end=y_end, outcome=outcome, control=None, status=status)
+        return replace(
+            done, rows=saved, found=found, y_end=y_end, outcome=outcome, control=None, status=status
+        )
 
     def _events(self, crossing: Crossing, crossed: Crossed) -> Iterator[tuple[float, int]]:
         """Yield when events happen on the way over a pose, and their numbers."""
@@ -349,7 +408,10 @@ class Passage:
         if not system.events:
             return
         kernel, p = system.kernel(chart, "events"), system.p(chart)
-        values = [kernel.flat(np.concatenate([y, u, p])) for y, u in zip(crossed.y, crossed.u, strict=True)]
+        values = [
+            kernel.flat(np.concatenate([y, u, p]))
+            for y, u in zip(crossed.y, crossed.u, strict=True)
+        ]
         for number, (event, of) in enumerate(zip(system.events, np.transpose(values), strict=True)):
             for time, rises in crossed.zeros(of):
                 if event.direction >= 0 if rises else event.direction <= 0:

@@ -29,7 +29,9 @@ BRANCHES = ("guess", "any")
 Rates = ArrayLike | Mapping[str, ArrayLike] | None
 
 
-def state(robot: Model, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float) -> State:
+def state(
+    robot: Model, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float
+) -> State:
     """Make a state from the coordinates of all joints: `Robot.state`."""
     given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     checks.positive(tolerance, "the tolerance")
@@ -66,7 +68,9 @@ def require_turns(given: np.ndarray, labels: Labels) -> None:
             )
 
 
-def require_consistent(closed: np.ndarray, given: np.ndarray, labels: Labels, wrong: np.ndarray) -> None:
+def require_consistent(
+    closed: np.ndarray, given: np.ndarray, labels: Labels, wrong: np.ndarray
+) -> None:
     """Refuse coordinates that contradict the closed configuration; wrong: which do (..., m).
 
     Angles may differ by whole turns where these act on nothing. A quaternion may be given at any length and with either sign.
@@ -74,13 +78,18 @@ def require_consistent(closed: np.ndarray, given: np.ndarray, labels: Labels, wr
     if not wrong.any():
         return
     index = tuple(int(i) for i in np.argwhere(wrong)[0])
-    name, there = labels.equations.mechanism.coordinates[index[-1]], np.broadcast_to(given, wrong.shape)[index[:-1]]
+    name, there = (
+        labels.equations.mechanism.coordinates[index[-1]],
+        np.broadcast_to(given, wrong.shape)[index[:-1]],
+    )
     value = there[index[-1]]
     for places in labels.all_quaternions.values():
         if index[-1] in places:
             p = there[places]
             value *= np.copysign(1 / np.linalg.norm(p), p @ closed[index[:-1]][places])
-    acting = ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
+    acting = (
+        ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
+    )
     raise LinkworkError(
         f"joint {name!r} is given as {value:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
     )
@@ -119,7 +128,9 @@ def assemble(
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
         leader = robot.leader(poses.shape[-1], kept=branch == "guess")
-        q = leader.lead(start, poses.reshape(-1, poses.shape[-1])).reshape(*poses.shape[:-1], start.size)
+        q = leader.lead(start, poses.reshape(-1, poses.shape[-1])).reshape(
+            *poses.shape[:-1], start.size
+        )
     else:
         raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
     return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
@@ -179,14 +190,20 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     """Lead the tool along a path: `Robot.follow`."""
     checks.positive(duration, "the duration")
     if not isinstance(samples, int) or samples < 2:
-        raise LinkworkError(f"a motion needs a whole number of samples, at least 2, not {shown(samples)}")
+        raise LinkworkError(
+            f"a motion needs a whole number of samples, at least 2, not {shown(samples)}"
+        )
     if samples > MOST_SAMPLES:
-        raise LinkworkError(f"a motion of {samples} samples does not fit into memory; give at most {MOST_SAMPLES}")
+        raise LinkworkError(
+            f"a motion of {samples} samples does not fit into memory; give at most {MOST_SAMPLES}"
+        )
     if not isinstance(path, Path):
         raise LinkworkError(f"the path is {shown(path)}; give one made by linkwork.paths")
     time = np.linspace(0, duration, samples)
     robot.require_tool()
-    poses, velocities, accelerations = (checks.finite(part, "the path") for part in path.sample(time, duration))
+    poses, velocities, accelerations = (
+        checks.finite(part, "the path") for part in path.sample(time, duration)
+    )
     require_full_pose(robot, poses.shape[1])
     leader, w = robot.leader(poses.shape[1], kept=True), np.zeros(robot.equations.nv)
     with checks.at("at t = 0 s: "):
@@ -198,7 +215,9 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     )
     for k in range(samples):
         with checks.at(f"at t = {time[k]:.6g} s: "):
-            q = robot.assembler.at_pose(poses[k], robot.assembler.moved(q, w * (duration / (samples - 1))))
+            q = robot.assembler.at_pose(
+                poses[k], robot.assembler.moved(q, w * (duration / (samples - 1)))
+            )
             w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
     if not (kept := leader.keeps(along)).all():
@@ -207,7 +226,9 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
             "stretched or folded pose, or its samples are too far apart; take more samples, or lead the path around"
         )
     made = robot.make_state(along, v)
-    positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(made.q, made.rates, v_dot)
+    positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(
+        made.q, made.rates, v_dot
+    )
     positions = robot.labels.unwrapped(time, positions, joint_rates)
     first = wound(robot, made.at(0), robot.home if guess is None else guess, {})
     turns = robot.labels.windings(first.positions, positions[0])
@@ -219,7 +240,9 @@ def stacked(robot: Model, q: np.ndarray, rates: Rates) -> State:
     """Return the states of configurations q (..., nq) with rates, their leading dimensions brought together."""
     v = independent_rates(robot, rates, q)
     batch = checks.together(q.shape[:-1], v.shape[:-1])
-    return robot.make_state(np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, robot.mobility)))
+    return robot.make_state(
+        np.broadcast_to(q, (*batch, q.shape[-1])), np.broadcast_to(v, (*batch, robot.mobility))
+    )
 
 
 def start_of(robot: Model, guess: State | None) -> np.ndarray:
@@ -241,13 +264,17 @@ def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
     checks.known(rates, robot.rates, "rate")
     if len(rates) != robot.mobility:
         example = ", ".join(robot.independent)
-        raise LinkworkError(f"{len(rates)} rates are given; give {robot.mobility}, for instance {example}")
+        raise LinkworkError(
+            f"{len(rates)} rates are given; give {robot.mobility}, for instance {example}"
+        )
     L = robot.kernel("maps")(q)[0].reshape(*q.shape[:-1], robot.mobility, -1)
     A = np.swapaxes(L[..., [robot.rates.index(name) for name in rates]], -1, -2)
     given = checks.values_by_name(rates, tuple(rates), "rates", "rate")
     checks.together(given.shape[:-1], A.shape[:-2])
     if np.linalg.cond(A).max(initial=0.0) > 1 / checks.PIVOT_BOUND**2:
-        raise LinkworkError(f"the rates {', '.join(rates)} do not determine the motion here; give others")
+        raise LinkworkError(
+            f"the rates {', '.join(rates)} do not determine the motion here; give others"
+        )
     return np.linalg.solve(A, given[..., None])[..., 0]
 
 

@@ -78,7 +78,9 @@ class Samples:
 
     def __getitem__(self, rows: slice) -> Samples:
         applied = None if self.applied is None else self.applied[rows]
-        return Samples(self.chart, self.q[rows], self.v[rows], self.v_dot[rows], self.u[rows], applied)
+        return Samples(
+            self.chart, self.q[rows], self.v[rows], self.v_dot[rows], self.u[rows], applied
+        )
 
 
 def reactions(
@@ -93,13 +95,18 @@ def reactions(
     v_dot = evaluation.dynamics(robot, "motion", state, u, "forces")
     batch = v_dot.shape[:-1]
     rows = [
-        np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (state.q, state.rates, v_dot, u)
+        np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1])
+        for x in (state.q, state.rates, v_dot, u)
     ]
     return transmitted(robot, [Samples(robot.chart_of(state), *rows)], batch, frame, length)
 
 
 def transmitted(
-    robot: Model, samples: list[Samples], batch: tuple[int, ...], frame: str = "ground", length: float | None = None
+    robot: Model,
+    samples: list[Samples],
+    batch: tuple[int, ...],
+    frame: str = "ground",
+    length: float | None = None,
 ) -> Reactions:
     """Return the reactions over samples of a motion, chart after chart; `batch` are the leading dimensions of the result."""
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -133,7 +140,12 @@ def balanced_part(
     """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and which are open (J, 6)."""
     unit = np.repeat([length, 1.0], 3)
     needed, centres, origins, twists, f, _ = evaluated(
-        robot, samples.chart, lambda chart: kernel(chart, joint_loads), samples.q, samples.v, samples.v_dot
+        robot,
+        samples.chart,
+        lambda chart: kernel(chart, joint_loads),
+        samples.q,
+        samples.v,
+        samples.v_dot,
     )
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
     f[:, [robot.rates.index(name) for name in robot.actuators]] += samples.u
@@ -143,7 +155,9 @@ def balanced_part(
     centres, twists = centres.reshape(count, bodies, 3) / length, twists.reshape(*f.shape, 6) * unit
     balance = balanced(network, Loads(needed / unit, centres, origins / length, twists, f))
     axes = seen_from(samples, joints, frame)
-    wrenches, constraint = (shown(part * unit, origins, axes, frame) for part in (balance.wrenches, balance.constraint))
+    wrenches, constraint = (
+        shown(part * unit, origins, axes, frame) for part in (balance.wrenches, balance.constraint)
+    )
     is_open = np.zeros(wrenches.shape[1:], bool)
     for change in np.moveaxis(balance.free, -1, 0):
         is_open |= (np.abs(shown(change, origins / length, axes, frame)) > OPEN).any(axis=0)
@@ -163,7 +177,9 @@ def seen_from(samples: Samples, joints: int, frame: str) -> np.ndarray | None:
     return axes.reshape(len(axes), joints, 2, 3, 3)[:, :, FRAMES.index(frame) - 1]
 
 
-def shown(wrenches: np.ndarray, origins: np.ndarray, axes: np.ndarray | None, frame: str) -> np.ndarray:
+def shown(
+    wrenches: np.ndarray, origins: np.ndarray, axes: np.ndarray | None, frame: str
+) -> np.ndarray:
     """Return wrenches (K, J, 6), given about the origins of F2 in the ground's axes, in another frame of each joint."""
     moment, force = wrenches[..., :3], wrenches[..., 3:]
     if frame != "second":

@@ -33,11 +33,28 @@ if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
 STATES = (
-    *("joint_position", "joint_rate", "joint_acceleration", "actuator_force", "kinetic_energy", "potential_energy"),
+    *(
+        "joint_position",
+        "joint_rate",
+        "joint_acceleration",
+        "actuator_force",
+        "kinetic_energy",
+        "potential_energy",
+    ),
     *("closure_error", "tool_pose", "drive_state", "command", "external_wrench"),
 )
 AXES = (
-    *("time", "coordinate", "rate", "actuator", "spring", "pose", "extra", "wrench", "wrench_component"),
+    *(
+        "time",
+        "coordinate",
+        "rate",
+        "actuator",
+        "spring",
+        "pose",
+        "extra",
+        "wrench",
+        "wrench_component",
+    ),
     *("event", "event_time"),
 )
 MOST_TOLD = 8  # singular poses whose times the message tells
@@ -64,13 +81,17 @@ class Left(NamedTuple):
     turns: np.ndarray | None
 
 
-def simulate(robot: Model, state: State, system: System, settings: Settings, left: Left | None = None) -> Run:
+def simulate(
+    robot: Model, state: State, system: System, settings: Settings, left: Left | None = None
+) -> Run:
     """Run a system from a state and record positions, rates, accelerations, forces, tool, energies and closure over time.
 
     left: what a run that is resumed had at its end
     """
     if state.batch:
-        raise checks.LinkworkError("a run starts from one state, not from a stack; take one by state.at(index)")
+        raise checks.LinkworkError(
+            "a run starts from one state, not from a stack; take one by state.at(index)"
+        )
     start, z, pace, held, turns = left or (0.0, None, None, None, None)
     if settings.integrator.step is not None:
         pace = None
@@ -80,11 +101,15 @@ def simulate(robot: Model, state: State, system: System, settings: Settings, lef
     end, besides = start + settings.duration, np.empty(0)
     if settings.save_at is not None and system.sampler:
         require_increasing("the times in save_at", settings.save_at)
-        besides = np.setdiff1d(calls(system.sampler, start, end, settings.max_steps), settings.save_at)
+        besides = np.setdiff1d(
+            calls(system.sampler, start, end, settings.max_steps), settings.save_at
+        )
         settings = settings.but(save_at=np.union1d(settings.save_at, besides))
     passage = Passage(robot, system, start, end, settings, pace)
     chart, v = rereading.start(robot, state)
-    begun = Start(chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns)
+    begun = Start(
+        chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
+    )
     segments = list(passage.segments(*begun))
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
@@ -107,7 +132,9 @@ def asked(robot: Model, system: System, settings: Settings) -> dict[str, object]
     if robot.mechanism.caveats:
         found["caveats"] = "\n".join(robot.mechanism.caveats)
     if values:
-        found["parameters"] = ", ".join(f"{name} = {float(value)!r}" for name, value in values.items())
+        found["parameters"] = ", ".join(
+            f"{name} = {float(value)!r}" for name, value in values.items()
+        )
     return found
 
 
@@ -135,7 +162,11 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
 
 def singular_times(segments: Sequence[Segment]) -> list[float]:
     """Return when singular poses were stepped over [s]."""
-    times = [(segment.crossed.singular, segment.trajectory.end_time) for segment in segments if segment.crossed]
+    times = [
+        (segment.crossed.singular, segment.trajectory.end_time)
+        for segment in segments
+        if segment.crossed
+    ]
     return [time for time, end in times if time is not None and time <= end]
 
 
@@ -170,13 +201,20 @@ def charts_taken(segments: Sequence[Segment]) -> str:
 
 def record(made: Compared, state: State, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
-    robot, system, segments, settings = made.robot, made.passage.system, made.segments, made.passage.settings
+    robot, system, segments, settings = (
+        made.robot,
+        made.passage.system,
+        made.segments,
+        made.passage.settings,
+    )
     of = Record(robot, system, segments, besides, state, settings.save_at is None)
 
     def sentences() -> str:
         _, message = ending(system, segments)
         adaptive, found = settings.integrator.step is None, made.estimate
-        return f"{message} {found}" if adaptive and found and found.ratio > WORTH_TELLING else message
+        return (
+            f"{message} {found}" if adaptive and found and found.ratio > WORTH_TELLING else message
+        )
 
     def error() -> dict[str, object]:
         found = made.estimate
@@ -212,9 +250,13 @@ def errors(made: Compared, of: Record) -> dict[str, Variable]:
     for name in ("joint_position", "joint_rate", "drive_state"):
         if name in of.known:
             variable, exact = of.known[name], other.known[name].values[places]
-            d = variable.values - np.pad(exact, [(0, len(of.time) - len(exact)), (0, 0)], constant_values=np.nan)
+            d = variable.values - np.pad(
+                exact, [(0, len(of.time) - len(exact)), (0, 0)], constant_values=np.nan
+            )
             units = [made.robot.unit(label) for label in made.robot.coordinates]
-            found[name] = replace(variable, values=without_turns(d, units) if name == "joint_position" else d)
+            found[name] = replace(
+                variable, values=without_turns(d, units) if name == "joint_position" else d
+            )
     return found
 
 
@@ -235,7 +277,11 @@ def end(system: System, segment: Segment) -> Status:
     """Return the status with which a run's last segment ended."""
     if not system.faults:
         return segment.trajectory.status
-    return Status.CANCELLED if isinstance(system.faults[0], KeyboardInterrupt) else Status.CALLBACK_FAILED
+    return (
+        Status.CANCELLED
+        if isinstance(system.faults[0], KeyboardInterrupt)
+        else Status.CALLBACK_FAILED
+    )
 
 
 def ended(system: System, segment: Segment) -> tuple[Status, str]:
@@ -255,15 +301,23 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
             "it ends; on_singular='step_over' continues on a smooth branch where there is one."
         )
     if last.status is Status.EVENT:
-        name = next(event.name for event in map(system.events.__getitem__, last.events.index) if event.terminal)
+        name = next(
+            event.name
+            for event in map(system.events.__getitem__, last.events.index)
+            if event.terminal
+        )
         return last.status, f"The run was ended by the event {name!r} at t = {last.end_time:.9g} s."
     if last.status is Status.NON_FINITE:
         found = culprit(system, segment)
-        return last.status, last.status.sentence(**last.outcome._asdict(), **last.bounds, culprit=found)
+        return last.status, last.status.sentence(
+            **last.outcome._asdict(), **last.bounds, culprit=found
+        )
     return last.status, last.message
 
 
-def trimmed(segments: Sequence[Segment], besides: ArrayLike = ()) -> list[tuple[Segment, np.ndarray]]:
+def trimmed(
+    segments: Sequence[Segment], besides: ArrayLike = ()
+) -> list[tuple[Segment, np.ndarray]]:
     """Return the segments with the rows to keep: an instant saved by two of them is kept once.
 
     besides: times that were saved, but not asked for
@@ -279,9 +333,16 @@ def trimmed(segments: Sequence[Segment], besides: ArrayLike = ()) -> list[tuple[
 def statistics(segments: Sequence[Segment]) -> Statistics:
     """Add up what the segments took."""
     parts = [segment.trajectory for segment in segments]
-    counts = zip(*[(part.nfev, part.steps, part.rejected, part.projections) for part in parts], strict=True)
-    error, weakest = max(closure_error(segment) for segment in segments), min(parts, key=attrgetter("pivot"))
-    return Statistics(*map(sum, counts), closure_error=error, pivot=weakest.pivot, pivot_time=weakest.pivot_time)
+    counts = zip(
+        *[(part.nfev, part.steps, part.rejected, part.projections) for part in parts], strict=True
+    )
+    error, weakest = (
+        max(closure_error(segment) for segment in segments),
+        min(parts, key=attrgetter("pivot")),
+    )
+    return Statistics(
+        *map(sum, counts), closure_error=error, pivot=weakest.pivot, pivot_time=weakest.pivot_time
+    )
 
 
 def closure_error(segment: Segment) -> float:
@@ -320,8 +381,12 @@ class Record:
         robot, system = self.robot, self.system
         coords = {
             "time": Variable(("time",), self.time, {"units": "s"}),
-            "coordinate": labels("coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]),
-            "rate": labels("rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]),
+            "coordinate": labels(
+                "coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]
+            ),
+            "rate": labels(
+                "rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]
+            ),
             "actuator": labels("actuator", robot.actuators),
         }
         if any(spring.damping for spring in robot.mechanism.springs.values()):
@@ -329,20 +394,28 @@ class Record:
         if robot.mechanism.tools:
             coords["pose"] = labels("pose", POSES[robot.planar])
         if system.extras:
-            coords["extra"] = labels("extra", [x.name for x in system.extras], [x.unit for x in system.extras])
+            coords["extra"] = labels(
+                "extra", [x.name for x in system.extras], [x.unit for x in system.extras]
+            )
         if system.acting and system.acting.wrenches:
-            coords["wrench"] = labels("wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)])
+            coords["wrench"] = labels(
+                "wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)]
+            )
             coords["wrench_component"] = labels("wrench_component", COMPONENTS)
         if system.events:
             found = [segment.trajectory.events for segment in self.segments]
             happened = np.concatenate([part.index for part in found])
             coords["event"] = labels("event", [system.events[i].name for i in happened])
-            coords["event_time"] = Variable(("event",), np.concatenate([part.times for part in found]), {"units": "s"})
+            coords["event_time"] = Variable(
+                ("event",), np.concatenate([part.times for part in found]), {"units": "s"}
+            )
         return coords
 
     @property
     def variables(self) -> Deferred[Variable]:
-        return Deferred({STATES: lambda: self.known, derived.POWERS: self.powers, derived.BALANCE: self.balance})
+        return Deferred(
+            {STATES: lambda: self.known, derived.POWERS: self.powers, derived.BALANCE: self.balance}
+        )
 
     def reactions(self, frame: str, length: float | None) -> Reactions:
         """Return the joint reactions at the saved times."""
@@ -366,7 +439,9 @@ class Record:
         if not labels.may_wind:
             return read
         times, windings = self.windings
-        return labels.turned(read, windings[np.searchsorted(times, self.time)] if labels.may_jump else windings)
+        return labels.turned(
+            read, windings[np.searchsorted(times, self.time)] if labels.may_jump else windings
+        )
 
     def final_windings(self) -> dict[str, object]:
         """Return the whole turns of joints' coordinates at the end that the tree's do not tell, if there are any."""
@@ -393,7 +468,11 @@ class Record:
         if self.robot.mechanism.tools:
             quantities["tool_pose"] = (("pose",), self.robot.tool_poses(of["q"]), "m, rad")
         if self.system.extras:
-            quantities["drive_state"] = (("extra",), of["z"], ", ".join(extra.unit for extra in self.system.extras))
+            quantities["drive_state"] = (
+                ("extra",),
+                of["z"],
+                ", ".join(extra.unit for extra in self.system.extras),
+            )
         if self.system.acting:
             units = ", ".join(dict.fromkeys(drive.unit for drive in self.system.acting.drives))
             quantities["command"] = (("actuator",), of["command"], units)
@@ -412,14 +491,19 @@ class Record:
 def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
     """Return quantities over time as variables."""
     return {
-        name: Variable(("time", *axes), values, {"units": unit}) for name, (axes, values, unit) in quantities.items()
+        name: Variable(("time", *axes), values, {"units": unit})
+        for name, (axes, values, unit) in quantities.items()
     }
 
 
 def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
     """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
     part, n = segment.trajectory, segment.chart.equations.mobility
-    found = {"q": part.q[rows], "z": part.v[rows, n : n + len(system.extras)], "force": part.u[rows]}
+    found = {
+        "q": part.q[rows],
+        "z": part.v[rows, n : n + len(system.extras)],
+        "force": part.u[rows],
+    }
     found["residual"] = np.maximum(part.residual[rows], segment.chart.unheld_gap(found["q"]))
     found |= segment.measured(partial(moving, segment.chart, system), rows)
     if segment.crossed is not None:  # angles are not interpolated: they may jump by a turn
@@ -427,7 +511,9 @@ def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np
     return found
 
 
-def moving(chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+def moving(
+    chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return what follows from states y = (q, v, z) and inputs u in a chart (K, ...), by name."""
     kernel, nq = chart.kernel, chart.equations.nq
     n = nq + chart.equations.mobility

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
 
-def ordered(robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None) -> CompiledChart:
+def ordered(
+    robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
+) -> CompiledChart:
     """Return a chart, or the one of its rates in a good order at q (nq) if its own is weak there and they have one.
 
     p: values of the robot's free parameters (np), its own if left out
@@ -37,7 +39,10 @@ def ordered(robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | N
 
 
 def evaluated(
-    robot: Model, chart: CompiledChart, kernel: Callable[[CompiledChart], Kernel], *given: np.ndarray
+    robot: Model,
+    chart: CompiledChart,
+    kernel: Callable[[CompiledChart], Kernel],
+    *given: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
     """Return what a chart's kernel gives (..., size), its last output the pivot (..., 1), in good orders where its own is weak.
 
@@ -47,11 +52,16 @@ def evaluated(
     """
     found = kernel(chart)(*given)
     pivot = found[-1]
-    if (abs(pivot.item()) if pivot.size == 1 else np.abs(pivot).min(initial=np.inf)) > checks.PIVOT_BOUND:
+    if (
+        abs(pivot.item()) if pivot.size == 1 else np.abs(pivot).min(initial=np.inf)
+    ) > checks.PIVOT_BOUND:
         return found
     batch, with_p = pivot.shape[:-1], len(given) == len(kernel(chart).inputs)
     count = prod(batch)
-    rows = [np.broadcast_to(part, (*batch, part.shape[-1])).reshape(count, part.shape[-1]) for part in given]
+    rows = [
+        np.broadcast_to(part, (*batch, part.shape[-1])).reshape(count, part.shape[-1])
+        for part in given
+    ]
     parts = [part.reshape(count, part.shape[-1]) for part in found]
     for i in np.flatnonzero(~(np.abs(parts[-1][:, 0]) > checks.PIVOT_BOUND)):
         other = ordered(robot, chart, rows[0][i], rows[-1][i] if with_p else None)

@@ -25,7 +25,12 @@ KEPT = 1e-6  # change of the kinetic energy that is none, relative to it
 
 
 def reread(
-    robot: Model, given: CompiledChart, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray | None = None
+    robot: Model,
+    given: CompiledChart,
+    chart: CompiledChart,
+    q: np.ndarray,
+    v: np.ndarray,
+    p: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the rates (..., n) of a chart at states given in those of another, and whether they tell the same motion (...).
 
@@ -57,7 +62,9 @@ def told(
     return w, pivot[..., 0]
 
 
-def chart_in(robot: Model, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED) -> CompiledChart | None:
+def chart_in(
+    robot: Model, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED
+) -> CompiledChart | None:
     """Return the known chart in the rates of these names where it is regular at q, else one that is chosen there.
 
     None where these rates do not determine the motion (`choosing.chart_in`).

@@ -44,19 +44,28 @@ class Rows:
     held: np.ndarray
     nodes: Nodes | None = None
 
-    def measured(self, measure: Callable[[Rows], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    def measured(
+        self, measure: Callable[[Rows], Mapping[str, np.ndarray]]
+    ) -> dict[str, np.ndarray]:
         """Return quantities (rows, ...) by name, those of crossings by their values at the nodes (`Segment.measured`)."""
         if self.nodes is None:
             return dict(measure(self))
         t, y, weights = self.nodes
-        each = [np.repeat(values, t.shape[1], axis=0) for values in (self.members, self.times, self.held)]
-        found = measure(Rows(self.chart, each[0], each[1], t.ravel(), y.reshape(-1, y.shape[2]), each[2]))
+        each = [
+            np.repeat(values, t.shape[1], axis=0)
+            for values in (self.members, self.times, self.held)
+        ]
+        found = measure(
+            Rows(self.chart, each[0], each[1], t.ravel(), y.reshape(-1, y.shape[2]), each[2])
+        )
         return {name: blended(weights, values) for name, values in found.items()}
 
     def __getitem__(self, rows: slice) -> Rows:
         """Return some of the rows."""
         parts = (values[rows] for values in (self.members, self.times, self.t, self.y, self.held))
-        return Rows(self.chart, *parts, nodes=self.nodes and Nodes(*(values[rows] for values in self.nodes)))
+        return Rows(
+            self.chart, *parts, nodes=self.nodes and Nodes(*(values[rows] for values in self.nodes))
+        )
 
     def split(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return q, v and z."""
@@ -77,10 +86,15 @@ def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[Rows]:
         t = done.t[rows]
         if part.crossed:
             known, shape = part.crossed, (len(t), len(part.crossed.t))
-            each = np.broadcast_to(known.t, shape), np.broadcast_to(known.y, (*shape, known.y.shape[1]))
+            each = (
+                np.broadcast_to(known.t, shape),
+                np.broadcast_to(known.y, (*shape, known.y.shape[1])),
+            )
             nodes = Nodes(*each, known.weights(t))
         y, u = np.concatenate([done.q[rows], done.v[rows]], axis=1), done.u[rows, signals:]
-        yield Rows(part.chart, np.full(len(t), one.member), np.searchsorted(times, t), t, y, u, nodes)
+        yield Rows(
+            part.chart, np.full(len(t), one.member), np.searchsorted(times, t), t, y, u, nodes
+        )
 
 
 def last(one: Lone) -> Rows:
@@ -98,7 +112,11 @@ def gathered(found: Iterable[Rows]) -> Iterator[Rows]:
         if len(rows.t):
             alike.setdefault((rows.chart.key, rows.nodes is None), []).append(rows)
     for same in alike.values():
-        columns = zip(*((rows.members, rows.times, rows.t, rows.y, rows.held) for rows in same), strict=True)
+        columns = zip(
+            *((rows.members, rows.times, rows.t, rows.y, rows.held) for rows in same), strict=True
+        )
         crossed = zip(*(rows.nodes for rows in same if rows.nodes), strict=True)
         nodes = [np.concatenate(values) for values in crossed]
-        yield Rows(same[0].chart, *map(np.concatenate, columns), nodes=Nodes(*nodes) if nodes else None)
+        yield Rows(
+            same[0].chart, *map(np.concatenate, columns), nodes=Nodes(*nodes) if nodes else None
+        )

@@ -40,13 +40,17 @@ def simulate(
 ) -> Run:
     """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
     given = dict(by_name(parameters, "parameters", EXAMPLE))
-    own = {name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})}
+    own = {
+        name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})
+    }
     robot = with_parameters(robot, own) if own else robot
     start = left.time if left else 0.0
     span = (start, start + settings.duration)
     state = robot.own(state)
     events = watched(robot, settings.events)
-    runs = system(robot, forces, drives, wrenches, events, given, span, settings.integrator.stiff, state)
+    runs = system(
+        robot, forces, drives, wrenches, events, given, span, settings.integrator.stiff, state
+    )
     settings = settings.suited(smooth(runs, [runs.inputs]))
     if left is None:
         require_starts(runs, state)
@@ -75,11 +79,18 @@ def resume(
 ) -> Run:
     """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
     if not isinstance(run, Run):
-        raise LinkworkError(f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load returns")
+        raise LinkworkError(
+            f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load returns"
+        )
     try:
-        q, v = (np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v"))
+        q, v = (
+            np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v")
+        )
         independent = tuple(str(run.attrs["final_rates"]).split(", "))
-        start, pace = float(run.attrs["final_time"]), Pace(*np.asarray(run.attrs["final_pace"], float).tolist())
+        start, pace = (
+            float(run.attrs["final_time"]),
+            Pace(*np.asarray(run.attrs["final_pace"], float).tolist()),
+        )
     except KeyError as error:
         raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
     n = len(independent)
@@ -89,7 +100,9 @@ def resume(
     if "final_windings" in run.attrs:
         windings = np.atleast_1d(np.asarray(run.attrs["final_windings"], float))
         if windings.size != len(robot.coordinates):
-            raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
+            raise LinkworkError(
+                "the run belongs to another robot and cannot be resumed by this one"
+            )
         state = replace(state, positions=robot.labels.turned(state.positions, windings))
     if independent != robot.independent:
         chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
@@ -111,7 +124,11 @@ def resume(
 def recorded(run: Run) -> dict[str, float]:
     """Return the values of parameters that a run tells of."""
     entries = str(run.attrs.get("parameters", "")).split(", ")
-    return {name: float(value) for name, _, value in (entry.partition(" = ") for entry in entries) if value}
+    return {
+        name: float(value)
+        for name, _, value in (entry.partition(" = ") for entry in entries)
+        if value
+    }
 
 
 def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
@@ -119,10 +136,14 @@ def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
     return runs.sampler is None and all(len(signal.coefficients) == 1 for signal in inputs)
 
 
-def watched(robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str) -> tuple[Event, ...]:
+def watched(
+    robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str
+) -> tuple[Event, ...]:
     """Return events as such: names stand for ready ones, and plain functions are watched without ending the run."""
     given: Sequence[Any] = (
-        [events] if isinstance(events, str | Event) or callable(events) else several(events, object, "events")
+        [events]
+        if isinstance(events, str | Event) or callable(events)
+        else several(events, object, "events")
     )
     found: list[Event] = []
     for event in given:

@@ -51,7 +51,9 @@ class Settings:
         duration = positive(self.duration, "the duration")
         rtol, atol = positive(self.rtol, "rtol"), positive(self.atol, "atol")
         if rtol < FINEST:
-            raise LinkworkError(f"rtol is {rtol:g}, less than what doubles can hold; give at least {FINEST:g}")
+            raise LinkworkError(
+                f"rtol is {rtol:g}, less than what doubles can hold; give at least {FINEST:g}"
+            )
         if not (isinstance(self.max_step, float | int) and self.max_step == np.inf):
             positive(self.max_step, "max_step")
         most = min(count(self.max_steps, "max_steps"), MOST_STEPS)

@@ -33,7 +33,9 @@ class State:
     def __getitem__(self, coordinate: str) -> np.ndarray:
         """Return one joint coordinate (...) [m, rad]."""
         if not isinstance(coordinate, str) or coordinate not in self.coordinates:
-            raise LinkworkError(f"there is no joint {shown(coordinate)}; the joints are {', '.join(self.coordinates)}")
+            raise LinkworkError(
+                f"there is no joint {shown(coordinate)}; the joints are {', '.join(self.coordinates)}"
+            )
         return self.positions[..., self.coordinates.index(coordinate)]
 
     def __iter__(self) -> Iterator[State]:
@@ -61,7 +63,9 @@ class State:
         n, names = len(self.independent), ", ".join(self.independent)
         if isinstance(rates, Mapping):
             if not set(rates) <= set(self.independent):
-                raise LinkworkError(f"rates of {', '.join(map(str, rates))} do not fit; give some of {names}")
+                raise LinkworkError(
+                    f"rates of {', '.join(map(str, rates))} do not fit; give some of {names}"
+                )
             rates = [rates.get(name, 0.0) for name in self.independent]
         try:
             values = np.asarray(rates, float)
@@ -69,7 +73,9 @@ class State:
             raise LinkworkError(f"rates {shown(rates)} are no numbers; give {n}: {names}") from None
         shape = (*self.batch, n)
         if values.shape not in (shape, shape[-1:]) or not np.isfinite(values).all():
-            raise LinkworkError(f"rates {shown(values.tolist())} do not fit; give {n} finite numbers: {names}")
+            raise LinkworkError(
+                f"rates {shown(values.tolist())} do not fit; give {n} finite numbers: {names}"
+            )
         return replace(self, rates=np.broadcast_to(values, shape).copy())
 
     def at(self, index: int | slice | np.ndarray) -> State:
@@ -77,7 +83,9 @@ class State:
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:
-            return replace(self, positions=self.positions[index], rates=self.rates[index], q=self.q[index])
+            return replace(
+                self, positions=self.positions[index], rates=self.rates[index], q=self.q[index]
+            )
         except (IndexError, TypeError, ValueError):
             raise LinkworkError(
                 f"index {shown(index)} does not fit a stack of states of the shape {self.batch}"
@@ -87,9 +95,12 @@ class State:
         if self.batch:
             return f"State(stack of shape {self.batch}, coordinates: {', '.join(self.coordinates)})"
         positions = ", ".join(
-            f"{name}={value:.6g}" for name, value in zip(self.coordinates, self.positions, strict=True)
+            f"{name}={value:.6g}"
+            for name, value in zip(self.coordinates, self.positions, strict=True)
         )
-        rates = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.independent, self.rates, strict=True))
+        rates = ", ".join(
+            f"{name}={value:.6g}" for name, value in zip(self.independent, self.rates, strict=True)
+        )
         return f"State({positions}; rates: {rates})"
 
 

@@ -77,22 +77,32 @@ class System:
         """The sampled controller, if there is one."""
         return self.acting.sampler if self.acting else None
 
-    def start(self, robot: Model, positions: np.ndarray, q: np.ndarray, extras: ArrayLike | None = None) -> np.ndarray:
+    def start(
+        self, robot: Model, positions: np.ndarray, q: np.ndarray, extras: ArrayLike | None = None
+    ) -> np.ndarray:
         """Return z (..., nz) where runs start.
 
         Args:
             positions: of all joints (..., m), of which the turns count; q: (..., nq).
             extras: the extra states there; their own if left out.
         """
-        own = np.array([extra.initial for extra in self.extras], float) if extras is None else np.asarray(extras, float)
+        own = (
+            np.array([extra.initial for extra in self.extras], float)
+            if extras is None
+            else np.asarray(extras, float)
+        )
         if self.acting is None or not self.acting.followed:
             return own
         read = robot.kernel("positions")(q)[0]
         seen = robot.labels.nearest(read, np.broadcast_to(positions, read.shape))
         places = [robot.coordinates.index(state.name) for state in self.states[len(self.extras) :]]
-        return np.concatenate([np.broadcast_to(own, (*seen.shape[:-1], own.size)), seen[..., places]], axis=-1)
+        return np.concatenate(
+            [np.broadcast_to(own, (*seen.shape[:-1], own.size)), seen[..., places]], axis=-1
+        )
 
-    def tolerances(self, chart: CompiledChart, rtol: float, atol: float, size: int) -> tuple[float, np.ndarray]:
+    def tolerances(
+        self, chart: CompiledChart, rtol: float, atol: float, size: int
+    ) -> tuple[float, np.ndarray]:
         """Return rtol and atol of the numbers of a state (q, v, z) of some size.
 
         States that tell turns do not count, nor in the root mean square of errors: steps are those without them.
@@ -111,7 +121,9 @@ class System:
         """Return a kernel of `Joined` in a chart: motion, jacobian, events, held or recorded."""
         if self.acting is None:
             return chart.kernel(name)
-        return chart.compiled(f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)())
+        return chart.compiled(
+            f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)()
+        )
 
     def control(self, chart: CompiledChart, before: Control | None = None) -> Control | None:
         """Return the sampled controller in a chart, if there is one.
@@ -177,7 +189,9 @@ class Callback:
         acting, equations = self.system.acting, self.chart.equations
         assert acting is not None
         signals = self.system.inputs.coefficients.shape[2]
-        return np.cumsum([equations.nq, equations.mobility, len(self.system.states), signals, acting.held]).tolist()
+        return np.cumsum(
+            [equations.nq, equations.mobility, len(self.system.states), signals, acting.held]
+        ).tolist()
 
     @property
     def address(self) -> int:
@@ -187,9 +201,9 @@ class Callback:
     def _turned(self, z: np.ndarray, read: np.ndarray) -> np.ndarray:
         """Return the coordinates of all joints with the turns of those that are followed."""
         goal, names = read.copy(), self.system.states[len(self.system.extras) :]
-        goal[[self.labels.equations.mechanism.coordinates.index(state.name) for state in names]] = z[
-            len(z) - len(names) :
-        ]
+        goal[[self.labels.equations.mechanism.coordinates.index(state.name) for state in names]] = (
+            z[len(z) - len(names) :]
+        )
         return self.labels.nearest(read, goal)
 
     def _call(self, x: Any, out: Any) -> None:
@@ -197,13 +211,17 @@ class Callback:
             acting = self.system.acting
             assert acting is not None
             actuators, ends = acting.names.actuators, self._ends
-            q, v, z, references, held = np.split(np.ctypeslib.as_array(x, (ends[-1],)).copy(), ends[:-1])
+            q, v, z, references, held = np.split(
+                np.ctypeslib.as_array(x, (ends[-1],)).copy(), ends[:-1]
+            )
             result, later = np.ctypeslib.as_array(out, (held.size,)), held[len(actuators) :]
             result[:] = [*later, *np.full(len(actuators), np.nan)]
             if self.system.faults:
                 return
             parameters = dict(zip(acting.parameters, self.system.parameters, strict=True))
-            state = observation(self.chart, acting.names, q, v, z, parameters, partial(self._turned, z))
+            state = observation(
+                self.chart, acting.names, q, v, z, parameters, partial(self._turned, z)
+            )
             forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore[reportOptionalMemberAccess]
             result[later.size :] = ordered(forces, actuators, CONTROLLER)
         except BaseException as error:
@@ -247,10 +265,14 @@ def system(
     acting = replace(acting, followed=followed) if followed else acting
     require_cover(acting.references, span)
     checks.known(parameters, tuple(acting.parameters), "parameter")
-    values = {**acting.parameters} | {name: checks.number(value, name) for name, value in parameters.items()}
+    values = {**acting.parameters} | {
+        name: checks.number(value, name) for name, value in parameters.items()
+    }
     for name in parameters:
         acting.require(name, np.array(values[name]))
-    return System(acting.inputs(commands), acting, np.array([float(value) for value in values.values()]))
+    return System(
+        acting.inputs(commands), acting, np.array([float(value) for value in values.values()])
+    )
 
 
 def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
@@ -263,12 +285,20 @@ def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
         return ()
     every = acting.sampler is not None and not acting.sampler.compiled
     read = {
-        name for i, name in enumerate(names) if (labels.wound[i] or labels.signed[i]) and (every or name in acting.read)
+        name
+        for i, name in enumerate(names)
+        if (labels.wound[i] or labels.signed[i]) and (every or name in acting.read)
     }
     if not read:
         return ()
-    begun = np.zeros(len(names)) if state is None else np.abs(robot.windings(state)).reshape(-1, len(names)).max(axis=0)
-    jumps = [labels.wound[i] and (begun[i] or name in labels.jumping) for i, name in enumerate(names)]
+    begun = (
+        np.zeros(len(names))
+        if state is None
+        else np.abs(robot.windings(state)).reshape(-1, len(names)).max(axis=0)
+    )
+    jumps = [
+        labels.wound[i] and (begun[i] or name in labels.jumping) for i, name in enumerate(names)
+    ]
     angles = [(name,) for name, jump in zip(names, jumps, strict=True) if jump and name in read]
     quaternions = [tuple(names[i] for i in places) for places in labels.quaternions]
     return (*angles, *(own for own in quaternions if read & set(own)))

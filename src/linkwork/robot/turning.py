@@ -36,19 +36,29 @@ def turning(own: Turning, chart: CompiledChart, acting: Acting | None) -> Turnin
     """
     if acting is None:
         return own
-    return replace(own, wraps=own.wraps * chart.kept(f"{acting.key} wraps", lambda: unread(acting, chart.equations)))
+    return replace(
+        own,
+        wraps=own.wraps
+        * chart.kept(f"{acting.key} wraps", lambda: unread(acting, chart.equations)),
+    )
 
 
 def own_turning(chart: CompiledChart, length: float) -> Turning:
     """Return the same where nothing but forces over time acts; length: the robot's size [m]."""
-    return Turning(SPAN * sizes(chart.equations, length), chart.kept("wraps", lambda: wrapping(chart)))
+    return Turning(
+        SPAN * sizes(chart.equations, length), chart.kept("wraps", lambda: wrapping(chart))
+    )
 
 
 def sizes(equations: Equations, length: float) -> np.ndarray:
     """Return the size of each coordinate (nq): 1 of angles, a length [m] of slides, infinite of quaternions."""
     joints = equations.topology.joints.values()
-    parts = [part for joint in joints for part in joint.freedoms for _ in range(4 if part == TURN else 1)]
-    return np.array([np.inf if part == TURN else length if part in SLIDES else 1.0 for part in parts])
+    parts = [
+        part for joint in joints for part in joint.freedoms for _ in range(4 if part == TURN else 1)
+    ]
+    return np.array(
+        [np.inf if part == TURN else length if part in SLIDES else 1.0 for part in parts]
+    )
 
 
 def wrapping(chart: CompiledChart) -> np.ndarray:
@@ -78,24 +88,33 @@ def readings(chart: CompiledChart) -> np.ndarray:
     def found() -> np.ndarray:
         given: list[Shares] = [{i: 1.0} for i in range(chart.equations.nq)]
         parts, _ = shares(chart.kernel("positions").traced(), given)
-        return np.array([[part.get(i, 0.0) for i in range(len(given))] for part in parts]).reshape(-1, len(given))
+        return np.array([[part.get(i, 0.0) for i in range(len(given))] for part in parts]).reshape(
+            -1, len(given)
+        )
 
     return chart.kept("readings", found)
 
 
 def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
     """Return which joint coordinates can be given whole turns without opening a loop, or have lost count of theirs."""
-    return np.array([bool(carriers(chart, place, ())) or not readings(chart)[place].any() for place in places], bool)
+    return np.array(
+        [bool(carriers(chart, place, ())) or not readings(chart)[place].any() for place in places],
+        bool,
+    )
 
 
-def turned(chart: CompiledChart, q: np.ndarray, places: Sequence[int], values: np.ndarray) -> np.ndarray:
+def turned(
+    chart: CompiledChart, q: np.ndarray, places: Sequence[int], values: np.ndarray
+) -> np.ndarray:
     """Return q (nq) with the whole turns with which joint coordinates come nearest to given values; loops stay closed.
 
     An angle of the tree turns itself; that of a joint that closes a loop takes an angle of the tree with it that is not
     asked for.
     """
     q, grown = q.copy(), readings(chart)
-    asked = [int(np.argmax(np.abs(grown[place]))) for place in places if np.abs(grown[place]).sum() == 1]
+    asked = [
+        int(np.argmax(np.abs(grown[place]))) for place in places if np.abs(grown[place]).sum() == 1
+    ]
     for place, value in zip(places, values, strict=True):
         (positions,) = chart.kernel("positions")(q)
         for i in carriers(chart, place, asked)[-1:]:
@@ -137,7 +156,9 @@ def shares(
     given: the shares of its first inputs; wanted: the places of the results that count, all if left out
     """
     nodes = program.nodes
-    results = list(program.results) if wanted is None else [program.results[place] for place in wanted]
+    results = (
+        list(program.results) if wanted is None else [program.results[place] for place in wanted]
+    )
     needed = bytearray(len(nodes))
     for place in results:
         needed[place] = 1
@@ -156,7 +177,9 @@ def shares(
         own = [values[arg] for arg in args]
         if not any(own):
             continue
-        factors = factors_of(op, [nodes[arg].value if nodes[arg].op == "const" else None for arg in args])
+        factors = factors_of(
+            op, [nodes[arg].value if nodes[arg].op == "const" else None for arg in args]
+        )
         if factors is not None:
             values[place] = added(own, factors)
         elif op in ("sin", "cos", "tan"):

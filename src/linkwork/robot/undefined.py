@@ -10,7 +10,9 @@ from linkwork.equations.algebra import SX
 from linkwork.errors import LinkworkError
 from linkwork.robot.charts import CompiledChart
 
-MEETING = 1e-9  # distance of a spring's ends, over the mechanism's own length, that tells no direction
+MEETING = (
+    1e-9  # distance of a spring's ends, over the mechanism's own length, that tells no direction
+)
 
 
 def meeting(chart: CompiledChart, q: np.ndarray) -> list[str]:
@@ -20,14 +22,18 @@ def meeting(chart: CompiledChart, q: np.ndarray) -> list[str]:
     lengths = {name: pull.length for name, pull in pulls if pull.needs_direction}
     values = tree.evaluated("lengths", [ca.vertcat(SX(0, 1), *lengths.values())], chart.p)(q)[0]
     return [
-        name for name, value in zip(lengths, np.array(values).ravel(), strict=True) if value <= MEETING * tree.length
+        name
+        for name, value in zip(lengths, np.array(values).ravel(), strict=True)
+        if value <= MEETING * tree.length
     ]
 
 
 def massless(chart: CompiledChart, q: np.ndarray) -> bool:
     """Tell whether the generalised inertia is singular at q (nq): at rest and without forces nothing else is undefined."""
     actuators = chart.equations.mechanism.actuators
-    *_, acceleration, _ = chart.kernel("motion")(q, np.zeros(len(chart.independent)), np.zeros(len(actuators)))
+    *_, acceleration, _ = chart.kernel("motion")(
+        q, np.zeros(len(chart.independent)), np.zeros(len(actuators))
+    )
     return not np.isfinite(acceleration).all()
 
 
@@ -55,5 +61,7 @@ def in_motion(chart: CompiledChart, q: np.ndarray) -> str:
     if springs := meeting(chart, q):
         return f"the force of the spring {', '.join(map(repr, springs))}, whose ends meet,"
     if massless(chart, q):
-        return "the acceleration, for the generalised inertia is singular (some motion moves no mass),"
+        return (
+            "the acceleration, for the generalised inertia is singular (some motion moves no mass),"
+        )
     return ""

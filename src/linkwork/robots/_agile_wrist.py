@@ -57,9 +57,16 @@ def agile_wrist(
     Angeles, Structural optimization of a spherical parallel manipulator using a two-level approach, ASME DETC 2001 (the
     Agile Wrist); dimensions ours.
     """
-    require_sizes(proximal_radius=proximal_radius, distal_radius=distal_radius, platform_radius=platform_radius)
+    require_sizes(
+        proximal_radius=proximal_radius,
+        distal_radius=distal_radius,
+        platform_radius=platform_radius,
+    )
     require_masses(
-        proximal_mass=proximal_mass, distal_mass=distal_mass, platform_mass=platform_mass, motor_inertia=motor_inertia
+        proximal_mass=proximal_mass,
+        distal_mass=distal_mass,
+        platform_mass=platform_mass,
+        motor_inertia=motor_inertia,
     )
     bodies, motors, elbows, wrists = {}, {}, {}, {}
     for i in range(3):
@@ -90,7 +97,9 @@ def quarter_circle(mass: float, radius: float, start: np.ndarray, end: np.ndarra
     Mean of n: 2/pi (start + end);  mean of n n': (start start' + end end') / 2 + (start end' + end start') / pi.
     """
     mean = 2 / pi * (start + end)
-    second = (np.outer(start, start) + np.outer(end, end)) / 2 + (np.outer(start, end) + np.outer(end, start)) / pi
+    second = (np.outer(start, start) + np.outer(end, end)) / 2 + (
+        np.outer(start, end) + np.outer(end, start)
+    ) / pi
     spread = second - np.outer(mean, mean)
     return body(mass, radius * mean, mass * radius**2 * (np.trace(spread) * np.eye(3) - spread))
 
@@ -98,9 +107,17 @@ def quarter_circle(mass: float, radius: float, start: np.ndarray, end: np.ndarra
 def tilted_disc(mass: float, radius: float) -> Body:
     """Return a thin disc with the normal n = (1, 1, 1) / sqrt(3): I = m r^2 / 4 (1 + n n')."""
     normal = np.ones(3) / sqrt(3)
-    return body(mass, radius / sqrt(2) * normal, mass * radius**2 / 4 * (np.eye(3) + np.outer(normal, normal)))
+    return body(
+        mass,
+        radius / sqrt(2) * normal,
+        mass * radius**2 / 4 * (np.eye(3) + np.outer(normal, normal)),
+    )
 
 
 def body(mass: float, centre: np.ndarray, inertia: np.ndarray) -> Body:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
-    return Body(mass=mass, centre_of_mass=vector(centre), inertia=Inertia(xx=xx, yy=yy, zz=zz, xy=xy, xz=xz, yz=yz))
+    return Body(
+        mass=mass,
+        centre_of_mass=vector(centre),
+        inertia=Inertia(xx=xx, yy=yy, zz=zz, xy=xy, xz=xz, yz=yz),
+    )

@@ -19,14 +19,31 @@ from __future__ import annotations
 
 from math import atan2, cos, isfinite, remainder, sin, tau
 
-from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, PointSpring, RevoluteJoint, Tool
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    Inertia,
+    Mechanism,
+    MechanismError,
+    PointSpring,
+    RevoluteJoint,
+    Tool,
+)
 from linkwork.robots.plane import Point, meet
 
 ANGLES = ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")
 
 A, B, C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)  # fixed points [m]
 MASSES = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)  # of K1 .. K7 [kg]
-INERTIAS = (2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5)  # about the mass centres [kg m^2]
+INERTIAS = (
+    2.194e-6,
+    4.410e-7,
+    5.255e-6,
+    5.667e-7,
+    1.169e-5,
+    5.667e-7,
+    1.912e-5,
+)  # about the mass centres [kg m^2]
 rr, d, ss, e, zt, u, zf = 0.007, 0.028, 0.035, 0.02, 0.04, 0.04, 0.02  # lengths between joints [m]
 sc, sd = 0.018, 0.02  # the spring's point on K3 [m]
 ra, da, sa, sb, ea, ta, tb, ua, ub, fa = (  # places of the mass centres [m]
@@ -61,10 +78,20 @@ def andrews(
     Source: Schiehlen (ed.), Multibody Systems Handbook, 1990; Hairer & Wanner, Solving Ordinary Differential Equations II,
     sec. VII.7; data of the IVP test set (Mazzia & Magherini, 2008), which is IFToMM problem A03 too.
     """
-    centres = ((ra, 0.0), (-da, 0.0), (sb, -sa), (0.0, ea - e), (ta, tb), (zf - fa, 0.0), (-ub, -ua))
+    centres = (
+        (ra, 0.0),
+        (-da, 0.0),
+        (sb, -sa),
+        (0.0, ea - e),
+        (ta, tb),
+        (zf - fa, 0.0),
+        (-ub, -ua),
+    )
     bodies = {
         f"K{i}": Body(mass=mass, centre_of_mass=(x, y, 0.0), inertia=Inertia(zz=inertia))
-        for i, (mass, inertia, (x, y)) in enumerate(zip(MASSES, INERTIAS, centres, strict=True), start=1)
+        for i, (mass, inertia, (x, y)) in enumerate(
+            zip(MASSES, INERTIAS, centres, strict=True), start=1
+        )
     }
     P = {"K2": (-d, 0.0), "K3": (0.0, -ss), "K4": (0.0, -e), "K6": (zf, 0.0)}
     joints = {
@@ -78,7 +105,10 @@ def andrews(
     }
     joints |= {f"P_{body[1]}": hinge("K2", body, P["K2"], P[body]) for body in ("K3", "K4", "K6")}
     spring = PointSpring(
-        connects=("ground", "K3"), points=((*C, 0.0), (sd, -sc, 0.0)), stiffness=stiffness, rest_length=rest_length
+        connects=("ground", "K3"),
+        points=((*C, 0.0), (sd, -sc, 0.0)),
+        stiffness=stiffness,
+        rest_length=rest_length,
     )
     return Mechanism(
         name="Andrews' squeezer",
@@ -112,5 +142,9 @@ def closed(beta: float) -> dict[str, float]:
     epsilon = atan2(knee[0] - A[0], A[1] - knee[1])
     sixth = atan2(P[1] - knee[1], P[0] - knee[0])
     angles = (beta, Theta, gamma, fourth - delta, delta, sixth - epsilon, epsilon)
-    closing = {"P_3": gamma - beta - Theta, "P_4": fourth - beta - Theta, "P_6": sixth - beta - Theta}
+    closing = {
+        "P_3": gamma - beta - Theta,
+        "P_4": fourth - beta - Theta,
+        "P_6": sixth - beta - Theta,
+    }
     return dict(zip(ANGLES, angles, strict=True)) | closing

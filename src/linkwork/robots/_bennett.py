@@ -61,14 +61,19 @@ def bennett(
     beta = asin(sine)
     if not abs(beta - alpha) > 1e-9:
         raise MechanismError(
-            f"four links of {a} m with equal twists only fold; give length_2 another value", ("length_2",)
+            f"four links of {a} m with equal twists only fold; give length_2 another value",
+            ("length_2",),
         )
-    second = 2 * atan2(sin((beta + alpha) / 2) * cos(crank / 2), sin((beta - alpha) / 2) * sin(crank / 2))
+    second = 2 * atan2(
+        sin((beta + alpha) / 2) * cos(crank / 2), sin((beta - alpha) / 2) * sin(crank / 2)
+    )
     short, long = (
-        rod(tube_mass(density, length, (0.0, link_radius)), length, link_radius, 0.0, ALONG_X) for length in (a, b)
+        rod(tube_mass(density, length, (0.0, link_radius)), length, link_radius, 0.0, ALONG_X)
+        for length in (a, b)
     )
     far_short, far_long = (
-        Frame(position=(length, 0.0, 0.0), rotation=(twist, 0.0, 0.0)) for length, twist in ((a, alpha), (b, beta))
+        Frame(position=(length, 0.0, 0.0), rotation=(twist, 0.0, 0.0))
+        for length, twist in ((a, alpha), (b, beta))
     )
     back = Frame(position=(-b, 0.0, 0.0), rotation=(-beta, 0.0, 0.0))
     return Mechanism(

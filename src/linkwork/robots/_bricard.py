@@ -32,7 +32,9 @@ def bricard(length: float = 1.0, mass: float = 1.0, section: float = 0.1) -> Mec
         direction = np.abs(corners[i] - corners[i - 1]) / length
         xx, yy, zz = across + (along - across) * direction
         middle = (corners[i] + corners[i - 1]) / 2
-        bodies[names[i]] = Body(mass=mass, centre_of_mass=tuple(middle), inertia=Inertia(xx=xx, yy=yy, zz=zz))
+        bodies[names[i]] = Body(
+            mass=mass, centre_of_mass=tuple(middle), inertia=Inertia(xx=xx, yy=yy, zz=zz)
+        )
     for i in range(6):
         axis = np.cross(corners[i] - corners[i - 1], corners[(i + 1) % 6] - corners[i]) / length**2
         corner = Frame(position=tuple(corners[i]))
@@ -40,5 +42,9 @@ def bricard(length: float = 1.0, mass: float = 1.0, section: float = 0.1) -> Mec
             connects=(names[i], names[(i + 1) % 6]), frames=(corner, corner), axis=tuple(axis)
         )
     return Mechanism(
-        name="Bricard linkage", gravity=(0.0, -9.81, 0.0), bodies=bodies, joints=joints, actuators=("hinge_1",)
+        name="Bricard linkage",
+        gravity=(0.0, -9.81, 0.0),
+        bodies=bodies,
+        joints=joints,
+        actuators=("hinge_1",),
     )

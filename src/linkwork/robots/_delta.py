@@ -75,7 +75,12 @@ def delta(
         arm_radius=arm_radius,
         rod_radius=rod_radius,
     )
-    require_masses(arm_mass=arm_mass, platform_mass=platform_mass, motor_inertia=motor_inertia, rod_mass=rod_mass)
+    require_masses(
+        arm_mass=arm_mass,
+        platform_mass=platform_mass,
+        motor_inertia=motor_inertia,
+        rod_mass=rod_mass,
+    )
     centre = QuaternionPose.of(Frame(position=(0.0, 0.0, -height)))
     angle = arm_angle(platform_radius - base_radius, -height, arm, rod)
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
@@ -85,19 +90,30 @@ def delta(
         motor, body = f"motor_{i}", f"arm_{i}"
         shaft = Frame(position=vector(base_radius * e), rotation=(0.0, 0.0, f))
         drive = RevoluteJoint(
-            connects=("ground", body), frames=(shaft, Frame()), axis=ALONG_Y, rotor_inertia=motor_inertia
+            connects=("ground", body),
+            frames=(shaft, Frame()),
+            axis=ALONG_Y,
+            rotor_inertia=motor_inertia,
         )
-        motors |= Parts({body: round_rod(arm_mass, arm, arm_radius, 0.0, ALONG_X)}, {motor: drive}, {motor: angle})
+        motors |= Parts(
+            {body: round_rod(arm_mass, arm, arm_radius, 0.0, ALONG_X)},
+            {motor: drive},
+            {motor: angle},
+        )
         at = QuaternionPose.of(shaft)
         elbow = End(
-            body, arm * np.array(ALONG_X), QuaternionPose(at.position, product(at.quaternion, turn(ALONG_Y, angle)))
+            body,
+            arm * np.array(ALONG_X),
+            QuaternionPose(at.position, product(at.quaternion, turn(ALONG_Y, angle))),
         )
         vertex = End("platform", platform_radius * e, centre)
         legs |= rods.pair(str(i), elbow, vertex, (spread / 2 * np.array(ALONG_Y), spread / 2 * t))
     return Mechanism(
         name="Delta",
         gravity=gravity,
-        bodies=motors.bodies | legs.bodies | {"platform": disc(platform_mass, platform_radius, platform_radius / 4)},
+        bodies=motors.bodies
+        | legs.bodies
+        | {"platform": disc(platform_mass, platform_radius, platform_radius / 4)},
         joints=motors.joints | legs.joints | {"pose": FreeJoint(connects=("ground", "platform"))},
         actuators=tuple(motors.joints),
         tools={"centre": Tool(body="platform")},

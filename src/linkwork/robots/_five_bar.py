@@ -25,16 +25,26 @@ def five_bar(
     """
 
     def rod(length: float, mass: float) -> Body:
-        return Body(mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12))
+        return Body(
+            mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
+        )
 
     bodies = {f"proximal_{i}": rod(proximal, proximal_mass) for i in (1, 2)}
     bodies |= {f"distal_{i}": rod(distal, distal_mass) for i in (1, 2)}
     joints = {
         "motor_1": RevoluteJoint(connects=("ground", "proximal_1")),
-        "motor_2": RevoluteJoint(connects=("ground", "proximal_2"), frames=(Frame.planar(base), Frame())),
-        "elbow_1": RevoluteJoint(connects=("proximal_1", "distal_1"), frames=(Frame.planar(proximal), Frame())),
-        "elbow_2": RevoluteJoint(connects=("proximal_2", "distal_2"), frames=(Frame.planar(proximal), Frame())),
-        "tip": RevoluteJoint(connects=("distal_1", "distal_2"), frames=(Frame.planar(distal), Frame.planar(distal))),
+        "motor_2": RevoluteJoint(
+            connects=("ground", "proximal_2"), frames=(Frame.planar(base), Frame())
+        ),
+        "elbow_1": RevoluteJoint(
+            connects=("proximal_1", "distal_1"), frames=(Frame.planar(proximal), Frame())
+        ),
+        "elbow_2": RevoluteJoint(
+            connects=("proximal_2", "distal_2"), frames=(Frame.planar(proximal), Frame())
+        ),
+        "tip": RevoluteJoint(
+            connects=("distal_1", "distal_2"), frames=(Frame.planar(distal), Frame.planar(distal))
+        ),
     }
     return Mechanism(
         name="five-bar",

@@ -94,13 +94,18 @@ def flyball_governor(
         )
     along, upright = beam_inertia(beam_mass * height, height, section)
     shaft = Body(
-        mass=beam_mass * height, centre_of_mass=(0, 0, height / 2), inertia=Inertia(xx=upright, yy=upright, zz=along)
+        mass=beam_mass * height,
+        centre_of_mass=(0, 0, height / 2),
+        inertia=Inertia(xx=upright, yy=upright, zz=along),
     )
     return Mechanism(
         name="flyball governor",
         gravity=gravity,
         bodies={"shaft": shaft, "slider": cube(density * side**3, side)}
-        | {f"rod_{i}": loaded_rod(beam_mass * rod, rod, section, ball_mass, out) for i, out in ((1, 1.0), (2, -1.0))},
+        | {
+            f"rod_{i}": loaded_rod(beam_mass * rod, rod, section, ball_mass, out)
+            for i, out in ((1, 1.0), (2, -1.0))
+        },
         joints=joints,
         springs=springs,
         actuators=("spindle",),
@@ -127,4 +132,8 @@ def loaded_rod(mass: float, length: float, section: float, ball_mass: float, out
     along, across = beam_inertia(mass, length, section)
     across += mass * ball_mass / total * (length / 2) ** 2 if total else 0.0
     centre = out * length * ((mass / 2 + ball_mass) / total if total else 0.5)
-    return Body(mass=total, centre_of_mass=(centre, 0.0, 0.0), inertia=Inertia(xx=along, yy=across, zz=across))
+    return Body(
+        mass=total,
+        centre_of_mass=(centre, 0.0, 0.0),
+        inertia=Inertia(xx=along, yy=across, zz=across),
+    )

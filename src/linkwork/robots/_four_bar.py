@@ -36,8 +36,12 @@ def four_bar(
     }
     joints = {
         "crank_pivot": RevoluteJoint(connects=("ground", "crank")),
-        "crank_pin": RevoluteJoint(connects=("crank", "coupler"), frames=(Frame.planar(crank), Frame())),
-        "rocker_pivot": RevoluteJoint(connects=("ground", "rocker"), frames=(Frame.planar(ground), Frame())),
+        "crank_pin": RevoluteJoint(
+            connects=("crank", "coupler"), frames=(Frame.planar(crank), Frame())
+        ),
+        "rocker_pivot": RevoluteJoint(
+            connects=("ground", "rocker"), frames=(Frame.planar(ground), Frame())
+        ),
         "rocker_pin": RevoluteJoint(
             connects=("coupler", "rocker"), frames=(Frame.planar(coupler), Frame.planar(rocker))
         ),
@@ -49,7 +53,12 @@ def four_bar(
         joints=joints,
         actuators=("crank_pivot",),
         tools={"coupler_point": Tool(body="coupler", frame=Frame.planar(coupler / 2))},
-        reference={"crank_pivot": 1.67, "crank_pin": -1.46, "rocker_pivot": 1.54, "rocker_pin": 1.33},
+        reference={
+            "crank_pivot": 1.67,
+            "crank_pin": -1.46,
+            "rocker_pivot": 1.54,
+            "rocker_pin": 1.33,
+        },
     )
 
 
@@ -66,7 +75,9 @@ def n_four_bar(loops: int = 2, length: float = 1.0, mass: float = 1.0) -> Mechan
 
     Source: IFToMM library of computational benchmark problems, A02, N-four-bar mechanism.
     """
-    rod = Body(mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12))
+    rod = Body(
+        mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
+    )
     bodies, joints, reference = {}, {}, {}
     for i in range(loops + 1):
         bodies[f"crank_{i}"] = rod
@@ -79,7 +90,8 @@ def n_four_bar(loops: int = 2, length: float = 1.0, mass: float = 1.0) -> Mechan
         tips = (Frame.planar(length), Frame())
         joints[f"pin_{i}"] = RevoluteJoint(connects=(f"crank_{i - 1}", f"coupler_{i}"), frames=tips)
         joints[f"top_{i}"] = RevoluteJoint(
-            connects=(f"coupler_{i}", f"crank_{i}"), frames=(Frame.planar(length), Frame.planar(length))
+            connects=(f"coupler_{i}", f"crank_{i}"),
+            frames=(Frame.planar(length), Frame.planar(length)),
         )
         reference |= {f"pin_{i}": -pi / 2, f"top_{i}": pi / 2}
     return Mechanism(

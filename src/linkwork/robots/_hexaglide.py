@@ -84,18 +84,26 @@ def hexaglide(
         x, y, z = pose.point(b[i])
         square = rod**2 - (y - rails[i]) ** 2 - z**2
         if not square > 0:
-            raise MechanismError(f"rod {i + 1} of {rod} m does not reach its rail at home; lengthen it or move home")
+            raise MechanismError(
+                f"rod {i + 1} of {rod} m does not reach its rail at home; lengthen it or move home"
+            )
         position = float(x) + sides[i] * sqrt(square)
         rail = PrismaticJoint(
-            connects=("ground", body), frames=(Frame(position=(0.0, rails[i], 0.0)), Frame()), axis=ALONG_X
+            connects=("ground", body),
+            frames=(Frame(position=(0.0, rails[i], 0.0)), Frame()),
+            axis=ALONG_X,
         )
         slides |= Parts({body: cube(carriage_mass, 0.1)}, {slide: rail}, {slide: position})
-        carriage = End(body, np.zeros(3), QuaternionPose.of(Frame(position=(position, rails[i], 0.0))))
+        carriage = End(
+            body, np.zeros(3), QuaternionPose.of(Frame(position=(position, rails[i], 0.0)))
+        )
         legs |= rods.between(str(i + 1), carriage, End("platform", b[i], pose))
     return Mechanism(
         name="Hexaglide",
         gravity=gravity,
-        bodies=slides.bodies | legs.bodies | {"platform": disc(platform_mass, platform_radius, platform_radius / 5)},
+        bodies=slides.bodies
+        | legs.bodies
+        | {"platform": disc(platform_mass, platform_radius, platform_radius / 5)},
         joints=slides.joints | legs.joints | {"pose": FreeJoint(connects=("ground", "platform"))},
         actuators=tuple(slides.joints),
         tools={"centre": Tool(body="platform")},

@@ -57,7 +57,11 @@ def linear_delta(
     inputs; dimensions ours.
     """
     require_sizes(
-        base_radius=base_radius, platform_radius=platform_radius, rod=rod, spread=spread, rod_radius=rod_radius
+        base_radius=base_radius,
+        platform_radius=platform_radius,
+        rod=rod,
+        spread=spread,
+        rod_radius=rod_radius,
     )
     require_masses(carriage_mass=carriage_mass, platform_mass=platform_mass, rod_mass=rod_mass)
     inset = base_radius - platform_radius
@@ -76,13 +80,19 @@ def linear_delta(
         foot = Frame(position=vector(base_radius * e))
         column = PrismaticJoint(connects=("ground", body), frames=(foot, Frame()))
         slides |= Parts({body: cube(carriage_mass, spread)}, {slide: column}, {slide: lift})
-        carriage = End(body, np.zeros(3), QuaternionPose.of(Frame(position=vector(base_radius * e + (0.0, 0.0, lift)))))
+        carriage = End(
+            body,
+            np.zeros(3),
+            QuaternionPose.of(Frame(position=vector(base_radius * e + (0.0, 0.0, lift)))),
+        )
         vertex = End("platform", platform_radius * e, centre)
         legs |= rods.pair(str(i), carriage, vertex, (spread / 2 * t, spread / 2 * t))
     return Mechanism(
         name="linear Delta",
         gravity=gravity,
-        bodies=slides.bodies | legs.bodies | {"platform": disc(platform_mass, platform_radius, platform_radius / 4)},
+        bodies=slides.bodies
+        | legs.bodies
+        | {"platform": disc(platform_mass, platform_radius, platform_radius / 4)},
         joints=slides.joints | legs.joints | {"pose": FreeJoint(connects=("ground", "platform"))},
         actuators=tuple(slides.joints),
         tools={"centre": Tool(body="platform")},

@@ -32,7 +32,9 @@ def pendulum(
     Source: IFToMM library of computational benchmark problems, A01, simple pendulum (one mass of 1 kg at 1 m).
     """
     if not 0 < len(lengths) == len(masses):
-        raise MechanismError(f"{len(lengths)} lengths and {len(masses)} masses; give one mass at the end of each rod")
+        raise MechanismError(
+            f"{len(lengths)} lengths and {len(masses)} masses; give one mass at the end of each rod"
+        )
     require_sizes(**{f"lengths[{i}]": length for i, length in enumerate(lengths)})
     names = ["ground", *(f"rod_{i}" for i in range(1, len(lengths) + 1))]
     starts = (0.0, *lengths[:-1])
@@ -44,7 +46,9 @@ def pendulum(
             for name, length, mass in zip(names[1:], lengths, masses, strict=True)
         },
         joints={
-            f"hinge_{i + 1}": RevoluteJoint(connects=(names[i], names[i + 1]), frames=(Frame.planar(start), Frame()))
+            f"hinge_{i + 1}": RevoluteJoint(
+                connects=(names[i], names[i + 1]), frames=(Frame.planar(start), Frame())
+            )
             for i, start in enumerate(starts)
         },
         actuators=tuple(f"hinge_{i}" for i in range(1, len(names))),

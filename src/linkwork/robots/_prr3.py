@@ -12,7 +12,16 @@ from __future__ import annotations
 
 from math import asin, cos, pi, sin, sqrt
 
-from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, PrismaticJoint, RevoluteJoint, Tool
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    Inertia,
+    Mechanism,
+    MechanismError,
+    PrismaticJoint,
+    RevoluteJoint,
+    Tool,
+)
 
 ALONG_X = (1.0, 0.0, 0.0)
 
@@ -49,11 +58,15 @@ def prr3(
     for i, (x, y) in enumerate(corners, start=1):
         a = (i - 1) * 2 * pi / 3
         slides[f"slide_{i}"] = PrismaticJoint(
-            connects=("ground", f"slider_{i}"), frames=(Frame.planar(x, y, a), Frame()), axis=ALONG_X
+            connects=("ground", f"slider_{i}"),
+            frames=(Frame.planar(x, y, a), Frame()),
+            axis=ALONG_X,
         )
         pivots[f"pivot_{i}"] = RevoluteJoint(connects=(f"slider_{i}", f"link_{i}"))
         vertex = Frame.planar(-l2 * cos(a), -l2 * sin(a), a)
-        wrists[f"wrist_{i}"] = RevoluteJoint(connects=(f"link_{i}", "platform"), frames=(Frame.planar(l1), vertex))
+        wrists[f"wrist_{i}"] = RevoluteJoint(
+            connects=(f"link_{i}", "platform"), frames=(Frame.planar(l1), vertex)
+        )
     slider = Body(mass=slider_mass, inertia=Inertia(zz=slider_inertia))
     link = Body(mass=link_mass, centre_of_mass=(l1 / 2, 0.0, 0.0), inertia=Inertia(zz=link_inertia))
     platform = Body(mass=platform_mass, inertia=Inertia(zz=platform_inertia))
@@ -78,7 +91,9 @@ def symmetric_pose(l1: float, l2: float, l3: float) -> dict[str, float]:
     """
     height = l3 / (2 * sqrt(3)) - l2 * sin(pi / 6)
     if not abs(height) < l1:
-        raise MechanismError(f"links of l1 = {l1} m do not reach the platform; l1 must exceed {abs(height):.6g} m")
+        raise MechanismError(
+            f"links of l1 = {l1} m do not reach the platform; l1 must exceed {abs(height):.6g} m"
+        )
     pivot = asin(height / l1)
     slide = l3 / 2 - l2 * cos(pi / 6) - l1 * cos(pivot)
     return {

@@ -12,7 +12,16 @@ from __future__ import annotations
 
 from math import cos, pi, radians, sin
 
-from linkwork.mechanism import Body, Frame, Friction, Inertia, Limits, Mechanism, RevoluteJoint, Tool
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    Friction,
+    Inertia,
+    Limits,
+    Mechanism,
+    RevoluteJoint,
+    Tool,
+)
 from linkwork.robots.uniform import require_sizes, vector
 
 d = (0.672, 0.0, 0.15005, 0.4318, 0.0, 0.0)  # [m]
@@ -38,7 +47,14 @@ TENSORS = (  # xx, yy, zz about the mass centres [kg m^2]
 )
 J = (200e-6, 200e-6, 200e-6, 33e-6, 33e-6, 33e-6)  # rotors [kg m^2]
 G = (-62.6111, 107.815, -53.7063, 76.0364, 71.923, 76.686)  # gear ratios
-B = (1.48e-3, 0.817e-3, 1.38e-3, 71.2e-6, 82.6e-6, 36.7e-6)  # viscous friction at the motors [N m s/rad]
+B = (
+    1.48e-3,
+    0.817e-3,
+    1.38e-3,
+    71.2e-6,
+    82.6e-6,
+    36.7e-6,
+)  # viscous friction at the motors [N m s/rad]
 T_c = (  # Coulomb friction at the motors, forwards and backwards [N m]
     (0.395, 0.435),
     (0.126, 0.071),
@@ -50,7 +66,9 @@ T_c = (  # Coulomb friction at the motors, forwards and backwards [N m]
 LIMITS = ((-160, 160), (-45, 225), (-225, 45), (-110, 170), (-100, 100), (-266, 266))  # [degrees]
 
 
-def puma560(base: float = d[0], gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)) -> Mechanism:
+def puma560(
+    base: float = d[0], gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+) -> Mechanism:
     """Describe the Puma 560: an arm of six revolute joints, with rotors and friction.
 
     z points up; at zero the upper arm lies along x and the forearm stands upright. The published Coulomb friction differs
@@ -75,7 +93,9 @@ def puma560(base: float = d[0], gravity: tuple[float, float, float] = (0.0, 0.0,
     names = ["ground", *(f"link_{i}" for i in range(1, 7))]
     bodies = {
         name: Body(mass=mass, centre_of_mass=centre, inertia=Inertia(xx=xx, yy=yy, zz=zz))
-        for name, mass, centre, (xx, yy, zz) in zip(names[1:], MASSES, CENTRES, TENSORS, strict=True)
+        for name, mass, centre, (xx, yy, zz) in zip(
+            names[1:], MASSES, CENTRES, TENSORS, strict=True
+        )
     }
     return Mechanism(
         name="Puma 560",

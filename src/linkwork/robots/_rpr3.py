@@ -52,13 +52,19 @@ def rpr3(
     three-degree-of-freedom parallel manipulators, ICAR 1991; dimensions ours.
     """
     require_sizes(base=base, radius=radius, cylinder=cylinder, piston=piston)
-    require_masses(cylinder_mass=cylinder_mass, piston_mass=piston_mass, platform_mass=platform_mass)
+    require_masses(
+        cylinder_mass=cylinder_mass, piston_mass=piston_mass, platform_mass=platform_mass
+    )
     pivots, slides, wrists, reference = {}, {}, {}, {}
-    for i, (corner, vertex) in enumerate(zip(corners(base), vertices(radius), strict=True), start=1):
+    for i, (corner, vertex) in enumerate(
+        zip(corners(base), vertices(radius), strict=True), start=1
+    ):
         pivots[f"pivot_{i}"] = RevoluteJoint(
             connects=("ground", f"cylinder_{i}"), frames=(Frame.planar(*corner), Frame())
         )
-        slides[f"slide_{i}"] = PrismaticJoint(connects=(f"cylinder_{i}", f"piston_{i}"), axis=ALONG_X)
+        slides[f"slide_{i}"] = PrismaticJoint(
+            connects=(f"cylinder_{i}", f"piston_{i}"), axis=ALONG_X
+        )
         wrists[f"wrist_{i}"] = RevoluteJoint(
             connects=(f"piston_{i}", "platform"), frames=(Frame(), Frame.planar(*vertex))
         )
@@ -71,9 +77,12 @@ def rpr3(
     return Mechanism(
         name="3-RPR",
         gravity=gravity,
-        bodies=dict.fromkeys((f"cylinder_{i}" for i in (1, 2, 3)), uniform_rod(cylinder_mass, cylinder))
+        bodies=dict.fromkeys(
+            (f"cylinder_{i}" for i in (1, 2, 3)), uniform_rod(cylinder_mass, cylinder)
+        )
         | dict.fromkeys(
-            (f"piston_{i}" for i in (1, 2, 3)), rod.model_copy(update={"centre_of_mass": (-piston / 2, 0.0, 0.0)})
+            (f"piston_{i}" for i in (1, 2, 3)),
+            rod.model_copy(update={"centre_of_mass": (-piston / 2, 0.0, 0.0)}),
         )
         | {"platform": platform},
         joints=pivots | slides | wrists,

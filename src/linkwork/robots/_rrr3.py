@@ -49,9 +49,13 @@ def rrr3(
     parallel manipulator, J. Mech. Trans. Automation in Design 110 (1988) 35-41; dimensions ours.
     """
     require_sizes(base=base, proximal=proximal, distal=distal, radius=radius)
-    require_masses(proximal_mass=proximal_mass, distal_mass=distal_mass, platform_mass=platform_mass)
+    require_masses(
+        proximal_mass=proximal_mass, distal_mass=distal_mass, platform_mass=platform_mass
+    )
     motors, elbows, wrists, reference = {}, {}, {}, {}
-    for i, (corner, vertex) in enumerate(zip(corners(base), vertices(radius), strict=True), start=1):
+    for i, (corner, vertex) in enumerate(
+        zip(corners(base), vertices(radius), strict=True), start=1
+    ):
         motors[f"motor_{i}"] = RevoluteJoint(
             connects=("ground", f"proximal_{i}"), frames=(Frame.planar(*corner), Frame())
         )
@@ -59,7 +63,8 @@ def rrr3(
             connects=(f"proximal_{i}", f"distal_{i}"), frames=(Frame.planar(proximal), Frame())
         )
         wrists[f"wrist_{i}"] = RevoluteJoint(
-            connects=(f"distal_{i}", "platform"), frames=(Frame.planar(distal), Frame.planar(*vertex))
+            connects=(f"distal_{i}", "platform"),
+            frames=(Frame.planar(distal), Frame.planar(*vertex)),
         )
         top = (base / 2 + vertex[0], base / (2 * sqrt(3)) + vertex[1])
         x, y = meet(corner, proximal, top, distal, 1, f"leg {i}: proximal and distal links")
@@ -70,7 +75,9 @@ def rrr3(
     return Mechanism(
         name="3-RRR",
         gravity=gravity,
-        bodies=dict.fromkeys((f"proximal_{i}" for i in (1, 2, 3)), uniform_rod(proximal_mass, proximal))
+        bodies=dict.fromkeys(
+            (f"proximal_{i}" for i in (1, 2, 3)), uniform_rod(proximal_mass, proximal)
+        )
         | dict.fromkeys((f"distal_{i}" for i in (1, 2, 3)), uniform_rod(distal_mass, distal))
         | {"platform": platform},
         joints=motors | elbows | wrists,

@@ -9,7 +9,16 @@ from __future__ import annotations
 
 from math import asin, cos, pi, sin
 
-from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, PrismaticJoint, RevoluteJoint, Tool
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    Inertia,
+    Mechanism,
+    MechanismError,
+    PrismaticJoint,
+    RevoluteJoint,
+    Tool,
+)
 from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes
 
 START = pi / 4  # the crank's angle in the reference
@@ -47,7 +56,9 @@ def slider_crank(
     require_masses(**dict(zip(("crank_mass", "rod_mass", "slider_mass"), masses, strict=True)))
     rise = offset - crank * sin(START)
     if not abs(rise) < rod:
-        raise MechanismError(f"the rod of {rod} m does not reach the slider's line; rod must exceed {abs(rise):.6g} m")
+        raise MechanismError(
+            f"the rod of {rod} m does not reach the slider's line; rod must exceed {abs(rise):.6g} m"
+        )
     tilt = asin(rise / rod)
     centred = [
         Body(mass=mass, centre_of_mass=(centre, 0, 0), inertia=Inertia(zz=inertia))
@@ -57,12 +68,18 @@ def slider_crank(
     return Mechanism(
         name="slider-crank",
         gravity=gravity,
-        bodies={"crank": centred[0], "rod": centred[1], "slider": Body(mass=masses[2], inertia=Inertia(zz=0.0))},
+        bodies={
+            "crank": centred[0],
+            "rod": centred[1],
+            "slider": Body(mass=masses[2], inertia=Inertia(zz=0.0)),
+        },
         joints={
             "crank": RevoluteJoint(connects=("ground", "crank")),
             "pin": RevoluteJoint(connects=("crank", "rod"), frames=(Frame.planar(crank), Frame())),
             "wrist": RevoluteJoint(connects=("rod", "slider"), frames=(Frame.planar(rod), Frame())),
-            "slide": PrismaticJoint(connects=("ground", "slider"), frames=(line, Frame()), axis=ALONG_X),
+            "slide": PrismaticJoint(
+                connects=("ground", "slider"), frames=(line, Frame()), axis=ALONG_X
+            ),
         },
         actuators=("crank",),
         tools={"slider": Tool(body="slider")},

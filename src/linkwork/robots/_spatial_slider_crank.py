@@ -69,7 +69,9 @@ def spatial_slider_crank(
     y, z = pivot
     far = sqrt(y**2 + (z + crank) ** 2)
     if not far < rod:
-        raise MechanismError(f"the rod of {rod} m does not reach the slider's axis; rod must exceed {far:.6g} m")
+        raise MechanismError(
+            f"the rod of {rod} m does not reach the slider's axis; rod must exceed {far:.6g} m"
+        )
     slide = sqrt(rod**2 - far**2)
     cross_1, cross_2 = atan2(-y, z + crank), acos(slide / rod)
     rod_turn = product(turn(ALONG_X, cross_1), turn(ALONG_Y, cross_2))
@@ -90,10 +92,14 @@ def spatial_slider_crank(
         gravity=gravity,
         bodies=bodies,
         joints={
-            "crank": RevoluteJoint(connects=("ground", "crank"), frames=(axle, Frame()), axis=ALONG_X),
+            "crank": RevoluteJoint(
+                connects=("ground", "crank"), frames=(axle, Frame()), axis=ALONG_X
+            ),
             "slide": PrismaticJoint(connects=("ground", "slider"), axis=ALONG_X),
             "cross": UniversalJoint(connects=("slider", "rod"), axes=(ALONG_X, ALONG_Y)),
-            "ball": SphericalJoint(connects=("crank", "rod"), frames=(pin, Frame(position=(-rod, 0.0, 0.0)))),
+            "ball": SphericalJoint(
+                connects=("crank", "rod"), frames=(pin, Frame(position=(-rod, 0.0, 0.0)))
+            ),
         },
         actuators=("crank",),
         tools={"slider": Tool(body="slider")},

@@ -72,16 +72,26 @@ def stewart(
     """
     A, b = six_points("base_points", base_points), six_points("platform_points", platform_points)
     inner, outer = tube_radii
-    require_sizes(inner=inner, outer=outer, segment=segment, radius=platform_radius, thickness=platform_thickness)
+    require_sizes(
+        inner=inner,
+        outer=outer,
+        segment=segment,
+        radius=platform_radius,
+        thickness=platform_thickness,
+    )
     require_masses(leg_density=leg_density, platform_density=platform_density)
     if not inner < outer:
-        raise MechanismError(f"the inner radius {inner} m is not below the outer radius {outer} m", ("tube_radii",))
+        raise MechanismError(
+            f"the inner radius {inner} m is not below the outer radius {outer} m", ("tube_radii",)
+        )
     ground, pose = QuaternionPose.of(Frame()), QuaternionPose.of(home)
     legs = Parts()
     for i in range(6):
         foot, tip = End("ground", A[i], ground), End("platform", b[i], pose)
         if not np.linalg.norm(tip.position - foot.position) > 1e-9:
-            raise MechanismError(f"leg {i + 1} has no length at home; move its platform point or home", ("home",))
+            raise MechanismError(
+                f"leg {i + 1} has no length at home; move its platform point or home", ("home",)
+            )
         legs |= leg(str(i + 1), foot, tip, segment, tube_radii, leg_density)
     mass = tube_mass(platform_density, platform_thickness, (0.0, platform_radius))
     return Mechanism(
@@ -95,7 +105,9 @@ def stewart(
     )
 
 
-def leg(label: str, foot: End, tip: End, segment: float, radii: tuple[float, float], density: float) -> Parts:
+def leg(
+    label: str, foot: End, tip: End, segment: float, radii: tuple[float, float], density: float
+) -> Parts:
     """Return a UPS leg: tube from the foot on, rod up to the tip."""
     along, length = direction(foot, tip)
     aim, part = pointing(along), segment * length
@@ -108,10 +120,16 @@ def leg(label: str, foot: End, tip: End, segment: float, radii: tuple[float, flo
             upper: tube(tube_mass(density, part, full), part, full, -part, aim.axis),
         },
         joints={
-            universal: UniversalJoint(connects=(foot.body, lower), frames=(foot.frame, Frame()), axes=aim.axes),
+            universal: UniversalJoint(
+                connects=(foot.body, lower), frames=(foot.frame, Frame()), axes=aim.axes
+            ),
             slide: PrismaticJoint(connects=(lower, upper), axis=aim.axis),
             ball: SphericalJoint(connects=(upper, tip.body), frames=(Frame(), tip.frame)),
         },
-        reference={f"{universal}.angle_1": aim.angles[0], f"{universal}.angle_2": aim.angles[1], slide: length}
+        reference={
+            f"{universal}.angle_1": aim.angles[0],
+            f"{universal}.angle_2": aim.angles[1],
+            slide: length,
+        }
         | ball_coordinates(ball, aim.quaternion, tip.pose.quaternion),
     )

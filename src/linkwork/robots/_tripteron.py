@@ -56,7 +56,10 @@ def tripteron(
     """
     require_sizes(proximal=proximal, distal=distal, offset=offset, link_radius=link_radius)
     require_masses(
-        carriage_mass=carriage_mass, proximal_mass=proximal_mass, distal_mass=distal_mass, platform_mass=platform_mass
+        carriage_mass=carriage_mass,
+        proximal_mass=proximal_mass,
+        distal_mass=distal_mass,
+        platform_mass=platform_mass,
     )
     bodies, slides, roots, elbows, tips = {}, {}, {}, {}, {}
     for i in range(3):
@@ -69,11 +72,19 @@ def tripteron(
             second: rod(distal_mass, distal, link_radius, 0.0, e_k),
         }
         start = Frame(position=vector(-offset * e - proximal * e_j - distal * e_k))
-        slides[f"slide_{label}"] = PrismaticJoint(connects=("ground", carriage), frames=(start, Frame()), axis=axis)
+        slides[f"slide_{label}"] = PrismaticJoint(
+            connects=("ground", carriage), frames=(start, Frame()), axis=axis
+        )
         roots[f"root_{label}"] = RevoluteJoint(connects=(carriage, first), axis=axis)
-        elbow, tip, hold = (Frame(position=vector(p)) for p in (proximal * e_j, distal * e_k, -offset * e))
-        elbows[f"elbow_{label}"] = RevoluteJoint(connects=(first, second), frames=(elbow, Frame()), axis=axis)
-        tips[f"tip_{label}"] = RevoluteJoint(connects=(second, "platform"), frames=(tip, hold), axis=axis)
+        elbow, tip, hold = (
+            Frame(position=vector(p)) for p in (proximal * e_j, distal * e_k, -offset * e)
+        )
+        elbows[f"elbow_{label}"] = RevoluteJoint(
+            connects=(first, second), frames=(elbow, Frame()), axis=axis
+        )
+        tips[f"tip_{label}"] = RevoluteJoint(
+            connects=(second, "platform"), frames=(tip, hold), axis=axis
+        )
     return Mechanism(
         name="Tripteron",
         gravity=gravity,

@@ -49,4 +49,6 @@ def vertices(radius: float) -> tuple[Point, ...]:
 
 def uniform_rod(mass: float, length: float) -> Body:
     """Return a thin rod from the origin along x, for motion in the plane: m l^2 / 12 about its middle."""
-    return Body(mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12))
+    return Body(
+        mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
+    )

@@ -56,7 +56,11 @@ def free_coordinates(name: str, pose: QuaternionPose) -> dict[str, float]:
     """Return the coordinates of a free joint between ground and a body in that pose."""
     values = (*pose.position, *pose.quaternion)
     return dict(
-        zip((f"{name}.{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz")), map(float, values), strict=True)
+        zip(
+            (f"{name}.{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz")),
+            map(float, values),
+            strict=True,
+        )
     )
 
 
@@ -64,4 +68,10 @@ def ball_coordinates(name: str, first: np.ndarray, second: np.ndarray) -> dict[s
     """Return the coordinates of a spherical joint between bodies with these quaternions: that of R_1' R_2."""
     quaternion = product(inverse(first), second)
     quaternion = quaternion if quaternion[0] >= 0 else -quaternion
-    return dict(zip((f"{name}.{part}" for part in ("qw", "qx", "qy", "qz")), map(float, quaternion), strict=True))
+    return dict(
+        zip(
+            (f"{name}.{part}" for part in ("qw", "qx", "qy", "qz")),
+            map(float, quaternion),
+            strict=True,
+        )
+    )

@@ -29,7 +29,9 @@ class Parts:
     reference: dict[str, float] = field(default_factory=dict)
 
     def __or__(self, other: Parts) -> Parts:
-        return Parts(self.bodies | other.bodies, self.joints | other.joints, self.reference | other.reference)
+        return Parts(
+            self.bodies | other.bodies, self.joints | other.joints, self.reference | other.reference
+        )
 
 
 class End(NamedTuple):
@@ -94,7 +96,11 @@ class Rods:
         """Return rod_<label>, or the body of that name with its joints knuckle_<label> and ball_<label>."""
         name = f"rod_{label}"
         if self.mass == 0:
-            joint = RodJoint(connects=(first.body, second.body), frames=(first.frame, second.frame), length=self.length)
+            joint = RodJoint(
+                connects=(first.body, second.body),
+                frames=(first.frame, second.frame),
+                length=self.length,
+            )
             return Parts(joints={name: joint})
         aim = pointing(direction(first, second)[0])
         tip = End(
@@ -114,12 +120,17 @@ class Rods:
             bodies={name: rod(self.mass, self.length, self.radius, 0.0, aim.axis)},
             joints={
                 knuckle: base,
-                ball: SphericalJoint(connects=(name, second.body), frames=(tip.frame, second.frame)),
+                ball: SphericalJoint(
+                    connects=(name, second.body), frames=(tip.frame, second.frame)
+                ),
             },
-            reference=coordinates | ball_coordinates(ball, tip.pose.quaternion, second.pose.quaternion),
+            reference=coordinates
+            | ball_coordinates(ball, tip.pose.quaternion, second.pose.quaternion),
         )
 
-    def pair(self, label: str, first: End, second: End, halves: tuple[np.ndarray, np.ndarray]) -> Parts:
+    def pair(
+        self, label: str, first: End, second: End, halves: tuple[np.ndarray, np.ndarray]
+    ) -> Parts:
         """Return two rods, left and right: both ends of the one before, both ends of the other after the given points.
 
         `halves` [m] lead from the points to the right rod's ends, each in its body's axes; where they are the same
@@ -127,7 +138,11 @@ class Rods:
         """
         left, right = (
             self.between(
-                f"{label}_{side}", *(moved(end, sign * half) for end, half in zip((first, second), halves, strict=True))
+                f"{label}_{side}",
+                *(
+                    moved(end, sign * half)
+                    for end, half in zip((first, second), halves, strict=True)
+                ),
             )
             for side, sign in (("left", -1), ("right", 1))
         )

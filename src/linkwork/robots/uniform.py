@@ -35,7 +35,9 @@ def rod(mass: float, length: float, radius: float, start: float, axis: ArrayLike
     return tube(mass, length, (0.0, radius), start, axis)
 
 
-def tube(mass: float, length: float, radii: tuple[float, float], start: float, axis: ArrayLike) -> Body:
+def tube(
+    mass: float, length: float, radii: tuple[float, float], start: float, axis: ArrayLike
+) -> Body:
     """Return a round tube along a coordinate axis from `start` on: as a rod, with r^2 the sum of the radii's squares."""
     direction = np.asarray(axis, float)
     square = radii[0] ** 2 + radii[1] ** 2

@@ -24,7 +24,9 @@ def hull(points: np.ndarray) -> list[np.ndarray]:
     from scipy.spatial import ConvexHull
 
     found = ConvexHull(flat)
-    return [points[found.vertices]] if dimensions == 2 else [points[face] for face in found.simplices]
+    return (
+        [points[found.vertices]] if dimensions == 2 else [points[face] for face in found.simplices]
+    )
 
 
 def arc(centre: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -58,7 +60,11 @@ def zigzag(start: np.ndarray, end: np.ndarray, width: float, aside: np.ndarray) 
         [[0, STRAIGHT], np.linspace(STRAIGHT, 1 - STRAIGHT, 2 * COILS + 1)[1:-1], [1 - STRAIGHT, 1]]
     )
     sides = np.concatenate([[0, 0], np.tile([0.5, -0.5], COILS)[:-1], [0, 0]])
-    return start + places[:, None] * (end - start) + sides[:, None] * width * aside / np.linalg.norm(aside)
+    return (
+        start
+        + places[:, None] * (end - start)
+        + sides[:, None] * width * aside / np.linalg.norm(aside)
+    )
 
 
 def helix(centre: np.ndarray, axis: np.ndarray, radius: float, length: float) -> np.ndarray:

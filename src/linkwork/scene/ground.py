@@ -16,7 +16,10 @@ from linkwork.scene.symbols import HINGE, KNOB, SLIDER
 # Lengths are relative to the mechanism
 PAD = np.array([0.09, 0.09, 0.008])  # sides of a pad
 RAIL = 0.006  # radius of a rail
-NEEDED, FREE = 0.1, 0.3  # what rails are longer at either end than the slider needs, and where nothing limits it
+NEEDED, FREE = (
+    0.1,
+    0.3,
+)  # what rails are longer at either end than the slider needs, and where nothing limits it
 UPRIGHT = 0.9  # cosine of the angle to z of a hinge's axis, above which it stands on its end
 LEVEL = 1e-6  # difference of heights that is none
 
@@ -46,17 +49,27 @@ def ground(
 def pad(name: str, place: np.ndarray, below: float, size: float) -> ScenePart:
     """Return a level pad below a place."""
     down = (below + PAD[2] / 2) * size * np.eye(3)[2]
-    return ScenePart(name, "stand", (GROUND,), PlacedMesh(BLOCK, place - down, np.eye(3), PAD * size))
+    return ScenePart(
+        name, "stand", (GROUND,), PlacedMesh(BLOCK, place - down, np.eye(3), PAD * size)
+    )
 
 
-def travel(joint: JointPlace, moves: Moves, limits: Mapping[str, Limits] | None, size: float) -> tuple[float, float]:
+def travel(
+    joint: JointPlace, moves: Moves, limits: Mapping[str, Limits] | None, size: float
+) -> tuple[float, float]:
     """Return from where to where on its axis a slider goes, and some more."""
-    (anchor, _), (slider, body) = sorted(((p, of) for of, p in joint.ends), key=lambda end: end[1] != GROUND)
+    (anchor, _), (slider, body) = sorted(
+        ((p, of) for of, p in joint.ends), key=lambda end: end[1] != GROUND
+    )
     way = (moved(slider[None], (body,), moves) - anchor) @ joint.rail
     low, high, half = float(way.min()), float(way.max()), SLIDER[2] / 2 * size
     room = (NEEDED if limits is None else FREE) * size
     own = (limits or {}).get(joint.slide, Limits())
-    ends = (own.lower, own.upper) if joint.connects[0] == GROUND else (minus(own.upper), minus(own.lower))
+    ends = (
+        (own.lower, own.upper)
+        if joint.connects[0] == GROUND
+        else (minus(own.upper), minus(own.lower))
+    )
     return (
         min(low, 0.0) - room if ends[0] is None else min(low, ends[0]) - half,
         max(high, 0.0) + room if ends[1] is None else max(high, ends[1]) + half,

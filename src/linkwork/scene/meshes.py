@@ -35,7 +35,13 @@ class Mesh:
     @cached_property
     def faces(self) -> np.ndarray:
         """Return the polygons as triangles (F, 3)."""
-        return np.array([(p[0], p[k], p[k + 1]) for p in (*self.flat, *self.facets) for k in range(1, len(p) - 1)])
+        return np.array(
+            [
+                (p[0], p[k], p[k + 1])
+                for p in (*self.flat, *self.facets)
+                for k in range(1, len(p) - 1)
+            ]
+        )
 
     @property
     def smooth(self) -> bool:
@@ -64,9 +70,13 @@ def turned(profile: np.ndarray, sides: int = SIDES) -> Mesh:
     """Turn a profile (k, 2) of radius and height about z; it runs upwards, and ends on the axis or is closed by discs."""
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    levels = [np.column_stack([radius * ring, np.full(sides, height)]) for radius, height in profile]
+    levels = [
+        np.column_stack([radius * ring, np.full(sides, height)]) for radius, height in profile
+    ]
     closed = [bool(radius > 0) for radius in profile[[0, -1], 0]]
-    return Mesh(np.concatenate(levels), discs(len(profile), sides, closed), bands(len(profile), sides))
+    return Mesh(
+        np.concatenate(levels), discs(len(profile), sides, closed), bands(len(profile), sides)
+    )
 
 
 def bands(rings: int, sides: int) -> np.ndarray:
@@ -130,7 +140,9 @@ def tube(line: np.ndarray, radius: float) -> Mesh:
         side = side - (side @ direction) * direction
         side /= np.linalg.norm(side)
         other = np.cross(direction, side)
-        rings.append(point + radius * (np.cos(angles)[:, None] * side + np.sin(angles)[:, None] * other))
+        rings.append(
+            point + radius * (np.cos(angles)[:, None] * side + np.sin(angles)[:, None] * other)
+        )
     return Mesh(np.concatenate(rings), discs(len(line), TUBE_SIDES), bands(len(line), TUBE_SIDES))
 
 
@@ -139,7 +151,9 @@ def coil(turns: int, radius: float, wire: float) -> Mesh:
     t = np.linspace(0, 1, 16 * turns + 1)
     winding = np.stack([np.cos(2 * np.pi * turns * t), np.sin(2 * np.pi * turns * t)], axis=1)
     helix = np.column_stack([radius * winding, 0.15 + 0.7 * t])
-    return tube(np.concatenate([[(0, 0, 0.0), (0, 0, 0.12)], helix, [(0, 0, 0.88), (0, 0, 1.0)]]), wire)
+    return tube(
+        np.concatenate([[(0, 0, 0.0), (0, 0, 0.12)], helix, [(0, 0, 0.88), (0, 0, 1.0)]]), wire
+    )
 
 
 POST = outlined(((1.0, 0.0), (1.0, 1.0)), True)  # radius 1, from the origin to height 1 along z
@@ -175,7 +189,9 @@ class PlacedMesh:
 
     def is_disc(self, from_above: bool) -> bool:
         """Tell whether it is seen as a disc: a ball from everywhere, a pin along z from above."""
-        return self.mesh is BALL or (from_above and self.mesh is PIN and abs(self.turn[2, 2]) > UPRIGHT)
+        return self.mesh is BALL or (
+            from_above and self.mesh is PIN and abs(self.turn[2, 2]) > UPRIGHT
+        )
 
     def moved(self, position: np.ndarray, turn: np.ndarray) -> PlacedMesh:
         """Return the piece with its points p at  position + turn p."""

@@ -45,7 +45,9 @@ class Hull:
     def of(cls, faces: Sequence[np.ndarray]) -> Hull:
         """Make one of its faces (., 3)."""
         points, numbers = np.unique(np.concatenate(faces), axis=0, return_inverse=True)
-        return cls(points, tuple(np.split(numbers.ravel(), np.cumsum([len(face) for face in faces])[:-1])))
+        return cls(
+            points, tuple(np.split(numbers.ravel(), np.cumsum([len(face) for face in faces])[:-1]))
+        )
 
     @property
     def faces(self) -> list[np.ndarray]:
@@ -91,7 +93,9 @@ class ScenePart:
         """Return the part where its bodies have moved to (each point p to  t + R p), or a stack of it for a stack of moves."""
         if isinstance(self.form, PlacedMesh):
             return replace(self, form=self.form.moved(*moves[self.bodies[0]]))
-        return replace(self, form=replace(self.form, points=moved(self.form.points, self.bodies, moves)))
+        return replace(
+            self, form=replace(self.form, points=moved(self.form.points, self.bodies, moves))
+        )
 
 
 def moved(points: np.ndarray, bodies: tuple[str, ...], moves: Moves) -> np.ndarray:

@@ -24,7 +24,11 @@ from linkwork.scene.skeleton import Skeleton, skeleton
 from linkwork.scene.symbols import symbol
 
 # Lengths are relative to the mechanism
-BAR, AXIS, COUPLING = 0.011, 0.004, 0.003  # radii of bars, of a tool's axes, and of the lines between geared joints
+BAR, AXIS, COUPLING = (
+    0.011,
+    0.004,
+    0.003,
+)  # radii of bars, of a tool's axes, and of the lines between geared joints
 ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of masses and of springs
 
 
@@ -54,7 +58,10 @@ class Scene:
     @cached_property
     def points(self) -> np.ndarray:
         """Return all points (N, 3) of all poses [m]."""
-        elsewhere = [moved(own, (name,), self.moves).reshape(-1, 3) for name, own in self.pose.by_body.items()]
+        elsewhere = [
+            moved(own, (name,), self.moves).reshape(-1, 3)
+            for name, own in self.pose.by_body.items()
+        ]
         return np.concatenate([self.pose.points, *elsewhere])
 
     @cached_property
@@ -69,7 +76,12 @@ class Scene:
     @cached_property
     def parts(self) -> tuple[ScenePart, ...]:
         """Return all that is drawn; rails are as long as the poses that are shown need, or as is allowed."""
-        mechanism, pose, size, planar = self.robot.mechanism, self.pose, self.size, self.robot.planar
+        mechanism, pose, size, planar = (
+            self.robot.mechanism,
+            self.pose,
+            self.size,
+            self.robot.planar,
+        )
         limits = None if self.shown else dict((label, own) for label, own, _ in limited(mechanism))
         return (
             *ground(pose, self.moves, limits, size, planar),
@@ -102,7 +114,9 @@ def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Ite
             yield ScenePart(name, "member", (name,), solid, shape.colour)
     held = {body for joint in pose.joints for body in joint.connects}
     masses = dict(pose.masses)
-    for name, points in ((name, points) for name, points in pose.bodies.items() if name not in pose.solids):
+    for name, points in (
+        (name, points) for name, points in pose.bodies.items() if name not in pose.solids
+    ):
         faces = hull(points * (1, 1, 0) if flat else points)
         if len(faces[0]) > 2:
             yield ScenePart(name, "plate", (name,), Hull.of(faces))
@@ -113,13 +127,17 @@ def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Ite
     for name, points in pose.arcs.items():
         yield ScenePart(name, "member", (name,), Bar(points, BAR * size))
     for name, place in masses.items():
-        yield ScenePart(name, "mass", (name,), PlacedMesh(BALL, place, np.eye(3), np.full(3, MASS * size)))
+        yield ScenePart(
+            name, "mass", (name,), PlacedMesh(BALL, place, np.eye(3), np.full(3, MASS * size))
+        )
 
 
 def others(mechanism: Mechanism, pose: Skeleton, size: float, planar: bool) -> Iterator[ScenePart]:
     """Yield springs, a line through the joints that a gear couples, and the axes of tools: x, y, and in space z."""
     for name, ends in pose.springs.items():
-        yield ScenePart(name, "spring", mechanism.springs[name].connects, Coil(ends, WINDING * size))
+        yield ScenePart(
+            name, "spring", mechanism.springs[name].connects, Coil(ends, WINDING * size)
+        )
     for name, joints in pose.gears.items():
         line = Bar(np.stack([joint.far for joint in joints]), COUPLING * size)
         yield ScenePart(name, "gear", tuple(joint.connects[1] for joint in joints), line)

@@ -114,24 +114,43 @@ class Skeleton:
         """Return all points (N, 3)."""
         ends = [np.stack([joint.near, joint.far]) for joint in self.joints]
         corners = [solid.corners for solids in self.solids.values() for solid in solids]
-        return np.concatenate([*self.bodies.values(), *corners, *self.arcs.values(), *ends, *self.springs.values()])
+        return np.concatenate(
+            [*self.bodies.values(), *corners, *self.arcs.values(), *ends, *self.springs.values()]
+        )
 
     @property
     def by_body(self) -> dict[str, np.ndarray]:
         """Return the points (k, 3) that move with each body."""
-        corners = {name: [solid.corners for solid in solids] for name, solids in self.solids.items()}
+        corners = {
+            name: [solid.corners for solid in solids] for name, solids in self.solids.items()
+        }
         own = {name: [points, *corners.get(name, [])] for name, points in self.bodies.items()}
         return {name: np.concatenate(points) for name, points in own.items()} | self.arcs
 
     @property
     def outline(self) -> np.ndarray:
         """Return points (N, 3) close together along all lines that are drawn."""
-        lines = [face for name, points in self.bodies.items() if name not in self.solids for face in hull(points)]
-        lines += [face for solids in self.solids.values() for solid in solids for face in solid.faces]
-        lines += [*self.arcs.values(), *self.springs.values(), *(np.stack([j.near, j.far]) for j in self.joints)]
+        lines = [
+            face
+            for name, points in self.bodies.items()
+            if name not in self.solids
+            for face in hull(points)
+        ]
+        lines += [
+            face for solids in self.solids.values() for solid in solids for face in solid.faces
+        ]
+        lines += [
+            *self.arcs.values(),
+            *self.springs.values(),
+            *(np.stack([j.near, j.far]) for j in self.joints),
+        ]
         t = np.linspace(0, 1, 13)[:, None]
         return np.concatenate(
-            [a + t * (b - a) for line in lines for a, b in zip(line, np.roll(line, -1, axis=0), strict=True)]
+            [
+                a + t * (b - a)
+                for line in lines
+                for a, b in zip(line, np.roll(line, -1, axis=0), strict=True)
+            ]
         )
 
 
@@ -140,22 +159,34 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     mechanism = robot.mechanism
     poses = {GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)
     centres = {
-        name: placed(poses[name], body.centre_of_mass) for name, body in mechanism.bodies.items() if body.mass > 0
+        name: placed(poses[name], body.centre_of_mass)
+        for name, body in mechanism.bodies.items()
+        if body.mass > 0
     }
     joints, meeting = joint_places(robot, poses, centres)
     springs = {
-        name: np.stack([placed(poses[body], p) for body, p in zip(spring.connects, spring.points, strict=True)])
+        name: np.stack(
+            [placed(poses[body], p) for body, p in zip(spring.connects, spring.points, strict=True)]
+        )
         for name, spring in mechanism.springs.items()
     }
-    tools = {name: frame_pose(poses[tool.body], tool.frame) for name, tool in mechanism.tools.items()}
+    tools = {
+        name: frame_pose(poses[tool.body], tool.frame) for name, tool in mechanism.tools.items()
+    }
     hung = [
-        end for name, spring in mechanism.springs.items() for end in zip(spring.connects, springs[name], strict=True)
+        end
+        for name, spring in mechanism.springs.items()
+        for end in zip(spring.connects, springs[name], strict=True)
     ]
     anchors = np.array([p for body, p in hung if body == GROUND]).reshape(-1, 3)
     ends = [*hung, *(end for joint in joints for end in joint.ends)]
     ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
     points = {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
-    solids = {name: body_solids(body, poses[name]) for name, body in mechanism.bodies.items() if body.shapes}
+    solids = {
+        name: body_solids(body, poses[name])
+        for name, body in mechanism.bodies.items()
+        if body.shapes
+    }
     masses = {
         name: centres[name]
         for name in point_masses(mechanism, points, centres)
@@ -170,7 +201,9 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     arcs = {name: arc(meeting[name], *points[name]) for name in bent}
     bodies = {name: np.stack(found) for name, found in points.items() if name not in arcs}
     gears = {
-        name: tuple(joint for joint in joints if not gear.ratios.keys().isdisjoint(joint.coordinates))
+        name: tuple(
+            joint for joint in joints if not gear.ratios.keys().isdisjoint(joint.coordinates)
+        )
         for name, gear in mechanism.gears.items()
     }
     return Skeleton(bodies, solids, arcs, joints, gears, springs, anchors, masses, tools)
@@ -204,13 +237,18 @@ def joint_places(
     return tuple(replace(joint, tubed=is_tubed(joint, moved)) for joint in moved), meeting
 
 
-def joint_place(name: str, joint: PairJoint, poses: Mapping[str, Placed], driven: bool) -> JointPlace:
+def joint_place(
+    name: str, joint: PairJoint, poses: Mapping[str, Placed], driven: bool
+) -> JointPlace:
     """Place a joint by the poses of its two bodies."""
     (near, R_1), (far, R_2) = (
-        frame_pose(poses[body], frame) for body, frame in zip(joint.connects, joint.frames, strict=True)
+        frame_pose(poses[body], frame)
+        for body, frame in zip(joint.connects, joint.frames, strict=True)
     )
     kind = KINDS[joint.type]
-    motions = [(motion, R_2 if turned else R_1) for motion, turned in after_turns(kind.motions(joint))]
+    motions = [
+        (motion, R_2 if turned else R_1) for motion, turned in after_turns(kind.motions(joint))
+    ]
     return JointPlace(
         name,
         joint.type,
@@ -218,13 +256,20 @@ def joint_place(name: str, joint: PairJoint, poses: Mapping[str, Placed], driven
         near,
         far,
         turns=np.array([R @ m.turn for m, R in motions if m.turns and not m.ball]).reshape(-1, 3),
-        slides=np.array([R @ m.slide / np.linalg.norm(m.slide) for m, R in motions if m.slides]).reshape(-1, 3),
+        slides=np.array(
+            [R @ m.slide / np.linalg.norm(m.slide) for m, R in motions if m.slides]
+        ).reshape(-1, 3),
         ball=any(motion.ball for motion, _ in motions),
         threaded=any(motion.turns and motion.slides for motion, _ in motions),
         rod=any(row.length is not None for row in kind.rows(joint, X)),
         coordinates=joint.coordinates(name),
         slide=next(
-            (own for own, what in zip(joint.coordinates(name), joint.freedoms, strict=False) if what in SLIDES), ""
+            (
+                own
+                for own, what in zip(joint.coordinates(name), joint.freedoms, strict=False)
+                if what in SLIDES
+            ),
+            "",
         ),
         driven=driven,
     )
@@ -232,14 +277,20 @@ def joint_place(name: str, joint: PairJoint, poses: Mapping[str, Placed], driven
 
 def after_turns(motions: Sequence[Motion]) -> list[tuple[Motion, bool]]:
     """Tell of each motion whether a turn comes before it: its axis then belongs to the second frame, else to the first."""
-    return [(motion, any(before.turns for before in motions[:k])) for k, motion in enumerate(motions)]
+    return [
+        (motion, any(before.turns for before in motions[:k])) for k, motion in enumerate(motions)
+    ]
 
 
 def is_tubed(joint: JointPlace, joints: Sequence[JointPlace]) -> bool:
     """Tell whether a joint slides as a rod in a tube, far enough to be seen."""
     points = [p for other in joints for _, p in other.ends]
     size = float(np.ptp(points, axis=0).max())
-    if joint.motions != SLIDER or joint.grounded or np.linalg.norm(joint.far - joint.near) < APART * size:
+    if (
+        joint.motions != SLIDER
+        or joint.grounded
+        or np.linalg.norm(joint.far - joint.near) < APART * size
+    ):
         return False
     for body, end in joint.ends:
         own = np.array([p for other in joints for name, p in other.ends if name == body])
@@ -253,7 +304,9 @@ def is_tubed(joint: JointPlace, joints: Sequence[JointPlace]) -> bool:
 
 def meeting_points(joints: Sequence[JointPlace], bodies: Sequence[str]) -> dict[str, np.ndarray]:
     """Return the point where all joints of a body stand, for the bodies with two hinges or more and nothing else."""
-    size = max((float(np.abs(p).max()) for joint in joints for p in (joint.near, joint.far)), default=0.0)
+    size = max(
+        (float(np.abs(p).max()) for joint in joints for p in (joint.near, joint.far)), default=0.0
+    )
     found = {}
     for name in bodies:
         own = [(joint.motions, p) for joint in joints for body, p in joint.ends if body == name]
@@ -267,10 +320,14 @@ def meeting_points(joints: Sequence[JointPlace], bodies: Sequence[str]) -> dict[
     return found
 
 
-def moved_out(joint: JointPlace, meeting: Mapping[str, np.ndarray], centres: Mapping[str, np.ndarray]) -> JointPlace:
+def moved_out(
+    joint: JointPlace, meeting: Mapping[str, np.ndarray], centres: Mapping[str, np.ndarray]
+) -> JointPlace:
     """Move a hinge of a body whose hinges meet along its axis, to the foot of its bodies' mass centres."""
     reach = [
-        (centres[body] - joint.near) @ joint.axes[0] for body in joint.connects if body in centres and len(joint.axes)
+        (centres[body] - joint.near) @ joint.axes[0]
+        for body in joint.connects
+        if body in centres and len(joint.axes)
     ]
     if not reach or set(joint.connects).isdisjoint(meeting):
         return joint
@@ -282,14 +339,21 @@ def moved_out(joint: JointPlace, meeting: Mapping[str, np.ndarray], centres: Map
 
 
 def point_masses(
-    mechanism: Mechanism, points: Mapping[str, Sequence[np.ndarray]], centres: Mapping[str, np.ndarray]
+    mechanism: Mechanism,
+    points: Mapping[str, Sequence[np.ndarray]],
+    centres: Mapping[str, np.ndarray],
 ) -> list[str]:
     """Name the bodies whose mass is a point, or nearly one on a body that hangs on one joint, away from a joint."""
-    everything = np.array([*centres.values(), *(p for own in points.values() for p in own)]).reshape(-1, 3)
+    everything = np.array(
+        [*centres.values(), *(p for own in points.values() for p in own)]
+    ).reshape(-1, 3)
     size = float(np.ptp(everything, axis=0).max()) if len(everything) else 0.0
     found = []
     for name, centre in centres.items():
-        body, far = mechanism.bodies[name], max((float(np.linalg.norm(p - centre)) for p in points[name]), default=0.0)
+        body, far = (
+            mechanism.bodies[name],
+            max((float(np.linalg.norm(p - centre)) for p in points[name]), default=0.0),
+        )
         hangs = sum(name in joint.connects for joint in mechanism.pairs.values()) == 1
         radius = sqrt(body.inertia.tensor().diagonal().max() / body.mass)
         if far > APART * size and radius <= (POINT_MASS * far if hangs else 0.0):

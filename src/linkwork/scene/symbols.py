@@ -24,8 +24,16 @@ from linkwork.scene.skeleton import JointPlace
 
 # Lengths are relative to the mechanism
 HINGE, SLEEVE, ARM = (0.018, 0.06), (0.016, 0.085), (0.010, 0.05)  # radius and length of pins
-KNOB, SEATED, TIP = 0.018, 0.03, 0.010  # radii of balls, alone, on what slides, and at the ends of rods
-SLIDER, SHEET, CUBE = (0.05, 0.05, 0.07), (0.065, 0.065, 0.012), (0.032, 0.032, 0.032)  # sides of boxes
+KNOB, SEATED, TIP = (
+    0.018,
+    0.03,
+    0.010,
+)  # radii of balls, alone, on what slides, and at the ends of rods
+SLIDER, SHEET, CUBE = (
+    (0.05, 0.05, 0.07),
+    (0.065, 0.065, 0.012),
+    (0.032, 0.032, 0.032),
+)  # sides of boxes
 THREAD, WIRE = 0.022, 0.0025  # radius of a thread, and its thickness
 ROD, TUBE, GUIDE = 0.0065, 0.017, 0.004  # radii
 TUBED = 0.55  # part of a telescope's length that is its tube
@@ -39,7 +47,9 @@ def symbol(joint: JointPlace, size: float) -> Iterator[ScenePart]:
         yield ScenePart(joint.name, role, bodies, form, own, standing=k == 0)
 
 
-def parts(joint: JointPlace, size: float) -> Iterator[tuple[str, tuple[str, ...], PlacedMesh | Bar]]:
+def parts(
+    joint: JointPlace, size: float
+) -> Iterator[tuple[str, tuple[str, ...], PlacedMesh | Bar]]:
     """Yield the role, bodies and form of each part of a joint, the one that stands for it first."""
     ends = np.stack([joint.near, joint.far])
     if joint.tubed:

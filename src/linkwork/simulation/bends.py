@@ -37,7 +37,10 @@ def bends(knots, coefficients, most):
     for j in range(columns):
         value = speed = 0.0
         for i in range(pieces):
-            value, speed = max(value, abs(coefficients[i, 0, j])), max(speed, abs(coefficients[i, 1, j]))
+            value, speed = (
+                max(value, abs(coefficients[i, 0, j])),
+                max(speed, abs(coefficients[i, 1, j])),
+            )
         latest = max(abs(knots[0]), abs(knots[pieces])) if np.isfinite(knots[pieces]) else 0.0
         noise = SMALLEST * value + ROUNDING * speed * latest
         side, place, farthest, slack_there = 0.0, 0, 0.0, 0.0

@@ -115,7 +115,11 @@ def _gather(function: Callable, parts: dict[Callable, list[object]]) -> None:
     cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
     names = function.__globals__ | {name: cell.cell_contents for name, cell in cells.items()}
     for code in _codes(function.__code__):
-        part += [code.co_code, code.co_names, [c for c in code.co_consts if not isinstance(c, CodeType)]]
+        part += [
+            code.co_code,
+            code.co_names,
+            [c for c in code.co_consts if not isinstance(c, CodeType)],
+        ]
         for name in (*code.co_names, *code.co_freevars):
             value = names.get(name)
             if isinstance(value, bool | int | float | str | tuple):

@@ -88,7 +88,9 @@ class Control:
 
     def __post_init__(self):
         if not 0 < self.period < math.inf:
-            raise LinkworkError(f"the period of a sampled controller must be positive and finite, not {self.period} s")
+            raise LinkworkError(
+                f"the period of a sampled controller must be positive and finite, not {self.period} s"
+            )
 
 
 @dataclass(frozen=True)

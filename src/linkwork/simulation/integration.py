@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from linkwork.simulation.native_loop import Outcome
 
 NO_CONDITIONS = np.empty((0, 2))
-NEARLY = 0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
+NEARLY = (
+    0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +67,16 @@ class Trajectory:
     def _culprit(self) -> str:
         """What is not finite, by the number that the compiled loop gives it."""
         fault, held = int(self.outcome.fault), self.control.held.size if self.control else 0
-        kinds = [("component {} of q'", self.nq), ("component {} of v'", self.v_end.size), ("the pivot", 1)]
-        for kind, count in [*kinds, ("held input {}", held), ("the function of event {}", math.inf)]:
+        kinds = [
+            ("component {} of q'", self.nq),
+            ("component {} of v'", self.v_end.size),
+            ("the pivot", 1),
+        ]
+        for kind, count in [
+            *kinds,
+            ("held input {}", held),
+            ("the function of event {}", math.inf),
+        ]:
             if fault < count:
                 return kind.format(fault) + (" (counted from 0)" if "{}" in kind else "")
             fault -= int(count)
@@ -95,7 +105,9 @@ class Trajectory:
     @cached_property
     def events(self) -> Occurrences:
         n = self.y_end.size
-        return Occurrences(self.found[:, 0], self.found[:, -1].astype(int), self.found[:, 1 : 1 + n])
+        return Occurrences(
+            self.found[:, 0], self.found[:, -1].astype(int), self.found[:, 1 : 1 + n]
+        )
 
     @cached_property
     def q_end(self) -> np.ndarray:
@@ -108,7 +120,9 @@ class Trajectory:
     @property
     def pace(self) -> Pace:
         """The step size to go on with, and its growth."""
-        return Pace(self.outcome.step, self.outcome.growth, self.outcome.longest, self.outcome.ideal)
+        return Pace(
+            self.outcome.step, self.outcome.growth, self.outcome.longest, self.outcome.ideal
+        )
 
     @property
     def next_step(self) -> float:
@@ -228,7 +242,11 @@ def integrate(
     times = np.empty(0) if save_at is None else times_within(save_at, start, stop)
     native, loop = _compiled(method.stiff)
     pace = _pace(first_step if method.step is None else method.step)
-    for name, value in ("max_step", max_step), ("pivot_bound", pivot_bound), ("closure_tol", closure_tol):
+    for name, value in (
+        ("max_step", max_step),
+        ("pivot_bound", pivot_bound),
+        ("closure_tol", closure_tol),
+    ):
         _require_positive(name, value)
     if method.stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
@@ -254,7 +272,12 @@ def integrate(
     status = Status(outcome.status)
     if status is Status.CLOSURE_LOST:
         closure_tol *= turning.looser(y[: q.size])
-    bounds = {"pivot_bound": pivot_bound, "closure_tol": closure_tol, "max_steps": max_steps, "event": event}
+    bounds = {
+        "pivot_bound": pivot_bound,
+        "closure_tol": closure_tol,
+        "max_steps": max_steps,
+        "event": event,
+    }
     if method.stiff:
         bounds["remedy"] = "or look for what acts too suddenly"
     return Trajectory(rows, found, y, counted[2], q.size, outcome, control, bounds, status)
@@ -290,7 +313,11 @@ def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float,
     """Return the held inputs, the period, the index of the first sample, and the address of the controller's kernel."""
     if control is None:
         return np.empty(0), 1.0, 0, 0
-    first = math.ceil(start / control.period - ROUNDING) if control.next_sample is None else control.next_sample
+    first = (
+        math.ceil(start / control.period - ROUNDING)
+        if control.next_sample is None
+        else control.next_sample
+    )
     return _vector("the held inputs", control.held), control.period, first, control.address
 
 
@@ -298,7 +325,9 @@ def _vector(what: str, values: ArrayLike) -> np.ndarray:
     """Return a contiguous copy (n,) as floats, or refuse what is no list of finite numbers."""
     vector = np.array(values, dtype=float)
     if vector.ndim != 1:
-        raise LinkworkError(f"{what} must be a list of numbers, not an array of the shape {vector.shape}")
+        raise LinkworkError(
+            f"{what} must be a list of numbers, not an array of the shape {vector.shape}"
+        )
     numbers = vector.tolist()
     if not all(map(math.isfinite, numbers)):
         i = next(i for i, number in enumerate(numbers) if not math.isfinite(number))
@@ -319,7 +348,9 @@ def _tolerance(name: str, value: ArrayLike, n: int) -> ArrayLike:
         return value
     given = np.asarray(value, dtype=float)
     if given.shape not in ((), (n,)):
-        raise LinkworkError(f"{name} has the shape {given.shape}: give one number, or {n}, one for each of (q, v)")
+        raise LinkworkError(
+            f"{name} has the shape {given.shape}: give one number, or {n}, one for each of (q, v)"
+        )
     for number in given.ravel().tolist():
         if not 0 < number < math.inf:
             raise LinkworkError(f"{name} must be positive and finite, not {number}")

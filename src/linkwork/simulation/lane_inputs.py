@@ -66,7 +66,9 @@ def force(signals, i, t, from_left, x, n, lane, tally):
 def next_target(signals, i, tally, t, lane):
     """Return the next time at which a step has to end."""
     breaks, end, stop = signals.breaks, signals.breaking[i + 1], signals.stop
-    while tally[BREAK, lane] < end and breaks[tally[BREAK, lane]] <= t + ROUNDING * (t - signals.start):
+    while tally[BREAK, lane] < end and breaks[tally[BREAK, lane]] <= t + ROUNDING * (
+        t - signals.start
+    ):
         tally[BREAK, lane] += 1
     return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < end else stop
 

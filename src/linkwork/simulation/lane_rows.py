@@ -34,9 +34,23 @@ class Tables(NamedTuple):
 # Rows of `now`; the first NUMBERS are kept of every member.
 TIME, STEP_SIZE, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL, LOOSE = range(7)
 NUMBERS = 7
-GROWTH, LONGEST, IDEAL, STEP, ARRIVAL, TARGET, LIVE, ERROR, RESIDUAL, LOWEST, ACCEPTS, WANTED, THETA, LEAST, PEAKS = (
-    range(7, 22)
-)
+(
+    GROWTH,
+    LONGEST,
+    IDEAL,
+    STEP,
+    ARRIVAL,
+    TARGET,
+    LIVE,
+    ERROR,
+    RESIDUAL,
+    LOWEST,
+    ACCEPTS,
+    WANTED,
+    THETA,
+    LEAST,
+    PEAKS,
+) = range(7, 22)
 NOW = 22
 
 # Rows of `tally`; the first COUNTS are kept of every member, too.

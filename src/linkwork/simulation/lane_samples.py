@@ -106,7 +106,12 @@ def keep_sample(i, row, lane, state, samples, tables):
 @njit(forceinline=True, **OPTIONS)
 def interpolate(method, tables, state):
     """Leave the states of all lanes at the times t + theta h, with each lane's theta, in a table."""
-    weights, theta, h, stages = tables.weights, load(tables.now, THETA), load(tables.now, STEP), method.stages
+    weights, theta, h, stages = (
+        tables.weights,
+        load(tables.now, THETA),
+        load(tables.now, STEP),
+        method.stages,
+    )
     for i in range(stages):
         weight, power = splat(0.0), theta
         for m in range(method.degree):
@@ -136,9 +141,14 @@ def take_samples(closure, method, closure_tol, save_at, samples, tables):
         for lane in range(LANES):
             if now[WANTED, lane] > 0:
                 if now[RESIDUAL, lane] <= closure_tol * now[LOOSE, lane]:
-                    keep_sample(tally[MEMBER, lane], tally[REACHED, lane], lane, sample, samples, tables)
+                    keep_sample(
+                        tally[MEMBER, lane], tally[REACHED, lane], lane, sample, samples, tables
+                    )
                     tally[REACHED, lane] += 1
                     now[CLOSURE_ERROR, lane] = max(now[CLOSURE_ERROR, lane], now[RESIDUAL, lane])
                 else:
                     now[ACCEPTS, lane], tally[AILMENT, lane] = 0.0, CLOSURE_LOST
-                    now[REJECTED_RESIDUAL, lane], now[REJECTED_PIVOT, lane] = now[RESIDUAL, lane], now[LOWEST, lane]
+                    now[REJECTED_RESIDUAL, lane], now[REJECTED_PIVOT, lane] = (
+                        now[RESIDUAL, lane],
+                        now[LOWEST, lane],
+                    )

@@ -29,7 +29,14 @@ from linkwork.simulation.lane_rows import (
     WANTED,
 )
 from linkwork.simulation.native_loop import ROUNDING
-from linkwork.simulation.native_pace import FADING, LARGEST_FACTOR, SAFETY, SHORT, SMALLEST_ERROR, SMALLEST_FACTOR
+from linkwork.simulation.native_pace import (
+    FADING,
+    LARGEST_FACTOR,
+    SAFETY,
+    SHORT,
+    SMALLEST_ERROR,
+    SMALLEST_FACTOR,
+)
 from linkwork.simulation.native_parts import NEWTON_CALLS
 from linkwork.simulation.vectors import (
     absolute,
@@ -102,7 +109,9 @@ def scaled(values, row, n, y, tolerance):
     """Return the root mean square of values / (atol + rtol |y|), the values from a row on."""
     total = splat(0.0)
     for m in range(n):
-        ratio = load(values, row + m) / (load(tolerance, n + m) + load(tolerance, m) * absolute(load(y, m)))
+        ratio = load(values, row + m) / (
+            load(tolerance, n + m) + load(tolerance, m) * absolute(load(y, m))
+        )
         total = total + ratio * ratio
     return root(total / splat(float(n)))
 
@@ -128,7 +137,13 @@ def combine(weights, count, n, now, y, k, x):
     h = load(now, STEP)
     for block in range(0, n if n >= 5 else 0, 5):
         m = min(block, n - 5)
-        first, second, third, fourth, fifth = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
+        first, second, third, fourth, fifth = (
+            splat(0.0),
+            splat(0.0),
+            splat(0.0),
+            splat(0.0),
+            splat(0.0),
+        )
         for j in range(count):
             if weights[j] != 0.0:
                 weight, row = splat(weights[j]), j * (n + 1) + m
@@ -197,11 +212,16 @@ def falling(now):
 def accept(sixteenths, max_step, now):
     """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in `native_pace`."""
     kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
-    sixteenth, power = root(root(root(root(larger(load(now, ERROR), splat(SMALLEST_ERROR)))))), splat(1.0)
+    sixteenth, power = (
+        root(root(root(root(larger(load(now, ERROR), splat(SMALLEST_ERROR)))))),
+        splat(1.0),
+    )
     for _ in range(sixteenths):
         power = power * sixteenth
     longest, ideal = larger(step, splat(FADING) * load(now, LONGEST)), step / power
-    ease = choose(splat(SHORT) * longest <= h, splat(1.0), smaller(ideal / load(now, IDEAL), splat(1.0)))
+    ease = choose(
+        splat(SHORT) * longest <= h, splat(1.0), smaller(ideal / load(now, IDEAL), splat(1.0))
+    )
     factor = smaller(load(now, GROWTH), splat(SAFETY) / power * ease)
     proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))
     proposal = choose(h <= step, proposal, larger(h, proposal))

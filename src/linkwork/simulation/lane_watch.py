@@ -111,9 +111,14 @@ def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
             now[WANTED, lane], now[THETA, lane] = 0.0, 1.0
             if now[LEAST, lane] > 0 and now[ACCEPTS, lane] > 0:
                 watch = watch_of(watched, tally[MEMBER, lane])
-                count, by_line, by_cubic = farthest_bends(watch, j, tally[BEND, lane], now[TIME, lane], now[STEP, lane])
+                count, by_line, by_cubic = farthest_bends(
+                    watch, j, tally[BEND, lane], now[TIME, lane], now[STEP, lane]
+                )
                 if count > FREE and (place % 2 == 0 or by_line != by_cubic):
-                    now[WANTED, lane], now[THETA, lane] = 1.0, by_line if place % 2 == 0 else by_cubic
+                    now[WANTED, lane], now[THETA, lane] = (
+                        1.0,
+                        by_line if place % 2 == 0 else by_cubic,
+                    )
                     wanted += 1
         if wanted > 0:
             measure(motion, method, signals, 1.0, pivot_bound, tables)
@@ -139,7 +144,13 @@ def measure(motion, method, signals, factor, pivot_bound, tables):
     n, y, x, k, sample, now, tally = (
         tables.n, tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
     )  # fmt: skip
-    stages, weights, theta, h, total = method.stages, tables.weights, load(now, THETA), load(now, STEP), splat(0.0)
+    stages, weights, theta, h, total = (
+        method.stages,
+        tables.weights,
+        load(now, THETA),
+        load(now, STEP),
+        splat(0.0),
+    )
     interpolate(method, tables, x)
     for lane in range(LANES):
         if now[LIVE, lane] > 0:
@@ -169,7 +180,12 @@ def measure(motion, method, signals, factor, pivot_bound, tables):
 @njit(forceinline=True, **OPTIONS)
 def judge_defect(lane, pivot_row, pivot_bound, tables):
     """Take the defect of a lane into its error, or say what ails it."""
-    now, tally, pivot, defect = tables.now, tables.tally, tables.k[pivot_row, lane], tables.sample[0, lane]
+    now, tally, pivot, defect = (
+        tables.now,
+        tables.tally,
+        tables.k[pivot_row, lane],
+        tables.sample[0, lane],
+    )
     tally[EVALUATIONS, lane] += 1
     ailment = OK if math.isfinite(defect) else NON_FINITE
     if not pivot >= pivot_bound:

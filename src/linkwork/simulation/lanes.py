@@ -23,7 +23,14 @@ import numpy as np
 from numba import njit, types
 
 from linkwork.simulation.compiled import OPTIONS, compiled_once
-from linkwork.simulation.lane_inputs import Signals, force, next_target, set_forces, shared, signal_of
+from linkwork.simulation.lane_inputs import (
+    Signals,
+    force,
+    next_target,
+    set_forces,
+    shared,
+    signal_of,
+)
 from linkwork.simulation.lane_rows import (
     ACCEPTED,
     ACCEPTS,
@@ -65,7 +72,16 @@ from linkwork.simulation.lane_rows import (
     Tables,
 )
 from linkwork.simulation.lane_samples import extend, keep_sample, take_samples, want_samples
-from linkwork.simulation.lane_steps import accept, choose_steps, combine, falling, judge, move, project, scaled
+from linkwork.simulation.lane_steps import (
+    accept,
+    choose_steps,
+    combine,
+    falling,
+    judge,
+    move,
+    project,
+    scaled,
+)
 from linkwork.simulation.lane_watch import Watched, inspect, mark, mark_peaks
 from linkwork.simulation.native_loop import (
     LOOK,
@@ -96,7 +112,17 @@ from linkwork.simulation.native_parts import (
     without,
 )
 from linkwork.simulation.status import Status
-from linkwork.simulation.vectors import LANES, absolute, as_table, call_wide, larger, load, some, splat, store
+from linkwork.simulation.vectors import (
+    LANES,
+    absolute,
+    as_table,
+    call_wide,
+    larger,
+    load,
+    some,
+    splat,
+    store,
+)
 
 CANCELLED = int(Status.CANCELLED)
 
@@ -182,7 +208,11 @@ def start_block(
         for m in range(parameters.shape[1]):
             x[n + inputs + m, lane] = z[tables.nq + m, lane] = parameters[row, m]
         now[WANTED, lane] = 1.0
-        tally[STATUS, lane], tally[EVALUATIONS, lane], tally[BREAK, lane] = OK, 0, signals.breaking[signal]
+        tally[STATUS, lane], tally[EVALUATIONS, lane], tally[BREAK, lane] = (
+            OK,
+            0,
+            signals.breaking[signal],
+        )
         tally[PIECE, lane] = 0
         force(signals, signal, start, False, x, n, lane, tally)
         now[TARGET, lane] = next_target(signals, signal, tally, start, lane)
@@ -203,7 +233,10 @@ def start_block(
         now[PIVOT, lane] = math.inf
         now[REJECTED_PIVOT, lane] = 0.0
         if tally[STATUS, lane] == OK:
-            tally[STATUS, lane], tally[EVALUATIONS, lane] = first_ailment(k, 0, n, lane, pivot_bound), 1
+            tally[STATUS, lane], tally[EVALUATIONS, lane] = (
+                first_ailment(k, 0, n, lane, pivot_bound),
+                1,
+            )
             now[PIVOT, lane] = now[REJECTED_PIVOT, lane] = k[n, lane]
 
     # The first step, from the slope here, k_0, and one a little ahead, k_1.
@@ -229,7 +262,11 @@ def start_block(
             h = ahead
             if now[RESIDUAL, lane] >= pivot_bound:
                 steepest = max(steepness, now[ERROR, lane] / ahead)
-                h = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** exponent
+                h = (
+                    max(1e-6, 1e-3 * ahead)
+                    if steepest <= 1e-15
+                    else BOLDNESS * (0.01 / steepest) ** exponent
+                )
                 h = min(FARTHEST * ahead, h)
             now[STEP_SIZE, lane] = min(h, max_step)
             tally[EVALUATIONS, lane] += 1
@@ -260,7 +297,9 @@ def keep_turns(i, lane, turns, tables):
 
 
 @njit(forceinline=True, **OPTIONS)
-def load_member(i, lane, parameters, signals, begun, counts, save_at, samples, turns, turned, tables):
+def load_member(
+    i, lane, parameters, signals, begun, counts, save_at, samples, turns, turned, tables
+):
     """Put a started member into a lane; turned: whether any turn was counted before."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     inputs, place, begin = signals.coefficients.shape[2], i % LANES, block_row(i, n)
@@ -308,9 +347,13 @@ def look_due(method, n, stability, stop, tolerance, y, x, k, now, tally):
     """Look at the accepted steps that are due for it; return after how many steps of the lanes another one can be."""
     soonest = LOOK
     for lane in range(LANES):
-        if now[ACCEPTS, lane] > 0 and (tally[STIFFLY, lane] > 0 or tally[ACCEPTED, lane] % LOOK == 0):
+        if now[ACCEPTS, lane] > 0 and (
+            tally[STIFFLY, lane] > 0 or tally[ACCEPTED, lane] % LOOK == 0
+        ):
             look(lane, method, n, stability, stop, tolerance, y, x, k, now, tally)
-        soonest = min(soonest, 1 if tally[STIFFLY, lane] > 0 else LOOK - tally[ACCEPTED, lane] % LOOK)
+        soonest = min(
+            soonest, 1 if tally[STIFFLY, lane] > 0 else LOOK - tally[ACCEPTED, lane] % LOOK
+        )
     return soonest
 
 
@@ -384,7 +427,11 @@ def restart(motion, last, signals, pivot_bound, tables):
     n, x, k, now, tally, broken = tables.n, tables.x, tables.k, tables.now, tables.tally, 0
     for lane in range(LANES):
         now[WANTED, lane] = 0.0
-        if now[ACCEPTS, lane] > 0 and now[TIME, lane] == now[TARGET, lane] and now[TIME, lane] < signals.stop:
+        if (
+            now[ACCEPTS, lane] > 0
+            and now[TIME, lane] == now[TARGET, lane]
+            and now[TIME, lane] < signals.stop
+        ):
             signal, time = signal_of(signals, tally[MEMBER, lane]), now[TIME, lane]
             force(signals, signal, time, False, x, n, lane, tally)
             now[TARGET, lane] = next_target(signals, signal, tally, time, lane)
@@ -416,10 +463,14 @@ def measure_closure(closure, nq, ys, numbers, parameters, z, z_next):
                 z[nq + m, lane] = parameters[row, m]
         call_wide(closure, z, z_next, 0)
         for lane in range(min(LANES, members - first)):
-            numbers[first + lane, CLOSURE_ERROR] = max(numbers[first + lane, CLOSURE_ERROR], z_next[nq, lane])
+            numbers[first + lane, CLOSURE_ERROR] = max(
+                numbers[first + lane, CLOSURE_ERROR], z_next[nq, lane]
+            )
 
 
-_array, _table, _tables = (types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2, 3))
+_array, _table, _tables = (
+    types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2, 3)
+)
 _whole, _number = types.intp, types.float64
 _wholes = types.Array(types.intp, 1, "C", readonly=True)
 _SIGNATURE = (
@@ -455,13 +506,36 @@ def integrate(
     closed = nq if closure != 0 else 0
     method = method_of(plan, stages, degree, estimates, solution, computed, exponent, blur)
     end = np.cumsum(
-        np.array([n, n + inputs + free, (stages + 1) * (n + 1), nq + free, nq + 1, n, stages, NOW, 2 * n, n, 3 * nq, n])
+        np.array(
+            [
+                n,
+                n + inputs + free,
+                (stages + 1) * (n + 1),
+                nq + free,
+                nq + 1,
+                n,
+                stages,
+                NOW,
+                2 * n,
+                n,
+                3 * nq,
+                n,
+            ]
+        )
     )
     space = room(end[11])
     y, x, k = as_table(space), as_table(space[end[0] :]), as_table(space[end[1] :])
-    z, z_next, sample = as_table(space[end[2] :]), as_table(space[end[3] :]), as_table(space[end[4] :])
+    z, z_next, sample = (
+        as_table(space[end[2] :]),
+        as_table(space[end[3] :]),
+        as_table(space[end[4] :]),
+    )
     weights, now = as_table(space[end[5] :]), as_table(space[end[6] :])
-    scale, zeros, kept = as_table(space[end[7] :]), as_table(space[end[8] :]), as_table(space[end[10] :])
+    scale, zeros, kept = (
+        as_table(space[end[7] :]),
+        as_table(space[end[8] :]),
+        as_table(space[end[10] :]),
+    )
     spread, at_most, counted = (
         as_table(space[end[9] :]),
         as_table(space[end[9] + nq :]),
@@ -475,7 +549,23 @@ def integrate(
     begun = as_table(blocks)
     signals = Signals(starts, coefficients, pieces, breaks, breaking, timed, start, stop)
     tables = Tables(
-        y, x, k, z, z_next, sample, weights, scale, zeros, spread, at_most, counted, kept, now, tally, n, nq
+        y,
+        x,
+        k,
+        z,
+        z_next,
+        sample,
+        weights,
+        scale,
+        zeros,
+        spread,
+        at_most,
+        counted,
+        kept,
+        now,
+        tally,
+        n,
+        nq,
     )
     watched = Watched(watched_starts, watched_coefficients, watched_pieces, bends, bending)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
@@ -507,7 +597,19 @@ def integrate(
                     tally[MEMBER, lane] = -1
                 if waiting == members:
                     break
-                load_member(waiting, lane, parameters, signals, begun, counts, save_at, samples, turns, turned, tables)
+                load_member(
+                    waiting,
+                    lane,
+                    parameters,
+                    signals,
+                    begun,
+                    counts,
+                    save_at,
+                    samples,
+                    turns,
+                    turned,
+                    tables,
+                )
                 waiting += 1
             alive = tally[MEMBER, lane] >= 0
             now[LIVE, lane] = now[WANTED, lane] = 1.0 if alive else 0.0
@@ -536,7 +638,9 @@ def integrate(
         peaks = some(falling(now))
         if peaks:
             marked += mark_peaks(now)
-        inside = want_samples(save_at, now, tally)[1] if save_at.size > 0 and computed < stages else 0
+        inside = (
+            want_samples(save_at, now, tally)[1] if save_at.size > 0 and computed < stages else 0
+        )
         if computed < stages and marked + inside > 0:
             extend(motion, method, signals, pivot_bound, save_at, tables)
         if marked > 0:

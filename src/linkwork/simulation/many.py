@@ -16,7 +16,13 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_rows as rows
-from linkwork.simulation.integration import require_cover, require_run, stability, times_within, tolerances
+from linkwork.simulation.integration import (
+    require_cover,
+    require_run,
+    stability,
+    times_within,
+    tolerances,
+)
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
@@ -81,7 +87,9 @@ class Inputs:
         """Return the inputs of the members from `first` to before `last`."""
         if len(self.pieces) == 2:
             return self
-        pieces, breaking, bending = (ends[first : last + 1] for ends in (self.pieces, self.breaking, self.bending))
+        pieces, breaking, bending = (
+            ends[first : last + 1] for ends in (self.pieces, self.breaking, self.bending)
+        )
         inside, broken, bent = (slice(ends[0], ends[-1]) for ends in (pieces, breaking, bending))
         return Inputs(
             self.starts[inside], self.coefficients[inside], pieces - pieces[0],
@@ -102,20 +110,35 @@ class Constants:
         count = len(own)
         none = np.zeros(count + 1, dtype=np.intp)
         return Inputs(
-            np.zeros(count), own[:, None], np.arange(count + 1), np.empty(0), none, False, np.empty((0, 3)), none
+            np.zeros(count),
+            own[:, None],
+            np.arange(count + 1),
+            np.empty(0),
+            none,
+            False,
+            np.empty((0, 3)),
+            none,
         )
 
 
-def as_inputs(inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int) -> Inputs | Constants:
+def as_inputs(
+    inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int
+) -> Inputs | Constants:
     """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N signals for each.
 
     Numbers that are not finite are let through: they end their own member's run, and no other.
     """
     if isinstance(inputs, Signal | Sampled):
         return _joined([as_signal(inputs)])
-    if isinstance(inputs, Sequence) and inputs and all(isinstance(signal, Signal) for signal in inputs):
+    if (
+        isinstance(inputs, Sequence)
+        and inputs
+        and all(isinstance(signal, Signal) for signal in inputs)
+    ):
         if len(inputs) != members:
-            raise LinkworkError(f"there are {len(inputs)} signals for {members} members: give one, or one for each")
+            raise LinkworkError(
+                f"there are {len(inputs)} signals for {members} members: give one, or one for each"
+            )
         return _joined(inputs)  # pyright: ignore[reportArgumentType]
     return Constants(_rows("the inputs", inputs, members))  # pyright: ignore[reportArgumentType]
 
@@ -132,7 +155,10 @@ def _joined(signals: Sequence[Signal]) -> Inputs:
         _ends(signal.coefficients for signal in signals),
         np.concatenate([signal.breaks for signal in signals]),
         _ends(signal.breaks for signal in signals),
-        any(len(signal.coefficients) > 1 or bool(signal.coefficients[:, 1:].any()) for signal in signals),
+        any(
+            len(signal.coefficients) > 1 or bool(signal.coefficients[:, 1:].any())
+            for signal in signals
+        ),
         np.concatenate([signal.bends for signal in signals]),
         _ends(signal.bends for signal in signals),
     )
@@ -202,7 +228,10 @@ def integrate_many(
 
     states = np.empty((members, n))
     samples = np.empty((members, times.size, n))
-    numbers, counts = np.empty((members, rows.NUMBERS)), np.empty((members, rows.COUNTS), dtype=np.intp)
+    numbers, counts = (
+        np.empty((members, rows.NUMBERS)),
+        np.empty((members, rows.COUNTS), dtype=np.intp),
+    )
     turns = np.zeros((members, nq))
     cancel = np.zeros(1, dtype=np.intp)
     size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))

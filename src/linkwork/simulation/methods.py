@@ -56,7 +56,9 @@ METHODS: Mapping[MethodName, Entry] = {
         "order 5, steps by the error: chosen otherwise, with sampled forces or a sampled controller",
     ),
     "dop853": Entry(Tableau, dop853, "order 8: tolerances of 1e-10 and below"),
-    "rodas": Entry(Rosenbrock, lambda: RODAS, "stiff springs, drives, friction; with the exact Jacobian"),
+    "rodas": Entry(
+        Rosenbrock, lambda: RODAS, "stiff springs, drives, friction; with the exact Jacobian"
+    ),
     "rk4": Entry(RK4, RK4, f"order 4, {COMPARED}"),
     "symplectic_euler": Entry(SymplecticEuler, SymplecticEuler, f"order 1, {COMPARED}"),
 }

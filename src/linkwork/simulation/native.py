@@ -36,7 +36,14 @@ def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
     n, nq, width, stages, solution = room.n, room.nq, room.width, method.stages, method.solution
     y, new, k, x, sample = room.y, room.new, room.k, room.x, room.sample
     closed, fixed = nq if kernels.closure != 0 else 0, method.estimates == 0
-    pivot, pivot_time, last_pivot, residual, evaluations, projections = math.inf, t, math.inf, 0.0, 0, 0
+    pivot, pivot_time, last_pivot, residual, evaluations, projections = (
+        math.inf,
+        t,
+        math.inf,
+        0.0,
+        0,
+        0,
+    )
     if fixed and method.computed > solution:
         combine(method.a + solution * stages, 1, h, y, k, width, n, new)
         copy(y, x, nq)
@@ -51,10 +58,21 @@ def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
         combine(method.a + i * stages, i, h, y, k, width, n, new if i == solution else x)
         if i == solution:
             if closed > 0:
-                residual, projections = project(kernels.closure, limits.closure_tol, measured, new, room)
+                residual, projections = project(
+                    kernels.closure, limits.closure_tol, measured, new, room
+                )
                 if not residual <= limits.closure_tol:
                     lost = unclosed(residual, room, solution)
-                    return Trial(lost, math.inf, pivot, pivot_time, last_pivot, residual, evaluations, projections)
+                    return Trial(
+                        lost,
+                        math.inf,
+                        pivot,
+                        pivot_time,
+                        last_pivot,
+                        residual,
+                        evaluations,
+                        projections,
+                    )
             if fixed:
                 break
             copy(new, x, n)
@@ -65,7 +83,9 @@ def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
         if last_pivot < pivot:
             pivot, pivot_time = last_pivot, time
         if ailment != OK:
-            return Trial(ailment, math.inf, pivot, pivot_time, last_pivot, residual, evaluations, projections)
+            return Trial(
+                ailment, math.inf, pivot, pivot_time, last_pivot, residual, evaluations, projections
+            )
     error = 0.0
     if fixed:
         for m in range(n):
@@ -77,7 +97,9 @@ def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
             combine(method.e + stages, solution + 1, 1.0, room.zeros, k, width, n, sample)
             second = 0.1 * error_norm(sample, h, 0, limits, room)
             error *= error / math.sqrt(error * error + second * second)
-    ailment = OK if math.isfinite(error) else NON_FINITE  # one number of k that is not finite spoils it: 0 * nan is nan
+    ailment = (
+        OK if math.isfinite(error) else NON_FINITE
+    )  # one number of k that is not finite spoils it: 0 * nan is nan
     return Trial(ailment, error, pivot, pivot_time, last_pivot, residual, evaluations, projections)
 
 

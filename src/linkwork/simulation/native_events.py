@@ -86,7 +86,9 @@ def dip(kernels, inputs, method, limits, room, turns, t, step, piece, i, places,
             break
         if abs(place - b) < SAME * (c - a):
             place = 0.5 * (a + b) if b - a > c - b else 0.5 * (b + c)
-        calls += events_within(kernels, inputs, method, limits, room, turns, t, step, piece, place, g)
+        calls += events_within(
+            kernels, inputs, method, limits, room, turns, t, step, piece, place, g
+        )
         if not side * g[i] > 0:
             return place, calls
         if side * g[i] < side * g_b:
@@ -113,7 +115,9 @@ def look(kernels, inputs, method, limits, room, turns, t, step, piece, watched, 
         thetas[j] = j / LOOKS
         if 0 < j < LOOKS:
             row = table + j * watched
-            calls += events_within(kernels, inputs, method, limits, room, turns, t, step, piece, thetas[j], row)
+            calls += events_within(
+                kernels, inputs, method, limits, room, turns, t, step, piece, thetas[j], row
+            )
     for i in range(watched):
         j = 1
         while j < count and count < MOST:
@@ -138,7 +142,9 @@ def look(kernels, inputs, method, limits, room, turns, t, step, piece, watched, 
 
 
 @njit(**OPTIONS)
-def locate(kernels, inputs, method, limits, room, turns, t, step, piece, i, start, before, end, after, g):
+def locate(
+    kernels, inputs, method, limits, room, turns, t, step, piece, i, start, before, end, after, g
+):
     """Return the theta at which g_i has just changed its sign from that of `before` at theta = start to that of `after` at
     theta = end, and the calls of the closure kernel.
     """
@@ -147,7 +153,9 @@ def locate(kernels, inputs, method, limits, room, turns, t, step, piece, i, star
     theta_1, g_1, theta_2, g_2, guess = end, after, start, before, 0.5
     for _ in range(ROOT_CALLS):
         theta = theta_1 + guess * (theta_2 - theta_1)
-        calls += events_within(kernels, inputs, method, limits, room, turns, t, step, piece, theta, g)
+        calls += events_within(
+            kernels, inputs, method, limits, room, turns, t, step, piece, theta, g
+        )
         if (side * g[i] >= 0) == (side * g_1 >= 0):
             theta_3, g_3 = theta_1, g_1
         else:
@@ -158,10 +166,12 @@ def locate(kernels, inputs, method, limits, room, turns, t, step, piece, i, star
             break
         fraction, ratio = (theta_1 - theta_2) / (theta_3 - theta_2), (g_1 - g_2) / (g_3 - g_2)
         guess = 0.5
-        if ratio**2 < fraction and (1 - ratio) ** 2 < 1 - fraction:  # inverse quadratic interpolation
-            guess = g_1 / (g_2 - g_1) * g_3 / (g_2 - g_3) + (theta_3 - theta_1) / (theta_2 - theta_1) * g_1 / (
-                g_3 - g_1
-            ) * g_2 / (g_3 - g_2)
+        if (
+            ratio**2 < fraction and (1 - ratio) ** 2 < 1 - fraction
+        ):  # inverse quadratic interpolation
+            guess = g_1 / (g_2 - g_1) * g_3 / (g_2 - g_3) + (theta_3 - theta_1) / (
+                theta_2 - theta_1
+            ) * g_1 / (g_3 - g_1) * g_2 / (g_3 - g_2)
         guess = min(max(guess, smallest), 1 - smallest)
     return (theta_1 if side * g_1 >= 0 else theta_2), calls
 

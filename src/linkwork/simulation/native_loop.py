@@ -117,7 +117,18 @@ COUNTS = 7  # numbers of an outcome that count something
 def memory_for(n, nq, parameters, inputs, events, stages, degree, stiff):
     """Return zeros for all that `furnish` deals out."""
     states, ends = (4 + stages) * padded(n + 1), max(padded(n + 1), padded(stages))
-    size = states + (MOST + 4) * (events + 1) + n + inputs + 2 * parameters + 2 * nq + 1 + degree + stages + ends
+    size = (
+        states
+        + (MOST + 4) * (events + 1)
+        + n
+        + inputs
+        + 2 * parameters
+        + 2 * nq
+        + 1
+        + degree
+        + stages
+        + ends
+    )
     return np.zeros(size + (n * (2 * n + inputs + 2) if stiff else 0))
 
 
@@ -134,8 +145,28 @@ def furnish(y, n, nq, parameters, inputs, conditions, events, stages, degree):
     weights = powers + degree
     zeros = weights + stages
     work = zeros + max(width, padded(stages))
-    room = Room(y, y + width, y + 2 * width, k, x, z, z_next, powers, weights, zeros, work, n, nq, width, inputs)
-    thetas, within, crossings = g + (MOST + 4) * events, g + (MOST + 2) * events, g + (MOST + 3) * events
+    room = Room(
+        y,
+        y + width,
+        y + 2 * width,
+        k,
+        x,
+        z,
+        z_next,
+        powers,
+        weights,
+        zeros,
+        work,
+        n,
+        nq,
+        width,
+        inputs,
+    )
+    thetas, within, crossings = (
+        g + (MOST + 4) * events,
+        g + (MOST + 2) * events,
+        g + (MOST + 3) * events,
+    )
     return room, Scene(conditions, events, g, thetas, within, crossings)
 
 
@@ -180,7 +211,9 @@ def run(
     rhythm = Rhythm(pace[0], min(pace[1], LARGEST_FACTOR), pace[2], pace[3])
     fixed, fault = exponent == 0, -1
     length = rhythm.step if fixed else 0.0
-    schedule = Schedule(start, stop, breaks, int(signal[2]), period if control != 0 else 0.0, length)
+    schedule = Schedule(
+        start, stop, breaks, int(signal[2]), period if control != 0 else 0.0, length
+    )
     grid = int(start / length) if fixed else 0
     t, cause, status = start, STEP_UNDERFLOW, OK
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
@@ -206,7 +239,16 @@ def run(
             goes_on = status == OK and t < stop and not halted and accepted + rejected < max_steps
             if goes_on and due(schedule, t, next_sample):
                 row = table + (saved - 1) * columns
-                unset = act(kernels, room, turns, given, pointer(held), held.size, row, saved > 0 and row[0] == t)
+                unset = act(
+                    kernels,
+                    room,
+                    turns,
+                    given,
+                    pointer(held),
+                    held.size,
+                    row,
+                    saved > 0 and row[0] == t,
+                )
                 next_sample, stale = next_sample + 1, True
                 if unset >= 0:
                     status, fault = NON_FINITE, n + 1 + unset
@@ -262,21 +304,56 @@ def run(
 
         # What the stages may not have seen within the step, its events and its samples.
         bend = next_bend(watch, t, bend)
-        if accepts and not fixed and (free_until(watch, bend) < arrival or fallen(h, rhythm.longest)):
+        if (
+            accepts
+            and not fixed
+            and (free_until(watch, bend) < arrival or fallen(h, rhythm.longest))
+        ):
             error, ailment, least, calls = look_into(
-                kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error
+                kernels,
+                inputs,
+                watch,
+                method,
+                limits,
+                room,
+                rhythm,
+                t,
+                step,
+                arrival,
+                piece,
+                bend,
+                error,
             )
             evaluations, pending = evaluations + calls, 0
             accepts = ailment == OK and error <= 1
         if accepts and events != 0:
             span = Span(t, step, arrival, piece)
             kept = happenings(
-                kernels, inputs, method, limits, room, turns, scene, span, residual, pending, table + row * columns
+                kernels,
+                inputs,
+                method,
+                limits,
+                room,
+                turns,
+                scene,
+                span,
+                residual,
+                pending,
+                table + row * columns,
             )
-            ailment, halted, arrival, residual, ends = kept.ailment, kept.halted, kept.arrival, kept.residual, kept.ends
+            ailment, halted, arrival, residual, ends = (
+                kept.ailment,
+                kept.halted,
+                kept.arrival,
+                kept.residual,
+                kept.ends,
+            )
             fault = kept.fault if kept.fault >= 0 else fault
             sampled, row, accepts = residual, row + kept.rows, ailment == OK
-            evaluations, projections = evaluations + kept.evaluations, projections + kept.projections
+            evaluations, projections = (
+                evaluations + kept.evaluations,
+                projections + kept.projections,
+            )
             pending = 0 if kept.evaluations > 0 else pending
         wanted = 0
         while accepts and taken + wanted < save_at.size and save_at[taken + wanted] <= arrival:
@@ -289,12 +366,17 @@ def run(
             )  # fmt: skip
             ailment, residual, sampled = kept.ailment, kept.residual, max(sampled, kept.largest)
             row, accepts = row + wanted, ailment == OK
-            evaluations, projections = evaluations + kept.evaluations, projections + kept.projections
+            evaluations, projections = (
+                evaluations + kept.evaluations,
+                projections + kept.projections,
+            )
 
         if accepts:
             accepted += 1
             if stability > 0 and (votes > 0 or accepted % LOOK == 0) and not halted:
-                votes = max(0, votes + (1 if stiffness(method, limits, room, step) > stability else -1))
+                votes = max(
+                    0, votes + (1 if stiffness(method, limits, room, step) > stability else -1)
+                )
                 if votes >= VOTES and stop - arrival > LOOK * step:
                     status = STIFF
             # A slope is the next step's first unless the inputs may jump here.
@@ -343,7 +425,9 @@ def run(
     return rows[:saved]
 
 
-_array, _table = (types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2))
+_array, _table = (
+    types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2)
+)
 _state = types.Array(types.float64, 1, "C")
 _number, _whole = types.float64, types.intp
 _SIGNATURE = (

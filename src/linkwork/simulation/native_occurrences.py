@@ -6,7 +6,16 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.native_events import LOOKS, NEVER, ROOT, earliest, locate, look, quiet, state_within
+from linkwork.simulation.native_events import (
+    LOOKS,
+    NEVER,
+    ROOT,
+    earliest,
+    locate,
+    look,
+    quiet,
+    state_within,
+)
 from linkwork.simulation.native_parts import (
     CLOSURE_LOST,
     NON_FINITE,
@@ -132,7 +141,9 @@ def happenings(kernels, inputs, method, limits, room, turns, scene, span, residu
     for i in range(ends * watched):
         if math.isnan(g[watched + i]):
             fault = n + 1 + room.inputs - inputs.columns + i % watched
-            return Kept(NON_FINITE, fault, 0, False, arrival, residual, residual, ends, pending, projections)
+            return Kept(
+                NON_FINITE, fault, 0, False, arrival, residual, residual, ends, pending, projections
+            )
     count, found = 0, nothing
     for j in range(ends):
         if found.ailment == OK and not found.halted:
@@ -149,7 +160,9 @@ def happenings(kernels, inputs, method, limits, room, turns, scene, span, residu
 
 
 @njit(**OPTIONS)
-def take_samples(kernels, inputs, method, limits, room, turns, span, residual, save_at, due, pending, rows):
+def take_samples(
+    kernels, inputs, method, limits, room, turns, span, residual, save_at, due, pending, rows
+):
     """Record the samples that are due within a step; pending: how many stages the dense output still needs."""
     t, step, arrival, piece = span
     largest, ailment, evaluations, projections = residual, OK, 0, 0
@@ -158,10 +171,15 @@ def take_samples(kernels, inputs, method, limits, room, turns, span, residual, s
         if time == arrival:
             copy(room.new, room.sample, room.n)
             if kernels.closure != 0:
-                remainder, calls = project(kernels.closure, limits.closure_tol, True, room.sample, room)
+                remainder, calls = project(
+                    kernels.closure, limits.closure_tol, True, room.sample, room
+                )
         else:
             if evaluations < pending:
-                evaluations, ailment = pending, extend(kernels, inputs, method, limits, room, t, step, piece)
+                evaluations, ailment = (
+                    pending,
+                    extend(kernels, inputs, method, limits, room, t, step, piece),
+                )
             remainder, calls = state_within(kernels, method, limits, room, (time - t) / step, step)
         projections += calls
         if not remainder <= limits.closure_tol:
@@ -171,4 +189,6 @@ def take_samples(kernels, inputs, method, limits, room, turns, span, residual, s
         largest = max(largest, remainder)
         if ailment != OK:
             break
-    return Kept(ailment, -1, due, False, arrival, residual, largest, LOOKS, evaluations, projections)
+    return Kept(
+        ailment, -1, due, False, arrival, residual, largest, LOOKS, evaluations, projections
+    )

@@ -67,7 +67,12 @@ def after_success(rhythm, step, error, exponent, max_step):
     if fallen(rhythm.step, longest) and ideal < rhythm.ideal:
         factor *= ideal / rhythm.ideal
     proposal = min(max_step, step * max(SMALLEST_FACTOR, min(rhythm.growth, factor)))
-    return Rhythm(max(rhythm.step, proposal) if step < rhythm.step else proposal, LARGEST_FACTOR, longest, ideal)
+    return Rhythm(
+        max(rhythm.step, proposal) if step < rhythm.step else proposal,
+        LARGEST_FACTOR,
+        longest,
+        ideal,
+    )
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -97,5 +102,9 @@ def first_step(kernels, inputs, method, limits, room, t, longest):
     for m in range(n):
         next_slope[m] -= slope[m]
     steepest = max(steepness, scaled(next_slope, limits, room) / ahead)
-    guess = max(1e-6, 1e-3 * ahead) if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** method.exponent
+    guess = (
+        max(1e-6, 1e-3 * ahead)
+        if steepest <= 1e-15
+        else BOLDNESS * (0.01 / steepest) ** method.exponent
+    )
     return min(FARTHEST * ahead, guess)

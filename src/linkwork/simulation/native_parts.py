@@ -82,7 +82,19 @@ def method_of(numbers, stages, degree, estimates, solution, computed, exponent, 
     a = pointer(numbers)
     c = a + stages * stages
     e = c + stages
-    return Method(a, c, e, e + estimates * stages, stages, degree, estimates, solution, computed, exponent, blur)
+    return Method(
+        a,
+        c,
+        e,
+        e + estimates * stages,
+        stages,
+        degree,
+        estimates,
+        solution,
+        computed,
+        exponent,
+        blur,
+    )
 
 
 class Limits(NamedTuple):
@@ -299,7 +311,9 @@ def stiffness(method, limits, room, step):
     both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
     """
     n, width, last = room.n, room.width, method.solution
-    combine(method.a + (last - 1) * method.stages, last - 1, step, room.y, room.k, width, n, room.sample)
+    combine(
+        method.a + (last - 1) * method.stages, last - 1, step, room.y, room.k, width, n, room.sample
+    )
     above = below = 0.0
     for m in range(n):
         scale = limits.atol[m] + limits.rtol[m] * abs(room.new[m])

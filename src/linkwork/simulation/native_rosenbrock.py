@@ -100,7 +100,9 @@ def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
             if last_pivot < pivot:
                 pivot, pivot_time = last_pivot, time
             if ailment != OK:
-                return Trial(ailment, math.inf, pivot, pivot_time, last_pivot, residual, i - 1, projections)
+                return Trial(
+                    ailment, math.inf, pivot, pivot_time, last_pivot, residual, i - 1, projections
+                )
         combine(e + i * rows, i, 1.0, slope, k, width, n, room.sample)
         for m in range(n):
             slope[m] = room.sample[m] + h * e[i * rows + solution] * rate[m]
@@ -110,11 +112,15 @@ def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
         residual, projections = project(kernels.closure, limits.closure_tol, measured, new, room)
         if not residual <= limits.closure_tol:
             lost = unclosed(residual, room, solution)
-            return Trial(lost, math.inf, pivot, pivot_time, last_pivot, residual, stages - 1, projections)
+            return Trial(
+                lost, math.inf, pivot, pivot_time, last_pivot, residual, stages - 1, projections
+            )
     error = error_norm(k + stages * width, h, closed, limits, room)
     if not error <= 1:
         ailment = OK if math.isfinite(error) else NON_FINITE
-        return Trial(ailment, error, pivot, pivot_time, last_pivot, residual, stages - 1, projections)
+        return Trial(
+            ailment, error, pivot, pivot_time, last_pivot, residual, stages - 1, projections
+        )
     copy(new, x, n)
     force(inputs, t + h, True, piece, x + n)
     ailment, last_pivot = evaluate(kernels.motion, room, solution, limits.pivot_bound)

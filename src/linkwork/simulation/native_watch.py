@@ -36,7 +36,9 @@ from linkwork.simulation.native_parts import (
 from linkwork.simulation.pointers import combine
 from linkwork.simulation.signals import FREE
 
-CLEARLY = 1 + 1e-6  # factor by which a bend is farther than another: of equals in a symmetric pulse the first counts
+CLEARLY = (
+    1 + 1e-6
+)  # factor by which a bend is farther than another: of equals in a symmetric pulse the first counts
 KEEN = 4.0  # factor on what a defect counts at a peak, where errors are larger than their estimates
 REFUSED = 1e300  # error of a step that may not be, whatever its error
 
@@ -61,7 +63,9 @@ def watch_of(table, strict):
     """Return what is to be watched of the signals that a `Signal.table` holds."""
     signals, behind = inputs_of(table)
     bends, count = behind + int(table[2]), int(table[3])
-    return Watch(signals.knots, signals.coefficients, signals.pieces, signals.columns, bends, count, strict)
+    return Watch(
+        signals.knots, signals.coefficients, signals.pieces, signals.columns, bends, count, strict
+    )
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -95,7 +99,11 @@ def piece_at(knots, pieces, t):
 def value_at(watch, t, j):
     """Return a column of the watched signals at a time, and its slope."""
     piece = piece_at(watch.knots, watch.pieces, t)
-    s, c, columns = t - watch.knots[piece], watch.coefficients + 4 * watch.columns * piece + j, watch.columns
+    s, c, columns = (
+        t - watch.knots[piece],
+        watch.coefficients + 4 * watch.columns * piece + j,
+        watch.columns,
+    )
     value = c[0] + s * (c[columns] + s * (c[2 * columns] + s * c[3 * columns]))
     return value, c[columns] + s * (2 * c[2 * columns] + s * 3 * c[3 * columns])
 
@@ -139,7 +147,14 @@ def defect_within(kernels, inputs, method, limits, room, t, h, piece, theta):
         room.powers[m] = (m + 1) * power
         power *= theta
     combine(
-        room.powers, method.degree, 1.0, room.zeros, method.dense, padded(method.stages), method.stages, room.weights
+        room.powers,
+        method.degree,
+        1.0,
+        room.zeros,
+        method.dense,
+        padded(method.stages),
+        method.stages,
+        room.weights,
     )
     combine(room.weights, method.stages, 1.0, room.zeros, room.k, room.width, room.n, room.sample)
     slope = room.k + method.stages * room.width
@@ -167,7 +182,9 @@ def unseen(kernels, inputs, watch, method, limits, room, t, h, piece, bend):
         for i in range(0 if count <= FREE else 1 if by_line == by_cubic else 2):
             if ailment == OK:
                 theta = by_line if i == 0 else by_cubic
-                defect, ailment = defect_within(kernels, inputs, method, limits, room, t, h, piece, theta)
+                defect, ailment = defect_within(
+                    kernels, inputs, method, limits, room, t, h, piece, theta
+                )
                 error, evaluations = max(error, defect), evaluations + 1
     return error, ailment, evaluations
 
@@ -182,14 +199,22 @@ class Look(NamedTuple):
 
 
 @njit(**OPTIONS)
-def look_into(kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error):
+def look_into(
+    kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error
+):
     """Look into a step with a small error for what its stages may not have seen: at a peak, or at bends."""
-    ailment, evaluations, least = extend(kernels, inputs, method, limits, room, t, step, piece), 0, 0.0
+    ailment, evaluations, least = (
+        extend(kernels, inputs, method, limits, room, t, step, piece),
+        0,
+        0.0,
+    )
     if ailment == OK and fallen(rhythm.step, rhythm.longest):
         hidden, ailment = peaked(kernels, inputs, method, limits, room, t, step, piece)
         error, evaluations = max(error, hidden), 1
     if ailment == OK and error <= 1 and free_until(watch, bend) < arrival:
-        hidden, ailment, calls = unseen(kernels, inputs, watch, method, limits, room, t, step, piece, bend)
+        hidden, ailment, calls = unseen(
+            kernels, inputs, watch, method, limits, room, t, step, piece, bend
+        )
         error, least = max(error, hidden), free_until(watch, bend) - t
         evaluations += calls
     return Look(error, ailment, least, method.stages - method.computed + evaluations)

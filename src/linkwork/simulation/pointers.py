@@ -88,7 +88,9 @@ def _combine(typing_context, weights, count, h, y, k, width, n, out):
             done, most = builder.append_basic_block("combined"), builder.append_basic_block("most")
             choice = builder.switch(builder.sdiv(up, ir.Constant(n.type, LANES)), most)
             for abreast in range(1, SUMS + 1):
-                block = most if abreast == SUMS else builder.append_basic_block(f"abreast.{abreast}")
+                block = (
+                    most if abreast == SUMS else builder.append_basic_block(f"abreast.{abreast}")
+                )
                 if block is not most:
                     choice.add_case(ir.Constant(n.type, abreast), block)
                 with builder.goto_block(block):
@@ -109,11 +111,19 @@ def _add_up(builder, values, m, abreast):
     for total in totals:
         builder.store(ir.Constant(_VECTOR, [0.0] * LANES), total)
     with cgutils.for_range(builder, count) as loop:
-        weight, row = _spread(builder, builder.load(builder.gep(weights, [loop.index]))), builder.mul(loop.index, width)
+        weight, row = (
+            _spread(builder, builder.load(builder.gep(weights, [loop.index]))),
+            builder.mul(loop.index, width),
+        )
         for place, total in zip(places, totals, strict=True):
-            product = builder.fmul(weight, _numbers(builder, k, builder.add(row, place)), flags=["contract"])
+            product = builder.fmul(
+                weight, _numbers(builder, k, builder.add(row, place)), flags=["contract"]
+            )
             builder.store(builder.fadd(builder.load(total), product, flags=["contract"]), total)
-    changes = [builder.fmul(_spread(builder, h), builder.load(total), flags=["contract"]) for total in totals]
+    changes = [
+        builder.fmul(_spread(builder, h), builder.load(total), flags=["contract"])
+        for total in totals
+    ]
     states = [
         builder.fadd(_numbers(builder, y, place), change, flags=["contract"])
         for place, change in zip(places, changes, strict=True)
@@ -121,7 +131,9 @@ def _add_up(builder, values, m, abreast):
     for place, state in zip(places[:-1], states[:-1], strict=True):
         builder.store(state, _place(builder, out, place), align=8)
     left, last = builder.sub(n, places[-1]), builder.gep(out, [places[-1]])
-    with builder.if_else(builder.icmp_signed(">=", left, ir.Constant(n.type, LANES)), likely=True) as (full, part):
+    with builder.if_else(
+        builder.icmp_signed(">=", left, ir.Constant(n.type, LANES)), likely=True
+    ) as (full, part):
         with full:
             builder.store(states[-1], builder.bitcast(last, _VECTOR.as_pointer()), align=8)
         with part:
@@ -141,8 +153,12 @@ def _place(builder, pointer, index):
 
 
 def _spread(builder, number):
-    single = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(single, single, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
+    single = builder.insert_element(
+        ir.Constant(_VECTOR, ir.Undefined), number, ir.Constant(ir.IntType(32), 0)
+    )
+    return builder.shuffle_vector(
+        single, single, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    )
 
 
 pointer: Callable[..., Any] = intrinsic(_pointer)

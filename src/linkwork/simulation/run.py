@@ -55,7 +55,9 @@ class Variable:
     def __post_init__(self):
         values = np.asarray(self.values)
         if values.ndim != len(self.dims):
-            raise LinkworkError(f"an array of the shape {values.shape} needs {values.ndim} axis names, not {self.dims}")
+            raise LinkworkError(
+                f"an array of the shape {values.shape} needs {values.ndim} axis names, not {self.dims}"
+            )
         object.__setattr__(self, "values", values)
 
 
@@ -189,7 +191,9 @@ class Run:
             )
         arrays = {name: (v.dims, v.values, dict(v.attrs)) for name, v in self.errors().items()}
         axes = {axis for dims, _, _ in arrays.values() for axis in dims}
-        return xarray.Dataset(arrays, {name: (v.dims, v.values) for name, v in self.coords.items() if name in axes})
+        return xarray.Dataset(
+            arrays, {name: (v.dims, v.values) for name, v in self.coords.items() if name in axes}
+        )
 
     @property
     def description(self) -> str:
@@ -206,10 +210,14 @@ class Run:
 
         ending = {"status": self.status.name, "message": self.message}
         return xarray.Dataset(
-            entries(self.variables), entries(self.coords), dict(self.attrs) | ending | vars(self.statistics)
+            entries(self.variables),
+            entries(self.coords),
+            dict(self.attrs) | ending | vars(self.statistics),
         )
 
-    def reactions(self, frame: str = "ground", *, length: float | None = None) -> "xarray.DataArray":
+    def reactions(
+        self, frame: str = "ground", *, length: float | None = None
+    ) -> "xarray.DataArray":
         """Return the wrench that each joint transmits to its second body over time, as `linkwork.Robot.reactions` does.
 
         It is computed when it is asked for, and is no part of `dataset`.
@@ -227,16 +235,33 @@ class Run:
         import xarray
 
         if self.transmitted is None:
-            raise LinkworkError("a run from a file does not hold its robot; ask robot.reactions(state, forces) instead")
+            raise LinkworkError(
+                "a run from a file does not hold its robot; ask robot.reactions(state, forces) instead"
+            )
         found = self.transmitted(frame, length)
-        coords = {TIME: self.coords[TIME].values, "joint": list(found.joints), "component": list(found.components)}
-        open_parts = "; ".join(f"{joint}: {', '.join(parts)}" for joint, parts in found.indeterminate.items())
-        attrs = {"units": "N m, N", "frame": frame, "indeterminate": open_parts, "length": found.length}
-        return xarray.DataArray(found.wrenches, coords, (TIME, "joint", "component"), "joint_reaction", attrs)
+        coords = {
+            TIME: self.coords[TIME].values,
+            "joint": list(found.joints),
+            "component": list(found.components),
+        }
+        open_parts = "; ".join(
+            f"{joint}: {', '.join(parts)}" for joint, parts in found.indeterminate.items()
+        )
+        attrs = {
+            "units": "N m, N",
+            "frame": frame,
+            "indeterminate": open_parts,
+            "length": found.length,
+        }
+        return xarray.DataArray(
+            found.wrenches, coords, (TIME, "joint", "component"), "joint_reaction", attrs
+        )
 
     def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
         """Draw the run's quantities over time (`linkwork.views.plot_run`): those named, or all that vary with time."""
-        from linkwork.views.plots import plot_run  # a convenience: the one place that calls a later stage
+        from linkwork.views.plots import (
+            plot_run,
+        )  # a convenience: the one place that calls a later stage
 
         return plot_run(self, quantities)
 
@@ -268,14 +293,21 @@ class Run:
         try:
             dataset = xarray.load_dataset(path, engine="scipy")
         except OSError as error:
-            raise LinkworkError(f"cannot read a run from '{path}': {error.strerror or error}") from error
+            raise LinkworkError(
+                f"cannot read a run from '{path}': {error.strerror or error}"
+            ) from error
         except Exception as error:  # a damaged header misleads the reader in any way
-            raise LinkworkError(f"cannot read a run from '{path}': it is not a NetCDF file, or damaged") from error
+            raise LinkworkError(
+                f"cannot read a run from '{path}': it is not a NetCDF file, or damaged"
+            ) from error
         attrs = dict(dataset.attrs)
         try:
             status, message = Status[str(attrs.pop("status"))], str(attrs.pop("message"))
             statistics = Statistics(
-                **{field.name: np.asarray(attrs.pop(field.name)).item() for field in fields(Statistics)}
+                **{
+                    field.name: np.asarray(attrs.pop(field.name)).item()
+                    for field in fields(Statistics)
+                }
             )
         except KeyError as error:
             raise LinkworkError(
@@ -300,7 +332,9 @@ def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
 def _write_netcdf(run: Run, path: Path) -> None:
     told, whole = {DESCRIPTION: run.description} if run.description else {}, run.dataset
     empty = {
-        str(name): (variable.dims, variable.attrs) for name, variable in whole.variables.items() if not variable.size
+        str(name): (variable.dims, variable.attrs)
+        for name, variable in whole.variables.items()
+        if not variable.size
     }
     if empty:
         told[EMPTY] = json.dumps(empty)
@@ -329,17 +363,30 @@ def _write_csv(run: Run, path: Path) -> None:
         for line in [run.message, "units: " + ", ".join(heading), *constants]:
             file.write("# " + " ".join(line.split()) + "\n")
         file.write(names.getvalue())
-        np.savetxt(file, np.column_stack([values for _, values in columns]), fmt="%.17g", delimiter=",")
+        np.savetxt(
+            file, np.column_stack([values for _, values in columns]), fmt="%.17g", delimiter=","
+        )
 
 
-def _columns(name: str, variable: Variable, coords: Mapping[str, Variable]) -> list[tuple[str, np.ndarray]]:
+def _columns(
+    name: str, variable: Variable, coords: Mapping[str, Variable]
+) -> list[tuple[str, np.ndarray]]:
     """Return the variable's components, named quantity.label.label ..., each over time where it varies with time."""
     values, dims = variable.values, variable.dims
     if TIME in dims:
-        values, dims = np.moveaxis(values, dims.index(TIME), -1), [dim for dim in dims if dim != TIME]
-    labels = [coords[dim].values if dim in coords else range(n) for dim, n in zip(dims, values.shape, strict=False)]
+        values, dims = (
+            np.moveaxis(values, dims.index(TIME), -1),
+            [dim for dim in dims if dim != TIME],
+        )
+    labels = [
+        coords[dim].values if dim in coords else range(n)
+        for dim, n in zip(dims, values.shape, strict=False)
+    ]
     return [
-        (".".join([name, *(str(axis[i]) for axis, i in zip(labels, index, strict=True))]), values[index])
+        (
+            ".".join([name, *(str(axis[i]) for axis, i in zip(labels, index, strict=True))]),
+            values[index],
+        )
         for index in np.ndindex(*values.shape[: len(dims)])
     ]
 
@@ -361,5 +408,7 @@ def _whole_or_nothing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise LinkworkError(f"cannot write '{path}': {error.strerror or error}") from error
     finally:
-        with contextlib.suppress(OSError):  # where nothing can be written there is nothing to remove either
+        with contextlib.suppress(
+            OSError
+        ):  # where nothing can be written there is nothing to remove either
             part.unlink(missing_ok=True)

@@ -41,14 +41,18 @@ class Sampled:
         times = _finite("sample times", self.times)
         values = _finite("sample values", self.values)
         if times.ndim != 1 or times.size < 2:
-            raise LinkworkError(f"sample times have the shape {times.shape}: give a list of at least two times")
+            raise LinkworkError(
+                f"sample times have the shape {times.shape}: give a list of at least two times"
+            )
         if values.ndim not in (1, 2) or len(values) != len(times):
             raise LinkworkError(
                 f"sample values have the shape {values.shape}: give one row for each of the {len(times)} sample times"
             )
         require_increasing("sample times", times)
         if self.kind not in get_args(Kind):
-            raise LinkworkError(f"the kind of sampled signal {self.kind!r} is none of {', '.join(get_args(Kind))}")
+            raise LinkworkError(
+                f"the kind of sampled signal {self.kind!r} is none of {', '.join(get_args(Kind))}"
+            )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values.reshape(len(times), -1))
 
@@ -123,12 +127,16 @@ class Signal:
         """
         bends = self.bends
         counts = *self.coefficients.shape[::2], self.breaks.size, len(bends) - 1
-        return np.concatenate((counts, self.knots, self.coefficients.ravel(), self.breaks, bends.ravel()))
+        return np.concatenate(
+            (counts, self.knots, self.coefficients.ravel(), self.breaks, bends.ravel())
+        )
 
     @cached_property
     def _derivative(self) -> "Signal":
         factors = np.array([1.0, 2.0, 3.0])[:, None]
-        slopes = np.concatenate([self.coefficients[:, 1:] * factors, 0 * self.coefficients[:, :1]], axis=1)
+        slopes = np.concatenate(
+            [self.coefficients[:, 1:] * factors, 0 * self.coefficients[:, :1]], axis=1
+        )
         return Signal(self.knots, slopes, np.union1d(self.breaks, _kinks(self.knots, slopes)))
 
     def derivative(self) -> "Signal":
@@ -136,7 +144,9 @@ class Signal:
         return self._derivative
 
     def _locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        piece = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        piece = np.clip(
+            np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1
+        )
         return piece, t - self.knots[piece]
 
 
@@ -151,7 +161,9 @@ def as_signal(forces: "Signal | Sampled | ArrayLike") -> Signal:
         return forces.signal
     constant = _finite("forces", forces)
     if constant.ndim != 1:
-        raise LinkworkError(f"forces have the shape {constant.shape}: give one number per input, or sampled values")
+        raise LinkworkError(
+            f"forces have the shape {constant.shape}: give one number per input, or sampled values"
+        )
     return _from_zero([constant])
 
 
@@ -168,7 +180,9 @@ def stack(*signals: Signal) -> Signal:
     first = max(signal.knots[0] for signal in signals)
     last = min(signal.knots[-1] for signal in signals)
     if not first < last:
-        raise LinkworkError(f"the signals share no time: one starts at {first:g} s, another ends at {last:g} s")
+        raise LinkworkError(
+            f"the signals share no time: one starts at {first:g} s, another ends at {last:g} s"
+        )
     knots = np.unique(np.concatenate([signal.knots for signal in signals]))
     knots = knots[(knots >= first) & (knots <= last)]
     breaks = np.unique(np.concatenate([signal.breaks for signal in signals]))
@@ -203,7 +217,12 @@ def _shifted(signal: Signal, knots: np.ndarray) -> np.ndarray:
     piece, d = signal._locate(knots)
     c_0, c_1, c_2, c_3 = np.moveaxis(signal.coefficients[piece], -2, 0)
     d = d[:, None]
-    shifted = [c_0 + d * (c_1 + d * (c_2 + d * c_3)), c_1 + d * (2 * c_2 + d * 3 * c_3), c_2 + 3 * d * c_3, c_3]
+    shifted = [
+        c_0 + d * (c_1 + d * (c_2 + d * c_3)),
+        c_1 + d * (2 * c_2 + d * 3 * c_3),
+        c_2 + 3 * d * c_3,
+        c_3,
+    ]
     return np.stack(shifted, axis=1)
 
 
@@ -248,5 +267,7 @@ def _finite(what: str, values: ArrayLike) -> np.ndarray:
     finite = np.isfinite(array)
     if not finite.all():
         where = tuple(int(i) for i in np.argwhere(~finite)[0])
-        raise LinkworkError(f"{what} must be finite: number {', '.join(map(str, where)) or 0} is {array[where]}")
+        raise LinkworkError(
+            f"{what} must be finite: number {', '.join(map(str, where)) or 0} is {array[where]}"
+        )
     return array

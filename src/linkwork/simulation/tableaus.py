@@ -125,7 +125,9 @@ class FixedStep:
 
     def __post_init__(self):
         if not 0 < self.step < np.inf:
-            raise LinkworkError(f"the step of a method of fixed step must be positive and finite, not {self.step} s")
+            raise LinkworkError(
+                f"the step of a method of fixed step must be positive and finite, not {self.step} s"
+            )
 
 
 @cache
@@ -138,11 +140,20 @@ def _pair_plan(tableau: Tableau) -> Plan:
     e = np.pad(estimates, [(0, 0), (0, rows - s)])
     c = np.concatenate([tableau.c, tableau.more_c])
     return Plan(
-        frozen(a), frozen(c), frozen(e), by_powers(tableau.dense), s - 1, s, 1 / (tableau.error_order + 1), tableau.blur
+        frozen(a),
+        frozen(c),
+        frozen(e),
+        by_powers(tableau.dense),
+        s - 1,
+        s,
+        1 / (tableau.error_order + 1),
+        tableau.blur,
     )
 
 
-def _tableau(name: str, order: int, error_order: int, rows: list[str], lower: str, quartic: str) -> Tableau:
+def _tableau(
+    name: str, order: int, error_order: int, rows: list[str], lower: str, quartic: str
+) -> Tableau:
     """Build a tableau from its printed fractions: the rows of a, the weights of the lower order, the dense output's d."""
     a = [_fractions(row, len(rows)) for row in rows]
     b = a[-1]

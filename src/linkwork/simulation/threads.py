@@ -15,7 +15,11 @@ def usable_processors() -> int:
 
 
 def dealt(
-    run: Callable[[int], bool], parts: int, threads: int, report: Callable[[], None], cancel: Callable[[], None]
+    run: Callable[[int], bool],
+    parts: int,
+    threads: int,
+    report: Callable[[], None],
+    cancel: Callable[[], None],
 ) -> None:
     """Do run(0) .. run(parts - 1) on so many threads, and report when a part has ended, and now and then.
 

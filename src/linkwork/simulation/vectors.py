@@ -66,7 +66,11 @@ class _TableModel(models.PrimitiveModel):
 
 
 def _instruction(
-    python: Callable, result: types.Type, instruction: str, *arguments: str, kind: types.Type = VECTOR
+    python: Callable,
+    result: types.Type,
+    instruction: str,
+    *arguments: str,
+    kind: types.Type = VECTOR,
 ) -> None:
     """Teach Numba one operator on two vectors, or two masks, by its LLVM instruction."""
 
@@ -146,7 +150,9 @@ def _splat(typing_context, number):
     """Return a vector of equal numbers."""
 
     def generate(context, builder, signature, values):
-        single = builder.insert_element(ir.Constant(_NUMBERS, ir.Undefined), values[0], ir.Constant(ir.IntType(32), 0))
+        single = builder.insert_element(
+            ir.Constant(_NUMBERS, ir.Undefined), values[0], ir.Constant(ir.IntType(32), 0)
+        )
         first = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
         return builder.shuffle_vector(single, ir.Constant(_NUMBERS, ir.Undefined), first)
 
@@ -175,7 +181,9 @@ def _some(typing_context, mask):
 def _compared(relation: str, pattern: int):
     def generate(context, builder, signature, values):
         bits = ir.IntType(LANES)
-        return builder.icmp_unsigned(relation, builder.bitcast(values[0], bits), ir.Constant(bits, pattern))
+        return builder.icmp_unsigned(
+            relation, builder.bitcast(values[0], bits), ir.Constant(bits, pattern)
+        )
 
     return generate
 
@@ -202,7 +210,9 @@ def _by_llvm(name: str):
     def typed(typing_context, vector):
         def generate(context, builder, signature, values):
             kind = ir.FunctionType(_NUMBERS, [_NUMBERS])
-            function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
+            function = cgutils.get_or_insert_function(
+                builder.module, kind, f"llvm.{name}.v{LANES}f64"
+            )
             return builder.call(function, values, fastmath=FLAGS)
 
         return VECTOR(VECTOR), generate

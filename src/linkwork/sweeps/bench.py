@@ -27,7 +27,10 @@ from linkwork.sweeps.outputs import Output
 from linkwork.sweeps.quantities import QUANTITIES, REACTIONS
 from linkwork.sweeps.study import Study, StudyError
 
-STATUSES = {status.value: status.name for status in Status} | {UNREACHABLE: "UNREACHABLE", REFUSED: "REFUSED"}
+STATUSES = {status.value: status.name for status in Status} | {
+    UNREACHABLE: "UNREACHABLE",
+    REFUSED: "REFUSED",
+}
 """How members end: as runs do; or without a run, as their start is out of reach, or no description may hold their numbers."""
 
 
@@ -65,7 +68,9 @@ class Bench:
         for name in study.drives:
             if name not in robot.actuators:
                 there = ", ".join(robot.actuators) or "none"
-                raise StudyError(f"there is no actuator {name!r}; there are {there}", ("drives", name))
+                raise StudyError(
+                    f"there is no actuator {name!r}; there are {there}", ("drives", name)
+                )
         drives = {name: drive(given, ("drives", name)) for name, given in study.drives.items()}
         start = home(study, robot)
         nominal = Robot(study.mechanism, robot.independent) if study.controllers else robot
@@ -76,7 +81,10 @@ class Bench:
         if not study.controllers:
             cases = (pushed(study, robot, drives),)
         else:
-            cases = tuple(controlled(study, name, goals[name], nominal, robot, drives) for name in study.controllers)
+            cases = tuple(
+                controlled(study, name, goals[name], nominal, robot, drives)
+                for name in study.controllers
+            )
         bench = cls(study, robot, drives, start, cases)
         for name in study.varied:
             bench.require_known(name)
@@ -98,7 +106,9 @@ class Bench:
     def extras(self) -> tuple[Extra, ...]:
         """The extra states of the drives."""
         return tuple(
-            extra._replace(name=f"{name}.{extra.name}") for name, given in self.drives.items() for extra in given.extras
+            extra._replace(name=f"{name}.{extra.name}")
+            for name, given in self.drives.items()
+            for extra in given.extras
         )
 
     @cached_property
@@ -126,7 +136,11 @@ class Bench:
     @cached_property
     def quantities(self) -> tuple[str, ...]:
         """The quantities that are measured."""
-        return tuple(dict.fromkeys([*(output.quantity for output in self.outputs.values()), *self.study.trajectories]))
+        return tuple(
+            dict.fromkeys(
+                [*(output.quantity for output in self.outputs.values()), *self.study.trajectories]
+            )
+        )
 
     @cached_property
     def fields(self) -> Mapping[str, Field]:
@@ -134,27 +148,41 @@ class Bench:
         found = {name: Field(("member",), "f8", {"role": "varied"}) for name in self.study.varied}
         if len(self.cases) > 1:
             names = self.study.controllers
-            found["controller"] = Field(("member",), "i1", flags({i: name for i, name in enumerate(names)}))
+            found["controller"] = Field(
+                ("member",), "i1", flags({i: name for i, name in enumerate(names)})
+            )
         found |= {
             "status": Field(("member",), "i1", flags(STATUSES)),
             "end_time": Field(("member",), "f8", {"units": "s"}),
             "nfev": Field(("member",), "i8", {}),
-            "pivot": Field(("member",), "f8", {"units": "1", "description": "smallest relative pivot met"}),
+            "pivot": Field(
+                ("member",), "f8", {"units": "1", "description": "smallest relative pivot met"}
+            ),
             "closure_error": Field(("member",), "f8", {"units": "own lengths, rad"}),
         }
         for name, output in self.outputs.items():
-            attrs = {"role": "output", "units": output.unit, "description": self.study.outputs[name]}
-            found[name] = Field(("member", *(() if output.axis is None else (output.axis,))), "f8", attrs)
+            attrs = {
+                "role": "output",
+                "units": output.unit,
+                "description": self.study.outputs[name],
+            }
+            found[name] = Field(
+                ("member", *(() if output.axis is None else (output.axis,))), "f8", attrs
+            )
         for name in self.study.trajectories:
             axis = QUANTITIES[name].axis
             found[name] = Field(
-                ("member", "time", *(() if axis is None else (axis,))), "f8", {"units": QUANTITIES[name].unit}
+                ("member", "time", *(() if axis is None else (axis,))),
+                "f8",
+                {"units": QUANTITIES[name].unit},
             )
         return found
 
     def shape(self, field: Field, members: int) -> tuple[int, ...]:
         """Return the shape of a field's array for a number of members."""
-        sizes = {"member": members, "time": len(self.times)} | {axis: len(names) for axis, names in self.labels.items()}
+        sizes = {"member": members, "time": len(self.times)} | {
+            axis: len(names) for axis, names in self.labels.items()
+        }
         return tuple(sizes[axis] for axis in field.axes)
 
     def unit(self, output: Output, component: str) -> str:
@@ -188,7 +216,11 @@ class Bench:
         if section == "drives":
             return rest
         controller = tuple(self.study.controllers)[case] + "." if self.study.controllers else ""
-        return rest.removeprefix(controller) if section == "controllers" and rest.startswith(controller) else None
+        return (
+            rest.removeprefix(controller)
+            if section == "controllers" and rest.startswith(controller)
+            else None
+        )
 
     def parameters(self, case: int, values: np.ndarray) -> dict[str, np.ndarray]:
         """Return the runs' parameters (M) by name for varied values (M, varied); nan where a controller has none."""
@@ -204,7 +236,11 @@ class Bench:
         if section == "start":
             kind, _, label = rest.partition(".")
             tool = self.labels["pose"][: len(self.study.start.tool or ())]
-            known = {"tool": tool, "joints": self.robot.coordinates, "rates": self.robot.independent}
+            known = {
+                "tool": tool,
+                "joints": self.robot.coordinates,
+                "rates": self.robot.independent,
+            }
             if label in known.get(kind, ()):
                 return
             allowed = [f"start.{part}.{each}" for part, names in known.items() for each in names]
@@ -213,7 +249,10 @@ class Bench:
             if any(own):
                 return
             allowed = self.allowed(section)
-        raise StudyError(f"is nothing that can vary; there are {', '.join(allowed) or 'none'}", self.study.place(name))
+        raise StudyError(
+            f"is nothing that can vary; there are {', '.join(allowed) or 'none'}",
+            self.study.place(name),
+        )
 
     def allowed(self, section: str) -> list[str]:
         """Return the names of a section that can vary."""
@@ -225,12 +264,18 @@ class Bench:
                 for gain in case.numbers
                 if gain not in self.of_drives
             ]
-        return [f"drives.{name}" for name in self.of_drives] if section == "drives" else list(self.cases[0].parameters)
+        return (
+            [f"drives.{name}" for name in self.of_drives]
+            if section == "drives"
+            else list(self.cases[0].parameters)
+        )
 
     @cached_property
     def of_drives(self) -> tuple[str, ...]:
         """The names of the drives' numbers."""
-        return tuple(f"{name}.{number}" for name, given in self.drives.items() for number in given.numbers)
+        return tuple(
+            f"{name}.{number}" for name, given in self.drives.items() for number in given.numbers
+        )
 
     def require_components(self) -> None:
         """Refuse outputs that this robot does not have."""
@@ -240,7 +285,10 @@ class Bench:
             names = self.labels[axis] if axis else ()
             if output.component and output.component not in names:
                 there = f"there are {', '.join(names)}" if names else "it has none"
-                raise StudyError(f"{output.quantity} has no component {output.component!r}; {there}", ("outputs", name))
+                raise StudyError(
+                    f"{output.quantity} has no component {output.component!r}; {there}",
+                    ("outputs", name),
+                )
         for index, name in enumerate(self.study.trajectories):
             self.require_quantity(name, ("trajectories", str(index)))
 
@@ -249,7 +297,8 @@ class Bench:
         geared = any("ratios" in located(self.study.robot, path)[0] for path in self.study.paths)
         goals = bool(self.study.controllers)
         lacks = {
-            "the robot has no tool": name in ("tool_pose", "tool_error") and not self.labels["pose"],
+            "the robot has no tool": name in ("tool_pose", "tool_error")
+            and not self.labels["pose"],
             "no drive has a state": name == "drive_state" and not self.extras,
             "there is no controller": name in ("tracking_error", "tool_error") and not goals,
             "no joint is between two bodies": name in REACTIONS and not self.labels["joint"],
@@ -280,7 +329,9 @@ class Bench:
     @cached_property
     def _wanted(self) -> tuple[Signal, ...]:
         names = self.robot.names
-        return tuple(target(case.goal, names).positions for case in self.cases if case.goal is not None)
+        return tuple(
+            target(case.goal, names).positions for case in self.cases if case.goal is not None
+        )
 
     def tool_error(self, case: int, times: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return the tool's distance (rows, pose) from the goal's at the saved times of a number (rows)."""
@@ -298,7 +349,11 @@ class Bench:
     def _wanted_poses(self) -> list[np.ndarray]:
         found = []
         for case in self.cases:
-            q = case.goal.state.q if isinstance(case.goal, Motion) else np.tile(case.goal.q, (len(self.times), 1))  # pyright: ignore
+            q = (
+                case.goal.state.q
+                if isinstance(case.goal, Motion)
+                else np.tile(case.goal.q, (len(self.times), 1))
+            )  # pyright: ignore
             found.append(self.robot.tool_poses(q))
         return found
 

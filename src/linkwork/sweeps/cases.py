@@ -44,8 +44,13 @@ class Case:
         weights = {name: column for name, column in given.items() if name in self.weights}
         if not weights or self.weighted is None:
             return dict(given)
-        table, places = np.unique(np.stack([*weights.values()], axis=1), axis=0, return_inverse=True)
-        rows = [gains(robot, self.weighted, dict(zip(weights, row, strict=True))) for row in table.tolist()]
+        table, places = np.unique(
+            np.stack([*weights.values()], axis=1), axis=0, return_inverse=True
+        )
+        rows = [
+            gains(robot, self.weighted, dict(zip(weights, row, strict=True)))
+            for row in table.tolist()
+        ]
         names = dict.fromkeys(name for row in rows for name in row) or self.parameters
         found = {name: np.array([row.get(name, np.nan) for row in rows])[places] for name in names}
         return found | {name: column for name, column in given.items() if name not in weights}
@@ -57,7 +62,9 @@ def gains(
     """Return the values that a controller with these weights gives its own parameters; none if there is no such one."""
     found: dict[str, float] = {}
     seen = robot.observe(robot.home)
-    source = replace(seen.source, parameter=lambda name, value: found.setdefault(name, float(value)))
+    source = replace(
+        seen.source, parameter=lambda name, value: found.setdefault(name, float(value))
+    )
     try:
         weighted(weights)(0.0, replace(seen, source=source))
     except LinkworkError:
@@ -66,7 +73,12 @@ def gains(
 
 
 def controlled(
-    study: Study, name: str, goal: State | Motion, nominal: Robot, robot: Robot, drives: Mapping[str, Drive]
+    study: Study,
+    name: str,
+    goal: State | Motion,
+    nominal: Robot,
+    robot: Robot,
+    drives: Mapping[str, Drive],
 ) -> Case:
     """Return what a controller of the study leads the robot by; nominal: the robot with the study's own numbers.
 
@@ -81,7 +93,9 @@ def controlled(
     except LinkworkError as error:
         raise StudyError(str(error), where) from None
     names = parameters(study, robot, law, drives, where)
-    return Case(law, goal, names, given.weights, lambda weights: given.weighted(weights).law(goal, nominal))
+    return Case(
+        law, goal, names, given.weights, lambda weights: given.weighted(weights).law(goal, nominal)
+    )
 
 
 def pushed(study: Study, robot: Robot, drives: Mapping[str, Drive]) -> Case:
@@ -96,14 +110,21 @@ def pushed(study: Study, robot: Robot, drives: Mapping[str, Drive]) -> Case:
             raise StudyError(f"there is no actuator {name!r}; there are {there}", ("forces", name))
 
     def law(t: Any, state: Any) -> list[Any]:
-        return [state.parameter(f"forces.{name}", study.forces.get(name, 0.0)) for name in robot.actuators]
+        return [
+            state.parameter(f"forces.{name}", study.forces.get(name, 0.0))
+            for name in robot.actuators
+        ]
 
     own = law if robot.actuators else None
     return Case(own, None, parameters(study, robot, own, drives, ("forces",)))
 
 
 def parameters(
-    study: Study, robot: Robot, law: Law | Sampler | None, drives: Mapping[str, Drive], where: tuple[str, ...]
+    study: Study,
+    robot: Robot,
+    law: Law | Sampler | None,
+    drives: Mapping[str, Drive],
+    where: tuple[str, ...],
 ) -> tuple[str, ...]:
     """Return the names of the parameters of a controller and the drives."""
     try:

@@ -45,7 +45,14 @@ def compute(study: Study, index: int, threads: int | None = None) -> Results:
     return results
 
 
-def run(bench: Bench, case: int, values: np.ndarray, rows: np.ndarray, results: Results, threads: int | None) -> None:
+def run(
+    bench: Bench,
+    case: int,
+    values: np.ndarray,
+    rows: np.ndarray,
+    results: Results,
+    threads: int | None,
+) -> None:
     """Run those members (rows) that one controller leads, and put what comes of them into the results."""
     study = bench.study
     (state, status), parameters = starts(bench, values[rows]), bench.parameters(case, values[rows])
@@ -79,7 +86,9 @@ def run(bench: Bench, case: int, values: np.ndarray, rows: np.ndarray, results: 
 def empty(bench: Bench, members: int) -> Results:
     """Return arrays for the results of some members: nan, and 0 for whole numbers."""
     return {
-        name: np.full(bench.shape(field, members), np.nan if field.kind == "f8" else 0, dtype=field.kind)
+        name: np.full(
+            bench.shape(field, members), np.nan if field.kind == "f8" else 0, dtype=field.kind
+        )
         for name, field in bench.fields.items()
     }
 

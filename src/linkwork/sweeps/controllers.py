@@ -94,11 +94,15 @@ class ControllerRecord(Record):
     def weights(self) -> tuple[str, ...]:
         """The names of numbers that are no parameters of the runs, but that parameters follow from."""
         own = {field.name for field in fields(self.LAW)}
-        given = {name: getattr(self, name) for name in self.FORM.takes if name not in (*own, "model")}
+        given = {
+            name: getattr(self, name) for name in self.FORM.takes if name not in (*own, "model")
+        }
         return tuple(
             name
             for field, value in given.items()
-            for name in ([f"{field}.{label}" for label in value] if isinstance(value, Mapping) else [field])
+            for name in (
+                [f"{field}.{label}" for label in value] if isinstance(value, Mapping) else [field]
+            )
         )
 
     def weighted(self, weights: Mapping[str, float]) -> Self:
@@ -106,7 +110,9 @@ class ControllerRecord(Record):
         changed: dict[str, Any] = {}
         for name, value in weights.items():
             field, _, label = name.partition(".")
-            changed[field] = changed.get(field, getattr(self, field)) | {label: value} if label else value
+            changed[field] = (
+                changed.get(field, getattr(self, field)) | {label: value} if label else value
+            )
         return type(self)(**dict(self) | changed)
 
 
@@ -116,7 +122,9 @@ def changed(robot: Robot, numbers: tuple[tuple[str, float], ...]) -> Robot:
     try:
         return Robot(edited(robot.mechanism, dict(numbers)), robot.independent)
     except MechanismError as error:
-        raise MechanismError(f"{'.'.join(error.where)}: {error.what}".removeprefix(": "), ("model",)) from None
+        raise MechanismError(
+            f"{'.'.join(error.where)}: {error.what}".removeprefix(": "), ("model",)
+        ) from None
 
 
 def posed(model: Robot, goal: State) -> State:
@@ -141,7 +149,9 @@ def record(law: type[Controller], form: Form) -> type[ControllerRecord]:
     told = law.described_numbers()
     given |= read({name: told[name] for name in form.takes if name != "model"}, form.defaults)
     doc = f"{form.said} (`linkwork.control.{law.__name__}`)."
-    made = create_model(form.title, __base__=ControllerRecord, __module__=__name__, __doc__=doc, **given)
+    made = create_model(
+        form.title, __base__=ControllerRecord, __module__=__name__, __doc__=doc, **given
+    )
     made.LAW, made.FORM = law, form
     return made
 

@@ -64,7 +64,9 @@ class Bounded(Distribution):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if not self.low < self.high:
-            raise MechanismError(f"low = {self.low:g} is not below high = {self.high:g}; give low < high")
+            raise MechanismError(
+                f"low = {self.low:g} is not below high = {self.high:g}; give low < high"
+            )
         return self
 
 
@@ -99,7 +101,9 @@ class Levels(Variation):
     @property
     def levels(self) -> np.ndarray:
         """The values."""
-        return (np.geomspace if self.spacing == "geometric" else np.linspace)(self.low, self.high, self.count)
+        return (np.geomspace if self.spacing == "geometric" else np.linspace)(
+            self.low, self.high, self.count
+        )
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -154,7 +158,9 @@ class Triangular(Bounded):
     @model_validator(mode="after")
     def _inside(self) -> Self:
         if not self.low <= self.mode <= self.high:
-            raise MechanismError(f"mode = {self.mode:g} lies outside {self.low:g} to {self.high:g}; give one within")
+            raise MechanismError(
+                f"mode = {self.mode:g} lies outside {self.low:g} to {self.high:g}; give one within"
+            )
         return self
 
 
@@ -170,7 +176,10 @@ class Normal(Distribution):
     @property
     def ends(self) -> tuple[float, float]:
         """The ends in deviations from the mean."""
-        low, high = (-np.inf if self.low is None else self.low), (np.inf if self.high is None else self.high)
+        low, high = (
+            (-np.inf if self.low is None else self.low),
+            (np.inf if self.high is None else self.high),
+        )
         return (low - self.mean) / self.deviation, (high - self.mean) / self.deviation
 
     def at(self, u: np.ndarray) -> np.ndarray:
@@ -197,7 +206,9 @@ class LogNormal(Distribution):
 
     type: Literal["log_normal"] = "log_normal"
     median: Positive = Field(description="the median, above 0")
-    deviation: Positive = Field(description="the standard deviation of the natural logarithm, above 0")
+    deviation: Positive = Field(
+        description="the standard deviation of the natural logarithm, above 0"
+    )
 
     def at(self, u: np.ndarray) -> np.ndarray:
         from scipy.special import ndtri
@@ -206,7 +217,8 @@ class LogNormal(Distribution):
 
 
 AnyVariation = Annotated[
-    Levels | Values | Uniform | LogUniform | Normal | LogNormal | Triangular, Field(discriminator="type")
+    Levels | Values | Uniform | LogUniform | Normal | LogNormal | Triangular,
+    Field(discriminator="type"),
 ]
 
 
@@ -260,11 +272,17 @@ class Drawn(Design):
         return self.members
 
     def refuse(self, name: str, variation: Variation) -> str:
-        return "" if isinstance(variation, Distribution) else "levels are for a grid; give a distribution, or values"
+        return (
+            ""
+            if isinstance(variation, Distribution)
+            else "levels are for a grid; give a distribution, or values"
+        )
 
     def points(self, variations: Sequence[Variation], first: int, last: int) -> np.ndarray:
         u = np.maximum(self.cube(len(variations), first, last), LEAST)
-        return np.stack([variation.at(u[:, i]) for i, variation in enumerate(distributions(variations))], axis=1)
+        return np.stack(
+            [variation.at(u[:, i]) for i, variation in enumerate(distributions(variations))], axis=1
+        )
 
     @abstractmethod
     def cube(self, size: int, first: int, last: int) -> np.ndarray:
@@ -302,7 +320,9 @@ class Sobol(Drawn):
         if first:
             sequence.fast_forward(first)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of counts that are no powers of two: a chunk is none
+            warnings.simplefilter(
+                "ignore", UserWarning
+            )  # of counts that are no powers of two: a chunk is none
             return sequence.random(last - first)
 
 

@@ -11,7 +11,9 @@ from linkwork.control.records import described
 from linkwork.mechanism.record import MechanismError
 from linkwork.mechanism.refusal import suggestion
 
-DRIVES: Mapping[str, type[control.Drive]] = {kind.type: kind for kind in control.DRIVES if kind.type}
+DRIVES: Mapping[str, type[control.Drive]] = {
+    kind.type: kind for kind in control.DRIVES if kind.type
+}
 
 
 def drive(given: Mapping[str, Any], where: tuple[str, ...]) -> control.Drive:
@@ -19,14 +21,20 @@ def drive(given: Mapping[str, Any], where: tuple[str, ...]) -> control.Drive:
     numbers = dict(given)
     kind = numbers.pop("type", None)
     if kind not in DRIVES:
-        fault = "is missing" if kind is None else f"{kind!r} is not a type{suggestion(str(kind), DRIVES)}"
+        fault = (
+            "is missing"
+            if kind is None
+            else f"{kind!r} is not a type{suggestion(str(kind), DRIVES)}"
+        )
         raise MechanismError(f"{fault}; the types are {', '.join(DRIVES)}", (*where, "type"))
     own = described(DRIVES[kind])
     needed = {field.name for field in fields(DRIVES[kind]) if field.default is MISSING}
     for name, value in numbers.items():
         if name not in own:
             near = suggestion(name, own)
-            raise MechanismError(f"is not a known field{near}; the fields here are {', '.join(own)}", (*where, name))
+            raise MechanismError(
+                f"is not a known field{near}; the fields here are {', '.join(own)}", (*where, name)
+            )
         if not isinstance(value, int | float):
             raise MechanismError(f"{value!r} is not a number", (*where, name))
     for name in own:

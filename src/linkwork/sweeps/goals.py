@@ -28,7 +28,9 @@ class Pose(Goal):
 
     type: Literal["pose"] = "pose"
     tool: Numbers | None = Field(default=None, description="pose of the tool [m, rad]")
-    joints: Mapping[PathName, Real] | None = Field(default=None, description="joint coordinates by name [m, rad]")
+    joints: Mapping[PathName, Real] | None = Field(
+        default=None, description="joint coordinates by name [m, rad]"
+    )
 
     def reached(self, robot, start, duration, samples) -> Any:
         return start if self == Pose() else robot.assemble(self.joints, tool=self.tool, guess=start)
@@ -64,7 +66,9 @@ class Circle(AlongPath):
     type: Literal["circle"] = "circle"
     centre: Numbers = Field(description="the centre [m]")
     radius: Real = Field(description="the radius [m]")
-    orientation: Real | Numbers | None = Field(default=None, description="angle, or rotation vector [rad]")
+    orientation: Real | Numbers | None = Field(
+        default=None, description="angle, or rotation vector [rad]"
+    )
     turns: Real = Field(default=1.0, description="number of turns")
 
     @property

@@ -39,17 +39,24 @@ def several_in_an_inertia(study: Study) -> bool:
 def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) -> State:
     """Return where a member starts, at rest; near: a state on its branch."""
     pose, joints = study.start.tool, dict(study.start.joints)
-    joints |= {name.removeprefix(JOINTS): value for name, value in values.items() if name.startswith(JOINTS)}
+    joints |= {
+        name.removeprefix(JOINTS): value
+        for name, value in values.items()
+        if name.startswith(JOINTS)
+    }
     guess = State(near.positions, near.rates, near.q, robot.coordinates, robot.independent)
     if not joints and pose is None:
-        joints = {name: float(near[name]) for name in robot.independent if name in robot.coordinates}
+        joints = {
+            name: float(near[name]) for name in robot.independent if name in robot.coordinates
+        }
     if joints:
         guess = robot.assemble(joints, guess=guess)
     if pose is None:
         return guess
     names = POSES[robot.planar]
     return robot.assemble(
-        tool=[values.get(f"{TOOL}{name}", given) for name, given in zip(names, pose, strict=False)], guess=guess
+        tool=[values.get(f"{TOOL}{name}", given) for name, given in zip(names, pose, strict=False)],
+        guess=guess,
     )
 
 
@@ -60,7 +67,11 @@ def home(study: Study, robot: Robot) -> State:
         StudyError: a start out of reach, or that the robot does not have.
     """
     try:
-        state = posed(study, robot, {}, robot.home) if study.start.tool or study.start.joints else robot.home
+        state = (
+            posed(study, robot, {}, robot.home)
+            if study.start.tool or study.start.joints
+            else robot.home
+        )
         if not study.start.rates:
             return state
         rates, rest = dict(study.start.rates), dict.fromkeys(robot.independent, 0.0)

@@ -25,7 +25,14 @@ if TYPE_CHECKING:
 ACTING = ("joint_acceleration", "actuator_force", "actuator_power", "command", *REACTIONS)
 BLOCK = 16384  # saved states that are looked at at a time
 ENERGIES = ("kinetic_energy", "potential_energy", "energy")
-OF_POSITION = ("joint_position", "tool_pose", "tool_error", "tracking_error", "drive_state", "conditioning")
+OF_POSITION = (
+    "joint_position",
+    "tool_pose",
+    "tool_error",
+    "tracking_error",
+    "drive_state",
+    "conditioning",
+)
 
 
 def measured(
@@ -72,7 +79,9 @@ def wound(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> np.ndarray
     return ensemble.turned(times, positions, rates)
 
 
-def everywhere(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+def everywhere(
+    bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]
+) -> dict[str, np.ndarray]:
     """Return the wanted quantities of saved states (rows[, components]), also of those where singular poses are passed."""
     still = [name for name in wanted if name in OF_POSITION] if rows.nodes else []
     moving = [name for name in wanted if name not in still]
@@ -80,7 +89,9 @@ def everywhere(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequen
     return found | rows.measured(lambda rows: of_rows(bench, law, crew, rows, moving))
 
 
-def of_rows(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+def of_rows(
+    bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]
+) -> dict[str, np.ndarray]:
     """Return the wanted quantities of states (rows[, components])."""
     robot, chart, t = bench.robot, rows.chart, rows.t
     (q, v, z), p_robot = rows.split(), crew.p_robot(rows.members)
@@ -91,10 +102,18 @@ def of_rows(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[
     if "actuator_power" in wanted:
         actuated = chart.compiled("powers", powers)(q, v, p_robot)[0]
         found["actuator_power"] = found["actuator_force"] * actuated
-    positions, joint_rates, joint_accelerations, _ = chart.kernel("joints_motion")(q, v, acceleration, p_robot)
-    found |= {"joint_position": positions, "joint_rate": joint_rates, "joint_acceleration": joint_accelerations}
+    positions, joint_rates, joint_accelerations, _ = chart.kernel("joints_motion")(
+        q, v, acceleration, p_robot
+    )
+    found |= {
+        "joint_position": positions,
+        "joint_rate": joint_rates,
+        "joint_acceleration": joint_accelerations,
+    }
     if set(REACTIONS) & set(wanted):
-        samples = Samples(chart.with_parameters(p_robot), q, v, acceleration, found["actuator_force"])
+        samples = Samples(
+            chart.with_parameters(p_robot), q, v, acceleration, found["actuator_force"]
+        )
         found |= dict(zip(REACTIONS, reactions(bench, samples), strict=True))
     if "tracking_error" in wanted:
         actuated = [robot.coordinates.index(name) for name in robot.actuators]
@@ -105,16 +124,28 @@ def of_rows(bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[
         found["tool_error"] = bench.tool_error(law, rows.times, found["tool_pose"])
     if set(ENERGIES) & set(wanted):
         kinetic, potential, _ = chart.kernel("energy")(q, v, p_robot)
-        found |= dict(zip(ENERGIES, (kinetic[:, 0], potential[:, 0], (kinetic + potential)[:, 0]), strict=True))
+        found |= dict(
+            zip(
+                ENERGIES, (kinetic[:, 0], potential[:, 0], (kinetic + potential)[:, 0]), strict=True
+            )
+        )
     if "conditioning" in wanted:
-        found["conditioning"] = np.abs(robot.kernel("tree_rates")(q, np.zeros(robot.mobility), p_robot)[1][:, 0])
+        found["conditioning"] = np.abs(
+            robot.kernel("tree_rates")(q, np.zeros(robot.mobility), p_robot)[1][:, 0]
+        )
     return {name: found[name] for name in wanted}
 
 
 def tool(equations: Equations) -> ca.Function:
     """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and matrix, row by row."""
-    position, orientation, angle = measures.tool_pose(equations.tree, next(iter(equations.mechanism.tools.values())))
-    pose = ca.vertcat(position[:2], angle) if measures.is_planar(equations.tree) else ca.vertcat(position, orientation)
+    position, orientation, angle = measures.tool_pose(
+        equations.tree, next(iter(equations.mechanism.tools.values()))
+    )
+    pose = (
+        ca.vertcat(position[:2], angle)
+        if measures.is_planar(equations.tree)
+        else ca.vertcat(position, orientation)
+    )
     return functions.function("tool", equations, {"q": equations.tree.q}, {"pose": pose})
 
 
@@ -137,7 +168,9 @@ def reactions(bench: Bench, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
     parts = []
     for first in range(0, len(samples.q), size):
         rows = slice(first, first + size)
-        part = replace(samples[rows], chart=samples.chart.with_parameters(p[rows] if len(p) > 1 else p))
+        part = replace(
+            samples[rows], chart=samples.chart.with_parameters(p[rows] if len(p) > 1 else p)
+        )
         parts.append(transmitted(bench.robot, [part], (len(part.q),), length=bench.spread).wrenches)
     moment, force = np.split(np.concatenate(parts), 2, axis=-1)
     return np.linalg.norm(moment, axis=-1), np.linalg.norm(force, axis=-1)
@@ -149,6 +182,10 @@ def forced(crew: Members, rows: Rows, t: np.ndarray) -> tuple[np.ndarray, np.nda
     inputs = np.concatenate([crew.system.inputs(t), rows.held], axis=1)
     p = crew.p[rows.members] if len(crew.p) > 1 else crew.p
     if crew.system.acting is None:
-        return rows.chart.kernel("motion")(q, v, inputs, crew.p_robot(rows.members))[1], inputs, inputs
+        return (
+            rows.chart.kernel("motion")(q, v, inputs, crew.p_robot(rows.members))[1],
+            inputs,
+            inputs,
+        )
     found = crew.system.kernel(rows.chart, "recorded")(q, v, z, inputs, p)
     return found[0], found[1], found[2]

@@ -62,7 +62,9 @@ class Output:
         reduction, (quantity, _, component) = words[0], words[1].partition(".")
         if reduction not in REDUCTIONS:
             near = suggestion(reduction, REDUCTIONS)
-            raise MechanismError(f"{reduction!r} is no reduction{near}; the reductions are {', '.join(REDUCTIONS)}")
+            raise MechanismError(
+                f"{reduction!r} is no reduction{near}; the reductions are {', '.join(REDUCTIONS)}"
+            )
         require_quantity(quantity)
         return cls(reduction, quantity, component)
 
@@ -75,7 +77,11 @@ class Output:
     def unit(self) -> str:
         """Its unit."""
         unit = QUANTITIES[self.quantity].unit
-        return ", ".join(f"{part} s" for part in unit.split(", ")) if self.reduction in OVER_TIME else unit
+        return (
+            ", ".join(f"{part} s" for part in unit.split(", "))
+            if self.reduction in OVER_TIME
+            else unit
+        )
 
     def of(self, times: np.ndarray, values: np.ndarray, components: tuple[str, ...]) -> np.ndarray:
         """Return the output (members[, components]) of a quantity's values (members, K[, components])."""
@@ -88,4 +94,6 @@ def require_quantity(name: str) -> None:
     """Refuse a name that is no quantity's."""
     if name not in QUANTITIES:
         near = suggestion(name, QUANTITIES)
-        raise MechanismError(f"{name!r} is no quantity{near}; the quantities are {', '.join(QUANTITIES)}")
+        raise MechanismError(
+            f"{name!r} is no quantity{near}; the quantities are {', '.join(QUANTITIES)}"
+        )

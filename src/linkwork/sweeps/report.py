@@ -64,7 +64,9 @@ class MemberMoments:
             self.product + other.product + np.outer(step, step) * self.count * other.count / count,
             np.where(less, other.least, self.least),
             np.where(more, other.largest, self.largest),
-            np.stack([np.where(less, other.at[0], self.at[0]), np.where(more, other.at[1], self.at[1])]),
+            np.stack(
+                [np.where(less, other.at[0], self.at[0]), np.where(more, other.at[1], self.at[1])]
+            ),
         )
 
     @property
@@ -114,7 +116,10 @@ def summary(store: Store) -> Summary:
     stride, kept = -(-study.members // PLOTTED), []
     names = columns(store)
     for index in range(study.chunks):
-        part, members = store.read(index), np.arange(store.rows(index).start, store.rows(index).stop)
+        part, members = (
+            store.read(index),
+            np.arange(store.rows(index).start, store.rows(index).stop),
+        )
         for status, count in zip(*np.unique(part["status"], return_counts=True), strict=True):
             statuses[int(status)] = statuses.get(int(status), 0) + int(count)
         table = flat(part, [*study.varied, *bench.outputs])
@@ -129,7 +134,9 @@ def summary(store: Store) -> Summary:
     points = np.concatenate(kept)
     return Summary(
         {STATUSES[status]: count for status, count in sorted(statuses.items())},
-        tuple(row for case in sorted(moments) for row in rows_of(store, case, moments[case], names)),
+        tuple(
+            row for case in sorted(moments) for row in rows_of(store, case, moments[case], names)
+        ),
         {"controller": points[:, 0]} | {name: points[:, 1 + i] for i, name in enumerate(names)},
     )
 
@@ -148,13 +155,17 @@ def flat(part: Results, names: Sequence[str]) -> np.ndarray:
     return np.concatenate([part[name].reshape(len(part[name]), -1) for name in names], axis=1)
 
 
-def rows_of(store: Store, case: int, moments: MemberMoments, names: Sequence[str]) -> Iterator[SummaryRow]:
+def rows_of(
+    store: Store, case: int, moments: MemberMoments, names: Sequence[str]
+) -> Iterator[SummaryRow]:
     """Yield the rows of one controller."""
     bench, varied = store.bench, store.bench.study.varied
     controllers = tuple(bench.study.controllers)
     correlation, deviation = moments.correlation, moments.deviation
     for i in range(len(varied), len(names)):
-        output = next(name for name in bench.outputs if names[i] == name or names[i].startswith(f"{name}."))
+        output = next(
+            name for name in bench.outputs if names[i] == name or names[i].startswith(f"{name}.")
+        )
         told = bench.outputs[output]
         yield SummaryRow(
             controllers[case] if controllers else "",
@@ -183,7 +194,9 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
             fields = [name for name in SummaryRow.__dataclass_fields__ if name != "correlation"]
             writer.writerow([*fields, *(f"correlation with {name}" for name in varied)])
             for row in found.rows:
-                writer.writerow([*(getattr(row, name) for name in fields), *row.correlation.values()])
+                writer.writerow(
+                    [*(getattr(row, name) for name in fields), *row.correlation.values()]
+                )
         plots.write_text(svg(figure(store, found)), encoding="utf-8")
     return [table, plots]
 
@@ -205,9 +218,13 @@ def figure(store: Store, found: Summary) -> Figure:
                 look = {"color": COLOURS[case % len(COLOURS)], "label": name or None}
                 values = found.points[output][own]
                 for axes, across in zip(axes_row, varied, strict=False):
-                    axes.plot(found.points[across][own], values, ".", markersize=2.5, alpha=0.6, **look)
+                    axes.plot(
+                        found.points[across][own], values, ".", markersize=2.5, alpha=0.6, **look
+                    )
                 if values.size:
-                    axes_row[-1].hist(values, bins=min(30, 5 + values.size // 20), alpha=0.6, **look)
+                    axes_row[-1].hist(
+                        values, bins=min(30, 5 + values.size // 20), alpha=0.6, **look
+                    )
             axes_row[0].set_ylabel(f"{output}\n[{units.get(output, '')}]")
             axes_row[-1].set_xlabel(output)
             for axes, across in zip(axes_row, varied, strict=False):

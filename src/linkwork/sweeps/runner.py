@@ -65,14 +65,20 @@ def sweep(
     before = states.count("finished")
     pending = [index for index, state in enumerate(states) if state != "finished"]
     report(before, study.chunks)
-    found = here(study, pending, threads) if scheduler is None else on_cluster(study, pending, scheduler)
+    found = (
+        here(study, pending, threads)
+        if scheduler is None
+        else on_cluster(study, pending, scheduler)
+    )
     for count, (index, results) in enumerate(found, 1):
         store.write(index, results)
         report(before + count, study.chunks)
     return Outcome(store, before, states.count("corrupted"), len(pending))
 
 
-def here(study: Study, pending: Iterable[int], threads: int | None) -> Iterator[tuple[int, Results]]:
+def here(
+    study: Study, pending: Iterable[int], threads: int | None
+) -> Iterator[tuple[int, Results]]:
     """Yield chunks as they are computed in this process."""
     for index in pending:
         yield index, compute(study, index, threads)
@@ -130,7 +136,9 @@ def result(future: Any, index: int, address: str) -> Results:
             f"chunk {index} ended several workers of {address}, most likely for want of memory; {KEPT}"
         ) from None
     except ImportError as error:
-        raise StudyError(f"the workers of {address} cannot compute: {error}; install the same linkwork there") from None
+        raise StudyError(
+            f"the workers of {address} cannot compute: {error}; install the same linkwork there"
+        ) from None
 
 
 def connected(address: str) -> Client:
@@ -138,7 +146,9 @@ def connected(address: str) -> Client:
     from distributed import Client
 
     try:
-        with ThreadPoolExecutor(1) as pool:  # its thread has no event loop under way, as that of a notebook has
+        with ThreadPoolExecutor(
+            1
+        ) as pool:  # its thread has no event loop under way, as that of a notebook has
             kind = pool.submit(asyncio.run, introduced(address)).result()
         if kind != "Scheduler":
             raise ValueError(f"it is a {kind.lower()}")
@@ -156,7 +166,10 @@ async def introduced(address: str) -> str:
     """Return what a Dask process says that it is: Scheduler, Worker or Nanny."""
     from distributed import Security, rpc
 
-    async with asyncio.timeout(PATIENCE), rpc(address, connection_args=Security().get_connection_args("client")) as it:
+    async with (
+        asyncio.timeout(PATIENCE),
+        rpc(address, connection_args=Security().get_connection_args("client")) as it,
+    ):
         known: Any = await it.identity()
         return known["type"]
 
@@ -174,4 +187,6 @@ def require_workers(client: Client, address: str) -> int:
 
 def lost(address: str, error: Exception) -> StudyError:
     """Return the refusal to go on without a scheduler."""
-    return StudyError(f"the scheduler at {address} was lost ({reason(error) or type(error).__name__}); {KEPT}")
+    return StudyError(
+        f"the scheduler at {address} was lost ({reason(error) or type(error).__name__}); {KEPT}"
+    )

@@ -44,7 +44,9 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
         q, closed = closed_together(bench, q, p, of)
         left = np.union1d(left, np.flatnonzero(~closed))
     for i in left:
-        status[i], q[i] = closed_alone(bench, {name: float(column[i]) for name, column in of.items()}, q[i])
+        status[i], q[i] = closed_alone(
+            bench, {name: float(column[i]) for name, column in of.items()}, q[i]
+        )
     for name in of:
         if name.startswith(RATES):
             v[:, robot.independent.index(name.removeprefix(RATES))] = of[name]
@@ -53,18 +55,28 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
     return State(positions, v, q, robot.coordinates, robot.independent), status
 
 
-def closed_together(bench: Bench, q: np.ndarray, p: np.ndarray, of: Values) -> tuple[np.ndarray, np.ndarray]:
+def closed_together(
+    bench: Bench, q: np.ndarray, p: np.ndarray, of: Values
+) -> tuple[np.ndarray, np.ndarray]:
     """Return coordinates (M, nq) of members with parameters p (M, np), and which of them are closed."""
     robot, start = bench.robot, bench.study.start
     given = {name: np.full(len(q), value) for name, value in start.joints.items()}
-    given |= {name.removeprefix(JOINTS): column for name, column in of.items() if name.startswith(JOINTS)}
+    given |= {
+        name.removeprefix(JOINTS): column for name, column in of.items() if name.startswith(JOINTS)
+    }
     pose = None
     if start.tool is not None:
         names = POSES[robot.planar]
-        columns = [of.get(f"{TOOL}{name}", value) for name, value in zip(names, start.tool, strict=False)]
+        columns = [
+            of.get(f"{TOOL}{name}", value) for name, value in zip(names, start.tool, strict=False)
+        ]
         pose = np.stack([np.broadcast_to(column, len(q)) for column in columns], axis=1)
     if not given and pose is None:
-        given = {name: np.full(len(q), bench.start[name]) for name in robot.independent if name in robot.coordinates}
+        given = {
+            name: np.full(len(q), bench.start[name])
+            for name in robot.independent
+            if name in robot.coordinates
+        }
     closed = np.ones(len(q), dtype=bool)
     if given:
         q, closed = solved(robot, q, p, given, None)
@@ -82,16 +94,22 @@ def solved(
     q, closed, open_ = q.copy(), np.zeros(len(q), dtype=bool), np.arange(len(q))
     for _ in range(ROUNDS):
         part = {name: column[open_] for name, column in joints.items()}
-        residual, J, N, aligned = rows(robot, q[open_], p[open_], part, None if pose is None else pose[open_])
+        residual, J, N, aligned = rows(
+            robot, q[open_], p[open_], part, None if pose is None else pose[open_]
+        )
         size = np.abs(residual).max(axis=1, initial=0.0)
-        met = size <= CLOSED * np.maximum(1.0, np.abs(q[open_] / robot.equations.tree.units).max(axis=1, initial=0.0))
+        met = size <= CLOSED * np.maximum(
+            1.0, np.abs(q[open_] / robot.equations.tree.units).max(axis=1, initial=0.0)
+        )
         closed[open_[met]] = aligned[met]
         going = ~met & np.isfinite(size)
         open_, residual, J, N = open_[going], residual[going], J[going], N[going]
         if not open_.size:
             break
         step = least_step(J, residual)
-        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+        step *= np.minimum(
+            1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)
+        )
         q[open_] = unit(robot.equations.tree, q[open_] + np.einsum("mij,mj->mi", N, step))
     return q, closed
 
@@ -109,7 +127,12 @@ def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.nd
     mechanism's own units, and whether joints' frames face each other as they should (M).
     """
     kernel, nv = robot.kernel("assembly"), len(robot.equations.tree.rates)
-    out = {name: value for (name, _), value in zip(kernel.outputs, kernel(q, np.zeros((len(q), nv)), p), strict=True)}
+    out = {
+        name: value
+        for (name, _), value in zip(
+            kernel.outputs, kernel(q, np.zeros((len(q), nv)), p), strict=True
+        )
+    }
     for name in MATRICES:
         if name in out:
             out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
@@ -138,17 +161,24 @@ def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.nd
 def pose_error(planar: bool, out: Values, pose: np.ndarray) -> np.ndarray:
     """Return how far the tools are from poses (M, 2 or 3 in the plane, 3 or 6 in space); turns the short way round."""
     if planar:
-        return np.concatenate([out["position"][:, :2] - pose[:, :2], wrapped(out["angle"] - pose[:, 2:])], axis=1)
+        return np.concatenate(
+            [out["position"][:, :2] - pose[:, :2], wrapped(out["angle"] - pose[:, 2:])], axis=1
+        )
     moved = out["position"] - pose[:, :3]
     if pose.shape[1] == 3:
         return moved
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)) * Rotation.from_rotvec(pose[:, 3:]).inv()
+    turn = (
+        Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3))
+        * Rotation.from_rotvec(pose[:, 3:]).inv()
+    )
     return np.concatenate([moved, turn.as_rotvec()], axis=1)
 
 
-def closed_alone(bench: Bench, values: Mapping[str, float], q: np.ndarray) -> tuple[int, np.ndarray]:
+def closed_alone(
+    bench: Bench, values: Mapping[str, float], q: np.ndarray
+) -> tuple[int, np.ndarray]:
     """Return 0 and a member's coordinates (nq), or why it has none: UNREACHABLE, or REFUSED."""
     study, own = bench.study, {path: values[path] for path in bench.study.paths}
     try:

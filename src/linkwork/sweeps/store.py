@@ -62,11 +62,15 @@ class Store:
             raise StudyError(
                 f"{path} holds the results of another study ({other(text)}); give another folder, or remove it"
             )
-        wanted = {name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()}
+        wanted = {
+            name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()
+        }
         if {name: getattr(array, "shape", None) for name, array in arrays.items()} != wanted | {
             CHECKSUM: (bench.study.chunks,)
         }:
-            raise StudyError(f"{path} was written by another version of the program; give another folder, or remove it")
+            raise StudyError(
+                f"{path} was written by another version of the program; give another folder, or remove it"
+            )
         mend(path, group, bench)
         return cls(path, bench, arrays)
 
@@ -117,15 +121,31 @@ def create(path: Path, bench: Bench) -> None:
             group = zarr.create_group(part, attributes=about)
             for name, field in bench.fields.items():
                 shape = bench.shape(field, study.members)
-                add(group, name, shape, (study.chunk_length, *shape[1:]), field.axes, field.kind, dict(field.attrs))
+                add(
+                    group,
+                    name,
+                    shape,
+                    (study.chunk_length, *shape[1:]),
+                    field.axes,
+                    field.kind,
+                    dict(field.attrs),
+                )
             add(
-                group, CHECKSUM, (study.chunks,), (1,), ("chunk",), "u8", {"description": "of a finished chunk; else 0"}
+                group,
+                CHECKSUM,
+                (study.chunks,),
+                (1,),
+                ("chunk",),
+                "u8",
+                {"description": "of a finished chunk; else 0"},
             )
             for axis, values in coordinates(bench).items():
                 kind, attrs = ("f8", {"units": "s"}) if axis == "time" else (str, {})
                 add(group, axis, values.shape, values.shape, (axis,), kind, attrs)[:] = values
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # xarray wants what version 3 of the format leaves open
+                warnings.simplefilter(
+                    "ignore", UserWarning
+                )  # xarray wants what version 3 of the format leaves open
                 zarr.consolidate_metadata(part)
             part.rename(path)
         finally:
@@ -135,15 +155,21 @@ def create(path: Path, bench: Bench) -> None:
 def coordinates(bench: Bench) -> dict[str, np.ndarray]:
     """Return the times and the names along the axes of the results."""
     used = {axis for field in bench.fields.values() for axis in field.axes}
-    names = {axis: np.array(found, dtype=object) for axis, found in bench.labels.items() if axis in used}
+    names = {
+        axis: np.array(found, dtype=object) for axis, found in bench.labels.items() if axis in used
+    }
     return {"time": bench.times} | names
 
 
 def mend(path: Path, group: Any, bench: Bench) -> None:
     """Write anew what is not as it was made: the arrays' descriptions, which the group's repeats, times and names."""
-    described = read_or_none(lambda: json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"])
+    described = read_or_none(
+        lambda: json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"]
+    )
     if not isinstance(described, Mapping):
-        raise StudyError(f"{path} does not describe its arrays any more; remove it, or give another folder")
+        raise StudyError(
+            f"{path} does not describe its arrays any more; remove it, or give another folder"
+        )
     with written(path):
         for name, wanted in described.items():
             place = path / name / "zarr.json"
@@ -171,7 +197,9 @@ def read_or_none(read: Callable[[], Any]) -> Any:
         return None
 
 
-def add(group: Any, name: str, shape, chunks, axes: tuple[str, ...], kind: Any, attrs: dict[str, Any]) -> Any:
+def add(
+    group: Any, name: str, shape, chunks, axes: tuple[str, ...], kind: Any, attrs: dict[str, Any]
+) -> Any:
     """Make an array of a group."""
     return group.create_array(
         name,

@@ -31,7 +31,9 @@ from linkwork.sweeps.outputs import Output, require_quantity
 
 FORMAT_VERSION = 1
 MAX_BYTES = 1_000_000
-NUMBERS_AT_ONCE = 2_000_000  # of one quantity of a chunk, where the study does not say how long chunks are
+NUMBERS_AT_ONCE = (
+    2_000_000  # of one quantity of a chunk, where the study does not say how long chunks are
+)
 CHUNKS = (16, 4096)  # members of the shortest and the longest chunk then
 OWN = ("start", "forces", "controllers", "drives")
 TAKEN = ("member", "time", "chunk", "checksum", "status", "end_time", "nfev", "pivot", "closure_error", "controller",
@@ -46,8 +48,12 @@ class Start(Record):
     """Say where runs start: at a tool pose, at joint coordinates (with a tool pose they choose the branch), with rates."""
 
     tool: tuple[Real, ...] | None = Field(default=None, description="pose of the tool [m, rad]")
-    joints: Mapping[PathName, Real] = Field(default_factory=dict, description="joint coordinates by name [m, rad]")
-    rates: Mapping[PathName, Real] = Field(default_factory=dict, description="rates by name [m/s, rad/s]")
+    joints: Mapping[PathName, Real] = Field(
+        default_factory=dict, description="joint coordinates by name [m, rad]"
+    )
+    rates: Mapping[PathName, Real] = Field(
+        default_factory=dict, description="rates by name [m/s, rad/s]"
+    )
 
 
 class Study(Record):
@@ -64,29 +70,45 @@ class Study(Record):
     name: str = Field(default="study", description="name of the study")
     robot: Mechanism = Field(description="a robot of the catalogue, or a mechanism file")
     reference: Mapping[PathName, Real] = Field(
-        default_factory=dict, description="joint coordinates in place of those of the robot's own reference [m, rad]"
+        default_factory=dict,
+        description="joint coordinates in place of those of the robot's own reference [m, rad]",
     )
     duration: Positive = Field(description="length of each run [s]")
-    samples: Annotated[int, Field(ge=2)] = Field(default=101, description="number of equally spaced times looked at")
+    samples: Annotated[int, Field(ge=2)] = Field(
+        default=101, description="number of equally spaced times looked at"
+    )
     start: Start = Field(default=Start(), description="where runs start")
-    forces: Mapping[PathName, Real] = Field(default_factory=dict, description="constant actuator forces [N, N m]")
-    controllers: Mapping[Name, AnyController] = Field(default_factory=dict, description="controllers by name")
+    forces: Mapping[PathName, Real] = Field(
+        default_factory=dict, description="constant actuator forces [N, N m]"
+    )
+    controllers: Mapping[Name, AnyController] = Field(
+        default_factory=dict, description="controllers by name"
+    )
     drives: Mapping[PathName, Mapping[str, float | str]] = Field(
         default_factory=dict, description="drives by actuator, each a type and its numbers"
     )
     design: AnyDesign = Field(default=Grid(), description="a design: grid, random or sobol")
     vary: Mapping[str, AnyVariation] = Field(description="what varies, by name")
-    outputs: Mapping[Name, str] = Field(description="outputs by name, each a reduction and a quantity")
+    outputs: Mapping[Name, str] = Field(
+        description="outputs by name, each a reduction and a quantity"
+    )
     trajectories: tuple[str, ...] = Field(default=(), description="quantities to keep at all times")
     method: str | None = Field(default=None, description="integration method")
     step: Positive | None = Field(default=None, description="step of a method of fixed step [s]")
     rtol: Positive = Field(default=Settings.rtol, description="relative tolerance")
     atol: Positive = Field(
-        default=Settings.atol, description="absolute tolerance [rad; of lengths parts of the robot's own length]"
+        default=Settings.atol,
+        description="absolute tolerance [rad; of lengths parts of the robot's own length]",
     )
-    max_steps: Annotated[int, Field(ge=1)] = Field(default=Settings.max_steps, description="most steps of a run")
-    on_singular: Literal["stop", "step_over"] = Field(default="stop", description="stop or step_over")
-    chunk: Annotated[int, Field(ge=1)] | None = Field(default=None, description="members that are computed at a time")
+    max_steps: Annotated[int, Field(ge=1)] = Field(
+        default=Settings.max_steps, description="most steps of a run"
+    )
+    on_singular: Literal["stop", "step_over"] = Field(
+        default="stop", description="stop or step_over"
+    )
+    chunk: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="members that are computed at a time"
+    )
 
     @field_validator("vary", "outputs")
     @classmethod
@@ -100,7 +122,10 @@ class Study(Record):
         taken = (*TAKEN, *self.trajectories, *self.varied)
         for name, text in self.outputs.items():
             if name in taken or "/" in name:
-                raise MechanismError("is the name of something else, or holds a '/'; choose another", ("outputs", name))
+                raise MechanismError(
+                    "is the name of something else, or holds a '/'; choose another",
+                    ("outputs", name),
+                )
             with_place(Output.read, text, ("outputs", name))
         for index, name in enumerate(self.trajectories):
             with_place(require_quantity, name, ("trajectories", str(index)))
@@ -110,17 +135,23 @@ class Study(Record):
                 raise MechanismError(f"is {variation.type!r}, but {fault}", ("vary", name))
         for name in self.varied:
             if "/" in name or not name.isprintable():
-                raise MechanismError(f"{shown(name)} cannot be varied: its name holds a '/'", ("vary", name))
+                raise MechanismError(
+                    f"{shown(name)} cannot be varied: its name holds a '/'", ("vary", name)
+                )
             if self.varied.count(name) > 1:
                 raise MechanismError(f"{name!r} varies twice; keep one of them", ("vary", name))
-        if self.controllers and (self.forces or any(name.startswith("forces.") for name in self.varied)):
+        if self.controllers and (
+            self.forces or any(name.startswith("forces.") for name in self.varied)
+        ):
             raise MechanismError("and controllers are both given; keep one of them", ("forces",))
         for actuator, numbers in self.drives.items():
             drive(numbers, ("drives", actuator))
         try:
             integrator(self.method, self.step)
         except LinkworkError as error:
-            raise MechanismError(str(error), ("step" if self.method in (*METHODS, None) else "method",)) from None
+            raise MechanismError(
+                str(error), ("step" if self.method in (*METHODS, None) else "method",)
+            ) from None
         with_place(self.robot.with_reference, self.reference, ("reference",))
         self._check_paths()
         self._check_weights()
@@ -136,7 +167,10 @@ class Study(Record):
             for value in variation.bounds:
                 reached = f"reaches {value:.6g}, which the robot may not have: "
                 with_place(
-                    lambda values: edited(self.robot, values), {path: value for path in own}, ("vary", name), reached
+                    lambda values: edited(self.robot, values),
+                    {path: value for path in own},
+                    ("vary", name),
+                    reached,
                 )
 
     def _check_weights(self) -> None:
@@ -159,17 +193,23 @@ class Study(Record):
 
     def place(self, name: str) -> tuple[str, ...]:
         """Return where a varied name stands in the study."""
-        return "vary", next(key for key, variation in self.vary.items() if name in (key, *variation.also))
+        return "vary", next(
+            key for key, variation in self.vary.items() if name in (key, *variation.also)
+        )
 
     @cached_property
     def varied(self) -> tuple[str, ...]:
         """The names of all that varies, in the order of the file."""
-        return tuple(name for key, variation in self.vary.items() for name in (key, *variation.also))
+        return tuple(
+            name for key, variation in self.vary.items() for name in (key, *variation.also)
+        )
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
         """The column of the design's points that each of `varied` has."""
-        return tuple(i for i, variation in enumerate(self.vary.values()) for _ in (0, *variation.also))
+        return tuple(
+            i for i, variation in enumerate(self.vary.values()) for _ in (0, *variation.also)
+        )
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -190,7 +230,9 @@ class Study(Record):
     def chunk_length(self) -> int:
         """Number of members that are computed and written at a time."""
         least, most = CHUNKS
-        return min(self.chunk or max(least, min(most, NUMBERS_AT_ONCE // self.samples)), self.members)
+        return min(
+            self.chunk or max(least, min(most, NUMBERS_AT_ONCE // self.samples)), self.members
+        )
 
     @property
     def chunks(self) -> int:
@@ -224,7 +266,9 @@ def in_file(path: Path) -> Iterator[None]:
         place = error.place
         if error.where and not place:
             place = f"line {read_document(_text(path)).line_of(error.where)}"
-        raise StudyError(error.what, error.where, f"{path}: {place}" if place else str(path)) from None
+        raise StudyError(
+            error.what, error.where, f"{path}: {place}" if place else str(path)
+        ) from None
 
 
 def with_place(check: Any, value: Any, where: tuple[str, ...], before: str = "") -> None:
@@ -252,14 +296,18 @@ def _study(root: Node, folder: Path) -> Study:
 def _robot(name: Any, folder: Path) -> Mechanism:
     """Return a robot of the catalogue, or that of a mechanism or model file beside the study."""
     if not isinstance(name, str):
-        raise MechanismError(f"{shown(name)} is no name; give a robot of the catalogue or a mechanism file", ("robot",))
+        raise MechanismError(
+            f"{shown(name)} is no name; give a robot of the catalogue or a mechanism file",
+            ("robot",),
+        )
     if name in robots.__all__:
         return getattr(robots, name)()
     file = folder / name
     if not file.suffix:
         known: Iterable[str] = robots.__all__
         raise MechanismError(
-            f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has {', '.join(known)}", ("robot",)
+            f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has {', '.join(known)}",
+            ("robot",),
         )
     try:
         from linkwork import formats

@@ -20,7 +20,11 @@ from linkwork.scene.curves import across
 from linkwork.scene.skeleton import after_turns
 
 LONGEST = 0.28  # arrow, relative to the mechanism
-RADIUS, FULL_ARC, STEPS = 0.06, 1.5 * np.pi, 24  # of arcs: radius relative to the mechanism, angle, pieces
+RADIUS, FULL_ARC, STEPS = (
+    0.06,
+    1.5 * np.pi,
+    24,
+)  # of arcs: radius relative to the mechanism, angle, pieces
 LEAST = 0.02  # part of the largest below which nothing is drawn
 
 
@@ -41,7 +45,9 @@ class Arrows:
     def largest(self) -> tuple[float, float]:
         """Return the largest magnitude of what is straight and of what turns."""
         sizes = np.linalg.norm(self.values, axis=1)
-        return float(sizes[~self.turning].max(initial=0.0)), float(sizes[self.turning].max(initial=0.0))
+        return float(sizes[~self.turning].max(initial=0.0)), float(
+            sizes[self.turning].max(initial=0.0)
+        )
 
 
 NOTHING = Arrows.of(())
@@ -66,7 +72,9 @@ def drawn(vectors: Arrows, largest: tuple[float, float], size: float) -> ArrowLi
         if turning:
             points = arc_about(place, direction, RADIUS * size, min(part, 1.0) * FULL_ARC)
             arcs += pairwise(points[:-1])
-            arrows.append((points[-2], points[-2] + 0.6 * RADIUS * size * unit(points[-1] - points[-2])))
+            arrows.append(
+                (points[-2], points[-2] + 0.6 * RADIUS * size * unit(points[-1] - points[-2]))
+            )
         else:
             arrows.append((place, place + min(part, 1.0) * LONGEST * size * direction))
     return ArrowLines(np.array(arrows).reshape(-1, 2, 3), np.array(arcs).reshape(-1, 2, 3))
@@ -96,7 +104,11 @@ class Actuator:
 
 def actuators_of(robot: Robot) -> tuple[Actuator, ...]:
     """Return the places and axes of a robot's actuated rates, in the order of `actuators`."""
-    owners = {label: (name, joint) for name, joint in robot.mechanism.pairs.items() for label in joint.rates(name)}
+    owners = {
+        label: (name, joint)
+        for name, joint in robot.mechanism.pairs.items()
+        for label in joint.rates(name)
+    }
     return tuple(actuator(label, *owners[label]) for label in robot.actuators)
 
 
@@ -108,7 +120,9 @@ def actuator(label: str, name: str, joint: PairJoint) -> Actuator:
     own = np.eye(3)[k] if motion.ball else motion.turn if motion.turns else motion.slide
     inner, outer = joint.frames
     axis = rotation_matrix((inner, outer)[turned].rotation) @ own
-    return Actuator(joint.connects[turned], axis, joint.connects[1], np.array(outer.position), motion.turns)
+    return Actuator(
+        joint.connects[turned], axis, joint.connects[1], np.array(outer.position), motion.turns
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +147,11 @@ class ArrowField:
         def rows():
             for acting, value in zip(self.actuators, u, strict=True):
                 origin, R = poses[acting.body]
-                yield origin + R @ acting.point, value * (poses[acting.axis_body][1] @ acting.axis), acting.turning
+                yield (
+                    origin + R @ acting.point,
+                    value * (poses[acting.axis_body][1] @ acting.axis),
+                    acting.turning,
+                )
 
         return Arrows.of(rows())
 

@@ -33,7 +33,9 @@ class Bound:
     def value(self, out: Mapping[str, np.ndarray]) -> float:
         """Return x [m, rad] by the outputs of `functions.assembly`."""
         values = out["coordinates"][self.places]
-        return float(values[0]) if len(values) == 1 else 2 * float(np.arccos(min(1.0, abs(values[0]))))
+        return (
+            float(values[0]) if len(values) == 1 else 2 * float(np.arccos(min(1.0, abs(values[0]))))
+        )
 
     def row(self, out: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return dx/dw (nv): the coordinate's rate; of a free turn the angular velocity about its axis."""
@@ -41,7 +43,9 @@ class Bound:
         if len(self.places) == 1:
             return rows[0]
         w, *axis = out["coordinates"][self.places]
-        return np.copysign(1.0, w) * np.array(axis) @ rows / max(float(np.linalg.norm(axis)), 1e-300)
+        return (
+            np.copysign(1.0, w) * np.array(axis) @ rows / max(float(np.linalg.norm(axis)), 1e-300)
+        )
 
     def __str__(self) -> str:
         return f"{self.name} is at its {SIDES[self.side]} limit {self.bound:.4g} {self.unit}"

@@ -23,7 +23,9 @@ def conditioning(pursuit: Pursuit, out: Outputs) -> float:
     _, N = inverse(out["Phi"] * scale)
     names = robot.actuators if len(robot.actuators) >= robot.mobility else robot.independent
     rows = [robot.rates.index(name) for name in names if name in robot.rates]
-    lengths = np.array([1.0 if robot.unit(robot.rates[row]) == "m" else pursuit.length for row in rows])
+    lengths = np.array(
+        [1.0 if robot.unit(robot.rates[row]) == "m" else pursuit.length for row in rows]
+    )
     B = lengths[:, None] * (out["J_coordinates"][rows] * scale) @ N
     seen = np.linalg.svd(B, compute_uv=False)
     if N.shape[1] == 0 or len(seen) < N.shape[1] or seen[-1] < SMALL:

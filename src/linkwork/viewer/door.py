@@ -142,7 +142,9 @@ def free_port(host: str, port: int | None) -> int:
         raise LinkworkError(f"port {port} is none; give a number from 1 to 65535")
     for candidate in range(PORT, PORT + PORTS) if port is None else (port,):
         try:
-            family, kind, _, _, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            family, kind, _, _, address = socket.getaddrinfo(
+                host, candidate, type=socket.SOCK_STREAM
+            )[0]
             with socket.socket(family, kind) as probe:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind(address)
@@ -152,7 +154,9 @@ def free_port(host: str, port: int | None) -> int:
                 f"there is no address {host!r}; give one of this computer, such as {LOOPBACK}"
             ) from None
         except PermissionError:
-            raise LinkworkError(f"port {candidate} is not free to use here; give one from 1024 on") from None
+            raise LinkworkError(
+                f"port {candidate} is not free to use here; give one from 1024 on"
+            ) from None
         except OSError as error:
             if error.errno in UNAVAILABLE:
                 raise LinkworkError(
@@ -160,8 +164,12 @@ def free_port(host: str, port: int | None) -> int:
                 ) from None
             continue
     if port is None:
-        raise LinkworkError(f"the ports {PORT} to {PORT + PORTS - 1} on {host} are all in use; give another one")
-    raise LinkworkError(f"port {port} on {host} is in use; give another one, or none for the next free one")
+        raise LinkworkError(
+            f"the ports {PORT} to {PORT + PORTS - 1} on {host} are all in use; give another one"
+        )
+    raise LinkworkError(
+        f"port {port} on {host} is in use; give another one, or none for the next free one"
+    )
 
 
 def shown_host(host: str) -> str:

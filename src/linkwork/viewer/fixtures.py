@@ -18,8 +18,14 @@ from linkwork.scene.meshes import POST, Mesh, PlacedMesh, frame_along
 from linkwork.scene.parts import Bar, Coil, Hull, ScenePart
 from linkwork.scene.scene import scene_of
 
-PLATE, EDGE = 0.012, 0.0055  # thickness of plates, radius of the edges of hulls, relative to the mechanism
-COILS, WIRE = 8, 0.004  # of springs: their number, and the radius of the wire relative to the mechanism
+PLATE, EDGE = (
+    0.012,
+    0.0055,
+)  # thickness of plates, radius of the edges of hulls, relative to the mechanism
+COILS, WIRE = (
+    8,
+    0.004,
+)  # of springs: their number, and the radius of the wire relative to the mechanism
 SHARP = 1e-6  # one less the cosine of the angle between two faces with an edge between them
 
 
@@ -64,7 +70,12 @@ def fixtures_of(robot: Robot) -> Fixtures:
     maker = Maker({GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(robot.home), scene.size)
     found = tuple(fixture for part in scene.parts for fixture in maker.fixtures(part))
     points = scene.pose.points
-    return Fixtures(found, tuple(maker.spans.values()), scene.size, (points.min(axis=0) + points.max(axis=0)) / 2)
+    return Fixtures(
+        found,
+        tuple(maker.spans.values()),
+        scene.size,
+        (points.min(axis=0) + points.max(axis=0)) / 2,
+    )
 
 
 class Maker:
@@ -100,15 +111,22 @@ class Maker:
         (body,) = part.bodies
         origin, turn = self.poses[body]
         own = piece.moved(-origin @ turn, turn.T)
-        return Fixture(body, role or part.role, part.colour, own.mesh, own.position, own.turn, own.scale)
+        return Fixture(
+            body, role or part.role, part.colour, own.mesh, own.position, own.turn, own.scale
+        )
 
     def between(self, part: ScenePart, k: int, piece: PlacedMesh) -> Fixture:
         """Fix a solid in the span between a point of a part and the next one, which move with two bodies."""
         bodies, points = (part.bodies[k], part.bodies[k + 1]), part.form.points[k : k + 2]  # pyright: ignore
-        start, end = ((p - self.poses[of][0]) @ self.poses[of][1] for of, p in zip(bodies, points, strict=True))
+        start, end = (
+            (p - self.poses[of][0]) @ self.poses[of][1]
+            for of, p in zip(bodies, points, strict=True)
+        )
         self.spans.setdefault((part.name, k), Stretch(bodies, (start, end)))
         number = list(self.spans).index((part.name, k))
-        return Fixture(number, part.role, part.colour, piece.mesh, piece.position, piece.turn, piece.scale)
+        return Fixture(
+            number, part.role, part.colour, piece.mesh, piece.position, piece.turn, piece.scale
+        )
 
 
 def bar(line: np.ndarray, radius: float) -> PlacedMesh:
@@ -116,7 +134,9 @@ def bar(line: np.ndarray, radius: float) -> PlacedMesh:
     if len(line) > 2:
         return PlacedMesh(meshes.tube(line, radius))
     way = line[1] - line[0]
-    return PlacedMesh(POST, line[0], frame_along(way), np.array([radius, radius, np.linalg.norm(way)]))
+    return PlacedMesh(
+        POST, line[0], frame_along(way), np.array([radius, radius, np.linalg.norm(way)])
+    )
 
 
 def edges(faces: list[np.ndarray]) -> Iterator[np.ndarray]:

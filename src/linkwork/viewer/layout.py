@@ -35,7 +35,9 @@ class PartLayout:
         carriers = {name: k for k, name in enumerate(names)}
         spans = range(len(names), len(names) + len(parts.spans))
         own = parts.parts
-        self.carriers = np.array([carriers[p.carrier] if isinstance(p.carrier, str) else spans[p.carrier] for p in own])
+        self.carriers = np.array(
+            [carriers[p.carrier] if isinstance(p.carrier, str) else spans[p.carrier] for p in own]
+        )
         self.positions = np.array([part.position for part in own])
         self.turns = quaternions(np.array([part.turn for part in own]))
         self.scales = np.array([part.scale for part in own])
@@ -52,14 +54,20 @@ class PartLayout:
         origins = np.array([np.zeros(3), *(p for p, _ in poses)])
         turns = np.array([np.eye(3), *(R for _, R in poses)])
         starts, ends = (
-            origins[bodies] + (turns[bodies] @ points[:, :, None])[:, :, 0] for bodies, points in self._ends
+            origins[bodies] + (turns[bodies] @ points[:, :, None])[:, :, 0]
+            for bodies, points in self._ends
         )
         lengths = np.linalg.norm(ends - starts, axis=1)
-        frames = np.concatenate([quaternions(turns), quaternions_along(ends - starts, lengths)])[self.carriers]
-        stretch = np.concatenate([np.ones(len(origins)), np.maximum(lengths, SHORTEST)])[self.carriers]
+        frames = np.concatenate([quaternions(turns), quaternions_along(ends - starts, lengths)])[
+            self.carriers
+        ]
+        stretch = np.concatenate([np.ones(len(origins)), np.maximum(lengths, SHORTEST)])[
+            self.carriers
+        ]
         along = np.array([0, 0, 1]) * (stretch - 1)[:, None] + 1
         return Placement(
-            np.concatenate([origins, starts])[self.carriers] + turned_by(frames, self.positions * along),
+            np.concatenate([origins, starts])[self.carriers]
+            + turned_by(frames, self.positions * along),
             product(frames, self.turns),
             self.scales * along,
         )
@@ -96,7 +104,9 @@ def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the quaternion products p q (k, 4)."""
     w, u = p[:, :1], p[:, 1:]
     s, v = q[:, :1], q[:, 1:]
-    return np.concatenate([w * s - (u * v).sum(axis=1, keepdims=True), w * v + s * u + np.cross(u, v)], axis=1)
+    return np.concatenate(
+        [w * s - (u * v).sum(axis=1, keepdims=True), w * v + s * u + np.cross(u, v)], axis=1
+    )
 
 
 def turned_by(p: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -60,10 +60,14 @@ class Panels:
     # Pose
 
     def _add_pose(self) -> None:
-        self.sliders = {name: self._add_slider(name, *ends) for name, ends in self.session.sliders.items()}
+        self.sliders = {
+            name: self._add_slider(name, *ends) for name, ends in self.session.sliders.items()
+        }
         home = self.gui.add_button("Reference pose")
         home.on_click(lambda _: self._post(lambda: self.session.show(self.session.robot.home)))
-        self.branches = self._add_dropdown("Branch", ("1 of 1",), "Other ways to assemble the robot")
+        self.branches = self._add_dropdown(
+            "Branch", ("1 of 1",), "Other ways to assemble the robot"
+        )
         self.branches.on_update(self._by_hand(lambda: self.desk.show_branch(self._index())))
         for what, same in (("Assembly modes", "actuators"), ("Working modes", "tool")):
             hint = f"Find all configurations with the {same} where {'they are' if same == 'actuators' else 'it is'}"
@@ -95,7 +99,9 @@ class Panels:
     # Run
 
     def _add_run(self) -> None:
-        self.no_run = self.gui.add_html("<p style='margin:0.5em 1em'>There is no run yet: simulate one.</p>")
+        self.no_run = self.gui.add_html(
+            "<p style='margin:0.5em 1em'>There is no run yet: simulate one.</p>"
+        )
         self.play = self.gui.add_button("Play")
         self.play.on_click(lambda _: self._post(self.session.play))
         self.clock = self.gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0)
@@ -128,7 +134,11 @@ class Panels:
             return
         player = self.session.player
         span = max(player.end - player.start, 1e-9)
-        self.clock.min, self.clock.max, self.clock.step = player.start, player.start + span, fine_step(span)
+        self.clock.min, self.clock.max, self.clock.step = (
+            player.start,
+            player.start + span,
+            fine_step(span),
+        )
         self.clock.value = player.time
         self._set_speed()
         self._set_loop()
@@ -147,10 +157,17 @@ class Panels:
             return
         self.traces = found = traces(replay.run, name, tuple(self.sliders))
         curves = [
-            uplot.Series(label=label, stroke=COLOURS[k % len(COLOURS)], width=2, points=uplot.Series_Points(show=False))
+            uplot.Series(
+                label=label,
+                stroke=COLOURS[k % len(COLOURS)],
+                width=2,
+                points=uplot.Series_Points(show=False),
+            )
             for k, label in enumerate(found.labels)
         ]
-        mark = uplot.Series(label="now", stroke=INK, width=1, points=uplot.Series_Points(show=False))
+        mark = uplot.Series(
+            label="now", stroke=INK, width=1, points=uplot.Series_Points(show=False)
+        )
         low, high = found.range
         with self.run_tab:
             self.plot = self.gui.add_uplot(
@@ -164,7 +181,9 @@ class Panels:
     # Simulation
 
     def _add_simulation(self) -> None:
-        self.controller = self.gui.add_dropdown("Drive", tuple(CONTROLLERS), hint="What drives the actuators")
+        self.controller = self.gui.add_dropdown(
+            "Drive", tuple(CONTROLLERS), hint="What drives the actuators"
+        )
         robot = self.session.robot
         self.forces = {
             name: self.gui.add_number(f"{name} [{'N' if robot.unit(name) == 'm' else 'N m'}]", 0.0)
@@ -178,7 +197,9 @@ class Panels:
         forces = {name: float(number.value) for name, number in self.forces.items()}
         self.desk.simulate(str(self.controller.value), forces, float(self.duration.value))
 
-    def _add_dropdown(self, label: str, options: tuple[str, ...], hint: str) -> viser.GuiDropdownHandle[str]:
+    def _add_dropdown(
+        self, label: str, options: tuple[str, ...], hint: str
+    ) -> viser.GuiDropdownHandle[str]:
         return self.gui.add_dropdown(label, options, hint=hint)
 
     # What is shown
@@ -188,7 +209,9 @@ class Panels:
         for box in self.kinds.values():
             box.on_update(self._by_hand(lambda: self._post(self._choose)))
         self.coloured = self.gui.add_checkbox(
-            "Conditioning as colour", True, hint="Blue: well conditioned; yellow; vermilion: nearly singular"
+            "Conditioning as colour",
+            True,
+            hint="Blue: well conditioned; yellow; vermilion: nearly singular",
         )
         self.coloured.on_update(self._by_hand(lambda: self._post(lambda: None)))
 

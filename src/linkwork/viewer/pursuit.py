@@ -24,10 +24,16 @@ from linkwork.viewer.bounds import Bound, bounds_of
 from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
 
 CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robot's size
-CLOSING, HALVED = 12, 0.5  # Newton steps that close the loops; part of the gap that each has to leave at most
+CLOSING, HALVED = (
+    12,
+    0.5,
+)  # Newton steps that close the loops; part of the gap that each has to leave at most
 RANK = 1e-9  # singular value of rows, relative to the largest, that counts as none
 ARRIVED = 1e-9  # distance from a goal that counts as none, relative to the mechanism
-PIECE, PIECES = 0.05, 2  # of the way walked at a time, relative to the mechanism; walked in one step, at most
+PIECE, PIECES = (
+    0.05,
+    2,
+)  # of the way walked at a time, relative to the mechanism; walked in one step, at most
 FINEST = 1e-5  # piece of the way to a strict goal, relative to the mechanism
 STUCK = 0.02  # part of a piece by which the goal's rows have to move
 TURN_LENGTH = 0.25  # what a turn of 1 rad counts as, relative to the mechanism
@@ -36,7 +42,9 @@ ITERATIONS = 8
 FIRST_DAMPING, LEAST_DAMPING, LAST_DAMPING = 1e-4, 1e-7, 10.0
 SLOW = 1e-3  # gain of an iteration, relative to what is left, that ends them
 MOVING = 0.2  # rate, relative to the largest, of a joint that counts as moving
-ASIDE = 0.02  # displacement, relative to the mechanism, that leads away from an accidental singularity
+ASIDE = (
+    0.02  # displacement, relative to the mechanism, that leads away from an accidental singularity
+)
 FEW = 3  # names that are listed
 
 
@@ -155,7 +163,9 @@ class Pursuit:
     def at(self, q: np.ndarray) -> State:
         return self.robot.make_state(q, np.zeros(self.robot.mobility))
 
-    def piece(self, q: np.ndarray, out: Outputs, goal: HandGoal, part: float) -> tuple[np.ndarray, Outputs, Held]:
+    def piece(
+        self, q: np.ndarray, out: Outputs, goal: HandGoal, part: float
+    ) -> tuple[np.ndarray, Outputs, Held]:
         """Walk one piece; return q, the outputs there, and the limits that were kept."""
         aim, held = goal.towards(out, part), Held()
         for _ in range(1 + len(self.bounds)):
@@ -167,7 +177,11 @@ class Pursuit:
         else:
             return q, out, held
         if goal.strict and off(out_next, aim) > ARRIVED * self.size:
-            return (q, out, held) if part * off(out, goal) < FINEST * self.size else self.piece(q, out, goal, part / 4)
+            return (
+                (q, out, held)
+                if part * off(out, goal) < FINEST * self.size
+                else self.piece(q, out, goal, part / 4)
+            )
         return q_next, out_next, held
 
     def passed(self, start: Outputs, out: Outputs, held: Held) -> list[tuple[Bound, float]]:
@@ -180,7 +194,9 @@ class Pursuit:
                 found.append((bound, kept))
         return found
 
-    def nearest(self, q: np.ndarray, out: Outputs, aim: HandGoal, held: Held) -> tuple[np.ndarray, Outputs]:
+    def nearest(
+        self, q: np.ndarray, out: Outputs, aim: HandGoal, held: Held
+    ) -> tuple[np.ndarray, Outputs]:
         """Return q nearest to an aim with the loops closed and limits kept, and the outputs there."""
         e, J = aim.rows(out)
         damping, fresh, H_inverse, N = FIRST_DAMPING, True, np.empty(0), np.empty(0)
@@ -212,7 +228,9 @@ class Pursuit:
         s = closing - N @ np.linalg.solve(left, JN.T @ (e + J @ closing))
         return s * min(1.0, LARGEST * self.size / max(np.abs(s).max(initial=0.0), 1e-300))
 
-    def closed(self, q: np.ndarray, held: Held, H_inverse: np.ndarray) -> tuple[np.ndarray, Outputs]:
+    def closed(
+        self, q: np.ndarray, held: Held, H_inverse: np.ndarray
+    ) -> tuple[np.ndarray, Outputs]:
         """Close the loops from nearby, by Newton steps of least length with the rows of nearby; return q and the outputs."""
         out = self.assembler.still(q)
         last = np.inf
@@ -242,7 +260,15 @@ class Pursuit:
         """
         h, H, heights = out["phi"], out["Phi"], self.assembler.units
         if held.bounds:
-            h = np.concatenate([h, [b.value(out) - value for b, value in zip(held.bounds, held.values, strict=True)]])
+            h = np.concatenate(
+                [
+                    h,
+                    [
+                        b.value(out) - value
+                        for b, value in zip(held.bounds, held.values, strict=True)
+                    ],
+                ]
+            )
             H = np.concatenate([H, [b.row(out) for b in held.bounds]])
             heights = np.concatenate([heights, [self.height(b) for b in held.bounds]])
         return h / heights, H * self.scale / heights[:, None]
@@ -271,9 +297,16 @@ class Pursuit:
         if N.shape[1] < len(J):
             return f"the tool comes no nearer: the mechanism has {N.shape[1]} of the {len(J)} freedoms that lead there"
         _, _, Vt = np.linalg.svd((J * self.scale) @ N)
-        own = [self.robot.equations.tree.length if self.robot.unit(rate) == "m" else 1.0 for rate in self.robot.rates]
+        own = [
+            self.robot.equations.tree.length if self.robot.unit(rate) == "m" else 1.0
+            for rate in self.robot.rates
+        ]
         alone = np.abs(out["J_coordinates"] @ (self.scale * (N @ Vt[len(J) - 1]))) / own
-        names = [label for label, rate in zip(self.robot.rates, alone, strict=True) if rate > MOVING * alone.max()]
+        names = [
+            label
+            for label, rate in zip(self.robot.rates, alone, strict=True)
+            if rate > MOVING * alone.max()
+        ]
         return f"the edge of the workspace: stretched out or folded at {listed(names)}"
 
 
@@ -294,7 +327,9 @@ def slide_rates(robot: Robot) -> set[str]:
     found = set()
     for name, joint in robot.equations.topology.joints.items():
         single = joint.freedoms == ("slide",)
-        found |= {x for x in joint.rates(name) if single or (x != name and x.rpartition(".")[2] in SLIDES)}
+        found |= {
+            x for x in joint.rates(name) if single or (x != name and x.rpartition(".")[2] in SLIDES)
+        }
     return found
 
 

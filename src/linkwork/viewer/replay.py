@@ -55,7 +55,11 @@ class Replay:
     def forces_at(self, t: float) -> np.ndarray:
         """Return the actuators' forces (actuators) [N, N m] at a time [s]."""
         k, part = self.place(t)
-        return self.forces[k] if part == 0 else self.forces[k] + part * (self.forces[k + 1] - self.forces[k])
+        return (
+            self.forces[k]
+            if part == 0
+            else self.forces[k] + part * (self.forces[k + 1] - self.forces[k])
+        )
 
     def place(self, t: float) -> tuple[int, float]:
         """Return the sample before a time, and what part of the way to the next one has passed."""
@@ -84,7 +88,9 @@ def replay_of(pursuit: Pursuit, run: Run) -> Replay:
     try:
         states = robot.state(positions, rates_of(robot, run, len(time)))
     except LinkworkError as error:
-        raise LinkworkError(f"the run is not one of the robot {robot.mechanism.name!r}: {error}") from None
+        raise LinkworkError(
+            f"the run is not one of the robot {robot.mechanism.name!r}: {error}"
+        ) from None
     return Replay(pursuit, run, time, unflipped(robot, states.q), states.rates, forces)
 
 
@@ -94,7 +100,11 @@ def foreign_run(robot: Robot, run: Run) -> str:
     if found != robot.coordinates:
         other = [name for name in found if name not in robot.coordinates]
         lacking = [name for name in robot.coordinates if name not in found]
-        return f"it has the joint {other[0]!r}" if other else f"it has no joint {lacking[0] if lacking else ''!r}"
+        return (
+            f"it has the joint {other[0]!r}"
+            if other
+            else f"it has no joint {lacking[0] if lacking else ''!r}"
+        )
     return ""
 
 
@@ -104,7 +114,9 @@ def labels(variable: Variable | None) -> tuple[str, ...]:
 
 def values(run: Run, name: str, shape: tuple[int, ...]) -> np.ndarray:
     """Return a quantity of a run; zeros of a shape where it has none."""
-    return np.asarray(run.variables[name].values, float) if name in run.variables else np.zeros(shape)
+    return (
+        np.asarray(run.variables[name].values, float) if name in run.variables else np.zeros(shape)
+    )
 
 
 def unflipped(robot: Robot, q: np.ndarray) -> np.ndarray:

@@ -141,7 +141,10 @@ class Session:
         replay = replay_of(self.pursuit, run)
         self.replay, self.goal = replay, None
         if replay.empty:
-            self.player, self.notice = Player(), "the run holds no samples: there is nothing to play"
+            self.player, self.notice = (
+                Player(),
+                "the run holds no samples: there is nothing to play",
+            )
             return
         self.player = Player.of(float(replay.time[0]), float(replay.time[-1]))
         alone = "the run holds one sample: it stands still" if len(replay.time) == 1 else ""
@@ -209,7 +212,9 @@ class Session:
         """Return what is to be seen now."""
         robot, state = self.robot, self.state
         out = self.pursuit.assembler.still(state.q)
-        tool = (out["position"], out["orientation"].reshape(3, 3)) if robot.mechanism.tools else None
+        tool = (
+            (out["position"], out["orientation"].reshape(3, 3)) if robot.mechanism.tools else None
+        )
         u = self.forces()
         return View(
             placement=self.layout.place(state),
@@ -230,7 +235,9 @@ class Session:
         if self.following and self.replay is not None:
             return self.replay.forces_at(self.player.time)
         try:
-            return np.asarray(self.robot.inverse_dynamics(self.state, np.zeros(self.robot.mobility)))
+            return np.asarray(
+                self.robot.inverse_dynamics(self.state, np.zeros(self.robot.mobility))
+            )
         except LinkworkError:
             return None
 

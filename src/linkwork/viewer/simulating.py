@@ -16,7 +16,9 @@ DAMPED = 0.7  # their damping ratio
 CONTROLLERS = ("constant forces", "hold the pose")
 
 
-def simulate(robot: Robot, state: State, controller: str, forces: Mapping[str, float], duration: float) -> Run:
+def simulate(
+    robot: Robot, state: State, controller: str, forces: Mapping[str, float], duration: float
+) -> Run:
     """Run from a state at rest.
 
     Args:
@@ -28,7 +30,11 @@ def simulate(robot: Robot, state: State, controller: str, forces: Mapping[str, f
     Raises:
         LinkworkError: a controller that does not fit the robot, a duration that is no positive number.
     """
-    samples = int(np.clip(duration * SAMPLES_PER_SECOND + 1, 2, MOST_SAMPLES)) if np.isfinite(duration) else 2
+    samples = (
+        int(np.clip(duration * SAMPLES_PER_SECOND + 1, 2, MOST_SAMPLES))
+        if np.isfinite(duration)
+        else 2
+    )
     times = np.linspace(0, duration, samples)
     drive = dict(forces) if controller == CONTROLLERS[0] else holding(robot, state, forces)
     return robot.simulate(state, drive, duration=duration, save_at=times, on_singular="step_over")
@@ -40,12 +46,19 @@ def holding(robot: Robot, state: State, forces: Mapping[str, float]) -> Callable
     With m the inertia that an actuator moves alone (the diagonal of M), k = m (2 pi f)^2 and d = 2 D m 2 pi f.
     """
     if robot.independent != robot.actuators:
-        raise LinkworkError("this robot's actuators do not determine its motion; they cannot hold a pose")
+        raise LinkworkError(
+            "this robot's actuators do not determine its motion; they cannot hold a pose"
+        )
     u = np.asarray(robot.inverse_dynamics(state, np.zeros(robot.mobility)))
     inertia = np.diag(robot.mass_matrix(state))
     omega = 2 * np.pi * STIFF
     rows = [
-        (name, float(u[k]) + forces.get(name, 0.0), float(state[name]), float(inertia[k]) * omega**2)
+        (
+            name,
+            float(u[k]) + forces.get(name, 0.0),
+            float(state[name]),
+            float(inertia[k]) * omega**2,
+        )
         for k, name in enumerate(robot.actuators)
     ]
 

@@ -18,10 +18,18 @@ from linkwork.viewer.fixtures import Fixture
 from linkwork.viewer.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.viewer.session import Session
 
-ARROWS = {"actuator forces": rgb("#b35900"), "joint reactions": rgb("#a3437f"), "velocities": rgb(GREEN)}
+ARROWS = {
+    "actuator forces": rgb("#b35900"),
+    "joint reactions": rgb("#a3437f"),
+    "velocities": rgb(GREEN),
+}
 BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
 OPACITY = {"shell": 0.55, "base": 0.5}  # of what would hide joints and ground
-SHAFT, HEAD, HEAD_LENGTH = 0.006, 0.016, 0.04  # radii and length of arrows, relative to the mechanism
+SHAFT, HEAD, HEAD_LENGTH = (
+    0.006,
+    0.016,
+    0.04,
+)  # radii and length of arrows, relative to the mechanism
 ARC = 0.008  # thickness of arcs
 HANDLE = 0.22  # of the tool's handle
 GRID_CELLS = 20
@@ -53,10 +61,14 @@ class BrowserStage:
     def __init__(self, server: viser.ViserServer, session: Session):
         self.server, self.robot, self.parts = server, session.robot, session.parts
         moving, placement = session.layout.moving, session.layout.place(session.state)
-        self.batches = [self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)]
+        self.batches = [
+            self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)
+        ]
         for group in of_mesh(self.parts.parts, ~moving):
             self._add_batch(group, placement)
-        self.handle = self._add_handle(session.pursuit.turns) if self.robot.mechanism.tools else None
+        self.handle = (
+            self._add_handle(session.pursuit.turns) if self.robot.mechanism.tools else None
+        )
         self.arrows: dict[str, tuple[Any, Any]] = {}
         self.shade: tuple[int, int, int] | None = None
         self._furnish(placement)
@@ -66,7 +78,9 @@ class BrowserStage:
     def _add_batch(self, group: np.ndarray, placement: Placement) -> Batch:
         """Add parts of one mesh, by their numbers, as one node."""
         parts = [self.parts.parts[k] for k in group]
-        tools = [tool.body for tool in self.robot.mechanism.tools.values()][:1] or list(self.robot.bodies)
+        tools = [tool.body for tool in self.robot.mechanism.tools.values()][:1] or list(
+            self.robot.bodies
+        )
         colours = np.array([rgb(part.colour) for part in parts], np.uint8)
         coloured = np.array([part.role in BODILY and part.carrier in tools for part in parts])
         name = "ground" if parts[0].carrier == GROUND else "robot"
@@ -198,7 +212,11 @@ def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
         up = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 0 else np.array([0.0, 1.0, 0.0])
         towards = np.array([0.0, 0.0, 1.0]) - 0.35 * up
     else:
-        up = -gravity / np.linalg.norm(gravity) if np.linalg.norm(gravity) > 0 else np.array([0.0, 0.0, 1.0])
+        up = (
+            -gravity / np.linalg.norm(gravity)
+            if np.linalg.norm(gravity) > 0
+            else np.array([0.0, 0.0, 1.0])
+        )
         side = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
         front = np.cross(side, up)
         towards = 0.8 * front + 0.55 * side + 0.5 * up

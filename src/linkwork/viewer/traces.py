@@ -27,7 +27,9 @@ class Traces:
         k = int(np.searchsorted(self.time, now, side="right"))
         time = np.insert(self.time, k, (now, now, now))
         here = [np.interp(now, self.time, curve) for curve in self.values]
-        curves = [np.insert(curve, k, (y, y, y)) for curve, y in zip(self.values, here, strict=True)]
+        curves = [
+            np.insert(curve, k, (y, y, y)) for curve, y in zip(self.values, here, strict=True)
+        ]
         low, high = self.range
         mark = np.full(len(time), low)
         mark[k + 1] = high
@@ -44,7 +46,9 @@ class Traces:
 
 def quantities(run: Run) -> tuple[str, ...]:
     """Return the quantities of a run that are one number, or a few named numbers, at each time."""
-    return tuple(name for name, v in run.variables.items() if v.dims[:1] == (TIME,) and len(v.dims) <= 2)
+    return tuple(
+        name for name, v in run.variables.items() if v.dims[:1] == (TIME,) and len(v.dims) <= 2
+    )
 
 
 def traces(run: Run, quantity: str, preferred: Sequence[str] = ()) -> Traces:
@@ -60,7 +64,11 @@ def traces(run: Run, quantity: str, preferred: Sequence[str] = ()) -> Traces:
         names = [str(name) for name in run.coords[variable.dims[1]].values]
     shown = [k for k, name in enumerate(names) if name in preferred] or list(range(len(names)))
     shown = shown[:MOST_CURVES]
-    kept = np.unique(np.linspace(0, len(time) - 1, MOST_POINTS).astype(int)) if len(time) else np.empty(0, int)
+    kept = (
+        np.unique(np.linspace(0, len(time) - 1, MOST_POINTS).astype(int))
+        if len(time)
+        else np.empty(0, int)
+    )
     clean = np.nan_to_num(values[kept][:, shown].T, posinf=0.0, neginf=0.0)
     return Traces(time[kept], tuple(names[k] for k in shown), clean, unit(run, variable, shown))
 

@@ -20,7 +20,10 @@ from linkwork.viewer.door import LOOPBACK, serve
 from linkwork.viewer.mailbox import Mailbox
 from linkwork.viewer.session import Session
 
-FRAME, IDLE = 1 / 30, 0.25  # between two pictures, and how long to wait for a wish while nothing moves [s]
+FRAME, IDLE = (
+    1 / 30,
+    0.25,
+)  # between two pictures, and how long to wait for a wish while nothing moves [s]
 LONGEST = 0.2  # time that may pass in one picture [s]
 TEXTS = 0.12  # how often what is written is refreshed [s]
 FAILED = "this failed unexpectedly; the terminal shows why"
@@ -46,7 +49,9 @@ class Viewer:
         LinkworkError: a run of another robot, an address that cannot be listened on, a port in use, viser not installed.
     """
 
-    def __init__(self, robot: Robot, run: Run | None = None, *, host: str = LOOPBACK, port: int | None = None):
+    def __init__(
+        self, robot: Robot, run: Run | None = None, *, host: str = LOOPBACK, port: int | None = None
+    ):
         if not isinstance(robot, Robot):
             raise LinkworkError(f"the viewer shows a Robot, not {robot!r}")
         self.session = Session(robot)
@@ -67,7 +72,9 @@ class Viewer:
         from linkwork.viewer.stage import BrowserStage
 
         session = self.session
-        self.server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        self.server.gui.configure_theme(
+            show_logo=False, show_share_button=False, control_width="medium"
+        )
         self.server.gui.set_panel_label("Linkwork")
         self.server.gui.main_panel.dock_right()
         self.stage = BrowserStage(self.server, session)
@@ -105,7 +112,11 @@ class Viewer:
 
     def find_branches(self, same: str) -> None:
         """Look for all configurations with the same "actuators" or the same "tool" pose, and offer them."""
-        self.post(lambda: self._work(f"looking for all configurations with the same {same}", self._branches_of(same)))
+        self.post(
+            lambda: self._work(
+                f"looking for all configurations with the same {same}", self._branches_of(same)
+            )
+        )
 
     def _branches_of(self, same: str) -> Callable[[], Callable[[], None]]:
         from linkwork.viewer.branches import branches
@@ -125,16 +136,23 @@ class Viewer:
 
     def show_branch(self, index: int) -> None:
         """Show one of the configurations that were found last."""
-        self.post(lambda: self.session.show(self.branches[index]) if index < len(self.branches) else None)
+        self.post(
+            lambda: self.session.show(self.branches[index]) if index < len(self.branches) else None
+        )
 
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None:
         """Simulate from the present pose and play the run."""
         self.post(lambda: self._work("simulating", self._run_of(controller, forces, duration)))
 
-    def _run_of(self, controller: str, forces: dict[str, float], duration: float) -> Callable[[], Callable[[], None]]:
+    def _run_of(
+        self, controller: str, forces: dict[str, float], duration: float
+    ) -> Callable[[], Callable[[], None]]:
         from linkwork.viewer.simulating import simulate
 
-        robot, state = self.session.robot, self.session.state.with_rates(np.zeros(self.session.robot.mobility))
+        robot, state = (
+            self.session.robot,
+            self.session.state.with_rates(np.zeros(self.session.robot.mobility)),
+        )
 
         def carry_out() -> Callable[[], None]:
             run = simulate(robot, state, controller, forces, duration)
@@ -184,7 +202,11 @@ class Viewer:
         while not self._stopped.is_set():
             wishes = self.mailbox.take(0.0 if self.moved or self.session.active else IDLE)
             now = monotonic()
-            self._attempt(lambda wishes=wishes, now=now, last=last: self.tick(wishes, min(now - last, LONGEST), now))
+            self._attempt(
+                lambda wishes=wishes, now=now, last=last: self.tick(
+                    wishes, min(now - last, LONGEST), now
+                )
+            )
             last = now
             self._stopped.wait(max(0.0, FRAME - (monotonic() - now)))
 
@@ -264,6 +286,8 @@ def matrix(wxyz: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     if not np.linalg.norm(wxyz) > 0:
-        raise LinkworkError("the handle's orientation is a quaternion of zeros; give one of length 1")
+        raise LinkworkError(
+            "the handle's orientation is a quaternion of zeros; give one of length 1"
+        )
     w, x, y, z = wxyz
     return Rotation.from_quat([x, y, z, w]).as_matrix()

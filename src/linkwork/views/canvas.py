@@ -66,7 +66,11 @@ class Canvas:
 
     def order(self, points: np.ndarray, level: float) -> float:
         """Return where in the order of drawing something stands: by level, and on a level by depth."""
-        depth = (points.reshape(-1, 3).mean(axis=0) - self.points.mean(axis=0)) @ self.towards / self.size
+        depth = (
+            (points.reshape(-1, 3).mean(axis=0) - self.points.mean(axis=0))
+            @ self.towards
+            / self.size
+        )
         return self.level + level + 0.05 * float(np.clip(depth, -1, 1))
 
     def width(self, radius: float) -> float:
@@ -86,17 +90,29 @@ class Canvas:
     def line(self, points: np.ndarray, level: float, **look: Any) -> None:
         """Draw a polyline (k, 3)."""
         look["color"] = self.mixed(look["color"])
-        self.axes.plot(*self.seen(points), zorder=self.order(points[np.isfinite(points[:, 0])], level), **look)
+        self.axes.plot(
+            *self.seen(points), zorder=self.order(points[np.isfinite(points[:, 0])], level), **look
+        )
 
-    def bar(self, points: np.ndarray, level: float, width: float, colour: Colour, gid: str | None = None) -> None:
+    def bar(
+        self, points: np.ndarray, level: float, width: float, colour: Colour, gid: str | None = None
+    ) -> None:
         """Draw a polyline as a bar with dark edges."""
         width *= 1 if self.flat else BAR_IN_SPACE
-        self.line(points, level, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE))
+        self.line(
+            points, level, color=EDGE, lw=width + (OUTLINE if self.flat else OUTLINE * BAR_IN_SPACE)
+        )
         self.line(points, level, color=colour, lw=width, gid=gid)
 
-    def faces(self, faces: Sequence[np.ndarray], inside: Colour, edge: Colour, level: float, **look: Any) -> None:
+    def faces(
+        self, faces: Sequence[np.ndarray], inside: Colour, edge: Colour, level: float, **look: Any
+    ) -> None:
         """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a solid in space."""
-        look |= {"fc": self.mixed(inside), "ec": self.mixed(edge), "zorder": self.order(np.concatenate(faces), level)}
+        look |= {
+            "fc": self.mixed(inside),
+            "ec": self.mixed(edge),
+            "zorder": self.order(np.concatenate(faces), level),
+        }
         if self.flat:
             from matplotlib.patches import Polygon
 
@@ -106,7 +122,9 @@ class Canvas:
 
             self.axes.add_collection3d(Poly3DCollection(faces, **look))
 
-    def piece(self, piece: PlacedMesh, colour: Colour, level: float, gid: str | None = None) -> None:
+    def piece(
+        self, piece: PlacedMesh, colour: Colour, level: float, gid: str | None = None
+    ) -> None:
         """Draw a solid: its outline in the plane; in space its faces, shaded, with dark edges of the flat ones."""
         if self.flat:
             self.faces([piece.shadow], colour, EDGE, level, lw=1.3, gid=gid)
@@ -117,13 +135,21 @@ class Canvas:
         faces, flat = piece.faces, len(piece.mesh.flat)
         shadows = 1 - brightness(faces, light / np.linalg.norm(light))
         inside = [self.mixed(colour, SHADOW * dark) for dark in shadows]
-        look = {"ec": [self.mixed(EDGE)] * flat + inside[flat:], "lw": [0.8] * flat + [0.3] * (len(faces) - flat)}
+        look = {
+            "ec": [self.mixed(EDGE)] * flat + inside[flat:],
+            "lw": [0.8] * flat + [0.3] * (len(faces) - flat),
+        }
         order = self.order(piece.corners, level)
-        self.axes.add_collection3d(Poly3DCollection(alike(faces), fc=inside, zorder=order, gid=gid, **look))
+        self.axes.add_collection3d(
+            Poly3DCollection(alike(faces), fc=inside, zorder=order, gid=gid, **look)
+        )
 
     def dot(self, point: np.ndarray, level: float, marker: str = "o", **look: Any) -> None:
         """Draw a marker at a point."""
-        look = {key: self.mixed(value) if key in ("mfc", "mec") else value for key, value in look.items()}
+        look = {
+            key: self.mixed(value) if key in ("mfc", "mec") else value
+            for key, value in look.items()
+        }
         self.axes.plot(*self.seen(point[None]), marker, zorder=self.order(point, level), **look)
 
     def text(self, point: np.ndarray, aside: np.ndarray, half: np.ndarray, words: str) -> None:
@@ -139,7 +165,9 @@ class Canvas:
 def alike(faces: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return polygons with as many corners each, for what fills them up otherwise is not set: the last ones are repeated."""
     most = max(map(len, faces))
-    return [np.concatenate([face, np.repeat(face[-1:], most - len(face), axis=0)]) for face in faces]
+    return [
+        np.concatenate([face, np.repeat(face[-1:], most - len(face), axis=0)]) for face in faces
+    ]
 
 
 def direction(elevation: float, azimuth: float) -> np.ndarray:

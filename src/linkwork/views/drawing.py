@@ -28,11 +28,16 @@ if TYPE_CHECKING:
 
 SIDE = 5.0  # of the picture [in]
 OLDEST, LAST_BUT_ONE = 0.12, 0.45  # how strong earlier poses are drawn
-BOXED, DOTTED = -0.2, 0.2  # levels of joints that are boxes, below what may turn in them, and that are dots
+BOXED, DOTTED = (
+    -0.2,
+    0.2,
+)  # levels of joints that are boxes, below what may turn in them, and that are dots
 BARS = ("member", "rod", "tube")
 
 
-def plot_mechanism(robot: Robot, state: State, ax: Axes | None = None, *, names: bool | Sequence[str] = False) -> Axes:
+def plot_mechanism(
+    robot: Robot, state: State, ax: Axes | None = None, *, names: bool | Sequence[str] = False
+) -> Axes:
     """Draw a robot in a state, or in a stack of states.
 
     Args:
@@ -48,9 +53,13 @@ def plot_mechanism(robot: Robot, state: State, ax: Axes | None = None, *, names:
         LinkworkError: a stack of more than one dimension or of no states, axes that do not fit, a name that is no joint's.
     """
     if len(state.batch) > 1 or 0 in state.batch:
-        raise LinkworkError(f"a stack of states of shape {state.batch} is no sequence of poses; give one dimension")
+        raise LinkworkError(
+            f"a stack of states of shape {state.batch} is no sequence of poses; give one dimension"
+        )
     if ax is not None and hasattr(ax, "get_zlim") == robot.planar:
-        raise LinkworkError(f"this robot is drawn in {'two' if robot.planar else 'three'} dimensions; give such axes")
+        raise LinkworkError(
+            f"this robot is drawn in {'two' if robot.planar else 'three'} dimensions; give such axes"
+        )
     shown = named(robot, names)
     scene = scene_of(robot, state.at(-1) if state.batch else state, state)
     with styled():
@@ -76,7 +85,9 @@ def named(robot: Robot, names: bool | Sequence[str]) -> tuple[str, ...]:
         return robot.joints if names else ()
     for name in names:
         if name not in robot.joints:
-            raise LinkworkError(f"there is no joint {name!r}; the joints are {', '.join(robot.joints)}")
+            raise LinkworkError(
+                f"there is no joint {name!r}; the joints are {', '.join(robot.joints)}"
+            )
     return tuple(names)
 
 
@@ -120,7 +131,13 @@ def paint_piece(canvas: Canvas, part: ScenePart, piece: PlacedMesh) -> None:
     if part.role == "stand":
         (plane if canvas.flat else space).draw_stand(canvas, piece.position)
     elif part.role != "member" and piece.is_disc(canvas.flat):
-        look = {"ms": canvas.width(piece.scale[0]), "mfc": part.colour, "mec": EDGE, "mew": 1.2, "gid": gid}
+        look = {
+            "ms": canvas.width(piece.scale[0]),
+            "mfc": part.colour,
+            "mec": EDGE,
+            "mew": 1.2,
+            "gid": gid,
+        }
         canvas.dot(piece.position, level + DOTTED, **look)
     else:
         boxed = part.role == "joint" and piece.mesh is BLOCK

@@ -80,9 +80,13 @@ class Film:
         columns = slice(0, 2 if self.planar else 3)
 
         def whole(points: np.ndarray) -> list[int]:
-            return np.rint((points - middle)[..., columns] / size * UNIT).astype(int).ravel().tolist()
+            return (
+                np.rint((points - middle)[..., columns] / size * UNIT).astype(int).ravel().tolist()
+            )
 
-        low, high = (np.rint((f(self.reach, axis=0) - middle) / size * UNIT) for f in (np.min, np.max))
+        low, high = (
+            np.rint((f(self.reach, axis=0) - middle) / size * UNIT) for f in (np.min, np.max)
+        )
         elevation, azimuth = (90.0, -90.0) if self.planar else space.viewpoint(self.points[-1])
         content = {
             "planar": self.planar,
@@ -93,8 +97,13 @@ class Film:
             "speed": self.speed,
             "time": np.round(self.time - self.time[0], 9).tolist(),
             "start": float(self.time[0]),
-            "parts": [[part.kind, part.points, part.colour, part.width, part.corners] for part in self.parts],
-            "fixed": [[part.kind, whole(part.points), part.colour, part.width] for part in self.fixed],
+            "parts": [
+                [part.kind, part.points, part.colour, part.width, part.corners]
+                for part in self.parts
+            ],
+            "fixed": [
+                [part.kind, whole(part.points), part.colour, part.width] for part in self.fixed
+            ],
             "frames": [whole(points) for points in self.points],
         }
         return json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
@@ -120,10 +129,14 @@ def film(robot: Robot, time: np.ndarray, states: State, frames: int = FRAMES) ->
     Args:
         robot: the robot; time: of the samples (K,) [s], increasing; states: at these times (K,).
     """
-    shown = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], min(frames, len(time))) - 1e-12))
+    shown = np.unique(
+        np.searchsorted(time, np.linspace(time[0], time[-1], min(frames, len(time))) - 1e-12)
+    )
     scene = scene_of(robot, states.at(int(shown[0])), states.at(shown))
     parts, shelf = sorted(scene.parts, key=lambda part: part.look.level), Shelf(scene)
-    strokes = tuple(stroke for part in parts if not part.look.grounded for stroke in shelf.strokes(part))
+    strokes = tuple(
+        stroke for part in parts if not part.look.grounded for stroke in shelf.strokes(part)
+    )
     still = [stroke_of_ground(scene, part) for part in parts if part.look.grounded]
     return Film(time[shown], shelf.all, strokes, (*still, *path(robot, states)), robot.planar)
 
@@ -162,16 +175,26 @@ class Shelf:
         elif isinstance(form, PlacedMesh):
             corners = np.unique((form.corners / scene.size).round(5), axis=0)
             kind = "solid" if part.role == "member" else "box"
-            yield Stroke(kind, tuple(self.frame(part.bodies[0])), colour, OUTLINE, tuple(corners.ravel().tolist()))
+            yield Stroke(
+                kind,
+                tuple(self.frame(part.bodies[0])),
+                colour,
+                OUTLINE,
+                tuple(corners.ravel().tolist()),
+            )
         else:
             points = moved(form.points, part.bodies, scene.moves)
             at = self.add(replace(form, points=points).shown if isinstance(form, Bar) else points)
             if isinstance(form, Hull):
-                yield from (Stroke("face", tuple(at[k] for k in face), colour) for face in form.around)
+                yield from (
+                    Stroke("face", tuple(at[k] for k in face), colour) for face in form.around
+                )
             elif isinstance(form, Coil):
                 yield Stroke("spring", tuple(at), colour, WIRE)
             else:
-                yield Stroke(LINES.get(part.role, "line"), tuple(at), colour, WIDE * form.radius / scene.size)
+                yield Stroke(
+                    LINES.get(part.role, "line"), tuple(at), colour, WIDE * form.radius / scene.size
+                )
 
 
 def stroke_of_ground(scene: Scene, part: ScenePart) -> Stroke:

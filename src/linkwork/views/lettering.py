@@ -18,7 +18,9 @@ ASIDE = 0.055  # distance of a name from its joint, relative to the mechanism
 CLOSE = 0.045  # distance of joints in the picture below which their names stand together
 LETTER, LINE = 0.019, 0.036  # width of a letter and height of a line
 SMALLER = 1.5  # how much smaller mechanisms are drawn in space, where axes take much of the picture
-COVERED = np.array(list(product(np.linspace(-1, 1, 7), (-1, 0, 1))))  # places in a box, in its half size
+COVERED = np.array(
+    list(product(np.linspace(-1, 1, 7), (-1, 0, 1)))
+)  # places in a box, in its half size
 DIRECTIONS = 16
 FREE = 1.6  # distance to all that is drawn, in sizes of the box, that is as good as any larger one
 
@@ -28,13 +30,19 @@ def write_names(canvas: Canvas, pose: Skeleton, shown: Sequence[str]) -> None:
     drawn = pose.outline @ canvas.screen.T / canvas.size
     for point, names in grouped(canvas, pose, shown):
         place = canvas.screen @ point / canvas.size
-        half = np.array([LETTER * max(map(len, names)), LINE * len(names)]) / 2 * (1.0 if canvas.flat else SMALLER)
+        half = (
+            np.array([LETTER * max(map(len, names)), LINE * len(names)])
+            / 2
+            * (1.0 if canvas.flat else SMALLER)
+        )
         box = placed(place, half, drawn)
         drawn = np.concatenate([drawn, box + half * COVERED])
         canvas.text(point, (box - place) * canvas.size, half * canvas.size, "\n".join(names))
 
 
-def grouped(canvas: Canvas, pose: Skeleton, shown: Sequence[str]) -> list[tuple[np.ndarray, list[str]]]:
+def grouped(
+    canvas: Canvas, pose: Skeleton, shown: Sequence[str]
+) -> list[tuple[np.ndarray, list[str]]]:
     """Return places (3) and the names of the joints there."""
     groups: list[tuple[np.ndarray, list[str]]] = []
     for joint in pose.joints:

@@ -19,7 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH, HEIGHT = 5.6, 4.4  # [in]
-POSE = ("x", "y", "z", "angle", "rx", "ry", "rz")  # of two the first lies along the picture, the other upwards
+POSE = (
+    "x",
+    "y",
+    "z",
+    "angle",
+    "rx",
+    "ry",
+    "rz",
+)  # of two the first lies along the picture, the other upwards
 SEQUENTIAL, SIGNED = "cividis", "PuOr"
 SIGNS = ("det_A", "det_B")
 MOST = 0.98  # quantile of a signed quantity's magnitude at which its colours end
@@ -31,7 +39,11 @@ LINES = {
 
 
 def plot_workspace(
-    mapped: xarray.Dataset, quantity: str = "conditioning", ax: Axes | None = None, *, lines: bool = True
+    mapped: xarray.Dataset,
+    quantity: str = "conditioning",
+    ax: Axes | None = None,
+    *,
+    lines: bool = True,
 ) -> Axes:
     """Draw a quantity of a workspace over two coordinates of the tool's pose.
 
@@ -48,9 +60,17 @@ def plot_workspace(
     Raises:
         LinkworkError: a quantity that the map does not hold over two coordinates.
     """
-    known = [str(name) for name, array in mapped.data_vars.items() if array.ndim == 2 and set(array.dims) <= set(POSE)]
+    known = [
+        str(name)
+        for name, array in mapped.data_vars.items()
+        if array.ndim == 2 and set(array.dims) <= set(POSE)
+    ]
     if quantity not in known:
-        have = f"; over two it holds {', '.join(known)}" if known else "; choose a plane of it by mapped.sel(...)"
+        have = (
+            f"; over two it holds {', '.join(known)}"
+            if known
+            else "; choose a plane of it by mapped.sel(...)"
+        )
         raise LinkworkError(f"the map holds no {quantity!r} over two coordinates{have}")
     array = mapped[quantity]
     first, second = sorted(map(str, array.dims), key=POSE.index)
@@ -58,22 +78,30 @@ def plot_workspace(
     with styled():
         axes: Any = new_figure(WIDTH, HEIGHT).add_subplot() if ax is None else ax
         x, y, values = mapped[first].values, mapped[second].values, array.values.astype(float)
-        shading = {"shading": "nearest", "rasterized": True, "zorder": 1} | colours(quantity, values)
+        shading = {"shading": "nearest", "rasterized": True, "zorder": 1} | colours(
+            quantity, values
+        )
         if np.isfinite(values).any() and min(values.shape) > 1:
             painted = axes.pcolormesh(x, y, values, **shading)
             bar = axes.figure.colorbar(painted, ax=axes, shrink=0.9, pad=0.02)
             bar.set_label(f"{meaning(mapped, quantity)} [{units(mapped, quantity)}]")
             bar.outline.set_visible(False)
         else:
-            axes.text(0.5, 0.5, "no pose is reached", transform=axes.transAxes, ha="center", va="center")
+            axes.text(
+                0.5, 0.5, "no pose is reached", transform=axes.transAxes, ha="center", va="center"
+            )
         drawn = [draw_line(axes, mapped, name, first) for name in LINES] if lines else []
-        axes.set(xlabel=f"{first} [{units(mapped, first)}]", ylabel=f"{second} [{units(mapped, second)}]")
+        axes.set(
+            xlabel=f"{first} [{units(mapped, first)}]", ylabel=f"{second} [{units(mapped, second)}]"
+        )
         axes.update_datalim([(x.min(), y.min()), (x.max(), y.max())])
         axes.autoscale_view()
         if units(mapped, first) == units(mapped, second) == "m":
             axes.set_aspect("equal", adjustable="box")
         if any(drawn):
-            axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=sum(drawn), borderaxespad=0.2)
+            axes.legend(
+                loc="lower left", bbox_to_anchor=(0, 1.0), ncols=sum(drawn), borderaxespad=0.2
+            )
     return axes
 
 

@@ -20,7 +20,12 @@ POSES = 6
 
 
 def plot_motion(
-    robot: Robot, motion: Run | Motion | State, ax: Axes | None = None, *, poses: int = POSES, path: bool = True
+    robot: Robot,
+    motion: Run | Motion | State,
+    ax: Axes | None = None,
+    *,
+    poses: int = POSES,
+    path: bool = True,
 ) -> Axes:
     """Draw a stroboscopic picture of a motion: the later the stronger, at equal distances along it.
 
@@ -60,7 +65,9 @@ def states_of(robot: Robot, motion: Run | Motion | State) -> State:
     states = motion.state if isinstance(motion, Motion) else motion
     robot.own(states)
     if len(states.batch) != 1 or not states.batch[0]:
-        raise LinkworkError(f"a stack of states of shape {states.batch} is no motion; give one dimension, not empty")
+        raise LinkworkError(
+            f"a stack of states of shape {states.batch} is no motion; give one dimension, not empty"
+        )
     return states
 
 

@@ -36,7 +36,9 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
         raise LinkworkError("there is no run to draw; give one or several")
     wanted = [coordinates] if isinstance(coordinates, str) else list(coordinates or usual(given[0]))
     if not wanted:
-        raise LinkworkError("no coordinate is named; name some of " + ", ".join(portrayed(given[0])))
+        raise LinkworkError(
+            "no coordinate is named; name some of " + ", ".join(portrayed(given[0]))
+        )
     curves = [[(curve(run, name), unit(run, name)) for name in wanted] for run in given]
     columns = min(len(wanted), COLUMNS)
     rows = -(-len(wanted) // columns)
@@ -76,7 +78,12 @@ def curve(run: Run, name: str) -> np.ndarray:
             f"the run holds no coordinate {name!r} with a rate of its name; it holds {', '.join(portrayed(run))}"
         )
     parts = (("joint_position", "coordinate"), ("joint_rate", "rate"))
-    return np.stack([run.variables[of].values[:, list(run.coords[axis].values).index(name)] for of, axis in parts])
+    return np.stack(
+        [
+            run.variables[of].values[:, list(run.coords[axis].values).index(name)]
+            for of, axis in parts
+        ]
+    )
 
 
 def unit(run: Run, name: str) -> str:

@@ -69,10 +69,18 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
         raise LinkworkError(f"the quantities are {quantities!r}; give their names in a list")
     moving = [str(name) for name, variable in dataset.data_vars.items() if TIME in variable.dims]
     usual = [name for name in USUAL if name in moving] or moving
-    wanted = usual if quantities is None else [quantities] if isinstance(quantities, str) else list(quantities)
+    wanted = (
+        usual
+        if quantities is None
+        else [quantities]
+        if isinstance(quantities, str)
+        else list(quantities)
+    )
     for name in wanted:
         if name not in moving:
-            raise LinkworkError(f"the run holds no {name!r} over time; it holds {', '.join(moving)}")
+            raise LinkworkError(
+                f"the run holds no {name!r} over time; it holds {', '.join(moving)}"
+            )
     shown = [panel for name in wanted for panel in panels(dataset, name)]
     if not shown:
         raise LinkworkError(f"there is nothing to draw; name some of {', '.join(moving)}")
@@ -122,7 +130,9 @@ def units_of(dataset: xarray.Dataset, name: str, labels: Sequence[str]) -> list[
         return [f"{linear} or {angular}"]
     units = {"m": linear, "rad": angular, "1": "1"}
     kinds: dict[str, str] = (
-        dict.fromkeys(POSE_ANGLES, "rad") if "pose" in dataset[name].dims else kinds_of_joints(dataset)
+        dict.fromkeys(POSE_ANGLES, "rad")
+        if "pose" in dataset[name].dims
+        else kinds_of_joints(dataset)
     )
     return [units[kinds.get(label, "m")] for label in labels]
 
@@ -132,5 +142,8 @@ def kinds_of_joints(dataset: xarray.Dataset) -> dict[str, str]:
     kinds = {}
     for axis in ("coordinate", "rate"):
         units = str(dataset[axis].attrs.get("unit_of_each", "")).split(", ")
-        kinds |= {str(label): unit.partition("/")[0] for label, unit in zip(dataset[axis].values, units, strict=False)}
+        kinds |= {
+            str(label): unit.partition("/")[0]
+            for label, unit in zip(dataset[axis].values, units, strict=False)
+        }
     return kinds

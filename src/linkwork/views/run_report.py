@@ -61,7 +61,9 @@ def write_report(robot: Robot, run: Run, path: str | Path) -> Path:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise LinkworkError(f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}") from None
+        raise LinkworkError(
+            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
     return path
 
 
@@ -97,9 +99,7 @@ def render(robot: Robot, run: Run) -> str:
 def portrait(robot: Robot, states: State) -> Picture:
     """Draw the robot along its motion."""
     axes: Any = plot_motion(robot, states)
-    caption = (
-        "The mechanism along its motion, the latest pose in full. Orange: what is driven; arrows: the tool's axes."
-    )
+    caption = "The mechanism along its motion, the latest pose in full. Orange: what is driven; arrows: the tool's axes."
     return picture("motion", caption, svg(axes.figure, cropped=True))
 
 
@@ -121,7 +121,9 @@ def plots(data: xarray.Dataset) -> Iterator[Picture]:
             yield picture(name.replace("_", "-"), caption, svg(plot_run(driven(thin, name), name)))
     energies = [name for name in ENERGIES if name in thin]
     if energies:
-        caption = "Energy: kinetic, potential, work done on the mechanism, and what the sum is off by."
+        caption = (
+            "Energy: kinetic, potential, work done on the mechanism, and what the sum is off by."
+        )
         yield picture("energy", caption, svg(plot_run(thin, energies)))
 
 
@@ -149,7 +151,9 @@ def bodies_table(mechanism: Mechanism) -> PageTable:
             short(body.mass, 6),
             ", ".join(short(x, 4) for x in body.centre_of_mass),
             ", ".join(short(x, 4) for x in np.diag(tensor)),
-            ", ".join(short(x, 4) for x in tensor[[0, 0, 1], [1, 2, 2]]) if tensor[[0, 0, 1], [1, 2, 2]].any() else "–",
+            ", ".join(short(x, 4) for x in tensor[[0, 0, 1], [1, 2, 2]])
+            if tensor[[0, 0, 1], [1, 2, 2]].any()
+            else "–",
         )
         alike.setdefault(entries, []).append(name)
     caption = (
@@ -157,7 +161,9 @@ def bodies_table(mechanism: Mechanism) -> PageTable:
         "xy, xz, yz."
     )
     header = ("bodies", "mass [kg]", "mass centre [m]", "moments [kg m²]", "products [kg m²]")
-    return PageTable(caption, header, [(", ".join(names), *entries) for entries, names in alike.items()])
+    return PageTable(
+        caption, header, [(", ".join(names), *entries) for entries, names in alike.items()]
+    )
 
 
 def joints_table(robot: Robot) -> PageTable:
@@ -165,18 +171,28 @@ def joints_table(robot: Robot) -> PageTable:
     rows = []
     for name, joint in robot.mechanism.joints.items():
         gear = isinstance(joint, GearJoint)
-        between = " + ".join(f"{r:g} {of}" for of, r in joint.ratios.items()) if gear else " – ".join(joint.connects)
+        between = (
+            " + ".join(f"{r:g} {of}" for of, r in joint.ratios.items())
+            if gear
+            else " – ".join(joint.connects)
+        )
         driven = [rate for rate in joint.rates(name) if rate in robot.actuators]
         bounds = [
-            f"{label} {bound(limits)}" for label, (_, _, limits, _) in joint.effects().items() if limits != Limits()
+            f"{label} {bound(limits)}"
+            for label, (_, _, limits, _) in joint.effects().items()
+            if limits != Limits()
         ]
         rows.append((name, joint.type, between, ", ".join(driven) or "–", "; ".join(bounds) or "–"))
-    return PageTable("Joints.", ("joint", "type", "connects", "driven", "limits [m, rad]"), rows, numbers=False)
+    return PageTable(
+        "Joints.", ("joint", "type", "connects", "driven", "limits [m, rad]"), rows, numbers=False
+    )
 
 
 def bound(limits: Limits) -> str:
     """Return limits as text: ≥ 0.1, ≤ 2."""
-    ends = ((sign, end) for sign, end in (("≥", limits.lower), ("≤", limits.upper)) if end is not None)
+    ends = (
+        (sign, end) for sign, end in (("≥", limits.lower), ("≤", limits.upper)) if end is not None
+    )
     return ", ".join(f"{sign} {end:g}" for sign, end in ends)
 
 
@@ -191,9 +207,24 @@ def peaks_table(data: xarray.Dataset, name: str) -> PageTable | None:
     rows = []
     for label, unit, values in zip(labels, units, array.values.T, strict=True):
         low, high = int(values.argmin()), int(values.argmax())
-        entries = (values[low], time[low], values[high], time[high], np.sqrt(np.mean(values**2)), values[-1])
+        entries = (
+            values[low],
+            time[low],
+            values[high],
+            time[high],
+            np.sqrt(np.mean(values**2)),
+            values[-1],
+        )
         rows.append((f"{label} [{unit}]", *(short(float(entry), 4) for entry in entries)))
-    header = (name.replace("_", " "), "least", "at [s]", "most", "at [s]", "root mean square", "at the end")
+    header = (
+        name.replace("_", " "),
+        "least",
+        "at [s]",
+        "most",
+        "at [s]",
+        "root mean square",
+        "at the end",
+    )
     return PageTable(f"Peaks of the {name.replace('_', ' ')} at the saved times.", header, rows)
 
 
@@ -217,15 +248,25 @@ def energy_table(data: xarray.Dataset) -> PageTable | None:
 
 def closure_table(run: Run) -> PageTable:
     """Return how well the loops stayed closed and how well posed the equations were."""
-    saved = run.variables["closure_error"].values if "closure_error" in run.variables else np.empty(0)
+    saved = (
+        run.variables["closure_error"].values if "closure_error" in run.variables else np.empty(0)
+    )
     pivot = run.statistics.pivot
     rows = [
         ("largest gap of a loop over all steps [own lengths, rad]", short(run.closure_error)),
-        ("largest gap at the saved times [m, rad]", short(float(saved.max())) if saved.size else "–"),
-        ("smallest relative pivot", f"{short(pivot, 3)} at {short(run.statistics.pivot_time, 4)} s"),
+        (
+            "largest gap at the saved times [m, rad]",
+            short(float(saved.max())) if saved.size else "–",
+        ),
+        (
+            "smallest relative pivot",
+            f"{short(pivot, 3)} at {short(run.statistics.pivot_time, 4)} s",
+        ),
     ]
     return PageTable(
-        "Closure of the loops, and the weakest pivot of the equations (1 well posed, 0 singular).", ("", ""), rows
+        "Closure of the loops, and the weakest pivot of the equations (1 well posed, 0 singular).",
+        ("", ""),
+        rows,
     )
 
 

@@ -15,14 +15,20 @@ from linkwork.scene.curves import across
 from linkwork.views.canvas import Canvas, direction
 from linkwork.views.plane import hatched
 
-ELEVATIONS, AZIMUTHS = (24, 34), (-56, -68, -40, -24, 22, 36)  # of the viewer [deg]; the first ones where they serve
+ELEVATIONS, AZIMUTHS = (
+    (24, 34),
+    (-56, -68, -40, -24, 22, 36),
+)  # of the viewer [deg]; the first ones where they serve
 BETTER = 0.1  # by how much another must be better
 CLOSE = 0.02  # distance in the picture that counts as none, relative to the mechanism
 PAD = 0.045  # half the side of a pad, relative to the mechanism
 ROOM = 0.56  # half the axes' length over the extent of what is drawn
 THIN = 0.16  # least of it, relative to the mechanism
 STROKE = 0.025  # distance of the strokes at a rail, relative to the mechanism
-ZOOM, FILLED = 0.86, 0.94  # of axes beside others, leaving room for labels; part of a figure for themselves
+ZOOM, FILLED = (
+    0.86,
+    0.94,
+)  # of axes beside others, leaving room for labels; part of a figure for themselves
 LABEL = 9  # distance of the axes' names from their numbers [pt]
 TICKS = 6
 
@@ -44,13 +50,19 @@ def draw_stand(canvas: Canvas, place: np.ndarray) -> None:
     c = np.linspace(-1.5, 1.5, 6)
     start, stop = np.maximum(-1, c - 1), np.minimum(1, c + 1)
     strokes = np.array([(start, start - c, 0 * c), (stop, stop - c, 0 * c)])
-    lines = np.concatenate([strokes, np.full_like(strokes[:1], np.nan)]).transpose(2, 0, 1).reshape(-1, 3)
+    lines = (
+        np.concatenate([strokes, np.full_like(strokes[:1], np.nan)])
+        .transpose(2, 0, 1)
+        .reshape(-1, 3)
+    )
     canvas.line(place + half * lines, 1.02, color=GREY, lw=0.7)
 
 
 def draw_arrow(canvas: Canvas, ends: np.ndarray, colour: str) -> None:
     """Draw an arrow from one point to another."""
-    canvas.axes.quiver(*ends[0], *(ends[1] - ends[0]), color=colour, lw=1.6, arrow_length_ratio=0.3, zorder=6)
+    canvas.axes.quiver(
+        *ends[0], *(ends[1] - ends[0]), color=colour, lw=1.6, arrow_length_ratio=0.3, zorder=6
+    )
 
 
 def finish(canvas: Canvas) -> None:
@@ -64,7 +76,9 @@ def finish(canvas: Canvas) -> None:
         getattr(axes, f"set_{letter}lim")(centre - half, centre + half)
         getattr(axes, f"set_{letter}label")(f"{letter} [m]")
         axis = getattr(axes, f"{letter}axis")
-        axis.set_major_locator(MaxNLocator(max(2, round(TICKS * half / reach.max())), steps=[1, 2, 5, 10]))
+        axis.set_major_locator(
+            MaxNLocator(max(2, round(TICKS * half / reach.max())), steps=[1, 2, 5, 10])
+        )
         axis.set_pane_color("white")
         axis.labelpad = LABEL
     axes.set_box_aspect(reach, zoom=ZOOM)
@@ -80,9 +94,13 @@ def fit(axes: Any) -> None:
         axes.set_position((*corner, 1, 1))
         axes.set_box_aspect(np.ptp(limits, axis=1), zoom=zoom)
         figure.draw_without_rendering()
-        around = [axis.get_tightbbox().get_points() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+        around = [
+            axis.get_tightbbox().get_points() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)
+        ]
         around += [written_box(axes, text) for text in axes.texts]
-        taken = figure.transFigure.inverted().transform(np.concatenate([on_screen(axes, corners), *around]))
+        taken = figure.transFigure.inverted().transform(
+            np.concatenate([on_screen(axes, corners), *around])
+        )
         low, high = taken.min(axis=0), taken.max(axis=0)
         growth = FILLED / max(high - low)
         corner = growth * (corner + 0.5 - (low + high) / 2)

@@ -78,7 +78,9 @@ def svg(figure: Figure, *, cropped: bool = False) -> str:
     buffer = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with styled():
-        figure.savefig(buffer, format="svg", metadata=nothing, bbox_inches="tight" if cropped else None)
+        figure.savefig(
+            buffer, format="svg", metadata=nothing, bbox_inches="tight" if cropped else None
+        )
     return buffer.getvalue()
 
 
@@ -103,13 +105,18 @@ def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
             with styled():
                 figure.savefig(path, dpi=300, metadata=dated)
     except OSError as error:
-        raise LinkworkError(f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}") from None
+        raise LinkworkError(
+            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
     return path
 
 
 def look(index: int) -> dict:
     """Return the colour and dashes of the curve of a number; they repeat after 28 curves."""
-    return {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index // len(COLOURS) % len(DASHES)]}
+    return {
+        "color": COLOURS[index % len(COLOURS)],
+        "linestyle": DASHES[index // len(COLOURS) % len(DASHES)],
+    }
 
 
 def label_time(axes: Axes, time: np.ndarray) -> None:

@@ -21,7 +21,9 @@ TOLERANCES = {"pinocchio": 1e-10, "mujoco": 1e-3, "exudyn": 2e-5}
 
 @pytest.fixture(params=TOLERANCES)
 def engine(request):
-    pytest.importorskip(request.param, reason=f"the optional engine {request.param} is not installed")
+    pytest.importorskip(
+        request.param, reason=f"the optional engine {request.param} is not installed"
+    )
     return request.param
 
 
@@ -33,13 +35,18 @@ def bennett(a: float = 0.4, alpha: float = 0.6, beta: float = 1.1, theta: float 
     """
     b = a * sin(beta) / sin(alpha)
     other = 2 * atan(sin((beta + alpha) / 2) / sin((beta - alpha) / 2) / tan(theta / 2))
-    near = [Frame(position=(length, 0, 0), rotation=(twist, 0, 0)) for length, twist in ((a, alpha), (b, beta))]
+    near = [
+        Frame(position=(length, 0, 0), rotation=(twist, 0, 0))
+        for length, twist in ((a, alpha), (b, beta))
+    ]
     back = Frame(position=(-b, 0, 0), rotation=(-beta, 0, 0))
     return Mechanism(
         gravity=(1.0, -3.0, -9.0),
         bodies={
             f"link_{i}": Body(
-                mass=0.5 + i, centre_of_mass=(0.1, 0.05 * i, 0.0), inertia=Inertia(xx=0.02, yy=0.03, zz=0.04, xy=0.004)
+                mass=0.5 + i,
+                centre_of_mass=(0.1, 0.05 * i, 0.0),
+                inertia=Inertia(xx=0.02, yy=0.03, zz=0.04, xy=0.004),
             )
             for i in (1, 2, 3)
         },
@@ -61,7 +68,9 @@ def wedge(slope: float) -> Mechanism:
         gravity=(0.0, -9.81, 0.0),
         bodies={"wedge": Body(mass=2.0, inertia=body), "follower": Body(mass=0.7, inertia=body)},
         joints={
-            "face": PrismaticJoint(connects=("wedge", "follower"), axis=(-cos(slope), sin(slope), 0)),
+            "face": PrismaticJoint(
+                connects=("wedge", "follower"), axis=(-cos(slope), sin(slope), 0)
+            ),
             "push": PrismaticJoint(connects=("ground", "wedge"), axis=(1, 0, 0)),
             "lift": PrismaticJoint(connects=("follower", "ground"), axis=(0, 1, 0)),
         },
@@ -79,7 +88,9 @@ MECHANISMS = [
 ]
 
 
-@pytest.mark.parametrize("mechanism", MECHANISMS, ids=[item.name for item in MECHANISMS[:-1]] + ["bennett"])
+@pytest.mark.parametrize(
+    "mechanism", MECHANISMS, ids=[item.name for item in MECHANISMS[:-1]] + ["bennett"]
+)
 def test_agrees_with_multipliers_at_random_states(engine, mechanism):
     rng = np.random.default_rng(5)
     oracle, model = LagrangeOracle(mechanism), engines.build(engine, mechanism)
@@ -115,22 +126,33 @@ def test_a_cut_prismatic_joint_halves_its_body(engine):
     slope = 0.5
     k, x = tan(slope), 0.2
     model = engines.build(engine, wedge(slope))
-    positions = np.array([x / cos(slope), x, -k * x])  # the joint "lift" measures the ground from the follower
+    positions = np.array(
+        [x / cos(slope), x, -k * x]
+    )  # the joint "lift" measures the ground from the follower
     rates = positions / x * 0.3
     actual = model.accelerations(positions, rates, np.array([5.0]))
-    np.testing.assert_allclose(actual, (5.0 - k * 0.7 * 9.81) / (2.0 + k**2 * 0.7), rtol=TOLERANCES[engine])
+    np.testing.assert_allclose(
+        actual, (5.0 - k * 0.7 * 9.81) / (2.0 + k**2 * 0.7), rtol=TOLERANCES[engine]
+    )
 
 
 def test_a_planar_body_may_turn_about_any_axis_of_the_ground(engine):
     """The double pendulum laid in the xz plane: the same motion, its gravity turned with it."""
     pendulum = DoublePendulum()
     upright = pendulum.mechanism()
-    shoulder = RevoluteJoint(connects=("ground", "bar_1"), frames=(Frame(rotation=(pi / 2, 0, 0)), Frame()))
+    shoulder = RevoluteJoint(
+        connects=("ground", "bar_1"), frames=(Frame(rotation=(pi / 2, 0, 0)), Frame())
+    )
     turned = upright.model_copy(
-        update={"gravity": (0.0, 0.0, -9.81), "joints": {"shoulder": shoulder, "elbow": upright.joints["elbow"]}}
+        update={
+            "gravity": (0.0, 0.0, -9.81),
+            "joints": {"shoulder": shoulder, "elbow": upright.joints["elbow"]},
+        }
     )
     state = np.array([0.4, -1.1]), np.array([2.0, -1.5]), np.array([1.0, 2.0])
-    expected, actual = (engines.build(engine, item).accelerations(*state) for item in (upright, turned))
+    expected, actual = (
+        engines.build(engine, item).accelerations(*state) for item in (upright, turned)
+    )
     np.testing.assert_allclose(actual, expected, rtol=1e-7)
 
 
@@ -143,7 +165,9 @@ def test_pinocchio_inverts_its_forward_dynamics():
         oracle, model = LagrangeOracle(mechanism), PinocchioEngine(mechanism)
         positions, rates = random_state(mechanism, rng)
         accelerations = rng.normal(size=len(rates))
-        actual = model.inverse_dynamics(positions, oracle.all_rates(positions, rates), accelerations)
+        actual = model.inverse_dynamics(
+            positions, oracle.all_rates(positions, rates), accelerations
+        )
         expected = oracle.inverse_dynamics(positions, rates, accelerations)
         np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-8)
 
@@ -158,7 +182,11 @@ def test_softness_moves_mujoco_towards_the_exact_accelerations():
     rates = oracle.all_rates(positions, np.array([0.2, -0.3, 0.1]))
     expected = oracle.forward_dynamics(positions, [0.2, -0.3, 0.1], forces)
     errors = [
-        np.max(abs(MujocoEngine(mechanism, softness).accelerations(positions, rates, forces) - expected))
+        np.max(
+            abs(
+                MujocoEngine(mechanism, softness).accelerations(positions, rates, forces) - expected
+            )
+        )
         for softness in (1.0, 1e-1, 1e-2)
     ]
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.1)

@@ -44,8 +44,12 @@ def case(make: Callable[[], Mechanism], seed: int = 0) -> Case:
     poses, twists = random_motion(oracle, rng)
     forces = rng.normal(size=len(mechanism.actuators))
     exact = oracle.joint_accelerations(poses, twists, oracle.accelerations(poses, twists, forces))
-    matrices = {name: np.block([[R, p[:, None]], [np.zeros(3), 1.0]]) for name, (p, R) in poses.items()}
-    return Case(mechanism, oracle.coordinates(poses), oracle.rates(poses, twists), forces, exact, matrices)
+    matrices = {
+        name: np.block([[R, p[:, None]], [np.zeros(3), 1.0]]) for name, (p, R) in poses.items()
+    }
+    return Case(
+        mechanism, oracle.coordinates(poses), oracle.rates(poses, twists), forces, exact, matrices
+    )
 
 
 MECHANISMS = {
@@ -53,7 +57,10 @@ MECHANISMS = {
     **{f"tree with effects {seed}": partial(random_tree, seed, 9, effects=True) for seed in (0, 1)},
     "planar tree with effects": partial(random_tree, 0, planar=True, effects=True),
     **{f"loops {seed}": partial(random_loops, seed) for seed in (0, 2)},
-    **{f"loops with effects {seed}": partial(random_loops, seed, effects=True) for seed in (0, 1, 2)},
+    **{
+        f"loops with effects {seed}": partial(random_loops, seed, effects=True)
+        for seed in (0, 1, 2)
+    },
     "planar loops with effects": partial(random_loops, 1, planar=True, effects=True),
     "over-actuated loops": partial(random_loops, 3, actuation=2),
     "rods": partial(random_loops, 1, 1, rods=2),
@@ -90,7 +97,9 @@ def test_agrees_with_maximal_coordinates(engine, name):
     assert np.max(abs(actual - it.exact)) < TOLERANCES[engine] * max(1.0, np.max(abs(it.exact)))
     driven = [it.mechanism.rates.index(name) for name in it.mechanism.actuators]
     own = model.accelerations(it.positions, it.rates, it.forces)
-    np.testing.assert_allclose(own, actual[driven], atol=1e-2 * TOLERANCES[engine] * float(np.max(abs(actual))))
+    np.testing.assert_allclose(
+        own, actual[driven], atol=1e-2 * TOLERANCES[engine] * float(np.max(abs(actual)))
+    )
 
 
 @pytest.mark.parametrize("kind", TREE[False])
@@ -99,7 +108,9 @@ def test_every_joint_type_in_both_directions(engine, kind):
     pytest.importorskip(engine, reason=f"the optional engine {engine} is not installed")
     for make in (forwards, backwards):
         it = case(partial(make, kind))
-        actual = engines.build(engine, it.mechanism).joint_accelerations(it.positions, it.rates, it.forces)
+        actual = engines.build(engine, it.mechanism).joint_accelerations(
+            it.positions, it.rates, it.forces
+        )
         assert np.max(abs(actual - it.exact)) < 1e-6 * max(1.0, np.max(abs(it.exact)))
 
 
@@ -116,7 +127,9 @@ def directed(kind: str, side: int) -> Mechanism:
     return next(
         mechanism
         for seed in range(20)
-        if next(iter((mechanism := random_tree(seed, 2, kinds=[kind, "revolute"])).pairs.values())).connects[side]
+        if next(
+            iter((mechanism := random_tree(seed, 2, kinds=[kind, "revolute"])).pairs.values())
+        ).connects[side]
         == "ground"
     )
 
@@ -137,7 +150,8 @@ def test_trees_are_the_same_in_pinocchio_and_mujoco(seed):
 
 
 @pytest.mark.parametrize(
-    "name", ["loops 0", "loops with effects 1", "rods", "platform on rods and a free joint", "geared loop"]
+    "name",
+    ["loops 0", "loops with effects 1", "rods", "platform on rods and a free joint", "geared loop"],
 )
 def test_softness_moves_mujoco_towards_the_exact_accelerations(name):
     pytest.importorskip("mujoco", reason="the optional engine mujoco is not installed")
@@ -146,21 +160,30 @@ def test_softness_moves_mujoco_towards_the_exact_accelerations(name):
     it = case(MECHANISMS[name])
     coarse, fine = (
         np.max(
-            abs(MujocoEngine(it.mechanism, softness).joint_accelerations(it.positions, it.rates, it.forces) - it.exact)
+            abs(
+                MujocoEngine(it.mechanism, softness).joint_accelerations(
+                    it.positions, it.rates, it.forces
+                )
+                - it.exact
+            )
         )
         for softness in (1e-2, 1e-4)
     )
     assert coarse / fine == pytest.approx(100, rel=0.2)
 
 
-@pytest.mark.parametrize("name", ["tree with effects 0", "loops 2", "loops with effects 0", "platform on rods alone"])
+@pytest.mark.parametrize(
+    "name", ["tree with effects 0", "loops 2", "loops with effects 0", "platform on rods alone"]
+)
 def test_pinocchio_inverts_its_forward_dynamics(name):
     pytest.importorskip("pinocchio", reason="the optional engine pinocchio is not installed")
     from linkwork.lab.engines.pinocchio import PinocchioEngine
 
     it = case(MECHANISMS[name])
     driven = [it.mechanism.rates.index(name) for name in it.mechanism.actuators]
-    found = PinocchioEngine(it.mechanism, it.poses).inverse_dynamics(it.positions, it.rates, it.exact[driven])
+    found = PinocchioEngine(it.mechanism, it.poses).inverse_dynamics(
+        it.positions, it.rates, it.exact[driven]
+    )
     np.testing.assert_allclose(found, it.forces, atol=1e-7)
 
 

@@ -16,12 +16,16 @@ from tests.oracle.random_joints import random_coordinates, random_joint, random_
 NAMES = (GROUND, "body")
 
 
-def lone(kind: str, rng: np.random.Generator) -> tuple[Mechanism, Tree, np.ndarray, np.ndarray, np.ndarray]:
+def lone(
+    kind: str, rng: np.random.Generator
+) -> tuple[Mechanism, Tree, np.ndarray, np.ndarray, np.ndarray]:
     """Return a body on one joint, coordinates, rates and their derivatives; quaternions are of length one."""
     poses = {name: random_pose(rng, False) for name in NAMES}
     connects = (NAMES[0], NAMES[1]) if rng.random() < 0.5 else (NAMES[1], NAMES[0])
     joint, _ = random_joint(rng, False, connects, kind, poses)
-    mechanism = Mechanism.model_construct(name=kind, bodies={"body": Body(mass=1.0)}, joints={"joint": joint})
+    mechanism = Mechanism.model_construct(
+        name=kind, bodies={"body": Body(mass=1.0)}, joints={"joint": joint}
+    )
     rates = rng.normal(size=(2, len(mechanism.rates)))
     return mechanism, spanning_tree(mechanism), random_coordinates(rng, joint), rates[0], rates[1]
 
@@ -55,7 +59,9 @@ def test_bodies_move_as_the_joints_say(kind):
         expected = turned @ np.block([[R, p[:, None]], [np.zeros(3), 1.0]]) @ np.linalg.inv(turned)
         np.testing.assert_allclose(motion.across(item)[0][1], expected, atol=1e-12)
         origin = motion.poses[:, 0, :3, 3]
-        np.testing.assert_allclose((origin[2] - origin[0]) / (2 * h), motion.twists[1, 0, 3:], atol=1e-6)
+        np.testing.assert_allclose(
+            (origin[2] - origin[0]) / (2 * h), motion.twists[1, 0, 3:], atol=1e-6
+        )
         np.testing.assert_allclose(
             np.gradient(motion.twists[:, 0], h, axis=0)[1], motion.accelerations[1, 0], atol=1e-6
         )
@@ -69,7 +75,9 @@ def test_bodies_move_as_the_joints_say(kind):
 
 
 def frame_of(frame) -> np.ndarray:
-    return np.block([[pairs.exponential(frame.rotation), np.array(frame.position)[:, None]], [np.zeros(3), 1.0]])
+    return np.block(
+        [[pairs.exponential(frame.rotation), np.array(frame.position)[:, None]], [np.zeros(3), 1.0]]
+    )
 
 
 @pytest.mark.parametrize("kind", MOTIONS)
@@ -80,7 +88,9 @@ def test_gaps_open_by_the_rows(kind):
         placed = {name: random_pose(rng, False) for name in ("first", "second")}
         joint, _ = random_joint(rng, False, ("first", "second"), kind, placed)
         item = edge("joint", joint)
-        poses = np.stack([np.block([[R, p[:, None]], [np.zeros(3), 1.0]]) for p, R in placed.values()])
+        poses = np.stack(
+            [np.block([[R, p[:, None]], [np.zeros(3), 1.0]]) for p, R in placed.values()]
+        )
         pose = BodyMotion(tuple(placed), poses, np.zeros((2, 6)), np.zeros((2, 6))).across(item)[0]
         np.testing.assert_allclose(np.concatenate(gaps(item, pose), axis=-1), 0.0, atol=1e-12)
         h, pull = 1e-6, rng.normal(size=6)
@@ -101,10 +111,16 @@ def test_relative_motion_across_joints_differentiates():
     h = 1e-4
     time = h * np.arange(-2, 3)[:, None]
     motion = along_tree(
-        mechanism, tree, start + rates * time + bend * time**2 / 2, rates + bend * time, bend + 0 * time
+        mechanism,
+        tree,
+        start + rates * time + bend * time**2 / 2,
+        rates + bend * time,
+        bend + 0 * time,
     )
     ends = "body_3", "body_8"
-    joint, _ = random_joint(rng, False, ends, "free", {name: random_pose(rng, False) for name in ends})
+    joint, _ = random_joint(
+        rng, False, ends, "free", {name: random_pose(rng, False) for name in ends}
+    )
     pose, twist, change = motion.across(edge("joint", joint))
     np.testing.assert_allclose(np.gradient(pose[:, :3, 3], h, axis=0)[2], twist[2, 3:], atol=1e-5)
     np.testing.assert_allclose(np.gradient(twist, h, axis=0)[2], change[2], atol=1e-4)

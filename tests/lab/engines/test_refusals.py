@@ -23,7 +23,9 @@ NAMES = ("pinocchio", "mujoco", "exudyn")
 
 @pytest.fixture(params=NAMES)
 def model(request):
-    pytest.importorskip(request.param, reason=f"the optional engine {request.param} is not installed")
+    pytest.importorskip(
+        request.param, reason=f"the optional engine {request.param} is not installed"
+    )
     return engines.build(request.param, prr3())
 
 
@@ -36,13 +38,17 @@ def test_names_and_versions():
 
 
 def test_an_unknown_engine():
-    with pytest.raises(EngineError, match="there is no engine 'bullet'; the engines are pinocchio, mujoco, exudyn"):
+    with pytest.raises(
+        EngineError, match="there is no engine 'bullet'; the engines are pinocchio, mujoco, exudyn"
+    ):
         engines.build("bullet", prr3())
 
 
 def test_a_missing_engine(monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
-    with pytest.raises(LinkworkError, match=r"Pinocchio cannot be imported .*try `pip install linkwork\[engines\]`"):
+    with pytest.raises(
+        LinkworkError, match=r"Pinocchio cannot be imported .*try `pip install linkwork\[engines\]`"
+    ):
         load_engine("pinocchio", "Pinocchio")
 
 
@@ -63,15 +69,24 @@ def test_wrong_shapes_and_times(model):
 def test_a_body_without_mass_in_mujoco():
     pytest.importorskip("mujoco", reason="the optional engine mujoco is not installed")
     hinge = RevoluteJoint(connects=("ground", "ghost"))
-    mechanism = Mechanism(name="ghost", bodies={"ghost": Body(mass=0)}, joints={"hinge": hinge}, actuators=("hinge",))
-    with pytest.raises(EngineError, match=r"MuJoCo refuses 'ghost': .*mass and inertia.* 'body ghost'"):
+    mechanism = Mechanism(
+        name="ghost", bodies={"ghost": Body(mass=0)}, joints={"hinge": hinge}, actuators=("hinge",)
+    )
+    with pytest.raises(
+        EngineError, match=r"MuJoCo refuses 'ghost': .*mass and inertia.* 'body ghost'"
+    ):
         engines.build("mujoco", mechanism)
 
 
 def test_the_spanning_tree_cuts_revolute_joints_and_tells_planar_loops():
     tree = spanning_tree(prr3())
     assert [cut.joint for cut in tree.cuts] == ["wrist_2", "wrist_3"]
-    assert [item.joint for item in tree.edges[:4]] == ["slide_1", "pivot_1", "wrist_1", "slide_2"]  # depth first
+    assert [item.joint for item in tree.edges[:4]] == [
+        "slide_1",
+        "pivot_1",
+        "wrist_1",
+        "slide_2",
+    ]  # depth first
     assert all(planar_loop(tree, cut) for cut in tree.cuts)
     spatial = spanning_tree(bennett())
     assert not planar_loop(spatial, spatial.cuts[0])
@@ -81,8 +96,12 @@ def test_the_spanning_tree_cuts_revolute_joints_and_tells_planar_loops():
 def test_a_body_without_inertia_in_pinocchio():
     pytest.importorskip("pinocchio", reason="the optional engine pinocchio is not installed")
     hinge = RevoluteJoint(connects=("ground", "ghost"))
-    mechanism = Mechanism(name="ghost", bodies={"ghost": Body(mass=0)}, joints={"hinge": hinge}, actuators=("hinge",))
-    with pytest.raises(EngineError, match=r"ghost: Pinocchio finds no accelerations; .* without inertia"):
+    mechanism = Mechanism(
+        name="ghost", bodies={"ghost": Body(mass=0)}, joints={"hinge": hinge}, actuators=("hinge",)
+    )
+    with pytest.raises(
+        EngineError, match=r"ghost: Pinocchio finds no accelerations; .* without inertia"
+    ):
         engines.build("pinocchio", mechanism).accelerations(np.zeros(1), np.zeros(1), np.ones(1))
 
 
@@ -96,7 +115,10 @@ def test_a_loop_of_screws_in_exudyn():
 
 def test_bodies_that_nothing_but_rods_reaches_have_no_tree():
     mechanism = random_loops(0, 1, platform="bare")
-    with pytest.raises(EngineError, match=r"bodies\.body_.*: nothing but rods reaches it; add a free joint to ground"):
+    with pytest.raises(
+        EngineError,
+        match=r"bodies\.body_.*: nothing but rods reaches it; add a free joint to ground",
+    ):
         spanning_tree(mechanism)
 
 

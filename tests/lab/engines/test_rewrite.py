@@ -30,10 +30,14 @@ from tests.oracle.random_mechanisms import random_body
 def test_a_lightened_body_and_its_mass_points_are_the_body():
     rng = np.random.default_rng(1)
     body, points = random_body(rng, planar=False), rng.normal(size=(3, 3))
-    mechanism = Mechanism(bodies={"body": body}, joints={"hinge": RevoluteJoint(connects=("ground", "body"))})
+    mechanism = Mechanism(
+        bodies={"body": body}, joints={"hinge": RevoluteJoint(connects=("ground", "body"))}
+    )
     mass = spare_mass(mechanism, "body", points)
     rest = lightened(body, mass, points)
-    whole = moments(rest) + sum(mass * np.outer(x, x) for x in np.column_stack([points, np.ones(3)]))
+    whole = moments(rest) + sum(
+        mass * np.outer(x, x) for x in np.column_stack([points, np.ones(3)])
+    )
     np.testing.assert_allclose(whole, moments(body), atol=1e-14)
     assert mass > 0 and np.linalg.eigvalsh(moments(rest))[0] > 0
     with pytest.raises(ValueError, match=r"triangle inequality|greater than"):
@@ -59,21 +63,34 @@ def test_links_keep_the_energy():
     positions, rates = oracle.coordinates(poses), oracle.rates(poses, twists)
     start = along_tree(mechanism, spanning_tree(mechanism), positions, rates)
     motion = with_link_motion(mechanism, linked, start)
-    placed = {name: (X[:3, 3], X[:3, :3]) for name, X in zip(motion.names, motion.poses, strict=True)}
+    placed = {
+        name: (X[:3, 3], X[:3, :3]) for name, X in zip(motion.names, motion.poses, strict=True)
+    }
     moving = {
         name: (t[:3], t[3:] + np.cross(t[:3], X[:3, :3] @ linked.bodies[name].centre_of_mass))
         for name, t, X in zip(motion.names, motion.twists, motion.poses, strict=True)
     }
     assert other.constraint_velocity_error(placed, moving) < 1e-12
-    assert sum(other.energy(placed, moving)) == pytest.approx(sum(oracle.energy(poses, twists)), rel=1e-12)
+    assert sum(other.energy(placed, moving)) == pytest.approx(
+        sum(oracle.energy(poses, twists)), rel=1e-12
+    )
 
 
 def test_a_body_without_mass_cannot_hold_links():
-    hinge, rod = RevoluteJoint(connects=("ground", "bar")), RodJoint(connects=("bar", "ground"), length=1.0)
+    hinge, rod = (
+        RevoluteJoint(connects=("ground", "bar")),
+        RodJoint(connects=("bar", "ground"), length=1.0),
+    )
     flat = Body(mass=1.0, inertia=Inertia(xx=0.0, yy=0.0, zz=0.0))
     mechanism = Mechanism(bodies={"bar": flat}, joints={"hinge": hinge, "rod": rod})
-    assert with_links(mechanism).bodies["bar"].mass == pytest.approx(0.5)  # the rod holds the point mass itself
-    far = rod.model_copy(update={"frames": (rod.frames[0].model_copy(update={"position": (0.3, 0, 0)}), rod.frames[1])})
+    assert with_links(mechanism).bodies["bar"].mass == pytest.approx(
+        0.5
+    )  # the rod holds the point mass itself
+    far = rod.model_copy(
+        update={
+            "frames": (rod.frames[0].model_copy(update={"position": (0.3, 0, 0)}), rod.frames[1])
+        }
+    )
     with pytest.raises(EngineError, match=r"bodies\.bar: has no mass around the rods' ends"):
         with_links(mechanism.model_copy(update={"joints": {"hinge": hinge, "rod": far}}))
 

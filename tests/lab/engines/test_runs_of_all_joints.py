@@ -45,17 +45,23 @@ def test_a_tumbling_body_keeps_its_angular_momentum(engine):
     momentum = angular_momentum(run)
     assert np.max(abs(momentum - momentum[0])) < bound
     assert np.max(abs(run.rates[:, 3])) > 1.0  # it turns over: the middle axis is unstable
-    assert np.all(np.linalg.norm(np.diff(run.positions[:, 3:], axis=0), axis=1) < 0.02)  # quaternions do not jump
+    assert np.all(
+        np.linalg.norm(np.diff(run.positions[:, 3:], axis=0), axis=1) < 0.02
+    )  # quaternions do not jump
 
 
 @pytest.mark.parametrize(("engine", "order"), [("pinocchio", 4), ("exudyn", 2)])
 def test_the_integrators_have_their_order_on_quaternions(engine, order):
     pytest.importorskip(engine, reason=f"the optional engine {engine} is not installed")
-    model = engines.build(engine, brick(SphericalJoint(connects=("brick", "ground")), (0.0, 4.0, -9.0)))
+    model = engines.build(
+        engine, brick(SphericalJoint(connects=("brick", "ground")), (0.0, 4.0, -9.0))
+    )
     turn = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_quat(scalar_first=True)
 
     def end(step: float) -> np.ndarray:
-        return model.simulate(turn, np.array([1.0, 5.0, -4.0]), np.zeros(0), 0.32, step).positions[-1]
+        return model.simulate(turn, np.array([1.0, 5.0, -4.0]), np.zeros(0), 0.32, step).positions[
+            -1
+        ]
 
     best = end(0.0005)
     coarse, fine = (np.max(abs(end(step) - best)) for step in (0.016, 0.008))
@@ -63,14 +69,17 @@ def test_the_integrators_have_their_order_on_quaternions(engine, order):
 
 
 @pytest.mark.parametrize(
-    ("engine", "step", "bound"), [("pinocchio", 3e-5, 1e-6), ("mujoco", 3e-5, 1e-4), ("exudyn", 3e-5, 3e-3)]
+    ("engine", "step", "bound"),
+    [("pinocchio", 3e-5, 1e-6), ("mujoco", 3e-5, 1e-4), ("exudyn", 3e-5, 3e-3)],
 )
 def test_andrews_squeezer_ends_as_published(engine, step, bound):
     pytest.importorskip(engine, reason=f"the optional engine {engine} is not installed")
     mechanism = andrews()
     start = [mechanism.reference[name] for name in mechanism.coordinates]
     np.testing.assert_allclose(start[:7], ANDREWS_START[0], atol=1e-12)
-    run = engines.build(engine, mechanism).simulate(np.array(start), np.zeros(10), np.array([0.033]), 0.03, step)
+    run = engines.build(engine, mechanism).simulate(
+        np.array(start), np.zeros(10), np.array([0.033]), 0.03, step
+    )
     np.testing.assert_allclose(run.positions[-1, :7], ANDREWS_END[0], atol=bound)
     np.testing.assert_allclose(run.rates[-1, :7], ANDREWS_END[1], atol=1e3 * bound)
     np.testing.assert_allclose(run.joint_accelerations[0, :2], ANDREWS_START[2][:2], rtol=1e-4)
@@ -82,7 +91,12 @@ def test_andrews_squeezer_ends_as_published(engine, step, bound):
         delta,
         partial(random_loops, 1, 1, rods=2),
         partial(random_loops, 1, effects=True),
-        partial(random_tree, 1, 6, kinds=("spherical", "screw", "universal", "cylindrical", "planar", "revolute")),
+        partial(
+            random_tree,
+            1,
+            6,
+            kinds=("spherical", "screw", "universal", "cylindrical", "planar", "revolute"),
+        ),
         partial(random_tree, 1, 7, gears=1),
     ],
     ids=["delta", "rods", "loops with effects", "tree", "gear"],
@@ -102,7 +116,9 @@ def test_all_engines_move_alike(make):
         np.testing.assert_allclose(run.positions, first.positions, atol=3e-3 * scale)
         assert max(run.closure_error, run.alignment_error) < 1e-5
         middle = np.gradient(run.rates, run.time, axis=0)[2:-2]
-        np.testing.assert_allclose(run.joint_accelerations[2:-2], middle, atol=2e-3 * np.max(abs(middle)))
+        np.testing.assert_allclose(
+            run.joint_accelerations[2:-2], middle, atol=2e-3 * np.max(abs(middle))
+        )
 
 
 @pytest.mark.parametrize("engine", EVERY)
@@ -129,8 +145,13 @@ def test_bricards_linkage_keeps_its_energy(engine, bound):
     bodies = tuple(mechanism.bodies)
 
     def energy(k: int) -> float:
-        placed = {b: (run.body_poses[k, i, :3, 3], run.body_poses[k, i, :3, :3]) for i, b in enumerate(bodies)}
-        speed = np.linalg.lstsq(oracle.rows(placed, oracle._rest).F @ (N := oracle.motions(placed)), run.rates[k])[0]
+        placed = {
+            b: (run.body_poses[k, i, :3, 3], run.body_poses[k, i, :3, :3])
+            for i, b in enumerate(bodies)
+        }
+        speed = np.linalg.lstsq(
+            oracle.rows(placed, oracle._rest).F @ (N := oracle.motions(placed)), run.rates[k]
+        )[0]
         return sum(oracle.energy(placed, oracle.by_body(N @ speed)))
 
     assert np.max(abs(run.rates)) > 1.0

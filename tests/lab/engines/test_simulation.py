@@ -22,7 +22,9 @@ ENGINES = ("pinocchio", "mujoco", "exudyn")
 
 @pytest.fixture(params=ENGINES)
 def engine(request):
-    pytest.importorskip(request.param, reason=f"the optional engine {request.param} is not installed")
+    pytest.importorskip(
+        request.param, reason=f"the optional engine {request.param} is not installed"
+    )
     return request.param
 
 
@@ -36,13 +38,18 @@ def test_the_3prr_moves_alike_in_all_engines():
     mechanism = prr3()
     positions = LagrangeOracle(mechanism).reference
     exact, soft, implicit = (
-        engines.build(name, mechanism).simulate(positions, np.zeros(9), push, 0.3, 2e-3) for name in ENGINES
+        engines.build(name, mechanism).simulate(positions, np.zeros(9), push, 0.3, 2e-3)
+        for name in ENGINES
     )
     assert np.max(abs(exact.positions - positions)) > 0.03
     for run, tolerance in ((soft, 1e-6), (implicit, 3e-5)):
         for quantity in ("time", "positions", "rates", "accelerations", "body_positions"):
-            np.testing.assert_allclose(getattr(run, quantity), getattr(exact, quantity), atol=tolerance)
-    assert exact.closure_error < 1e-10 and soft.closure_error < 1e-7 and implicit.closure_error < 1e-12
+            np.testing.assert_allclose(
+                getattr(run, quantity), getattr(exact, quantity), atol=tolerance
+            )
+    assert (
+        exact.closure_error < 1e-10 and soft.closure_error < 1e-7 and implicit.closure_error < 1e-12
+    )
 
 
 def test_a_spatial_loop_moves_alike_in_all_engines():
@@ -52,7 +59,9 @@ def test_a_spatial_loop_moves_alike_in_all_engines():
     positions, speeds = random_state(mechanism, np.random.default_rng(3))
     rates = LagrangeOracle(mechanism).all_rates(positions, speeds)
     runs = [
-        engines.build(name, mechanism).simulate(positions, rates, lambda _: np.zeros(len(speeds)), 0.1, 1e-3)
+        engines.build(name, mechanism).simulate(
+            positions, rates, lambda _: np.zeros(len(speeds)), 0.1, 1e-3
+        )
         for name in ENGINES
     ]
     for run in runs[1:]:
@@ -65,7 +74,9 @@ def test_energy_is_conserved_in_bennetts_linkage(engine):
     oracle = LagrangeOracle(mechanism)
     positions = oracle.reference
     rates = oracle.all_rates(positions, [1.0])
-    run = engines.build(engine, mechanism).simulate(positions, rates, lambda _: np.zeros(1), 0.2, 1e-3)
+    run = engines.build(engine, mechanism).simulate(
+        positions, rates, lambda _: np.zeros(1), 0.2, 1e-3
+    )
 
     def energy(k: int) -> float:
         kinetic, potential = 0.0, 0.0
@@ -73,12 +84,19 @@ def test_energy_is_conserved_in_bennetts_linkage(engine):
         for index, (name, body) in enumerate(mechanism.bodies.items()):
             rotation, origin = run.body_poses[k, index, :3, :3], run.body_positions[k, index]
             omega = rotation.T @ twists[name][:3]
-            kinetic += (omega @ body.inertia.tensor() @ omega + body.mass * twists[name][3:] @ twists[name][3:]) / 2
-            potential -= body.mass * np.dot(mechanism.gravity, origin + rotation @ np.array(body.centre_of_mass))
+            kinetic += (
+                omega @ body.inertia.tensor() @ omega
+                + body.mass * twists[name][3:] @ twists[name][3:]
+            ) / 2
+            potential -= body.mass * np.dot(
+                mechanism.gravity, origin + rotation @ np.array(body.centre_of_mass)
+            )
         return float(kinetic + potential)
 
     assert np.ptp(run.positions[:, 0]) > 0.1
-    assert energy(-1) == pytest.approx(energy(0), abs={"pinocchio": 1e-8, "mujoco": 1e-4, "exudyn": 1e-4}[engine])
+    assert energy(-1) == pytest.approx(
+        energy(0), abs={"pinocchio": 1e-8, "mujoco": 1e-4, "exudyn": 1e-4}[engine]
+    )
 
 
 @pytest.mark.parametrize(("name", "order"), [("pinocchio", 4), ("mujoco", 4), ("exudyn", 2)])
@@ -88,7 +106,9 @@ def test_the_integrators_have_their_order(name, order):
     start = np.array([0.4, -1.1]), np.array([2.0, -1.5])
 
     def end(step: float) -> np.ndarray:
-        return model.simulate(*start, lambda t: np.array([np.sin(9 * t), t]), 0.32, step).positions[-1]
+        return model.simulate(*start, lambda t: np.array([np.sin(9 * t), t]), 0.32, step).positions[
+            -1
+        ]
 
     best = end(0.001)
     coarse, fine = (np.max(abs(end(step) - best)) for step in (0.016, 0.008))
@@ -110,13 +130,19 @@ def test_poses_are_those_the_engines_compute():
     second.evaluation(positions, rates, np.zeros(len(speeds)))()
     for index, name in enumerate(mechanism.bodies):
         joint, seat = first.seats[name]
-        np.testing.assert_allclose((first.data.oMi[joint] * seat).homogeneous, motion.poses[index], atol=1e-12)
+        np.testing.assert_allclose(
+            (first.data.oMi[joint] * seat).homogeneous, motion.poses[index], atol=1e-12
+        )
         label, pose = second.seats[name]
         body, twist = second.data.body(label), np.zeros(6)
         rotation = body.xmat.reshape(3, 3)
         np.testing.assert_allclose(rotation @ pose[:3, :3], motion.poses[index, :3, :3], atol=1e-12)
-        np.testing.assert_allclose(body.xpos + rotation @ pose[:3, 3], motion.poses[index, :3, 3], atol=1e-12)
-        mujoco.mj_objectVelocity(second.model, second.data, mujoco.mjtObj.mjOBJ_XBODY, body.id, twist, 0)
+        np.testing.assert_allclose(
+            body.xpos + rotation @ pose[:3, 3], motion.poses[index, :3, 3], atol=1e-12
+        )
+        mujoco.mj_objectVelocity(
+            second.model, second.data, mujoco.mjtObj.mjOBJ_XBODY, body.id, twist, 0
+        )
         twist[3:] += np.cross(twist[:3], rotation @ pose[:3, 3])
         np.testing.assert_allclose(twist, motion.twists[index], atol=1e-12)
 
@@ -135,11 +161,15 @@ def test_joints_are_read_off_the_bodies():
     assert joints.closure_error < 1e-12 and joints.alignment_error < 1e-12
     torn = motion.poses.copy()
     torn[:, -1, 1, 3] += 1e-3
-    assert read_joints(mechanism, replace(motion, poses=torn), turned).closure_error == pytest.approx(1e-3)
+    assert read_joints(
+        mechanism, replace(motion, poses=torn), turned
+    ).closure_error == pytest.approx(1e-3)
 
 
 def test_recorded_accelerations_are_those_of_the_recorded_states(engine):
     mechanism = prr3()
-    run = engines.build(engine, mechanism).simulate(LagrangeOracle(mechanism).reference, np.zeros(9), push, 0.1, 2e-3)
+    run = engines.build(engine, mechanism).simulate(
+        LagrangeOracle(mechanism).reference, np.zeros(9), push, 0.1, 2e-3
+    )
     differences = np.gradient(run.rates[:, :3], run.time, axis=0)
     np.testing.assert_allclose(run.accelerations[2:-2], differences[2:-2], atol=1e-3)

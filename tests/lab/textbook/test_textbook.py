@@ -43,7 +43,9 @@ def along(book: Textbook, q: np.ndarray, rates: np.ndarray, h: float) -> np.ndar
     return book.solve(q, q[book.a] + h * rates)
 
 
-def difference(function, book: Textbook, q: np.ndarray, rates: np.ndarray, h: float = 1e-4) -> np.ndarray:
+def difference(
+    function, book: Textbook, q: np.ndarray, rates: np.ndarray, h: float = 1e-4
+) -> np.ndarray:
     """Return d/dt of a function of q along q_a' = const, by central differences of fourth order."""
     f = {k: function(along(book, q, rates, k * h)) for k in (-2, -1, 1, 2)}
     return (8 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12 * h)
@@ -67,10 +69,33 @@ def paper_phi(q: np.ndarray, l1: float = 0.3, l2: float = 0.15, l3: float = 1.0)
     c6, c69, s6, s69 = np.cos(q6), np.cos(q6 + q9), np.sin(q6), np.sin(q6 + q9)
     return np.array(
         [
-            q1 + l1 * c4 + l2 * c47 - l3 + q2 / 2 + l1 / 2 * c5 + s * l1 * s5 + l2 / 2 * c58 + s * l2 * s58,
+            q1
+            + l1 * c4
+            + l2 * c47
+            - l3
+            + q2 / 2
+            + l1 / 2 * c5
+            + s * l1 * s5
+            + l2 / 2 * c58
+            + s * l2 * s58,
             l1 * s4 + l2 * s47 - s * q2 - s * l1 * c5 + l1 / 2 * s5 - s * l2 * c58 + l2 / 2 * s58,
-            q1 + l1 * c4 + l2 * c47 - l3 / 2 + q3 / 2 + l1 / 2 * c6 - s * l1 * s6 + l2 / 2 * c69 - s * l2 * s69,
-            l1 * s4 + l2 * s47 - s * l3 + s * q3 + s * l1 * c6 + l1 / 2 * s6 + s * l2 * c69 + l2 / 2 * s69,
+            q1
+            + l1 * c4
+            + l2 * c47
+            - l3 / 2
+            + q3 / 2
+            + l1 / 2 * c6
+            - s * l1 * s6
+            + l2 / 2 * c69
+            - s * l2 * s69,
+            l1 * s4
+            + l2 * s47
+            - s * l3
+            + s * q3
+            + s * l1 * c6
+            + l1 / 2 * s6
+            + s * l2 * c69
+            + l2 / 2 * s69,
             q7 + q4 - q8 - q5,
             q8 + q5 - q9 - q6,
         ]
@@ -88,7 +113,9 @@ def test_shapes_of_the_paper():
     assert book.phi(q).shape == (6,) and book.Phi(q).shape == (6, 9)
     assert book.K(q).shape == (42, 9) and book.L(q).shape == (9, 3) and book.T(q).shape == (42, 3)
     assert book.Tdot(q, rates).shape == (42, 3) and book.C(q, rates).shape == (3, 3)
-    assert book.Mtot(q).shape == book.Omega(q, rates).shape == (42, 42) and book.w_g().shape == (42,)
+    assert book.Mtot(q).shape == book.Omega(q, rates).shape == (42, 42) and book.w_g().shape == (
+        42,
+    )
 
 
 def test_loop_equations_are_the_papers():
@@ -96,7 +123,11 @@ def test_loop_equations_are_the_papers():
         book, q, _ = state(prr3(), seed)
         near(paper_phi(q), np.zeros(6), 1e-13)
         Phi, expected = book.Phi(q), paper_Phi(q)
-        assert np.linalg.matrix_rank(np.vstack([Phi, expected]), 1e-10) == np.linalg.matrix_rank(Phi, 1e-10) == 6
+        assert (
+            np.linalg.matrix_rank(np.vstack([Phi, expected]), 1e-10)
+            == np.linalg.matrix_rank(Phi, 1e-10)
+            == 6
+        )
 
 
 def test_the_papers_solution_closes_our_loops():
@@ -129,7 +160,9 @@ def test_twists_are_those_of_the_moving_bodies(at):
     h, expected = 1e-4, []
     before, behind, ahead = (book.configuration(along(book, q, rates, k * h)) for k in (0, -1, 1))
     for body in book.mechanism.bodies:
-        turned = Rotation.from_matrix(ahead.X[body][:3, :3] @ behind.X[body][:3, :3].T).as_rotvec() / (2 * h)
+        turned = Rotation.from_matrix(
+            ahead.X[body][:3, :3] @ behind.X[body][:3, :3].T
+        ).as_rotvec() / (2 * h)
         expected += [*turned, *((ahead.mass_centre(body) - behind.mass_centre(body)) / (2 * h))]
     near(book.T(q) @ rates, np.array(expected), 1e-5)
     inertia = book.Mtot(q)
@@ -181,7 +214,10 @@ def test_forward_undoes_inverse(at):
 def potential(book: Textbook, q: np.ndarray) -> np.ndarray:
     configuration, gravity = book.configuration(q), np.array(book.mechanism.gravity)
     bodies = book.mechanism.bodies.items()
-    return -sum((b.mass * gravity @ configuration.mass_centre(name) for name, b in bodies), start=np.zeros(()))
+    return -sum(
+        (b.mass * gravity @ configuration.mass_centre(name) for name, b in bodies),
+        start=np.zeros(()),
+    )
 
 
 def test_energy_changes_by_the_actuators_work():
@@ -211,12 +247,20 @@ def test_double_pendulum():
     pendulum = DoublePendulum()
     book = Textbook(pendulum.mechanism())
     for q, rates, accelerations in np.random.default_rng(5).normal(size=(20, 3, 2)):
-        near(book.inverse_dynamics(q, rates, accelerations), pendulum.force(q, rates, accelerations), 1e-13)
+        near(
+            book.inverse_dynamics(q, rates, accelerations),
+            pendulum.force(q, rates, accelerations),
+            1e-13,
+        )
 
 
 def test_pendulum_in_a_tilted_plane():
     pendulum = Pendulum()
-    near(Textbook(pendulum.mechanism()).inverse_dynamics([0.8], [1.7], [-2.3]), [pendulum.force(0.8, 1.7, -2.3)], 1e-13)
+    near(
+        Textbook(pendulum.mechanism()).inverse_dynamics([0.8], [1.7], [-2.3]),
+        [pendulum.force(0.8, 1.7, -2.3)],
+        1e-13,
+    )
 
 
 def test_slider_crank_through_the_whole_turn():
@@ -232,9 +276,16 @@ def test_slider_crank_through_the_whole_turn():
 def bennett(a: float = 0.5, alpha: float = 0.7, beta: float = 1.2, theta: float = 1.0) -> Mechanism:
     """Describe a Bennett linkage: opposite links alike, sin(alpha) / a = sin(beta) / b, four revolutes, one freedom."""
     b = a * sin(beta) / sin(alpha)
-    far = {1: Frame(position=(a, 0, 0), rotation=(alpha, 0, 0)), 2: Frame(position=(b, 0, 0), rotation=(beta, 0, 0))}
+    far = {
+        1: Frame(position=(a, 0, 0), rotation=(alpha, 0, 0)),
+        2: Frame(position=(b, 0, 0), rotation=(beta, 0, 0)),
+    }
     back = Frame(position=(-b, 0, 0), rotation=(-beta, 0, 0))
-    body = Body(mass=1.2, centre_of_mass=(0.2, 0.05, 0.01), inertia=Inertia(xx=0.02, yy=0.03, zz=0.04, xy=0.003))
+    body = Body(
+        mass=1.2,
+        centre_of_mass=(0.2, 0.05, 0.01),
+        inertia=Inertia(xx=0.02, yy=0.03, zz=0.04, xy=0.003),
+    )
     other = bennett_angle(alpha, beta, theta)
     return Mechanism(
         name="Bennett linkage",
@@ -289,7 +340,9 @@ def test_a_singular_Phi_u_is_named():
 def test_a_wrong_number_of_actuators_is_refused():
     for actuators in (("slide_1", "slide_2"), ("slide_1", "slide_2", "slide_3", "pivot_1")):
         mechanism = prr3().model_copy(update={"actuators": actuators})
-        with pytest.raises(LinkworkError, match=rf"3-PRR has 3 freedoms .* but {len(actuators)} actuators"):
+        with pytest.raises(
+            LinkworkError, match=rf"3-PRR has 3 freedoms .* but {len(actuators)} actuators"
+        ):
             Textbook(mechanism).reference  # noqa: B018
 
 
@@ -309,6 +362,10 @@ def test_wrong_vectors_are_refused():
 
 def test_other_joints_are_refused():
     pendulum = Pendulum().mechanism()
-    mechanism = pendulum.model_copy(update={"joints": {"hinge": SphericalJoint(connects=("ground", "bob"))}})
-    with pytest.raises(LinkworkError, match=r"joints\.hinge: the textbook formulation has no spherical joint"):
+    mechanism = pendulum.model_copy(
+        update={"joints": {"hinge": SphericalJoint(connects=("ground", "bob"))}}
+    )
+    with pytest.raises(
+        LinkworkError, match=r"joints\.hinge: the textbook formulation has no spherical joint"
+    ):
         Textbook(mechanism).m  # noqa: B018

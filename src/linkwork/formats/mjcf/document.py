@@ -82,16 +82,25 @@ class Compiler:
     def updated(self, section: Element) -> Compiler:
         """Return the settings after one <compiler> section."""
         if section.attributes.get("coordinate", "local") != "local":
-            raise section.refusal("coordinate must be 'local'; global coordinates are not part of MJCF any more")
+            raise section.refusal(
+                "coordinate must be 'local'; global coordinates are not part of MJCF any more"
+            )
         euler = section.attributes.get("eulerseq", self.euler)
         if len(euler) != 3 or set(euler.lower()) - set("xyz"):
-            raise section.refusal(f"eulerseq {xml.shortened(euler)} is not three letters of x, y, z")
+            raise section.refusal(
+                f"eulerseq {xml.shortened(euler)} is not three letters of x, y, z"
+            )
         low, high = section.numbers("inertiagrouprange", (2,), tuple(map(float, self.groups)))
         return Compiler(
-            degrees=section.choice("angle", ("degree", "radian"), "degree" if self.degrees else "radian") == "degree",
+            degrees=section.choice(
+                "angle", ("degree", "radian"), "degree" if self.degrees else "radian"
+            )
+            == "degree",
             euler=euler,
             autolimits=flag(section, "autolimits", self.autolimits),
-            from_geoms=section.choice("inertiafromgeom", ("false", "true", "auto"), self.from_geoms),
+            from_geoms=section.choice(
+                "inertiafromgeom", ("false", "true", "auto"), self.from_geoms
+            ),
             groups=(int(low), int(high)),
             least_mass=section.number("boundmass", self.least_mass),
             least_inertia=section.number("boundinertia", self.least_inertia),
@@ -128,7 +137,10 @@ class Document:
     def each(self, section: str, *tags: str) -> Iterator[Element]:
         """Yield the elements of some tags in all sections of a name."""
         return (
-            element for part in self.root.each(section) for element in part.children if not tags or element.tag in tags
+            element
+            for part in self.root.each(section)
+            for element in part.children
+            if not tags or element.tag in tags
         )
 
     def resolved(self, element: Element, kind: str, childclass: str = MAIN) -> Element:
@@ -140,7 +152,9 @@ class Document:
         name = element.attributes.get("class", childclass)
         if name not in self.defaults:
             raise element.refusal(f"there is no default class {xml.shortened(name)}")
-        return element.with_attributes(overridden(self.defaults[name].settings(kind), element.attributes))
+        return element.with_attributes(
+            overridden(self.defaults[name].settings(kind), element.attributes)
+        )
 
     def pose(self, element: Element) -> np.ndarray:
         """Return the pose that pos and one form of orientation give."""
@@ -150,7 +164,9 @@ class Document:
         """Return the rotation matrix of quat, axisangle, euler, xyaxes or zaxis."""
         given = [form for form in ORIENTATIONS if form in element.attributes]
         if len(given) > 1:
-            raise element.refusal(f"gives its orientation as {' and '.join(given)}; keep one of them")
+            raise element.refusal(
+                f"gives its orientation as {' and '.join(given)}; keep one of them"
+            )
         if not given:
             return np.eye(3)
         (form,) = given
@@ -163,7 +179,9 @@ class Document:
             "zaxis": [numbers],
         }
         if any(np.linalg.norm(head) < 1e-12 for head in heads.get(form, [])):
-            raise element.refusal(f"{form} '{element.attributes[form]}' has no length; give a direction")
+            raise element.refusal(
+                f"{form} '{element.attributes[form]}' has no length; give a direction"
+            )
         match form:
             case "quat":
                 return poses.from_quaternion(*numbers)
@@ -183,7 +201,9 @@ class Document:
     def _euler(self, angles: np.ndarray) -> np.ndarray:
         R = np.eye(3)
         for letter, angle in zip(self.compiler.euler, angles, strict=True):
-            turn = poses.turn(np.eye(3)["xyz".index(letter.lower())], self.compiler.angle(angle))[:3, :3]
+            turn = poses.turn(np.eye(3)["xyz".index(letter.lower())], self.compiler.angle(angle))[
+                :3, :3
+            ]
             R = R @ turn if letter.islower() else turn @ R
         return R
 
@@ -216,9 +236,13 @@ class _Including:
         """Return an element with all that it includes; depth: of elements around it, and itself."""
         self.count += 1
         if depth > xml.DEEPEST:
-            raise element.refusal(f"is nested deeper than {xml.DEEPEST}, with the files that include its own")
+            raise element.refusal(
+                f"is nested deeper than {xml.DEEPEST}, with the files that include its own"
+            )
         if self.count > xml.MOST:
-            raise element.refusal(f"comes after more than {xml.MOST} elements of all files; a mechanism has fewer")
+            raise element.refusal(
+                f"comes after more than {xml.MOST} elements of all files; a mechanism has fewer"
+            )
         children: list[Element] = []
         for child in element.children:
             if child.tag == "include":
@@ -234,7 +258,9 @@ class _Including:
         except (OSError, ValueError):
             raise element.refusal(f"file {xml.shortened(name)} is no path") from None
         if not path.is_relative_to(self.folder):
-            raise element.refusal(f"file {xml.shortened(name)} lies outside the model's folder and is not opened")
+            raise element.refusal(
+                f"file {xml.shortened(name)} lies outside the model's folder and is not opened"
+            )
         if path in self.seen:
             raise element.refusal(f"file {xml.shortened(name)} is included twice; include it once")
         if len(self.seen) > INCLUDES:
@@ -243,7 +269,9 @@ class _Including:
         try:
             self.bytes += path.stat().st_size if path.is_file() else 0
             if self.bytes > xml.LARGEST:
-                raise element.refusal(f"the files included are larger than {xml.LARGEST // 1_000_000} MB together")
+                raise element.refusal(
+                    f"the files included are larger than {xml.LARGEST // 1_000_000} MB together"
+                )
             return self.complete(xml.read(path), depth).children
         except MechanismError as error:
             raise MechanismError(f"{element.file}: line {element.line}: {error}") from None

@@ -44,7 +44,11 @@ def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -
         )
         return []
     if flag(element, "shellinertia", False):
-        notes.on(element, "is a shell (shellinertia); it is weighed as a solid of the same mass", alters=True)
+        notes.on(
+            element,
+            "is a shell (shellinertia); it is weighed as a solid of the same mass",
+            alters=True,
+        )
     size, place = measured(document, element)
     mass = element.number("mass", element.number("density", DENSITY) * volume(kind, size))
     return [Solid(mass, np.zeros(3), np.diag(principal(kind, size, mass))).seen(X @ place)]
@@ -59,7 +63,11 @@ def is_heavy(document: Document, element: Element) -> bool:
 
 
 def shown(
-    document: Document, element: Element, X: np.ndarray, materials: Mapping[str, Element], notes: Notes
+    document: Document,
+    element: Element,
+    X: np.ndarray,
+    materials: Mapping[str, Element],
+    notes: Notes,
 ) -> list[Shape]:
     """Return the geom's shape in the body's frame; nothing for what MuJoCo hides or is no shape here."""
     if not is_shown(element):
@@ -69,7 +77,10 @@ def shown(
         return []
     kind = kind_of(element)
     if kind not in SHAPES:
-        notes.on(element, f"is no shape here and is not shown: its type is {kind}, not one of {', '.join(SHAPES)}")
+        notes.on(
+            element,
+            f"is no shape here and is not shown: its type is {kind}, not one of {', '.join(SHAPES)}",
+        )
         return []
     if colour is not None and colour[3] < 1:
         notes.on(element, "is half transparent; shapes are opaque here")
@@ -140,8 +151,12 @@ def fromto(element: Element) -> tuple[np.ndarray, float]:
 
 def materials_of(document: Document) -> dict[str, Element]:
     """Return the materials by name, with their defaults."""
-    found = (document.resolved(element, "material") for element in document.each("asset", "material"))
-    return {element.attributes["name"]: element for element in found if "name" in element.attributes}
+    found = (
+        document.resolved(element, "material") for element in document.each("asset", "material")
+    )
+    return {
+        element.attributes["name"]: element for element in found if "name" in element.attributes
+    }
 
 
 def rgba(element: Element, materials: Mapping[str, Element]) -> tuple[float, ...] | None:

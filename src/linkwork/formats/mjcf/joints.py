@@ -111,7 +111,9 @@ class Group:
     def reversed(self) -> Group:
         """Return the joint from the body to its parent, made of pieces that were turned round."""
         pieces, freedoms = self.pieces[::-1], self.freedoms[::-1]
-        return replace(self, pieces=tuple(map(Piece.reversed, pieces)), freedoms=freedoms, backwards=True)
+        return replace(
+            self, pieces=tuple(map(Piece.reversed, pieces)), freedoms=freedoms, backwards=True
+        )
 
 
 def read_joints(
@@ -134,13 +136,21 @@ def read_joints(
         before, place = node.parent, node.pose
         if not groups:
             name = names.give(node.name)
-            made.joints[name] = FixedJoint(connects=(before, node.name), frames=(poses.frame_of(place), Frame()))
+            made.joints[name] = FixedJoint(
+                connects=(before, node.name), frames=(poses.frame_of(place), Frame())
+            )
         for index, group in enumerate(groups):
             last = index == len(groups) - 1
-            body = node.name if last else body_names.give(f"{node.name}_{group.pieces[-1].name or index + 1}")
+            body = (
+                node.name
+                if last
+                else body_names.give(f"{node.name}_{group.pieces[-1].name or index + 1}")
+            )
             if not last:
                 made.bodies[body] = Body(mass=0.0)
-            name = names.give(group.name or node.name, group.pieces[0].element if group.name else None)
+            name = names.give(
+                group.name or node.name, group.pieces[0].element if group.name else None
+            )
             made.joints[name] = _joint(group, (before, body), place, name)
             made.last[body] = name
             made.groups[name] = group
@@ -209,7 +219,10 @@ def _record(made: Joints, group: Group, name: str) -> None:
 
 
 def _groups(
-    node: Node, couplings: Mapping[str, Coupling], drives: Mapping[str, DrivenBall], screws: set[str]
+    node: Node,
+    couplings: Mapping[str, Coupling],
+    drives: Mapping[str, DrivenBall],
+    screws: set[str],
 ) -> list[Group]:
     """Split a body's joints into groups, each one joint of the mechanism."""
     groups, start = [], 0
@@ -255,7 +268,15 @@ def _single(piece: Piece, drives: Mapping[str, DrivenBall]) -> Group:
         case "ball":
             drive = drives.get(piece.name or "", DrivenBall(np.eye(3)))
             first = poses.pose(piece.anchor, drive.axes)
-            return Group(SphericalJoint, piece.name, (piece,), ("turn",), first, np.eye(4), backwards=drive.from_body)
+            return Group(
+                SphericalJoint,
+                piece.name,
+                (piece,),
+                ("turn",),
+                first,
+                np.eye(4),
+                backwards=drive.from_body,
+            )
     return Group(FreeJoint, piece.name, (piece,), ("turn",), np.eye(4), np.eye(4))
 
 
@@ -273,12 +294,16 @@ def _pair(pieces: list[Piece]) -> Group | None:
     hinge, slide = pieces if kinds[0] == "hinge" else pieces[::-1]
     motion = poses.turn(hinge.axis, hinge.ref) @ poses.shift(slide.ref * hinge.axis)
     fields = {"axis": hinge.axis}
-    return Group(CylindricalJoint, name, tuple(pieces), freedoms, poses.shift(hinge.anchor), motion, fields)
+    return Group(
+        CylindricalJoint, name, tuple(pieces), freedoms, poses.shift(hinge.anchor), motion, fields
+    )
 
 
 def _universal(one: Piece, two: Piece) -> Group | None:
     normal, apart = np.cross(one.axis, two.axis), two.anchor - one.anchor
-    crossing = abs(one.axis @ two.axis) < NEAR and abs(apart @ normal) < NEAR * (1 + np.linalg.norm(apart))
+    crossing = abs(one.axis @ two.axis) < NEAR and abs(apart @ normal) < NEAR * (
+        1 + np.linalg.norm(apart)
+    )
     freedoms = ("angle_1", "angle_2")
     allowed, name = _common_name([one, two], freedoms)
     if not (crossing and allowed):
@@ -303,7 +328,10 @@ def _planar(pieces: list[Piece]) -> Group | None:
     freedoms = ("y", "x", "angle") if left_handed else ("x", "y", "angle")
     at_hinge = poses.pose(hinge.anchor, np.column_stack([x.axis, y.axis, hinge.axis]))
     slid = np.array([x.ref, y.ref, 0.0])
-    first, motion = at_hinge @ poses.shift(-slid), poses.shift(slid) @ poses.turn((0.0, 0.0, 1.0), hinge.ref)
+    first, motion = (
+        at_hinge @ poses.shift(-slid),
+        poses.shift(slid) @ poses.turn((0.0, 0.0, 1.0), hinge.ref),
+    )
     return Group(PlanarJoint, name, tuple(pieces), freedoms, first, motion)
 
 
@@ -321,20 +349,28 @@ def _free(pieces: list[Piece]) -> Group | None:
     return Group(FreeJoint, name, tuple(pieces), freedoms, first, poses.shift(slid))
 
 
-def _screw(pieces: list[Piece], couplings: Mapping[str, Coupling], screws: set[str]) -> Group | None:
+def _screw(
+    pieces: list[Piece], couplings: Mapping[str, Coupling], screws: set[str]
+) -> Group | None:
     """Return a screw, if the slide of a hinge and a slide follows the hinge by a joint equality and has no effects."""
-    if {piece.kind for piece in pieces} != {"hinge", "slide"} or not _parallel(*(piece.axis for piece in pieces)):
+    if {piece.kind for piece in pieces} != {"hinge", "slide"} or not _parallel(
+        *(piece.axis for piece in pieces)
+    ):
         return None
     hinge, slide = sorted(pieces, key=lambda piece: piece.kind)
     coupling = couplings.get(slide.name or "")
     if coupling is None or coupling.other != hinge.name or slide.effects():
         return None
     screws.add(coupling.joint)
-    motion = poses.turn(hinge.axis, hinge.ref) @ poses.shift(coupling.ratio * hinge.ref * hinge.axis)
+    motion = poses.turn(hinge.axis, hinge.ref) @ poses.shift(
+        coupling.ratio * hinge.ref * hinge.axis
+    )
     fields = {"axis": hinge.axis, "pitch": coupling.ratio}
     freedoms = tuple("angle" if piece is hinge else "" for piece in pieces)
     at = poses.shift(hinge.anchor)
-    return Group(ScrewJoint, hinge.name, tuple(pieces), freedoms, at, motion, fields, coupling.offset)
+    return Group(
+        ScrewJoint, hinge.name, tuple(pieces), freedoms, at, motion, fields, coupling.offset
+    )
 
 
 def _parallel(one: np.ndarray, two: np.ndarray) -> bool:

@@ -60,7 +60,9 @@ class Tie:
     def between(self, bodies: tuple[str, str]) -> Tie:
         """Return the same tie with the bodies in a given order."""
         return (
-            self if self.bodies == bodies else Tie(self.element, bodies, (self.frames[1], self.frames[0]), self.sites)
+            self
+            if self.bodies == bodies
+            else Tie(self.element, bodies, (self.frames[1], self.frames[0]), self.sites)
         )
 
 
@@ -103,7 +105,11 @@ class LoopReader:
                 case "tendon":
                     found.tendons.append(element)
                 case _:
-                    self.notes.on(element, "is left out: only connect, weld, joint and tendon are joints", alters=True)
+                    self.notes.on(
+                        element,
+                        "is left out: only connect, weld, joint and tendon are joints",
+                        alters=True,
+                    )
         found.sites = {site for tie in (*found.points, *found.welds) for site in tie.sites}
         return found
 
@@ -113,7 +119,9 @@ class LoopReader:
         if "site1" in element.attributes:
             names = element.text("site1"), element.text("site2")
             ends = [self.site(element, name) for name in names]
-            return self._checked(Tie(element, (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1]), names))
+            return self._checked(
+                Tie(element, (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1]), names)
+            )
         one = self.body(element, element.text("body1"))
         two = self.body(element, element.attributes.get("body2", "world"))
         across = poses.inverse(self.at_zero[one]) @ self.at_zero[two]
@@ -123,7 +131,11 @@ class LoopReader:
         far = poses.shift(element.vector("anchor", (0.0, 0.0, 0.0)))
         relative = element.numbers("relpose", (7,), (0.0,) * 7)
         given = np.linalg.norm(relative[3:]) > 0
-        near = poses.pose(relative[:3], poses.from_quaternion(*relative[3:])) if given else across @ far
+        near = (
+            poses.pose(relative[:3], poses.from_quaternion(*relative[3:]))
+            if given
+            else across @ far
+        )
         return self._checked(Tie(element, (one, two), (near, far)))
 
     def _checked(self, tie: Tie) -> Tie:
@@ -159,7 +171,9 @@ class LoopReader:
         """Return the one joint that several connects of the same two bodies are, or one spherical joint for each."""
         connects, name = ties[0].bodies, tie_name(ties[0])
         if len(ties) > CONNECTS:
-            raise ties[0].element.refusal(f"and {len(ties) - 1} more hold the same two bodies together; three fix them")
+            raise ties[0].element.refusal(
+                f"and {len(ties) - 1} more hold the same two bodies together; three fix them"
+            )
         points = np.array([tie.points for tie in ties])  # (ties, 2, 3)
         apart = {(i, j): points[j] - points[i] for i, j in combinations(range(len(ties)), 2)}
         lengths = {pair: np.linalg.norm(gap, axis=1) for pair, gap in apart.items()}
@@ -168,26 +182,38 @@ class LoopReader:
             return [(name, self._ball(ties[0]))]
         if any(abs(near - far) > APART for near, far in lengths.values()):
             self.notes.on(
-                ties[0].element, "and others hold points together that lie differently far apart in the two bodies"
+                ties[0].element,
+                "and others hold points together that lie differently far apart in the two bodies",
             )
             return [(tie_name(tie), self._ball(tie)) for tie in ties]
-        centre, axes = points[list(longest)].mean(axis=0), [poses.unit(gap) for gap in apart[longest]]
+        centre, axes = (
+            points[list(longest)].mean(axis=0),
+            [poses.unit(gap) for gap in apart[longest]],
+        )
         away = points[:, 0] - centre[0]
         away = away - np.outer(away @ axes[0], axes[0])
         corner = int(np.argmax(np.linalg.norm(away, axis=1)))
         if np.linalg.norm(away[corner]) < APART:
             return [(name, self._hinge(connects, centre, axes))]
         arms = points[corner] - centre
-        near, far = (poses.pose(p, poses.across(z, arm)) for p, z, arm in zip(centre, axes, arms, strict=True))
+        near, far = (
+            poses.pose(p, poses.across(z, arm))
+            for p, z, arm in zip(centre, axes, arms, strict=True)
+        )
         frames = poses.frame_of(near), poses.frame_of(far)
         return [(name, FixedJoint(connects=connects, frames=frames))]
 
-    def _hinge(self, connects: tuple[str, str], centre: np.ndarray, axes: list[np.ndarray]) -> RevoluteJoint:
+    def _hinge(
+        self, connects: tuple[str, str], centre: np.ndarray, axes: list[np.ndarray]
+    ) -> RevoluteJoint:
         """Return a revolute joint about z of its frames, at zero where the bodies stand at qpos0."""
         one, two = (self.at_zero[body][:3, :3] for body in connects)
         first = poses.across(axes[0], np.eye(3)[np.argmin(abs(axes[0]))])
         second = poses.across(axes[1], two.T @ one @ first[:, 0])
-        frames = poses.frame_of(poses.pose(centre[0], first)), poses.frame_of(poses.pose(centre[1], second))
+        frames = (
+            poses.frame_of(poses.pose(centre[0], first)),
+            poses.frame_of(poses.pose(centre[1], second)),
+        )
         return RevoluteJoint(connects=connects, frames=frames)
 
     def _ball(self, tie: Tie) -> PairJoint:
@@ -201,7 +227,10 @@ class LoopReader:
             axes = [self.at_zero[body][:3, :3].T @ normal for body in tie.bodies]
             return self._hinge(tie.bodies, np.array(tie.points), axes)
         turn = self.at_zero[tie.bodies[1]][:3, :3].T @ self.at_zero[tie.bodies[0]][:3, :3]
-        frames = Frame(position=poses.triple(tie.points[0])), poses.frame_of(poses.pose(tie.points[1], turn))
+        frames = (
+            Frame(position=poses.triple(tie.points[0])),
+            poses.frame_of(poses.pose(tie.points[1], turn)),
+        )
         return SphericalJoint(connects=tie.bodies, frames=frames)
 
     def _normal(self, bodies: tuple[str, str]) -> np.ndarray | None:
@@ -210,7 +239,9 @@ class LoopReader:
         common = {node.name for node in chains[0]} & {node.name for node in chains[1]}
         between = [node for chain in chains for node in chain if node.name not in common]
         return plane_normal(
-            (piece.kind, self.at_zero[node.name][:3, :3] @ piece.axis) for node in between for piece in node.pieces
+            (piece.kind, self.at_zero[node.name][:3, :3] @ piece.axis)
+            for node in between
+            for piece in node.pieces
         )
 
     # ------------------------------------------------------------------------------------------------ joint, tendon
@@ -218,7 +249,9 @@ class LoopReader:
     def _coupling(self, element: Element) -> list[Coupling]:
         offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
         if any(higher):
-            self.notes.on(element, "is left out: its polynomial is not linear, and a gear's is", alters=True)
+            self.notes.on(
+                element, "is left out: its polynomial is not linear, and a gear's is", alters=True
+            )
             return []
         names = element.text("joint1"), element.attributes.get("joint2", "")
         for name in (names[0], *filter(None, names[1:])):
@@ -245,7 +278,10 @@ class LoopReader:
             if not coupling.other:
                 made[name] = self._lock(coupling, value, joints)
                 continue
-            ratios = {joints.coordinates[coupling.joint]: 1.0, joints.coordinates[coupling.other]: -coupling.ratio}
+            ratios = {
+                joints.coordinates[coupling.joint]: 1.0,
+                joints.coordinates[coupling.other]: -coupling.ratio,
+            }
             offset = value - coupling.ratio * self.pieces[coupling.other].ref
             made[name] = element.make(GearJoint, ratios=ratios, offset=offset)
         return made
@@ -254,10 +290,16 @@ class LoopReader:
         """Return a fixed joint beside a hinge or slide that holds it at a coordinate."""
         label = joints.coordinates[coupling.joint]
         if label not in joints.joints:
-            raise coupling.element.refusal(f"holds {label!r} alone, which is part of a joint of several freedoms")
+            raise coupling.element.refusal(
+                f"holds {label!r} alone, which is part of a joint of several freedoms"
+            )
         joint = joints.joints[label]
         piece = self.pieces[coupling.joint]
-        motion = poses.turn(joint.axis, value) if piece.kind == "hinge" else poses.shift(value * np.array(joint.axis))  # pyright: ignore
+        motion = (
+            poses.turn(joint.axis, value)
+            if piece.kind == "hinge"
+            else poses.shift(value * np.array(joint.axis))
+        )  # pyright: ignore
         first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
 
@@ -275,7 +317,10 @@ class LoopReader:
             holds = held.pop(label, None)
             if element.tag == "fixed":
                 self._fixed_tendon(element, holds, joints, names, rods)
-            elif element.tag == "spatial" and [part.tag for part in element.children] == ["site", "site"]:
+            elif element.tag == "spatial" and [part.tag for part in element.children] == [
+                "site",
+                "site",
+            ]:
                 used |= {part.text("site") for part in element.children}
                 self._straight_tendon(element, holds, names, rods, springs)
             else:
@@ -289,9 +334,14 @@ class LoopReader:
         """Return the tendons that are held at a length: the equality, and the difference to the length at qpos0."""
         held = {}
         for element in equalities:
-            offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
+            offset, ratio, *higher = (
+                *element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL),
+                0.0,
+            )
             if "tendon2" in element.attributes and (ratio or any(higher)):
-                self.notes.on(element, "is left out: a tendon that follows another is no joint", alters=True)
+                self.notes.on(
+                    element, "is left out: a tendon that follows another is no joint", alters=True
+                )
             else:
                 held[element.text("tendon1")] = element, offset
         return held
@@ -306,7 +356,9 @@ class LoopReader:
     ) -> None:
         ends = [self.site(element, part.text("site")) for part in element.children]
         bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
-        stiffness, damping = (element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping"))
+        stiffness, damping = (
+            element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")
+        )
         name = element.attributes.get("name", "tendon")
         if holds:
             frames = tuple(Frame(position=poses.triple(point)) for point in points)
@@ -315,7 +367,9 @@ class LoopReader:
                 "frames": frames,
                 "length": self._length(bodies, points, self.at_zero) + holds[1],
             }
-            rods[names.give(holds[0].attributes.get("name", name))] = element.make(RodJoint, **fields)
+            rods[names.give(holds[0].attributes.get("name", name))] = element.make(
+                RodJoint, **fields
+            )
         if stiffness or damping:
             low, *high = element.numbers("springlength", (1, 2), (-1.0,))
             if high and high[0] != low:
@@ -333,7 +387,10 @@ class LoopReader:
             self.notes.on(element, "is left out: it neither holds nor pulls")
 
     def _length(
-        self, bodies: tuple[str, str], points: tuple[np.ndarray, np.ndarray], placed: dict[str, np.ndarray]
+        self,
+        bodies: tuple[str, str],
+        points: tuple[np.ndarray, np.ndarray],
+        placed: dict[str, np.ndarray],
     ) -> float:
         ends = [poses.point(placed[body], p) for body, p in zip(bodies, points, strict=True)]
         return float(np.linalg.norm(ends[1] - ends[0]))
@@ -347,7 +404,9 @@ class LoopReader:
         rods: dict[str, Joint],
     ) -> None:
         if _pulls(element):
-            self.notes.on(element, "has stiffness or damping across joints, which is left out", alters=True)
+            self.notes.on(
+                element, "has stiffness or damping across joints, which is left out", alters=True
+            )
         if not holds:
             self.notes.on(element, "is left out: no equality holds it, so it is no gear")
             return

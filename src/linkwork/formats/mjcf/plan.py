@@ -59,7 +59,10 @@ class Home:
 
     def frames(self, joint: PairJoint) -> tuple[np.ndarray, np.ndarray]:
         """Return the poses of a joint's two frames in ground."""
-        near, far = (self.poses[body] @ poses.of_frame(F) for body, F in zip(joint.connects, joint.frames, strict=True))
+        near, far = (
+            self.poses[body] @ poses.of_frame(F)
+            for body, F in zip(joint.connects, joint.frames, strict=True)
+        )
         return near, far
 
     def size(self, mechanism: Mechanism) -> float:
@@ -194,7 +197,9 @@ class _Planner:
                 dropped.append(name)
         self._stack_massless(ties)
         self._part_balls(ties)
-        return Plan(tree, self._ordered(), tuple(ties), self._light(), tuple(dropped), tuple(floating))
+        return Plan(
+            tree, self._ordered(), tuple(ties), self._light(), tuple(dropped), tuple(floating)
+        )
 
     # --------------------------------------------------------------------------------------------------------- tree
 
@@ -222,7 +227,10 @@ class _Planner:
             (rank, number, name, ends)
             for number, (name, rank) in enumerate(ranks.items())
             if rank is not None
-            for ends in (self.mechanism.pairs[name].connects, self.mechanism.pairs[name].connects[::-1])
+            for ends in (
+                self.mechanism.pairs[name].connects,
+                self.mechanism.pairs[name].connects[::-1],
+            )
         ]
         while len(depth) <= len(self.mechanism.bodies):
             rim = [
@@ -233,8 +241,14 @@ class _Planner:
             if rim:
                 *_, name, parent, body = min(rim)
             else:
-                parent, body = GROUND, next(body for body in self.mechanism.bodies if body not in depth)
-                name = next((n for n in (body, f"{body}.free") if n not in self.mechanism.joints), f"{body}.float")
+                parent, body = (
+                    GROUND,
+                    next(body for body in self.mechanism.bodies if body not in depth),
+                )
+                name = next(
+                    (n for n in (body, f"{body}.free") if n not in self.mechanism.joints),
+                    f"{body}.float",
+                )
                 floating.append(name)
             tree[name] = parent, body
             depth[body] = depth[parent] + 1
@@ -244,7 +258,9 @@ class _Planner:
         """Tell whether a joint that closes a loop must stay a joint, leading to a part of its body."""
         if isinstance(joint, FixedJoint | RodJoint):
             return False
-        return name in self.needed or not isinstance(joint, RevoluteJoint | SphericalJoint | FreeJoint)
+        return name in self.needed or not isinstance(
+            joint, RevoluteJoint | SphericalJoint | FreeJoint
+        )
 
     # -------------------------------------------------------------------------------------------------------- joints
 
@@ -252,7 +268,9 @@ class _Planner:
         """Return the MuJoCo joints of a joint, seen from a parent: backwards in order and sense from its second body."""
         joint = self.mechanism.pairs[name]
         moves = self._forward(name, joint)
-        return moves if joint.connects[0] == parent else tuple(move.reversed() for move in moves[::-1])
+        return (
+            moves if joint.connects[0] == parent else tuple(move.reversed() for move in moves[::-1])
+        )
 
     def _forward(self, name: str, joint: PairJoint) -> tuple[Move, ...]:
         near, far = self.home.frames(joint)
@@ -285,7 +303,10 @@ class _Planner:
             case SphericalJoint():
                 return (self._ball(name, name, at, effects["turn"]),)
             case FreeJoint():
-                slides = (move("slide", freedom, axis) for freedom, axis in zip("xyz", near[:3, :3].T, strict=True))
+                slides = (
+                    move("slide", freedom, axis)
+                    for freedom, axis in zip("xyz", near[:3, :3].T, strict=True)
+                )
                 return *slides, self._ball(name, f"{name}.turn", at, effects["turn"])
         return ()
 
@@ -301,7 +322,9 @@ class _Planner:
         """Refuse what MuJoCo measures from qpos0 and the mechanism from where the two frames agree."""
         _, spring, limits, _ = effects
         near, far = self.home.frames(self.mechanism.pairs[name])
-        if (spring.stiffness or limits.upper is not None) and np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9:
+        if (spring.stiffness or limits.upper is not None) and np.max(
+            abs(near[:3, :3] - far[:3, :3])
+        ) > 1e-9:
             raise MechanismError(
                 f"joints.{name}: has a spring or a limit and is turned at home; MuJoCo measures the turn of a ball joint from "
                 "home, so that the two frames must agree there"
@@ -323,7 +346,10 @@ class _Planner:
                 reach = self.arm / 2 * (near[:3, :3] @ joint.axis)
                 return [
                     Tie(
-                        "connect", f"{name}.{end}", joint.connects, (points[0] + sign * reach, points[1] + sign * reach)
+                        "connect",
+                        f"{name}.{end}",
+                        joint.connects,
+                        (points[0] + sign * reach, points[1] + sign * reach),
                     )
                     for end, sign in (("near", -1), ("far", 1))
                 ]
@@ -353,7 +379,9 @@ class _Planner:
     def _stack_massless(self, ties: list[Tie]) -> None:
         """Put the joints of massless bodies into the one body that stands in each."""
         springs = self.mechanism.springs.values()
-        kept = {body for tie in ties for body in tie.seats} | {tool.body for tool in self.mechanism.tools.values()}
+        kept = {body for tie in ties for body in tie.seats} | {
+            tool.body for tool in self.mechanism.tools.values()
+        }
         kept |= {body for spring in springs for body in spring.connects}
         for name in list(self.seats):
             seat = self.seats[name]
@@ -363,15 +391,21 @@ class _Planner:
             if not light or name in kept or len(children) != 1 or not seat.moves:
                 continue
             (child,) = children
-            if any(move.kind == "free" for move in seat.moves) or turns_after_a_ball(seat.moves, child.moves):
+            if any(move.kind == "free" for move in seat.moves) or turns_after_a_ball(
+                seat.moves, child.moves
+            ):
                 continue
             del self.seats[name]
-            self.seats[child.name] = replace(child, parent=seat.parent, moves=(*seat.moves, *child.moves))
+            self.seats[child.name] = replace(
+                child, parent=seat.parent, moves=(*seat.moves, *child.moves)
+            )
 
     def _part_balls(self, ties: list[Tie]) -> None:
         """Give balls in loops that slides follow a body of their own, which has no share of the mass."""
         for seat in {seat.name: seat for tie in ties for seat in self._between(tie.seats)}.values():
-            after = next((k + 1 for k, move in enumerate(seat.moves) if move.kind == "ball"), len(seat.moves))
+            after = next(
+                (k + 1 for k, move in enumerate(seat.moves) if move.kind == "ball"), len(seat.moves)
+            )
             if after < len(seat.moves):
                 own = f"{seat.name}.{seat.moves[after - 1].name}"
                 self.seats[own] = Seat(own, seat.body, seat.parent, seat.moves[:after], 0.0)
@@ -384,9 +418,15 @@ class _Planner:
                 fixed.setdefault(seat.parent, []).append(seat)
 
         def heavy(seat: Seat) -> bool:
-            return bool(self.mechanism.bodies[seat.body].mass) or any(map(heavy, fixed.get(seat.name, [])))
+            return bool(self.mechanism.bodies[seat.body].mass) or any(
+                map(heavy, fixed.get(seat.name, []))
+            )
 
-        return frozenset(seat.name for seat in self.seats.values() if seat.moves and seat.share and not heavy(seat))
+        return frozenset(
+            seat.name
+            for seat in self.seats.values()
+            if seat.moves and seat.share and not heavy(seat)
+        )
 
     def _ordered(self) -> dict[str, Seat]:
         """Return the seats depth first, parents before children: MuJoCo's order."""
@@ -408,7 +448,9 @@ def effects_of(joint: PairJoint) -> dict[str, Effects]:
 
 def turns_after_a_ball(first: tuple[Move, ...], then: tuple[Move, ...]) -> bool:
     """Tell whether a ball would be followed by a turn in one body, which MuJoCo refuses."""
-    return any(move.kind == "ball" for move in first) and any(move.kind in ("hinge", "ball") for move in then)
+    return any(move.kind == "ball" for move in first) and any(
+        move.kind in ("hinge", "ball") for move in then
+    )
 
 
 def carried(joint: PairJoint) -> str:

@@ -52,9 +52,12 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     loops = LoopReader(document, tree, notes)
     ties = loops.ties()
     names, body_names = FreeNames(notes), FreeNames(notes, (GROUND, *tree.nodes))
-    joints = read_joints(tree, _free_couplings(document, ties), _ball_drives(document), names, body_names)
+    joints = read_joints(
+        tree, _free_couplings(document, ties), _ball_drives(document), names, body_names
+    )
     bodies = {
-        name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes) for name, node in tree.nodes.items()
+        name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
+        for name, node in tree.nodes.items()
     } | joints.bodies
     tendons, springs, tendon_sites = loops.tendons(ties, joints, names)
     _join_parts(tree, ties, joints, bodies, tendon_sites)
@@ -62,7 +65,11 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     gears = loops.gears(ties, joints, names)
     everything: dict[str, Joint] = {**joints.joints, **closing, **tendons, **gears}  # pyright: ignore
     used = ties.sites | tendon_sites | _driven_sites(document)
-    tools = {name: (body, X) for name, (body, X) in tree.sites.items() if body in bodies and name not in used}
+    tools = {
+        name: (body, X)
+        for name, (body, X) in tree.sites.items()
+        if body in bodies and name not in used
+    }
     tool_names = FreeNames(notes)
     fields = {
         "name": root.attributes.get("model", root.file.stem),
@@ -71,7 +78,10 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
         "joints": everything,
         "springs": springs,
         "actuators": _actuators(document, joints, notes),
-        "tools": {tool_names.give(name): Tool(body=body, frame=poses.frame_of(X)) for name, (body, X) in tools.items()},
+        "tools": {
+            tool_names.give(name): Tool(body=body, frame=poses.frame_of(X))
+            for name, (body, X) in tools.items()
+        },
         "reference": _reference(document, tree, joints, closing),
     }
     try:
@@ -96,14 +106,20 @@ def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
         element.attributes.get("joint") or element.attributes.get("jointinparent", "")
         for element in document.each("actuator")
     )
-    used.update(part.attributes.get("joint", "") for tendon in document.each("tendon") for part in tendon.children)
+    used.update(
+        part.attributes.get("joint", "")
+        for tendon in document.each("tendon")
+        for part in tendon.children
+    )
     return {item.joint: item for item in ties.couplings if item.other and used[item.joint] == 1}
 
 
 # ------------------------------------------------------------------------------------------------------------- parts
 
 
-def _join_parts(tree: Tree, ties: Ties, joints: Joints, bodies: dict[str, Body], tendon_sites: set[str]) -> None:
+def _join_parts(
+    tree: Tree, ties: Ties, joints: Joints, bodies: dict[str, Body], tendon_sites: set[str]
+) -> None:
     """Make one body of the parts that an export made of it.
 
     A joint that closes a loop and is no hinge or ball leads to a part of its body, named "body.joint" and welded to the
@@ -114,7 +130,13 @@ def _join_parts(tree: Tree, ties: Ties, joints: Joints, bodies: dict[str, Body],
     standing = {body for name, (body, _) in tree.sites.items() if name not in ties.sites}
     for weld in list(ties.welds):
         part = next((body for body in weld.bodies if _is_part(tree, weld, body)), None)
-        if part is None or part in parents or part in standing or uses[part] > 1 or part not in joints.last:
+        if (
+            part is None
+            or part in parents
+            or part in standing
+            or uses[part] > 1
+            or part not in joints.last
+        ):
             continue
         whole = weld.bodies[0] if weld.bodies[1] == part else weld.bodies[1]
         tie = weld.between((whole, part))
@@ -122,10 +144,14 @@ def _join_parts(tree: Tree, ties: Ties, joints: Joints, bodies: dict[str, Body],
         name = joints.last[part]
         joint = joints.joints[name]
         frames = joint.frames[0], poses.frame_of(X @ poses.of_frame(joint.frames[1]))
-        joints.joints[name] = joint.model_copy(update={"connects": (joint.connects[0], whole), "frames": frames})
+        joints.joints[name] = joint.model_copy(
+            update={"connects": (joint.connects[0], whole), "frames": frames}
+        )
         one, other = bodies[whole], bodies.pop(part)
         solid = together([Solid.of_body(one), Solid.of_body(other).seen(X)])
-        bodies[whole] = Body(**solid.fields(), shapes=(*one.shapes, *poses.carried(other.shapes, X)))
+        bodies[whole] = Body(
+            **solid.fields(), shapes=(*one.shapes, *poses.carried(other.shapes, X))
+        )
         ties.welds.remove(weld)
 
 
@@ -141,7 +167,10 @@ def _is_part(tree: Tree, weld: Tie, body: str) -> bool:
 def _driven_sites(document: Document) -> set[str]:
     keys = ("site", "refsite", "slidersite", "cranksite")
     return {
-        element.attributes[key] for element in document.each("actuator") for key in keys if key in element.attributes
+        element.attributes[key]
+        for element in document.each("actuator")
+        for key in keys
+        if key in element.attributes
     }
 
 
@@ -158,7 +187,10 @@ def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, .
             continue
         rates[rate] = None
         if element.tag not in PLAIN or element.attributes.get("biastype", "none") != "none":
-            notes.on(element, "is taken as a plain actuator: its control law is left out, the force is yours")
+            notes.on(
+                element,
+                "is taken as a plain actuator: its control law is left out, the force is yours",
+            )
     return tuple(rates)
 
 
@@ -192,7 +224,10 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
     gear[: len(numbers)] = numbers
     if name in joints.coordinates:
         if gear[0] != 1:
-            notes.on(element, f"has a gear of {gear[0]:g}, which is left out: the force here is the one at the joint")
+            notes.on(
+                element,
+                f"has a gear of {gear[0]:g}, which is left out: the force here is the one at the joint",
+            )
         return joints.coordinates[name]
     whole = name in joints.floats
     if not whole and name not in joints.balls:
@@ -215,11 +250,16 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
 # --------------------------------------------------------------------------------------------------------- reference
 
 
-def _reference(document: Document, tree: Tree, joints: Joints, closing: dict[str, PairJoint]) -> dict[str, float]:
+def _reference(
+    document: Document, tree: Tree, joints: Joints, closing: dict[str, PairJoint]
+) -> dict[str, float]:
     """Return the joint coordinates of the keyframe "home", or those of qpos0; what is at zero is left out."""
     pieces = tree.pieces()
     positions = tree.positions()
-    home = next((key for key in document.each("keyframe", "key") if key.attributes.get("name") == HOME), None)
+    home = next(
+        (key for key in document.each("keyframe", "key") if key.attributes.get("name") == HOME),
+        None,
+    )
     if home is not None and "qpos" in home.attributes:
         counts = [COORDINATES[piece.kind] for _, piece in pieces]
         values = np.array(home.numbers("qpos", (sum(counts),)))
@@ -229,11 +269,16 @@ def _reference(document: Document, tree: Tree, joints: Joints, closing: dict[str
         values = positions[index]
         if len(slot) == 4:
             group = joints.groups[slot[0].partition(".")[0]]
-            values = np.concatenate([values[:1], group.axes.T @ values[1:] * (-1 if group.backwards else 1)])
+            values = np.concatenate(
+                [values[:1], group.axes.T @ values[1:] * (-1 if group.backwards else 1)]
+            )
         found |= dict(zip(slot, map(float, values), strict=False))
     at_home = tree.poses(positions)
     for name, joint in closing.items():
-        near, far = (at_home[body] @ poses.of_frame(F) for body, F in zip(joint.connects, joint.frames, strict=True))
+        near, far = (
+            at_home[body] @ poses.of_frame(F)
+            for body, F in zip(joint.connects, joint.frames, strict=True)
+        )
         turn = Rotation.from_matrix(near[:3, :3].T @ far[:3, :3])
         if isinstance(joint, RevoluteJoint):
             found[name] = float(turn.as_rotvec() @ joint.axis)
@@ -241,4 +286,6 @@ def _reference(document: Document, tree: Tree, joints: Joints, closing: dict[str
             quaternion = turn.as_quat(canonical=True, scalar_first=True)
             found |= dict(zip(joint.coordinates(name), map(float, quaternion), strict=True))
     neutral = {label: 1.0 if label.endswith(".qw") else 0.0 for label in found}
-    return {label: value for label, value in found.items() if abs(value - neutral[label]) > poses.TINY}
+    return {
+        label: value for label, value in found.items() if abs(value - neutral[label]) > poses.TINY
+    }

@@ -13,7 +13,16 @@ from linkwork.formats.xml import Element
 POSE = {"pos", *ORIENTATIONS}
 COMMON = {"name", "class", "group", "user", "rgba", "material"}
 
-READ_SECTIONS = {"compiler", "option", "default", "worldbody", "equality", "tendon", "actuator", "keyframe"}
+READ_SECTIONS = {
+    "compiler",
+    "option",
+    "default",
+    "worldbody",
+    "equality",
+    "tendon",
+    "actuator",
+    "keyframe",
+}
 SILENT_SECTIONS = {"asset", "visual", "statistic", "size", "custom"}
 SECTIONS = {
     "contact": "is left out: contacts are no part of a mechanism",
@@ -22,9 +31,27 @@ SECTIONS = {
     "extension": "is left out: plugins are not run",
 }
 BODY_ELEMENTS = {"body", "frame", "joint", "freejoint", "geom", "site", "inertial"}
-SILENT_ELEMENTS = {"camera", "light", "flag", "texture", "material", "mesh", "pair", "lengthrange", "layer"}
+SILENT_ELEMENTS = {
+    "camera",
+    "light",
+    "flag",
+    "texture",
+    "material",
+    "mesh",
+    "pair",
+    "lengthrange",
+    "layer",
+}
 
-SOLVING = {"solreflimit", "solimplimit", "solreffriction", "solimpfriction", "margin", "solref", "solimp"}
+SOLVING = {
+    "solreflimit",
+    "solimplimit",
+    "solreffriction",
+    "solimpfriction",
+    "margin",
+    "solref",
+    "solimp",
+}
 JOINT = {
     "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping", "frictionloss", "armature",
 }  # fmt: skip
@@ -94,8 +121,21 @@ CONSEQUENCES = {
 NOTHING = {"0", "false", "none", "auto", ""}
 PASSIVE = ("equality", "spring", "damper", "frictionloss")
 FORCES = (*PASSIVE, "limit", "actuation")
-UNFELT = ("actuator", "default", "geom", "key", "keyframe", "site")  # elements whose unread attributes move nothing
-BOUNDS = ("range", "actuatorfrcrange", "actuatorfrclimited", "actuatorgravcomp", "mocap")  # attributes of that kind
+UNFELT = (
+    "actuator",
+    "default",
+    "geom",
+    "key",
+    "keyframe",
+    "site",
+)  # elements whose unread attributes move nothing
+BOUNDS = (
+    "range",
+    "actuatorfrcrange",
+    "actuatorfrclimited",
+    "actuatorgravcomp",
+    "mocap",
+)  # attributes of that kind
 
 
 def survey(document: Document, notes: Notes) -> None:
@@ -105,7 +145,9 @@ def survey(document: Document, notes: Notes) -> None:
             _inside(section, notes)
         elif section.tag not in SILENT_SECTIONS:
             told = section.tag not in SECTIONS or section.tag == "deformable"
-            notes.on(section, SECTIONS.get(section.tag, "is left out: it is not known"), alters=told)
+            notes.on(
+                section, SECTIONS.get(section.tag, "is left out: it is not known"), alters=told
+            )
     for option in document.root.each("option"):
         for flag in option.each("flag"):
             for force in FORCES:
@@ -127,7 +169,10 @@ def _inside(element: Element, notes: Notes) -> None:
         "fixed": {"joint"},
     }.get(element.tag, set())  # fmt: skip
     for child in element.children:
-        if element.tag in ("equality", "spatial", "fixed") or (element.tag, child.tag) == ("default", "equality"):
+        if element.tag in ("equality", "spatial", "fixed") or (element.tag, child.tag) == (
+            "default",
+            "equality",
+        ):
             if element.tag == "equality" and child.tag in ("connect", "weld", "joint", "tendon"):
                 _equality(child, notes)
             elif element.tag == "equality" and child.tag not in EQUALITIES:
@@ -141,7 +186,9 @@ def _inside(element: Element, notes: Notes) -> None:
 
 
 def _equality(element: Element, notes: Notes) -> None:
-    _attributes(element, element.tag, notes, silent=EQUALITY | ATTRIBUTES["connect"] | ATTRIBUTES["weld"])
+    _attributes(
+        element, element.tag, notes, silent=EQUALITY | ATTRIBUTES["connect"] | ATTRIBUTES["weld"]
+    )
 
 
 def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | None = None) -> None:
@@ -153,7 +200,11 @@ def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | Non
             continue
         consequence = CONSEQUENCES.get((tag, name))
         alters = tag not in UNFELT and name not in BOUNDS
-        notes.on(element, f"says {name}, which is left out" + (f": {consequence}" if consequence else ""), alters)
+        notes.on(
+            element,
+            f"says {name}, which is left out" + (f": {consequence}" if consequence else ""),
+            alters,
+        )
 
 
 def _is_nothing(word: str) -> bool:

@@ -18,7 +18,16 @@ import numpy as np
 from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf.document import MAIN, Document
-from linkwork.formats.mjcf.geoms import SHAPES, fromto, is_heavy, is_shown, kind_of, materials_of, shown, weighed
+from linkwork.formats.mjcf.geoms import (
+    SHAPES,
+    fromto,
+    is_heavy,
+    is_shown,
+    kind_of,
+    materials_of,
+    shown,
+    weighed,
+)
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -26,7 +35,9 @@ from linkwork.mechanism import GROUND, Friction, Limits, Shape, Spring
 
 WORLD = "world"
 NEAR = 1e-9  # directions that agree [1]
-ONLY_MESHES = "has no mass here: all of it is that of meshes, which are not weighed; give it an <inertial>"
+ONLY_MESHES = (
+    "has no mass here: all of it is that of meshes, which are not weighed; give it an <inertial>"
+)
 UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
 Kind = Literal["hinge", "slide", "ball", "free"]
@@ -55,7 +66,9 @@ class Piece:
     def effects(self) -> dict[str, Any]:
         """Return those effects that do something, by the names of a joint's fields."""
         effects = {"friction": self.friction, "spring": self.spring, "limits": self.limits}
-        found: dict[str, Any] = {name: value for name, value in effects.items() if value != type(value)()}
+        found: dict[str, Any] = {
+            name: value for name, value in effects.items() if value != type(value)()
+        }
         return found | ({"rotor_inertia": self.rotor} if self.rotor else {})
 
     def reversed(self) -> Piece:
@@ -93,7 +106,9 @@ class Tree:
 
     nodes: dict[str, Node] = field(default_factory=dict)
     sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
-    bodies: dict[str, str] = field(default_factory=lambda: {WORLD: GROUND})  # name in the file -> name here
+    bodies: dict[str, str] = field(
+        default_factory=lambda: {WORLD: GROUND}
+    )  # name in the file -> name here
 
     def chain(self, body: str) -> list[Node]:
         """Return the bodies from a body to the one that stands in ground."""
@@ -112,7 +127,11 @@ class Tree:
                 if positions is not None:
                     q = positions[number]
                     free = piece.kind == "free"
-                    X = poses.pose(q[:3], poses.from_quaternion(*q[3:])) if free else X @ piece.motion(q)
+                    X = (
+                        poses.pose(q[:3], poses.from_quaternion(*q[3:]))
+                        if free
+                        else X @ piece.motion(q)
+                    )
                 number += 1
             found[name] = found[node.parent] @ X
         return found
@@ -125,7 +144,9 @@ class Tree:
                 case "ball":
                     found[number] = np.array([1.0, 0.0, 0.0, 0.0])
                 case "free":
-                    found[number] = np.concatenate([node.pose[:3, 3], poses.to_quaternion(node.pose[:3, :3])])
+                    found[number] = np.concatenate(
+                        [node.pose[:3, 3], poses.to_quaternion(node.pose[:3, :3])]
+                    )
                 case _:
                     found[number] = np.array([piece.springref if springs else piece.ref])
         return found
@@ -149,7 +170,9 @@ def plane_normal(motions: Iterable[tuple[Kind, np.ndarray]]) -> np.ndarray | Non
     if not turning:
         return None
     z = turning[0]
-    flat = all(abs(abs(other @ z) - 1) < NEAR for other in turning) and all(abs(other @ z) < NEAR for other in sliding)
+    flat = all(abs(abs(other @ z) - 1) < NEAR for other in turning) and all(
+        abs(other @ z) < NEAR for other in sliding
+    )
     return z if flat else None
 
 
@@ -194,15 +217,30 @@ class _Reader:
         if raw:
             self.tree.bodies[raw] = name
         parts, place = _Parts(), X @ self.document.pose(element)
-        self.tree.nodes[name] = Node(name, raw, parent, place, element, (), Solid(0.0, np.zeros(3), np.zeros((3, 3))))
-        self.contents(element, name, element.attributes.get("childclass", childclass), np.eye(4), parts)
-        if any(piece.kind == "free" for piece in parts.pieces) and (parent != GROUND or len(parts.pieces) > 1):
-            raise element.refusal("a free joint is the only joint of a body that stands directly in the world")
+        self.tree.nodes[name] = Node(
+            name, raw, parent, place, element, (), Solid(0.0, np.zeros(3), np.zeros((3, 3)))
+        )
+        self.contents(
+            element, name, element.attributes.get("childclass", childclass), np.eye(4), parts
+        )
+        if any(piece.kind == "free" for piece in parts.pieces) and (
+            parent != GROUND or len(parts.pieces) > 1
+        ):
+            raise element.refusal(
+                "a free joint is the only joint of a body that stands directly in the world"
+            )
         pieces, solid = tuple(parts.pieces), self.solid(element, parts)
-        self.tree.nodes[name] = Node(name, raw, parent, place, element, pieces, solid, self.shapes(parts))
+        self.tree.nodes[name] = Node(
+            name, raw, parent, place, element, pieces, solid, self.shapes(parts)
+        )
 
     def contents(
-        self, element: Element, body: str, childclass: str, X: np.ndarray, parts: _Parts | None = None
+        self,
+        element: Element,
+        body: str,
+        childclass: str,
+        X: np.ndarray,
+        parts: _Parts | None = None,
     ) -> None:
         """Read what stands in a body or in a <frame> of it; X is that frame's pose in the body."""
         document = self.document
@@ -216,9 +254,13 @@ class _Reader:
                 case "site":
                     self.site(document.resolved(child, "site", childclass), body, X)
                 case "joint" | "freejoint" if parts is None:
-                    raise child.refusal("stands in the world itself, which does not move; put it into a body")
+                    raise child.refusal(
+                        "stands in the world itself, which does not move; put it into a body"
+                    )
                 case "joint" if parts is not None:
-                    parts.pieces.append(self.piece(document.resolved(self.once(child), "joint", childclass), X))
+                    parts.pieces.append(
+                        self.piece(document.resolved(self.once(child), "joint", childclass), X)
+                    )
                 case "freejoint" if parts is not None:
                     parts.pieces.append(Piece("free", self.once(child), np.zeros(3), np.zeros(3)))
                 case "geom" if parts is not None:
@@ -242,7 +284,9 @@ class _Reader:
             return
         if name in self.tree.sites:
             raise element.refusal("has the name of another site; names are given once")
-        place = fromto(element)[0] if "fromto" in element.attributes else self.document.pose(element)
+        place = (
+            fromto(element)[0] if "fromto" in element.attributes else self.document.pose(element)
+        )
         self.tree.sites[name] = body, X @ place
 
     # ------------------------------------------------------------------------------------------------------- joints
@@ -255,15 +299,23 @@ class _Reader:
             raise element.refusal(
                 f"axis '{element.attributes['axis']}' has no length; give a direction such as '0 0 1'"
             )
-        springref = self.scaled(kind, element.number("springref", 0.0)) if kind in ("hinge", "slide") else 0.0
+        springref = (
+            self.scaled(kind, element.number("springref", 0.0))
+            if kind in ("hinge", "slide")
+            else 0.0
+        )
         stiffness, damping = (self.linear(element, name) for name in ("stiffness", "damping"))
         spring = Spring()
         if kind == "free" and stiffness:
-            remark = "has a spring, which is left out: a free joint's pose has no place to be pulled to"
+            remark = (
+                "has a spring, which is left out: a free joint's pose has no place to be pulled to"
+            )
             self.notes.on(element, remark, alters=True)
         elif stiffness:
             spring = element.make(Spring, stiffness=stiffness, rest=springref)
-        friction = element.make(Friction, viscous=damping, coulomb=element.number("frictionloss", 0.0))
+        friction = element.make(
+            Friction, viscous=damping, coulomb=element.number("frictionloss", 0.0)
+        )
         if friction.coulomb:
             self.notes.on(
                 element,
@@ -276,7 +328,9 @@ class _Reader:
             element,
             anchor=poses.point(X, element.vector("pos", (0.0, 0.0, 0.0))),
             axis=poses.unit(X[:3, :3] @ axis),
-            ref=self.scaled(kind, element.number("ref", 0.0)) if kind in ("hinge", "slide") else 0.0,
+            ref=self.scaled(kind, element.number("ref", 0.0))
+            if kind in ("hinge", "slide")
+            else 0.0,
             springref=springref,
             friction=friction,
             spring=spring,
@@ -291,7 +345,11 @@ class _Reader:
         """Return a coefficient of a joint or tendon; higher powers are left out."""
         value, *higher = element.numbers(name, (1, 2, 3), (0.0,))
         if any(higher):
-            self.notes.on(element, f"has a {name} that is not linear; its higher powers are left out", alters=True)
+            self.notes.on(
+                element,
+                f"has a {name} that is not linear; its higher powers are left out",
+                alters=True,
+            )
         return value
 
     def limits(self, kind: Kind, element: Element) -> Limits:
@@ -300,7 +358,9 @@ class _Reader:
             return Limits()
         if limited == "auto" and not self.document.compiler.autolimits:
             return Limits()
-        lower, upper = (self.scaled(kind, value) for value in element.numbers("range", (2,), most=inf))
+        lower, upper = (
+            self.scaled(kind, value) for value in element.numbers("range", (2,), most=inf)
+        )
         return element.make(
             Limits,
             lower=None if kind == "ball" or lower <= -UNLIMITED else lower,
@@ -326,7 +386,10 @@ class _Reader:
         a, b, c = sorted(least)
         if a + b < c * (1 - 1e-9) and compiler.balance:
             least = np.full(3, least.mean())
-            self.notes.on(element, "has moments of inertia that no rigid body has; balanceinertia took their mean")
+            self.notes.on(
+                element,
+                "has moments of inertia that no rigid body has; balanceinertia took their mean",
+            )
         if (least != moments).any():
             solid = Solid(solid.mass, solid.centre, axes @ np.diag(least) @ axes.T)
         return Solid(max(solid.mass, compiler.least_mass), solid.centre, solid.inertia)
@@ -344,10 +407,14 @@ class _Reader:
 
     def shapes(self, parts: _Parts) -> tuple[Shape, ...]:
         """Return the shapes of a body."""
-        found = (shown(self.document, geom, X, self.materials, self.notes) for geom, X in parts.geoms)
+        found = (
+            shown(self.document, geom, X, self.materials, self.notes) for geom, X in parts.geoms
+        )
         return tuple(shape for shapes in found for shape in shapes)
 
     def scenery(self, element: Element) -> None:
         """Note a geom that stands in the world."""
         if is_shown(element) and kind_of(element) in SHAPES:
-            self.notes.on(element, "stands in the world and is not shown: only bodies have shapes here")
+            self.notes.on(
+                element, "stands in the world and is not shown: only bodies have shapes here"
+            )

@@ -36,7 +36,13 @@ from linkwork.mechanism import (
 from linkwork.mechanism.body import rigid
 
 STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
-OPTION = {"timestep": "0.001", "integrator": "RK4", "solver": "Newton", "tolerance": "1e-12", "iterations": "100"}
+OPTION = {
+    "timestep": "0.001",
+    "integrator": "RK4",
+    "solver": "Newton",
+    "tolerance": "1e-12",
+    "iterations": "100",
+}
 POINT_RADIUS = 1e-4  # radius of gyration given to bodies without inertia, which MuJoCo refuses [m]
 LEAST = 1e-14  # least moment of inertia that is written; MuJoCo refuses those below 1e-15 [kg m^2]
 POINT_MASS = 1e-8  # mass given to bodies without it, as part of the mechanism's mass
@@ -57,7 +63,9 @@ def write_mjcf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)
-        raise MechanismError(f"{path}: cannot be written: {(error.strerror or str(error)).lower()}") from None
+        raise MechanismError(
+            f"{path}: cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
     return notes
 
 
@@ -70,12 +78,19 @@ def home_of(mechanism: Mechanism) -> Home:
     q, still, p = equations.reference, np.zeros(equations.mobility), np.zeros(0)
     (positions,) = compile_function(functions.positions(equations))(q, p)
     origins, orientations, *_ = compile_function(functions.bodies_motion(equations))(q, still, p)
-    places = zip(mechanism.bodies, origins.reshape(-1, 3), orientations.reshape(-1, 3, 3), strict=True)
+    places = zip(
+        mechanism.bodies, origins.reshape(-1, 3), orientations.reshape(-1, 3, 3), strict=True
+    )
     placed = {body: poses.pose(origin, R) for body, origin, R in places}
-    return Home({GROUND: np.eye(4), **placed}, dict(zip(mechanism.coordinates, map(float, positions), strict=True)))
+    return Home(
+        {GROUND: np.eye(4), **placed},
+        dict(zip(mechanism.coordinates, map(float, positions), strict=True)),
+    )
 
 
-def to_mjcf(mechanism: Mechanism, home: Home, held: Plan | None = None) -> tuple[str, tuple[str, ...]]:
+def to_mjcf(
+    mechanism: Mechanism, home: Home, held: Plan | None = None
+) -> tuple[str, tuple[str, ...]]:
     """Return the text of an MJCF file and notes.
 
     Args:
@@ -96,14 +111,18 @@ class _Writer:
 
     def text(self) -> str:
         ET.SubElement(self.root, "compiler", angle="radian", inertiafromgeom="false")
-        ET.SubElement(self.root, "option", attrib={"gravity": numbers(self.mechanism.gravity)} | OPTION)
+        ET.SubElement(
+            self.root, "option", attrib={"gravity": numbers(self.mechanism.gravity)} | OPTION
+        )
         default = ET.SubElement(self.root, "default")
         ET.SubElement(default, "equality", attrib=STIFF)
         ET.SubElement(default, "geom", contype="0", conaffinity="0", group="1")
         between = ET.SubElement(default, "default", attrib={"class": BETWEEN})
         ET.SubElement(between, "geom", rgba="0.4 0.5 0.6 1")
         self.elements[GROUND] = ET.SubElement(self.root, "worldbody")
-        self.sections = {name: ET.Element(name) for name in ("tendon", "equality", "actuator", "keyframe")}
+        self.sections = {
+            name: ET.Element(name) for name in ("tendon", "equality", "actuator", "keyframe")
+        }
         self._check()
         for seat in self.plan.seats.values():
             self._body(seat)
@@ -125,7 +144,9 @@ class _Writer:
 
     def _check(self) -> None:
         if WORLD in self.mechanism.bodies:
-            raise MechanismError(f"bodies.{WORLD}: is the name that MJCF gives to ground; rename the body")
+            raise MechanismError(
+                f"bodies.{WORLD}: is the name that MJCF gives to ground; rename the body"
+            )
         self.total = sum(body.mass for body in self.mechanism.bodies.values())
         if any(len(self.plan.chain(name)) > xml.DEEPEST - 10 for name in self.plan.seats):
             raise MechanismError(
@@ -147,10 +168,17 @@ class _Writer:
         X = self.home.poses[seat.body]
         parent = self.plan.seats.get(seat.parent)
         relative = poses.inverse(self.home.poses[parent.body]) @ X if parent else X
-        element = ET.SubElement(self.elements[seat.parent], "body", attrib={"name": seat.name} | placed(relative))
+        element = ET.SubElement(
+            self.elements[seat.parent], "body", attrib={"name": seat.name} | placed(relative)
+        )
         self.elements[seat.name] = element
         body = self.mechanism.bodies[seat.body]
-        if body.mass or body.inertia.tensor().any() or seat.name in self.plan.light or not seat.share:
+        if (
+            body.mass
+            or body.inertia.tensor().any()
+            or seat.name in self.plan.light
+            or not seat.share
+        ):
             self._inertial(element, seat, body)
         for move in seat.moves:
             element.append(self._joint(move, poses.inverse(X)))
@@ -170,7 +198,9 @@ class _Writer:
             )
         elif seat.name in self.plan.light:
             mass = POINT_MASS * self.total
-            self.notes.say(f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added")
+            self.notes.say(
+                f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added"
+            )
         a, b, c = np.linalg.eigvalsh(I)
         if not rigid(a, b, c):
             raise MechanismError(
@@ -189,7 +219,9 @@ class _Writer:
                 )
         elements = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
         centre = numbers(body.centre_of_mass)
-        ET.SubElement(element, "inertial", pos=centre, mass=number(mass), fullinertia=numbers(elements))
+        ET.SubElement(
+            element, "inertial", pos=centre, mass=number(mass), fullinertia=numbers(elements)
+        )
 
     def _joint(self, move: Move, into: np.ndarray) -> ET.Element:
         """Return a joint in a body's frame; `into` turns ground's components into the body's."""
@@ -221,16 +253,26 @@ class _Writer:
             return
         points = [move.anchor for move in seat.moves[:1]]
         points += [
-            child.moves[0].anchor for child in self.plan.seats.values() if child.parent == seat.name and child.moves
+            child.moves[0].anchor
+            for child in self.plan.seats.values()
+            if child.parent == seat.name and child.moves
         ]
         points += [
-            p for tie in self.plan.ties for end, p in zip(tie.seats, tie.points, strict=True) if end == seat.name
+            p
+            for tie in self.plan.ties
+            for end, p in zip(tie.seats, tie.points, strict=True)
+            if end == seat.name
         ]
         local = [poses.point(into, p) for p in points]
         radius = number(STROKE * self.size)
         bars = [p for p in local[1:] if np.linalg.norm(p - local[0]) > STROKE * self.size]
         for p in bars:
-            bar = {"class": BETWEEN, "type": "capsule", "fromto": numbers((*local[0], *p)), "size": radius}
+            bar = {
+                "class": BETWEEN,
+                "type": "capsule",
+                "fromto": numbers((*local[0], *p)),
+                "size": radius,
+            }
             ET.SubElement(element, "geom", attrib=bar)
         if local and not bars:
             ball = {"class": BETWEEN, "type": "sphere", "pos": numbers(local[0]), "size": radius}
@@ -239,14 +281,18 @@ class _Writer:
     def _geom(self, element: ET.Element, shape: Shape) -> None:
         size = size_of(shape)
         if size is not None:
-            fields = {"type": shape.type, "size": numbers(size)} | placed(poses.of_frame(shape.frame))
+            fields = {"type": shape.type, "size": numbers(size)} | placed(
+                poses.of_frame(shape.frame)
+            )
             colour = {} if shape.colour is None else {"rgba": numbers((*shape.colour, 1))}
             ET.SubElement(element, "geom", attrib=fields | colour)
 
     def _site(self, name: str, seat: str, X: np.ndarray) -> None:
         body = self.plan.seats[seat].body if seat != GROUND else GROUND
         ET.SubElement(
-            self.elements[seat], "site", attrib={"name": name} | placed(poses.inverse(self.home.poses[body]) @ X)
+            self.elements[seat],
+            "site",
+            attrib={"name": name} | placed(poses.inverse(self.home.poses[body]) @ X),
         )
 
     # ---------------------------------------------------------------------------------------------------------- ties
@@ -255,7 +301,9 @@ class _Writer:
         one, two = (WORLD if seat == GROUND else seat for seat in tie.seats)
         match tie.kind:
             case "connect":
-                X = self.home.poses[GROUND if tie.seats[0] == GROUND else self.plan.seats[tie.seats[0]].body]
+                X = self.home.poses[
+                    GROUND if tie.seats[0] == GROUND else self.plan.seats[tie.seats[0]].body
+                ]
                 anchor = numbers(poses.point(poses.inverse(X), tie.points[0]))
                 self._add("equality", "connect", name=tie.name, body1=one, body2=two, anchor=anchor)
             case "weld":
@@ -263,9 +311,17 @@ class _Writer:
             case "rod":
                 self._tendon(tie.name, tie.seats, tie.points)
                 gap = tie.length - float(np.linalg.norm(tie.points[1] - tie.points[0]))
-                self._add("equality", "tendon", name=tie.name, tendon1=tie.name, polycoef=numbers((gap, 0, 0, 0, 0)))
+                self._add(
+                    "equality",
+                    "tendon",
+                    name=tie.name,
+                    tendon1=tie.name,
+                    polycoef=numbers((gap, 0, 0, 0, 0)),
+                )
 
-    def _tendon(self, name: str, seats: tuple[str, str], points: Iterable[np.ndarray], **attributes: str) -> None:
+    def _tendon(
+        self, name: str, seats: tuple[str, str], points: Iterable[np.ndarray], **attributes: str
+    ) -> None:
         tendon = self._add("tendon", "spatial", name=name, **attributes)
         for end, seat, p in zip(("near", "far"), seats, points, strict=True):
             self._site(f"{name}.{end}", seat, poses.shift(p))
@@ -273,7 +329,10 @@ class _Writer:
 
     def _springs(self) -> None:
         for name, spring in self.mechanism.springs.items():
-            points = [poses.point(self.home.poses[b], p) for b, p in zip(spring.connects, spring.points, strict=True)]
+            points = [
+                poses.point(self.home.poses[b], p)
+                for b, p in zip(spring.connects, spring.points, strict=True)
+            ]
             label = name if name not in self.mechanism.joints else f"{name}.spring"
             self._tendon(
                 label,
@@ -297,7 +356,9 @@ class _Writer:
                     raise MechanismError(
                         f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and cannot be geared"
                     )
-            gap = gear.offset - sum(ratio * self.moves[label].ref for label, ratio in ratios.items())
+            gap = gear.offset - sum(
+                ratio * self.moves[label].ref for label, ratio in ratios.items()
+            )
             if len(ratios) == 2:
                 (one, first), (two, second) = ratios.items()
                 line = numbers((gap / first, -second / first, 0, 0, 0))
@@ -306,7 +367,13 @@ class _Writer:
                 tendon = self._add("tendon", "fixed", name=name)
                 for label, ratio in ratios.items():
                     ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
-                self._add("equality", "tendon", name=name, tendon1=name, polycoef=numbers((gap, 0, 0, 0, 0)))
+                self._add(
+                    "equality",
+                    "tendon",
+                    name=name,
+                    tendon1=name,
+                    polycoef=numbers((gap, 0, 0, 0, 0)),
+                )
 
     def _add(self, section: str, tag: str, **attributes: str) -> ET.Element:
         return ET.SubElement(self.sections[section], tag, attributes)
@@ -322,7 +389,11 @@ class _Writer:
         near, _ = self.home.frames(joint)
         axis = near[:3, "xyz".index(freedom[-1])]
         ball = name if isinstance(joint, SphericalJoint) else f"{name}.turn"
-        owner = next(seat for seat in self.plan.seats.values() if any(move.name == ball for move in seat.moves))
+        owner = next(
+            seat
+            for seat in self.plan.seats.values()
+            if any(move.name == ball for move in seat.moves)
+        )
         gear = self.home.poses[owner.body][:3, :3].T @ axis
         if self.moves[ball].backwards:
             self._add("actuator", "motor", name=rate, joint=ball, gear=numbers(-gear))
@@ -348,7 +419,10 @@ class _Writer:
 
     def _say(self) -> None:
         """Note what MuJoCo takes otherwise than the mechanism."""
-        say, effects = self.notes.say, [effects for move in self.moves.values() for effects in [move.effects]]
+        say, effects = (
+            self.notes.say,
+            [effects for move in self.moves.values() for effects in [move.effects]],
+        )
         kinds = {tie.kind for tie in self.plan.ties}
         if kinds or self.mechanism.gears:
             say(
@@ -369,14 +443,22 @@ class _Writer:
             say(
                 f"{parts}: closes a loop by a joint that MuJoCo has in trees only; it leads to a part of its body, welded to it"
             )
-        balls = {move.name.removesuffix(".turn") for move in self.moves.values() if move.kind == "ball"}
-        turned = [name for name in self.mechanism.joints if name in balls and self._turned(self.mechanism.pairs[name])]
+        balls = {
+            move.name.removesuffix(".turn") for move in self.moves.values() if move.kind == "ball"
+        }
+        turned = [
+            name
+            for name in self.mechanism.joints
+            if name in balls and self._turned(self.mechanism.pairs[name])
+        ]
         if turned:
             say(
                 f"{', '.join(turned)}: MuJoCo measures the turn of a ball joint from home, not from where the two frames agree"
             )
         for name in self.plan.dropped:
-            say(f"joints.{name}: holds nothing that the rest of the model does not, and is left out")
+            say(
+                f"joints.{name}: holds nothing that the rest of the model does not, and is left out"
+            )
         for name in self.plan.floating:
             say(f"{name}: is reached by rods only and gets a free joint in MuJoCo")
         gone = [body for body in self.mechanism.bodies if body not in self.plan.seats]
@@ -396,7 +478,9 @@ class _Writer:
 
     def _turned(self, joint: PairJoint) -> bool:
         near, far = self.home.frames(joint)
-        return isinstance(joint, SphericalJoint | FreeJoint) and bool(np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9)
+        return isinstance(joint, SphericalJoint | FreeJoint) and bool(
+            np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9
+        )
 
 
 def put(element: ET.Element, name: str, value: float) -> None:

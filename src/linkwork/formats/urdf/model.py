@@ -60,7 +60,13 @@ class UrdfModel:
     @property
     def size(self) -> float:
         """Return the greatest distance between two joints of a link [m]; 1 where there is none."""
-        return max((float(np.linalg.norm(joint.origin[:3, 3])) for joint in self.joints.values()), default=0.0) or 1.0
+        return (
+            max(
+                (float(np.linalg.norm(joint.origin[:3, 3])) for joint in self.joints.values()),
+                default=0.0,
+            )
+            or 1.0
+        )
 
     def chain(self, link: str) -> list[UrdfJoint]:
         """Return the joints from a link up to the base."""
@@ -92,7 +98,11 @@ class UrdfModel:
         found: set[str] = set()
         for link in reversed(self.links):
             fixed = link != self.base and self.carriers[link].type == "fixed"
-            if fixed and weight(self.links[link]) <= FRAME_MASS and found.issuperset(self.carried.get(link, [])):
+            if (
+                fixed
+                and weight(self.links[link]) <= FRAME_MASS
+                and found.issuperset(self.carried.get(link, []))
+            ):
                 found.add(link)
         for link in self.links:
             if link in found:
@@ -125,7 +135,9 @@ def read_model(root: Element, notes: Notes) -> UrdfModel:
         raise root.refusal("holds no links")
     if len(roots) != 1:
         found = (
-            f"the links {', '.join(map(repr, roots[:4]))} are carried by no joint" if roots else "every link is carried"
+            f"the links {', '.join(map(repr, roots[:4]))} are carried by no joint"
+            if roots
+            else "every link is carried"
         )
         raise root.refusal(f"{found}; exactly one link is the root")
     model.base = roots[0]
@@ -135,12 +147,17 @@ def read_model(root: Element, notes: Notes) -> UrdfModel:
         waiting += model.carried.get(link, [])[::-1]
     lost = next((name for name in links if name not in model.links), None)
     if lost:
-        raise links[lost].refusal("hangs in a circle of joints that does not reach the root link; URDF is a tree")
+        raise links[lost].refusal(
+            "hangs in a circle of joints that does not reach the root link; URDF is a tree"
+        )
     body_names = FreeNames(notes, (GROUND,))
     model.bodies = {
-        name: GROUND if name == model.base else body_names.give(name, link) for name, link in model.links.items()
+        name: GROUND if name == model.base else body_names.give(name, link)
+        for name, link in model.links.items()
     }
-    model.labels = {name: model.names.give(name, joint.element) for name, joint in model.joints.items()}
+    model.labels = {
+        name: model.names.give(name, joint.element) for name, joint in model.joints.items()
+    }
     return model
 
 

@@ -16,7 +16,14 @@ from linkwork.formats import poses, xml
 from linkwork.formats.masses import Solid, together, without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
-from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel, origin, read_model, weight
+from linkwork.formats.urdf.model import (
+    ONE_FREEDOM,
+    UrdfJoint,
+    UrdfModel,
+    origin,
+    read_model,
+    weight,
+)
 from linkwork.formats.urdf.shapes import shapes_of
 from linkwork.formats.urdf.sidecars import read_closures
 from linkwork.formats.xml import Element
@@ -47,7 +54,17 @@ NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times
 SILENT = {
     "robot": {"material", "link", "joint", "loop", "coupling", "transmission"},
     "link": {"visual", "collision", "material", "inertial", "origin"},
-    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"},
+    "joint": {
+        "origin",
+        "parent",
+        "child",
+        "axis",
+        "limit",
+        "dynamics",
+        "mimic",
+        "calibration",
+        "safety_controller",
+    },
 }
 
 
@@ -66,12 +83,17 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
     else:
         base = f"the root link {model.base!r} is taken as ground and stands still"
     notes.say(
-        f"{root.file.name}: {base}" + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
+        f"{root.file.name}: {base}"
+        + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
     )
     shapes, solids = shapes_of(model, notes), _solids(model, notes)
     bodies = {
         name: _body(link, solids[name], shapes[name])
-        for link, name in ((link, model.bodies[name]) for name, link in model.links.items() if name not in model.frames)
+        for link, name in (
+            (link, model.bodies[name])
+            for name, link in model.links.items()
+            if name not in model.frames
+        )
         if name != GROUND
     }
     joints: dict[str, Joint] = {
@@ -81,7 +103,11 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
     }
     gears, loops = _mimics(model, notes), closures.joints(model)
     used, tool_names = closures.frames(), FreeNames(notes)
-    actuators = closures.actuators if closures.actuators is not None else _actuators(model, bool(loops), notes)
+    actuators = (
+        closures.actuators
+        if closures.actuators is not None
+        else _actuators(model, bool(loops), notes)
+    )
     try:
         return Mechanism(
             name=root.attributes.get("name") or root.file.stem,
@@ -107,7 +133,9 @@ def _survey(root: Element, notes: Notes) -> None:
             notes.on(element, "is left out: it is no part of a mechanism known here")
         for child in element.children if element.tag in ("link", "joint") else ():
             if child.tag not in SILENT[element.tag] and not _says_nothing(child):
-                notes.on(child, f"in a <{element.tag}> is left out: it is not known here", alters=True)
+                notes.on(
+                    child, f"in a <{element.tag}> is left out: it is not known here", alters=True
+                )
 
 
 def _says_nothing(element: Element) -> bool:
@@ -130,8 +158,13 @@ def _solids(model: UrdfModel, notes: Notes) -> dict[str, Solid]:
         body, X = model.seat(name)
         if body != GROUND:
             parts.setdefault(body, []).append(_solid(link, size, notes).seen(X))
-    heavy = {body: [solid for solid in solids if solid.mass or solid.inertia.any()] for body, solids in parts.items()}
-    return {body: solids[0] if len(solids) == 1 else together(solids) for body, solids in heavy.items()}
+    heavy = {
+        body: [solid for solid in solids if solid.mass or solid.inertia.any()]
+        for body, solids in parts.items()
+    }
+    return {
+        body: solids[0] if len(solids) == 1 else together(solids) for body, solids in heavy.items()
+    }
 
 
 def _solid(link: Element, size: float, notes: Notes) -> Solid:
@@ -142,11 +175,16 @@ def _solid(link: Element, size: float, notes: Notes) -> Solid:
     mass, tensor = inertial.named("mass").number("value"), np.zeros((3, 3))
     moments = inertial.first("inertia")
     if moments is not None:
-        xx, yy, zz, xy, xz, yz = (moments.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+        xx, yy, zz, xy, xz, yz = (
+            moments.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        )
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         tensor = without_noise(tensor, NOISE * abs(mass) * size**2)
     if not rigid(*np.linalg.eigvalsh(tensor)):
-        notes.on(link, "has moments of inertia that no rigid body has, one above the sum of the others; they are kept")
+        notes.on(
+            link,
+            "has moments of inertia that no rigid body has, one above the sum of the others; they are kept",
+        )
     return Solid(mass, np.zeros(3), tensor).seen(origin(inertial))
 
 
@@ -182,15 +220,25 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
             return UniversalJoint(connects=connects, frames=frames, axes=(one, two))
         case "planar":
             turn = poses.pose(rotation=poses.from_z(joint.axis))
-            return PlanarJoint(connects=connects, frames=(poses.frame_of(first @ turn), poses.frame_of(turn)))
+            return PlanarJoint(
+                connects=connects, frames=(poses.frame_of(first @ turn), poses.frame_of(turn))
+            )
     dynamics = element.first("dynamics")
     friction = Friction()
     if dynamics is not None:
         viscous, coulomb = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
         friction = dynamics.make(Friction, viscous=viscous, coulomb=coulomb)
         if coulomb:
-            notes.on(element, "has dry friction, which is smoothed here about rate zero", alters=True)
-    fields = {"connects": connects, "frames": frames, "axis": axis, "friction": friction, "limits": _limits(joint)}
+            notes.on(
+                element, "has dry friction, which is smoothed here about rate zero", alters=True
+            )
+    fields = {
+        "connects": connects,
+        "frames": frames,
+        "axis": axis,
+        "friction": friction,
+        "limits": _limits(joint),
+    }
     return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
 
 
@@ -210,16 +258,26 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
         if mimic is None:
             continue
         other = mimic.text("joint")
-        kinds = {name: model.joints[name].type if name in model.joints else "" for name in (joint.name, other)}
-        strange = next((name for name, kind in kinds.items() if kind not in (*ONE_FREEDOM, "fixed")), None)
+        kinds = {
+            name: model.joints[name].type if name in model.joints else ""
+            for name in (joint.name, other)
+        }
+        strange = next(
+            (name for name, kind in kinds.items() if kind not in (*ONE_FREEDOM, "fixed")), None
+        )
         if strange is not None:
             raise mimic.refusal(f"there is no hinge or slide {xml.shortened(strange)}")
         if kinds[joint.name] == "fixed":
             notes.on(joint.element, "is fixed, so that it mimics no other")
         elif kinds[other] == "fixed":
-            notes.on(joint.element, "mimics a joint that is fixed; it moves freely here", alters=True)
+            notes.on(
+                joint.element, "mimics a joint that is fixed; it moves freely here", alters=True
+            )
         else:
-            ratios = {model.labels[joint.name]: 1.0, model.labels[other]: -mimic.number("multiplier", 1.0)}
+            ratios = {
+                model.labels[joint.name]: 1.0,
+                model.labels[other]: -mimic.number("multiplier", 1.0),
+            }
             gear = mimic.make(GearJoint, ratios=ratios, offset=mimic.number("offset", 0.0))
             gears[model.names.give(f"{joint.name}_mimic")] = gear
     return gears
@@ -227,7 +285,11 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
 
 def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     """Return the joints of the transmissions; without any, all hinges and slides of a tree that mimic none."""
-    driven = [part for transmission in model.root.each("transmission") for part in transmission.each("joint")]
+    driven = [
+        part
+        for transmission in model.root.each("transmission")
+        for part in transmission.each("joint")
+    ]
     named: dict[str, None] = {}
     for element in driven:
         name = element.text("name")
@@ -236,7 +298,9 @@ def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
         if model.joints[name].type in ONE_FREEDOM:
             named[name] = None
         else:
-            notes.on(element, "is driven by a transmission, which is left out: it is no hinge or slide")
+            notes.on(
+                element, "is driven by a transmission, which is left out: it is no hinge or slide"
+            )
     if driven:
         return tuple(named)
     where = model.root.file.name
@@ -246,7 +310,9 @@ def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     moving = tuple(
         joint.name
         for joint in model.joints.values()
-        if joint.type in ONE_FREEDOM and joint.element.first("mimic") is None and joint.child not in model.frames
+        if joint.type in ONE_FREEDOM
+        and joint.element.first("mimic") is None
+        and joint.child not in model.frames
     )
     if moving:
         notes.say(

@@ -25,13 +25,20 @@ SHAPES = ("box", "cylinder", "sphere", "capsule")
 
 def shapes_of(model: UrdfModel, notes: Notes) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of all links by the body that they are on, in its frame."""
-    colours = {name: colour for name, colour in map(_material, model.root.each("material")) if colour is not None}
+    colours = {
+        name: colour
+        for name, colour in map(_material, model.root.each("material"))
+        if colour is not None
+    }
     found: dict[str, tuple[Shape, ...]] = defaultdict(tuple)
     for name, link in model.links.items():
         body, X = model.seat(name)
         if body == GROUND:
             for visual in link.each("visual"):
-                notes.on(visual, f"of {shortened(name)} is not shown: only bodies have shapes here, not ground")
+                notes.on(
+                    visual,
+                    f"of {shortened(name)} is not shown: only bodies have shapes here, not ground",
+                )
         else:
             found[body] += poses.carried(_shapes(link, colours, notes), X)
     return found
@@ -56,17 +63,24 @@ def _sizes(solid: Element) -> tuple[float, ...]:
     """Return the lengths of a box, the radius of a sphere, or radius and length [m]."""
     if solid.tag == "box":
         return solid.vector("size")
-    return tuple(solid.number(name) for name in (("radius",) if solid.tag == "sphere" else ("radius", "length")))
+    return tuple(
+        solid.number(name)
+        for name in (("radius",) if solid.tag == "sphere" else ("radius", "length"))
+    )
 
 
-def _shape(solid: Element, sizes: tuple[float, ...], frame: Frame, colour: tuple[float, ...] | None) -> Shape:
+def _shape(
+    solid: Element, sizes: tuple[float, ...], frame: Frame, colour: tuple[float, ...] | None
+) -> Shape:
     fields = {"frame": frame, "colour": colour}
     match solid.tag:
         case "box":
             return solid.make(Box, size=sizes, **fields)
         case "sphere":
             return solid.make(Sphere, radius=sizes[0], **fields)
-    return solid.make(Cylinder if solid.tag == "cylinder" else Capsule, radius=sizes[0], length=sizes[1], **fields)
+    return solid.make(
+        Cylinder if solid.tag == "cylinder" else Capsule, radius=sizes[0], length=sizes[1], **fields
+    )
 
 
 def _colour(visual: Element, colours: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:
@@ -81,5 +95,7 @@ def _colour(visual: Element, colours: dict[str, tuple[float, ...]]) -> tuple[flo
 def _material(element: Element) -> tuple[str, tuple[float, ...] | None]:
     """Return the name of a <material>, and red, green and blue if it gives them."""
     colour = element.first("color")
-    rgb = None if colour is None else tuple(np.clip(colour.numbers("rgba", (4,))[:3], 0, 1).tolist())
+    rgb = (
+        None if colour is None else tuple(np.clip(colour.numbers("rgba", (4,))[:3], 0, 1).tolist())
+    )
     return element.attributes.get("name", ""), rgb

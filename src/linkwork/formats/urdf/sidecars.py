@@ -119,7 +119,9 @@ def _read_urdf_plus(model: UrdfModel, found: Closures) -> None:
             found.closures.append(_loop(label, element, model))
         else:
             found.gears[label] = _coupling(element, model)
-    said = {joint.name: joint.element.attributes.get("independent") for joint in model.joints.values()}
+    said = {
+        joint.name: joint.element.attributes.get("independent") for joint in model.joints.values()
+    }
     if any(word is not None for word in said.values()):
         found.actuators = tuple(
             name
@@ -140,7 +142,10 @@ def _loop(name: str, element: Element, model: UrdfModel) -> Closure:
     kind = element.attributes.get("type", "revolute")
     if kind not in LOOPS:
         raise element.refusal(f"type {kind!r} is not one of {', '.join(LOOPS)}")
-    links, frames = (_link(ends[0], model), _link(ends[1], model)), (origin(ends[0]), origin(ends[1]))
+    links, frames = (
+        (_link(ends[0], model), _link(ends[1], model)),
+        (origin(ends[0]), origin(ends[1])),
+    )
     if kind in ("revolute", "continuous", "prismatic"):
         joint = PrismaticJoint if kind == "prismatic" else RevoluteJoint
         return Closure(name, joint, links, frames, axis_of(element))
@@ -208,13 +213,19 @@ class _Laas:
         loops = self.node.data.get("closed_loop") or []
         kinds = self._texts("type") or ["6d"] * (len(loops) if isinstance(loops, list) else 0)
         if not isinstance(loops, list) or len(kinds) != len(loops):
-            raise self._refusal(("closed_loop",), "is not a list of pairs of frames with one type each")
+            raise self._refusal(
+                ("closed_loop",), "is not a list of pairs of frames with one type each"
+            )
         for index, (pair, kind) in enumerate(zip(loops, kinds, strict=True)):
             found.closures.append(self._closure(index, pair, kind))
 
     def _closure(self, index: int, pair: Any, kind: str) -> Closure:
         where = ("closed_loop", str(index))
-        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
+        if (
+            not isinstance(pair, list)
+            or len(pair) != 2
+            or not all(isinstance(name, str) for name in pair)
+        ):
             raise self._refusal(where, "is not a pair of frames; give two names of links or joints")
         if kind.lower() not in ("6d", "3d"):
             raise self._refusal(("type", str(index)), f"{xml.shortened(kind)} is not one of 6d, 3d")
@@ -231,12 +242,17 @@ class _Laas:
             return name
         if name in self.model.joints:
             return self.model.joints[name].child
-        raise self._refusal(where, f"there is no link or joint {xml.shortened(name)} in {self.model.root.file.name}")
+        raise self._refusal(
+            where, f"there is no link or joint {xml.shortened(name)} in {self.model.root.file.name}"
+        )
 
     def _change_types(self) -> None:
         names, kinds = self._texts("joint_name"), self._texts("joint_type")
         if len(names) != len(kinds):
-            raise self._refusal(("joint_type",), f"holds {len(kinds)} types for the {len(names)} joints of joint_name")
+            raise self._refusal(
+                ("joint_type",),
+                f"holds {len(kinds)} types for the {len(names)} joints of joint_name",
+            )
         for index, (name, kind) in enumerate(zip(names, kinds, strict=True)):
             if name not in self.model.joints:
                 file = self.model.root.file.name
@@ -251,7 +267,8 @@ class _Laas:
                 changed = replace(joint, type=kind.lower())
             else:
                 raise self._refusal(
-                    ("joint_type", str(index)), f"{xml.shortened(kind)} is not SPHERICAL, FIXED or UJOINT_XY etc."
+                    ("joint_type", str(index)),
+                    f"{xml.shortened(kind)} is not SPHERICAL, FIXED or UJOINT_XY etc.",
                 )
             self.model.put(changed)
 
@@ -264,7 +281,9 @@ class _Laas:
                 continue
             first, second, _ = trio
             X, lost = first.origin @ second.origin @ last.origin, self._lost(first, second, last)
-            self.model.merge(replace(last, type="spherical", parent=first.parent, origin=X), [first, second])
+            self.model.merge(
+                replace(last, type="spherical", parent=first.parent, origin=X), [first, second]
+            )
             file = self.model.root.file.name
             self.notes.say(
                 f"{file}: {first.name}, {second.name} and {last.name} are one spherical joint, {last.name!r}{lost}",
@@ -279,7 +298,9 @@ class _Laas:
             return ""
         return f"; the distances of {apart:.2g} m and the mass of {mass:.2g} kg between them are left out"
 
-    def _trio(self, last: UrdfJoint, driven: set[str], light: float) -> tuple[UrdfJoint, UrdfJoint, UrdfJoint] | None:
+    def _trio(
+        self, last: UrdfJoint, driven: set[str], light: float
+    ) -> tuple[UrdfJoint, UrdfJoint, UrdfJoint] | None:
         model, trio = self.model, [last]
         while len(trio) < 3:
             link = trio[0].parent
@@ -287,8 +308,15 @@ class _Laas:
             if not alone or weight(model.links[link]) > light:
                 return None
             trio.insert(0, model.carriers[link])
-        hinges = all(joint.type in ("revolute", "continuous") and joint.name in model.joints for joint in trio)
-        if not hinges or driven & {joint.name for joint in trio} or any(j.element.first("mimic") for j in trio):
+        hinges = all(
+            joint.type in ("revolute", "continuous") and joint.name in model.joints
+            for joint in trio
+        )
+        if (
+            not hinges
+            or driven & {joint.name for joint in trio}
+            or any(j.element.first("mimic") for j in trio)
+        ):
             return None
         X, points, axes = np.eye(4), [], []
         for joint in trio:
@@ -301,7 +329,9 @@ class _Laas:
 
     def _joint(self, name: str, where: tuple[str, ...]) -> UrdfJoint:
         if name not in self.model.joints:
-            raise self._refusal(where, f"there is no joint {xml.shortened(name)} in {self.model.root.file.name}")
+            raise self._refusal(
+                where, f"there is no joint {xml.shortened(name)} in {self.model.root.file.name}"
+            )
         return self.model.joints[name]
 
     def _texts(self, key: str) -> list[str]:

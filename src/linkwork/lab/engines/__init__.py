@@ -46,4 +46,6 @@ def build(name: str, mechanism: Mechanism, guess: Mapping[str, np.ndarray] | Non
     """
     if name not in CLASSES:
         raise EngineError(f"there is no engine {name!r}; the engines are {', '.join(CLASSES)}")
-    return getattr(import_module(f"linkwork.lab.engines.{name}"), CLASSES[name])(mechanism, guess=guess)
+    return getattr(import_module(f"linkwork.lab.engines.{name}"), CLASSES[name])(
+        mechanism, guess=guess
+    )

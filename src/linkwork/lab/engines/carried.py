@@ -44,13 +44,23 @@ class Carried:
         if self.whole is self.mechanism:
             return positions, rates
         return self.joints(
-            bodies_at(self.hanging, self.tree, positions, rates, self.hung, self.guess), positions, rates
+            bodies_at(self.hanging, self.tree, positions, rates, self.hung, self.guess),
+            positions,
+            rates,
         )
 
-    def joints(self, hanging: BodyMotion, positions: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def joints(
+        self, hanging: BodyMotion, positions: np.ndarray, rates: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Add the coordinates and rates of the joints that the description lacks, from the motion of the hanging bodies."""
-        motion = hanging if self.whole is self.hanging else with_link_motion(self.hanging, self.whole, hanging)
-        added = read_joints(self.whole, motion.at_one_instant(), np.zeros(len(self.whole.coordinates)))
+        motion = (
+            hanging
+            if self.whole is self.hanging
+            else with_link_motion(self.hanging, self.whole, hanging)
+        )
+        added = read_joints(
+            self.whole, motion.at_one_instant(), np.zeros(len(self.whole.coordinates))
+        )
         return (
             np.concatenate([positions, added.positions[0, len(positions) :]]),
             np.concatenate([rates, added.rates[0, len(rates) :]]),
@@ -84,7 +94,9 @@ class Translation(Protocol):
     def bodies(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> BodyMotion: ...
 
 
-def joints_of(plan: Translation, q: np.ndarray, v: np.ndarray, a: np.ndarray, start: np.ndarray) -> JointMotion:
+def joints_of(
+    plan: Translation, q: np.ndarray, v: np.ndarray, a: np.ndarray, start: np.ndarray
+) -> JointMotion:
     """Return the described joints' motion from the engine's q, v and v', at k instants."""
     return read_joints(plan.carried.mechanism, plan.bodies(q, v, a), start)
 

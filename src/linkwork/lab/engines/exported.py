@@ -87,7 +87,8 @@ class Layout:
     def bodies(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> BodyMotion:
         """Return the motion of all carried bodies from qpos, qvel and qacc."""
         floating = {
-            body: floated(q[..., place], v[..., speed], a[..., speed]) for body, (place, speed) in self.floats.items()
+            body: floated(q[..., place], v[..., speed], a[..., speed])
+            for body, (place, speed) in self.floats.items()
         }
         joints = self.vectors.out_of(*self._in_joints(q, v, a))
         return along_tree(self.carried.whole, self.tree, *joints, floating)
@@ -110,7 +111,11 @@ def quaternions(R: np.ndarray) -> np.ndarray:
 
 def floated(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Moving:
     """Return the motion of a body from its free joint's qpos (..., 7), qvel and qacc (..., 6)."""
-    R = Rotation.from_quat(q[..., 3:].reshape(-1, 4), scalar_first=True).as_matrix().reshape(*q.shape[:-1], 3, 3)
+    R = (
+        Rotation.from_quat(q[..., 3:].reshape(-1, 4), scalar_first=True)
+        .as_matrix()
+        .reshape(*q.shape[:-1], 3, 3)
+    )
     pose = np.array(np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4)))
     pose[..., :3, :3], pose[..., :3, 3] = R, q[..., :3]
     return Moving(pose, applied(R, v[..., 3:]), v[..., :3], applied(R, a[..., 3:]), a[..., :3])
@@ -147,7 +152,10 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: Plan, model: 
     q, v = [np.zeros(0, int)], [np.zeros(0, int)]
     for seat in plan.seats.values():
         for move in seat.moves:
-            at, speed = int(model.joint(move.name).qposadr[0]), int(model.joint(move.name).dofadr[0])
+            at, speed = (
+                int(model.joint(move.name).qposadr[0]),
+                int(model.joint(move.name).dofadr[0]),
+            )
             if move.kind == "free":
                 floats[seat.body] = slice(at, at + 7), slice(speed, speed + 6)
                 continue
@@ -185,9 +193,13 @@ def titled(item: Edge) -> list[tuple[str, Step]]:
     for step in item.steps:
         match step.motion:
             case "screw":
-                titles += zip((step.coordinates[0], f"{item.joint}.{ADVANCE}"), step.halves(), strict=True)
+                titles += zip(
+                    (step.coordinates[0], f"{item.joint}.{ADVANCE}"), step.halves(), strict=True
+                )
             case "ball":
-                titles.append((item.joint if item.kind == "spherical" else f"{item.joint}.turn", step))
+                titles.append(
+                    (item.joint if item.kind == "spherical" else f"{item.joint}.turn", step)
+                )
             case _:
                 titles.append((step.coordinates[0], step))
     return titles

@@ -18,9 +18,24 @@ import numpy as np
 from scipy.linalg import qr
 
 from linkwork.lab.engines.exudyn_items import exu, recorded, scene, sensors
-from linkwork.lab.engines.interface import EngineError, EngineRun, Forces, checked, checked_forces, in_time, instants
+from linkwork.lab.engines.interface import (
+    EngineError,
+    EngineRun,
+    Forces,
+    checked,
+    checked_forces,
+    in_time,
+    instants,
+)
 from linkwork.lab.engines.joints import HELD, effects_of, held_rows
-from linkwork.lab.engines.motion import BodyMotion, JointMotion, along_tree, applied, places, read_joints
+from linkwork.lab.engines.motion import (
+    BodyMotion,
+    JointMotion,
+    along_tree,
+    applied,
+    places,
+    read_joints,
+)
 from linkwork.lab.engines.rewrite import in_steps, with_free_joints
 from linkwork.lab.engines.start import Guess, bodies_at
 from linkwork.lab.engines.tree import coupled, loaded, spanning_tree
@@ -59,11 +74,15 @@ class ExudynEngine:
         self.tree = spanning_tree(self.carried)
         self._check()
 
-    def accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of the actuated rates, shape (n,); see `joint_accelerations`."""
         return self._actuated(self.joint_accelerations(positions, rates, forces))
 
-    def joint_accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def joint_accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`.
 
         They are the solver's initial accelerations, for which Exudyn differentiates the constraints by differences.
@@ -108,22 +127,30 @@ class ExudynEngine:
         """Build the system at a state, run it through the instants, and return the bodies' motion and the wall time."""
         positions, rates = checked(self.mechanism, positions, rates)
         start = bodies_at(self.carried, self.tree, positions, rates, self.hung, self.guess)
-        joints = read_joints(self.carried, start.at_one_instant(), np.append(positions, np.zeros(7 * len(self.hung))))
+        joints = read_joints(
+            self.carried, start.at_one_instant(), np.append(positions, np.zeros(7 * len(self.hung)))
+        )
         q, w = joints.positions[0], joints.rates[0]
         built = scene(self.carried, self.tree, start, q, w, self.independent_rows(q), forces)
         names = tuple(self.mechanism.bodies)
         numbers = sensors(built, names)
         built.system.Assemble()
         begin = perf_counter()
-        if not built.system.SolveDynamic(solver_settings(time), solverType=exu.DynamicSolverType.GeneralizedAlpha):
-            raise EngineError(f"Exudyn's solver stopped in {self.mechanism.name!r}; try steps below {time[1]:.6g} s")
+        if not built.system.SolveDynamic(
+            solver_settings(time), solverType=exu.DynamicSolverType.GeneralizedAlpha
+        ):
+            raise EngineError(
+                f"Exudyn's solver stopped in {self.mechanism.name!r}; try steps below {time[1]:.6g} s"
+            )
         seconds = perf_counter() - begin
         return recorded(built, names, numbers), seconds
 
     def _check(self) -> None:
         for name, gear in self.carried.gears.items():
             if sum(ratio != 0 for ratio in gear.ratios.values()) > 2:
-                raise EngineError(f"joints.{name}: Exudyn couples two coordinates, not more; use mujoco")
+                raise EngineError(
+                    f"joints.{name}: Exudyn couples two coordinates, not more; use mujoco"
+                )
         needed = coupled(self.carried)
         for cut in self.tree.cuts:
             if cut.joint in needed:
@@ -133,7 +160,9 @@ class ExudynEngine:
                 )
         for name, joint in self.carried.pairs.items():
             if TURN in joint.freedoms and effects_of(joint)[TURN][3]:
-                raise EngineError(f"joints.{name}: Exudyn has no rotor for a free turn; use pinocchio or mujoco")
+                raise EngineError(
+                    f"joints.{name}: Exudyn has no rotor for a free turn; use pinocchio or mujoco"
+                )
 
     def independent_rows(self, positions: np.ndarray) -> dict[str, tuple[int, ...]]:
         """Return for each joint which of what it holds Exudyn has to hold (indices of `HELD`) at a closed configuration.
@@ -143,7 +172,9 @@ class ExudynEngine:
         """
         kept = {name: HELD.get(joint.type, (0,)) for name, joint in self.carried.joints.items()}
         unit = np.eye(len(self.carried.rates))
-        motion = along_tree(self.carried, self.tree, np.broadcast_to(positions, (len(unit), len(positions))), unit)
+        motion = along_tree(
+            self.carried, self.tree, np.broadcast_to(positions, (len(unit), len(positions))), unit
+        )
         candidates: list[tuple[str, int]] = []
         gradients = [np.zeros((0, len(unit)))]
         for cut in self.tree.cuts:

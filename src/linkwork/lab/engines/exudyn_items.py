@@ -28,7 +28,9 @@ exu = load_engine("exudyn", "Exudyn")
 items = load_engine("exudyn.itemInterface", "Exudyn")
 rigid = load_engine("exudyn.rigidBodyUtilities", "Exudyn")
 
-Seat = tuple[Any, np.ndarray]  # Exudyn's number of a body, and the pose of our body frame in its frame
+Seat = tuple[
+    Any, np.ndarray
+]  # Exudyn's number of a body, and the pose of our body frame in its frame
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,8 @@ def scene(
         edges=edges,
         markers={
             name: tuple(
-                marker(system, seats[body], frame) for body, frame in zip(item.bodies, item.frames, strict=True)
+                marker(system, seats[body], frame)
+                for body, frame in zip(item.bodies, item.frames, strict=True)
             )
             for name, item in edges.items()
         },
@@ -113,11 +116,15 @@ def bodies(system: Any, mechanism: Mechanism, tree: Tree, start: BodyMotion) -> 
     zero[[label.endswith(".qw") for label in mechanism.coordinates]] = 1.0
     parallel = along_tree(mechanism, tree, zero, np.zeros(len(mechanism.rates))).poses
     seats: dict[str, Seat] = {GROUND: (system.CreateGround(), np.eye(4))}
-    motion = zip(mechanism.bodies.items(), parallel[:, :3, :3], start.poses, start.twists, strict=True)
+    motion = zip(
+        mechanism.bodies.items(), parallel[:, :3, :3], start.poses, start.twists, strict=True
+    )
     for (name, body), turned, pose, twist in motion:
         arm = pose[:3, :3] @ body.centre_of_mass
         number = system.CreateRigidBody(
-            inertia=rigid.RigidBodyInertia(mass=body.mass, inertiaTensor=turned @ inertia_tensor(body) @ turned.T),
+            inertia=rigid.RigidBodyInertia(
+                mass=body.mass, inertiaTensor=turned @ inertia_tensor(body) @ turned.T
+            ),
             referencePosition=pose[:3, 3] + arm,
             referenceRotationMatrix=pose[:3, :3] @ turned.T,
             initialVelocity=twist[3:] + np.cross(twist[:3], arm),
@@ -135,7 +142,9 @@ def marker(system: Any, seat: Seat, frame: np.ndarray) -> Any:
     number, pose = seat
     place = pose @ frame
     return system.AddMarker(
-        items.MarkerBodyRigid(bodyNumber=number, localHT=exu.HT(rotation=place[:3, :3], translation=place[:3, 3]))
+        items.MarkerBodyRigid(
+            bodyNumber=number, localHT=exu.HT(rotation=place[:3, :3], translation=place[:3, 3])
+        )
     )
 
 
@@ -163,7 +172,9 @@ def sensors(built: BuiltSystem, names: tuple[str, ...]) -> list[list[Any]]:
 def recorded(built: BuiltSystem, names: tuple[str, ...], numbers: list[list[Any]]) -> BodyMotion:
     """Return the recorded motion of these bodies."""
     data = built.system.GetSensorStoredData
-    table = np.stack([np.hstack([data(number)[:, 1:] for number in own]) for own in numbers], axis=1)
+    table = np.stack(
+        [np.hstack([data(number)[:, 1:] for number in own]) for own in numbers], axis=1
+    )
     position, rotation, twists, accelerations = np.split(table, (3, 12, 18), axis=2)
     poses = np.zeros((*table.shape[:2], 4, 4))
     poses[..., :3, 3], poses[..., 3, 3] = position, 1.0
@@ -194,21 +205,36 @@ def add_joint(built: BuiltSystem, item: Edge, rows: tuple[int, ...]) -> None:
 
 def tie(built: BuiltSystem, first: Any, second: Any, factor: float, offset: float) -> None:
     """Keep the first coordinate at `factor` times the second plus `offset`."""
-    built.system.AddObject(items.CoordinateConstraint(markerNumbers=[first, second], factor1=factor, offset=-offset))
+    built.system.AddObject(
+        items.CoordinateConstraint(markerNumbers=[first, second], factor1=factor, offset=-offset)
+    )
 
 
 def add_gear(built: BuiltSystem, gear: GearJoint) -> None:
     """Couple two joint coordinates: a = (offset - r_b b) / r_a."""
     (a, r_a), (b, r_b) = ((label, ratio) for label, ratio in gear.ratios.items() if ratio)
-    owner = {label: item for item in built.edges.values() for step in item.steps for label in step.coordinates}
-    tie(built, coordinate_marker(built, owner[a]), coordinate_marker(built, owner[b]), -r_b / r_a, gear.offset / r_a)
+    owner = {
+        label: item
+        for item in built.edges.values()
+        for step in item.steps
+        for label in step.coordinates
+    }
+    tie(
+        built,
+        coordinate_marker(built, owner[a]),
+        coordinate_marker(built, owner[b]),
+        -r_b / r_a,
+        gear.offset / r_a,
+    )
 
 
 def add_rotor(built: BuiltSystem, item: Edge, inertia: float) -> None:
     """Add a mass of one freedom that moves with a joint's coordinate."""
     system, label = built.system, item.steps[0].coordinates[0]
     node = system.AddNode(
-        items.Node1D(initialCoordinates=[built.positions[label]], initialVelocities=[built.rates[label]])
+        items.Node1D(
+            initialCoordinates=[built.positions[label]], initialVelocities=[built.rates[label]]
+        )
     )
     system.AddObject(items.Mass1D(nodeNumber=node, mass=inertia))
     own = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
@@ -222,13 +248,17 @@ def coordinate_marker(built: BuiltSystem, item: Edge) -> Any:
 
 def slide_marker(built: BuiltSystem, item: Edge) -> Any:
     """Add a marker of the distance along a joint's axis."""
-    return built.system.AddMarker(items.MarkerBodiesRelativeTranslationCoordinate(**between(built, item)))
+    return built.system.AddMarker(
+        items.MarkerBodiesRelativeTranslationCoordinate(**between(built, item))
+    )
 
 
 def turn_marker(built: BuiltSystem, item: Edge) -> Any:
     """Add a marker of the angle about a joint's axis, whole turns included."""
     return built.system.AddMarker(
-        items.MarkerBodiesRelativeRotationCoordinate(nodeNumber=turns(built, item), **between(built, item))
+        items.MarkerBodiesRelativeRotationCoordinate(
+            nodeNumber=turns(built, item), **between(built, item)
+        )
     )
 
 
@@ -247,13 +277,17 @@ def between(built: BuiltSystem, item: Edge) -> dict[str, Any]:
 def turns(built: BuiltSystem, item: Edge) -> Any:
     """Add a node that remembers a joint's last angle, so that whole turns count."""
     angle = built.positions[item.steps[0].coordinates[0]]
-    return built.system.AddNode(items.NodeGenericData(initialCoordinates=[angle], numberOfDataCoordinates=1))
+    return built.system.AddNode(
+        items.NodeGenericData(initialCoordinates=[angle], numberOfDataCoordinates=1)
+    )
 
 
 # Forces
 
 
-def add_joint_forces(built: BuiltSystem, item: Edge, step: Step, friction: Friction, spring: Spring) -> None:
+def add_joint_forces(
+    built: BuiltSystem, item: Edge, step: Step, friction: Friction, spring: Spring
+) -> None:
     """Add the spring, damper and friction of a freedom."""
     damping = friction.viscous + spring.damping
     if not (spring.stiffness or damping or friction.coulomb):
@@ -261,36 +295,48 @@ def add_joint_forces(built: BuiltSystem, item: Edge, step: Step, friction: Frict
     fields: dict[str, Any] = {"markerNumbers": list(built.markers[item.joint])}
     if step.motion == "ball":
         resist = ball_resistance(spring.stiffness, damping, friction)
-        built.system.AddObject(items.RigidBodySpringDamper(springForceTorqueUserFunction=resist, **fields))
+        built.system.AddObject(
+            items.RigidBodySpringDamper(springForceTorqueUserFunction=resist, **fields)
+        )
         return
     fields |= {"stiffness": spring.stiffness, "damping": damping, "offset": spring.rest}
     resist = resistance(friction) if friction.coulomb else 0
     if step.motion == "slide":
         built.system.AddObject(
-            items.LinearSpringDamper(axisMarker0=[0, 0, 1], springForceUserFunction=resist, **fields)
+            items.LinearSpringDamper(
+                axisMarker0=[0, 0, 1], springForceUserFunction=resist, **fields
+            )
         )
     else:
         node = turns(built, item)
-        built.system.AddObject(items.TorsionalSpringDamper(nodeNumber=node, springTorqueUserFunction=resist, **fields))
+        built.system.AddObject(
+            items.TorsionalSpringDamper(nodeNumber=node, springTorqueUserFunction=resist, **fields)
+        )
 
 
 def resistance(friction: Friction) -> Callable[..., float]:
     """Return Exudyn's function of a spring, damper and smoothed Coulomb friction: k (q - rest) + (c + F / s) w."""
 
-    def force(_system: Any, _time: float, _item: Any, q: float, w: float, k: float, c: float, rest: float) -> float:
+    def force(
+        _system: Any, _time: float, _item: Any, q: float, w: float, k: float, c: float, rest: float
+    ) -> float:
         return k * (q - rest) + (c + smoothed(friction, w * w)) * w
 
     return force
 
 
-def ball_resistance(stiffness: float, damping: float, friction: Friction) -> Callable[..., np.ndarray]:
+def ball_resistance(
+    stiffness: float, damping: float, friction: Friction
+) -> Callable[..., np.ndarray]:
     """Return Exudyn's function of the same for a free turn, which gives angles of turns about x, y and z in this order."""
 
     def torque(
         _system: Any, _time: float, _item: Any, _d: Any, angles: Any, _v: Any, omega: Any, *_: Any
     ) -> np.ndarray:
         turn, w = Rotation.from_euler("XYZ", angles).as_rotvec(), np.asarray(omega)
-        return np.concatenate([np.zeros(3), stiffness * turn + (damping + smoothed(friction, float(w @ w))) * w])
+        return np.concatenate(
+            [np.zeros(3), stiffness * turn + (damping + smoothed(friction, float(w @ w))) * w]
+        )
 
     return torque
 
@@ -321,13 +367,24 @@ def add_actuators(built: BuiltSystem, forces: Forces) -> None:
     """Add for each actuator a pair of loads on the two bodies, in the axes of the joint's first frame."""
     asked = lru_cache(maxsize=1)(forces) if callable(forces) else forces
     for place, name in enumerate(built.mechanism.actuators):
-        item, step = next((item, step) for item in built.edges.values() for step in item.steps if name in step.rates)
-        axis = np.eye(3)[step.rates.index(name)] if step.motion == "ball" else np.array([0.0, 0.0, 1.0])
+        item, step = next(
+            (item, step)
+            for item in built.edges.values()
+            for step in item.steps
+            if name in step.rates
+        )
+        axis = (
+            np.eye(3)[step.rates.index(name)]
+            if step.motion == "ball"
+            else np.array([0.0, 0.0, 1.0])
+        )
         load = items.Force if step.motion == "slide" else items.Torque
         near, far = built.markers[item.joint]
         turning = near if step.motion == "ball" else None
         for number, direction, frame in ((near, -axis, None), (far, axis, turning)):
-            built.system.AddLoad(load(markerNumber=number, **pushing(direction, place, asked, frame)))
+            built.system.AddLoad(
+                load(markerNumber=number, **pushing(direction, place, asked, frame))
+            )
 
 
 def pushing(direction: np.ndarray, place: int, forces: Forces, frame: Any) -> dict[str, Any]:
@@ -339,7 +396,9 @@ def pushing(direction: np.ndarray, place: int, forces: Forces, frame: Any) -> di
         force = direction * (forces(time) if callable(forces) else forces)[place]
         if frame is None:
             return force
-        R = system.GetMarkerOutput(frame, exu.OutputVariableType.RotationMatrix, exu.ConfigurationType.Current)
+        R = system.GetMarkerOutput(
+            frame, exu.OutputVariableType.RotationMatrix, exu.ConfigurationType.Current
+        )
         return np.asarray(R).reshape(3, 3) @ force
 
     return {"bodyFixed": frame is None, "loadVectorUserFunction": push}

@@ -60,7 +60,9 @@ class Engine(Protocol):
     version: str
     mechanism: Mechanism
 
-    def accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of the actuated rates, shape (n,) [m/s^2, rad/s^2].
 
         Args:
@@ -71,7 +73,9 @@ class Engine(Protocol):
         """
         ...
 
-    def joint_accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def joint_accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of all joint rates in the order of `mechanism.rates`, shape (nv,)."""
         ...
 
@@ -90,24 +94,32 @@ def load_engine(module: str, title: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise EngineError(f"{title} cannot be imported ({error}); try `pip install linkwork[engines]`") from None
+        raise EngineError(
+            f"{title} cannot be imported ({error}); try `pip install linkwork[engines]`"
+        ) from None
 
 
-def checked(mechanism: Mechanism, positions: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def checked(
+    mechanism: Mechanism, positions: np.ndarray, rates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return positions (nq,) and rates (nv,) of all joints as vectors; other shapes and non-numbers are refused."""
     for title, names, values in (
         ("positions", mechanism.coordinates, positions),
         ("rates", mechanism.rates, rates),
     ):
         if np.shape(values) != (len(names),) or not np.all(np.isfinite(values)):
-            raise EngineError(f"{title}: give {len(names)} finite numbers, one for each of the joints', not {values!r}")
+            raise EngineError(
+                f"{title}: give {len(names)} finite numbers, one for each of the joints', not {values!r}"
+            )
     return np.asarray(positions, dtype=float), np.asarray(rates, dtype=float)
 
 
 def checked_forces(mechanism: Mechanism, forces: np.ndarray) -> np.ndarray:
     """Return actuator forces as a vector of shape (n,); another shape is refused."""
     if np.shape(forces) != (len(mechanism.actuators),):
-        raise EngineError(f"forces: give {len(mechanism.actuators)} numbers, one per actuator, not {forces!r}")
+        raise EngineError(
+            f"forces: give {len(mechanism.actuators)} numbers, one per actuator, not {forces!r}"
+        )
     return np.asarray(forces, dtype=float)
 
 

@@ -113,7 +113,11 @@ class Step:
 
     def reversed(self) -> Step:
         """Return the inverse motion: about or along the opposite axis, so that its coordinate keeps its sign."""
-        return replace(self, axis=self.axis if self.motion == "ball" else -self.axis, backwards=not self.backwards)
+        return replace(
+            self,
+            axis=self.axis if self.motion == "ball" else -self.axis,
+            backwards=not self.backwards,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +154,21 @@ def edge(name: str, joint: PairJoint) -> Edge:
         case RevoluteJoint() | PrismaticJoint() | ScrewJoint() | CylindricalJoint():
             turn = turn_z_to(np.array(joint.axis))
     near, far = (pose_of(frame) @ turn for frame in joint.frames)
-    size = joint.pitch if isinstance(joint, ScrewJoint) else joint.length if isinstance(joint, RodJoint) else 0.0
+    size = (
+        joint.pitch
+        if isinstance(joint, ScrewJoint)
+        else joint.length
+        if isinstance(joint, RodJoint)
+        else 0.0
+    )
     coordinates, rates = iter(joint.coordinates(name)), iter(joint.rates(name))
 
     def step(motion: Motion, axis: np.ndarray) -> Step:
         takes, gives = (4, 3) if motion == "ball" else (1, 1)
-        own = tuple(next(coordinates) for _ in range(takes)), tuple(next(rates) for _ in range(gives))
+        own = (
+            tuple(next(coordinates) for _ in range(takes)),
+            tuple(next(rates) for _ in range(gives)),
+        )
         return Step(motion, axis, *own, pitch=size if motion == "screw" else 0.0)
 
     steps = tuple(step(*motion) for motion in MOTIONS[kind])
@@ -211,7 +224,10 @@ def coordinates_at(item: Edge, pose: np.ndarray) -> np.ndarray:
         case "cylindrical":
             return np.concatenate([angle, p[..., 2:]], axis=-1)
         case "universal":
-            return np.stack([np.arctan2(R[..., 2, 1], R[..., 1, 1]), np.arctan2(R[..., 0, 2], R[..., 0, 0])], axis=-1)
+            return np.stack(
+                [np.arctan2(R[..., 2, 1], R[..., 1, 1]), np.arctan2(R[..., 0, 2], R[..., 0, 0])],
+                axis=-1,
+            )
         case "spherical":
             return quaternion_of(R)
         case "planar":
@@ -284,5 +300,7 @@ def gaps(item: Edge, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         case "universal":
             turns = -R[..., 0, 1:2]
         case _:
-            turns = np.stack([-R[..., 1, 2], R[..., 0, 2]], axis=-1)[..., : sum(axis > 2 for axis in held)]
+            turns = np.stack([-R[..., 1, 2], R[..., 0, 2]], axis=-1)[
+                ..., : sum(axis > 2 for axis in held)
+            ]
     return shifts, turns

@@ -43,7 +43,11 @@ class BodyMotion:
         alpha, acceleration = np.split(self.accelerations[..., index, :], 2, axis=-1)
         velocity = velocity + np.cross(omega, arm)
         acceleration = acceleration + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
-        return pose, np.concatenate([omega, velocity], axis=-1), np.concatenate([alpha, acceleration], axis=-1)
+        return (
+            pose,
+            np.concatenate([omega, velocity], axis=-1),
+            np.concatenate([alpha, acceleration], axis=-1),
+        )
 
     def across(self, item: Edge) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return pose X_12, twist and its derivative of a joint's second frame, seen and resolved in its first.
@@ -55,10 +59,16 @@ class BodyMotion:
         (near, twist, change), (far, other, rise) = map(self.frame, item.bodies, item.frames)
         omega, alpha = twist[..., :3], change[..., :3]
         d = far[..., :3, 3] - near[..., :3, 3]
-        turning, sliding = other[..., :3] - omega, other[..., 3:] - twist[..., 3:] - np.cross(omega, d)
+        turning, sliding = (
+            other[..., :3] - omega,
+            other[..., 3:] - twist[..., 3:] - np.cross(omega, d),
+        )
         spin_up = rise[..., :3] - alpha - np.cross(omega, turning)
         speed_up = (
-            rise[..., 3:] - change[..., 3:] - np.cross(alpha, d) - np.cross(omega, np.cross(omega, d) + 2 * sliding)
+            rise[..., 3:]
+            - change[..., 3:]
+            - np.cross(alpha, d)
+            - np.cross(omega, np.cross(omega, d) + 2 * sliding)
         )
         back = np.swapaxes(near[..., :3, :3], -1, -2)
 
@@ -112,7 +122,11 @@ class Moving:
     def _at(self, arm: np.ndarray) -> Moving:
         """Return the motion of the point at an arm."""
         swing = np.cross(self.omega, arm)
-        return replace(self, v=self.v + swing, a=self.a + np.cross(self.alpha, arm) + np.cross(self.omega, swing))
+        return replace(
+            self,
+            v=self.v + swing,
+            a=self.a + np.cross(self.alpha, arm) + np.cross(self.omega, swing),
+        )
 
     def _slid(self, d: np.ndarray, speed: np.ndarray, speeding: np.ndarray) -> Moving:
         there, pose = self._at(d), np.array(self.pose)
@@ -155,14 +169,22 @@ def along_tree(
     coordinate, rate = places(mechanism.coordinates), places(mechanism.rates)
     shape = positions.shape[:-1]
     still = np.zeros((*shape, 3))
-    moving = {GROUND: Moving(np.broadcast_to(np.eye(4), (*shape, 4, 4)), still, still, still, still), **(known or {})}
+    moving = {
+        GROUND: Moving(np.broadcast_to(np.eye(4), (*shape, 4, 4)), still, still, still, still),
+        **(known or {}),
+    }
     for item in tree.edges:
         if item.bodies[1] in moving:
             continue
         frame = moving[item.bodies[0]].to(item.frames[0])
         for step in item.steps:
-            own, speeds = [coordinate[label] for label in step.coordinates], [rate[label] for label in step.rates]
-            frame = frame.across(step, positions[..., own], rates[..., speeds], accelerations[..., speeds])
+            own, speeds = (
+                [coordinate[label] for label in step.coordinates],
+                [rate[label] for label in step.rates],
+            )
+            frame = frame.across(
+                step, positions[..., own], rates[..., speeds], accelerations[..., speeds]
+            )
         moving[item.bodies[1]] = frame.to(np.linalg.inv(item.frames[1]))
     names = tuple(mechanism.bodies)
     found = [moving[name] for name in names]
@@ -170,7 +192,9 @@ def along_tree(
         names,
         poses=np.stack([body.pose for body in found], axis=-3),
         twists=np.stack([np.concatenate([body.omega, body.v], axis=-1) for body in found], axis=-2),
-        accelerations=np.stack([np.concatenate([body.alpha, body.a], axis=-1) for body in found], axis=-2),
+        accelerations=np.stack(
+            [np.concatenate([body.alpha, body.a], axis=-1) for body in found], axis=-2
+        ),
     )
 
 

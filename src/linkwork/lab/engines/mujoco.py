@@ -86,7 +86,9 @@ class MujocoEngine:
             spec.compiler.discardvisual = True
             self.model = spec.compile()
         except (MechanismError, ValueError) as error:
-            raise EngineError(f"MuJoCo refuses {mechanism.name!r}: {' '.join(str(error).split())}") from None
+            raise EngineError(
+                f"MuJoCo refuses {mechanism.name!r}: {' '.join(str(error).split())}"
+            ) from None
         self.data = mj.MjData(self.model)
         self.plan = layout(carried, outside, home, tree, self.model)
         self.seats = {seat: (seat, np.eye(4)) for seat in tree.seats}
@@ -111,7 +113,11 @@ class MujocoEngine:
         for feature in UNUSED:
             option.disableflags |= getattr(mj.mjtDisableBit, f"mjDSBL_{feature}")
         self.model.eq_solref[:] = SOLREF
-        for estimate in (self.model.body_invweight0, self.model.dof_invweight0, self.model.tendon_invweight0):
+        for estimate in (
+            self.model.body_invweight0,
+            self.model.dof_invweight0,
+            self.model.tendon_invweight0,
+        ):
             estimate[:] *= softness
 
     def _set_state(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> None:
@@ -121,17 +127,23 @@ class MujocoEngine:
         self.data.ctrl[:] = checked_forces(self.mechanism, forces)
         self.data.qfrc_applied[:] = self.plan.forces(q, v)
 
-    def evaluation(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> Callable[[], object]:
+    def evaluation(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> Callable[[], object]:
         """Return MuJoCo's own forward dynamics at a state as a call without arguments or wrapping, for timing."""
         self._set_state(positions, rates, forces)
         return partial(mj.mj_forward, self.model, self.data)
 
-    def accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of the actuated rates, shape (n,); see `Engine.accelerations`."""
         self.evaluation(positions, rates, forces)()
         return self.plan.actuated(self.data.qpos, self.data.qvel, self.data.qacc)
 
-    def joint_accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def joint_accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`."""
         self.evaluation(positions, rates, forces)()
         state = self.data.qpos[None], self.data.qvel[None], self.data.qacc[None]

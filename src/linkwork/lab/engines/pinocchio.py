@@ -39,7 +39,9 @@ from linkwork.mechanism import GROUND, Mechanism, PointSpring
 pin = load_engine("pinocchio", "Pinocchio")
 
 ACCURACY = 1e-6  # of the proximal iterations, absolute and relative; the accelerations are then good to 1e-11
-REGULARISATION = 1e-6  # mu of the proximal iterations; smaller ones do harm where redundant rows drift apart
+REGULARISATION = (
+    1e-6  # mu of the proximal iterations; smaller ones do harm where redundant rows drift apart
+)
 ITERATIONS = 20
 QUATERNION = (3, 0, 1, 2)  # places of w, x, y, z
 
@@ -105,7 +107,9 @@ class PinocchioEngine:
             pose = turned.inverse()
         pose = pose * pin.SE3(item.frames[1]).inverse()
         body, share = self.plan.carried.whole.bodies[item.bodies[1]], branch.share
-        inertia = pin.Inertia(share * body.mass, np.array(body.centre_of_mass), share * inertia_tensor(body))
+        inertia = pin.Inertia(
+            share * body.mass, np.array(body.centre_of_mass), share * inertia_tensor(body)
+        )
         self.model.appendBodyToJoint(joint, inertia, pose)
         self.seats[branch.part] = joint, pose
 
@@ -113,7 +117,9 @@ class PinocchioEngine:
         kind = {"point": pin.ContactType.CONTACT_3D, "weld": pin.ContactType.CONTACT_6D}[tie.kind]
         (first, pose), (second, place) = (self.seats[part] for part in tie.parts)
         near, far = pose * pin.SE3(tie.frames[0]), place * pin.SE3(tie.frames[1])
-        return pin.RigidConstraintModel(kind, self.model, first, near, second, far, pin.ReferenceFrame.LOCAL)
+        return pin.RigidConstraintModel(
+            kind, self.model, first, near, second, far, pin.ReferenceFrame.LOCAL
+        )
 
     def _forces(self, q: np.ndarray, v: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Return tau of the actuators, of springs and friction in joints, and of springs between points."""
@@ -126,20 +132,27 @@ class PinocchioEngine:
 
     def _pull(self, spring: PointSpring, v: np.ndarray) -> np.ndarray:
         """Return the gradient of a spring's length along v times its tension."""
-        ends = [self._end(body, np.array(point)) for body, point in zip(spring.connects, spring.points, strict=True)]
+        ends = [
+            self._end(body, np.array(point))
+            for body, point in zip(spring.connects, spring.points, strict=True)
+        ]
         (start, going), (end, coming) = ends
         length = float(np.linalg.norm(end - start))
         if length == 0.0:
             return np.zeros(len(v))
         gradient = (end - start) / length @ (coming - going)
-        return gradient * (spring.stiffness * (length - spring.rest_length) + spring.damping * (gradient @ v))
+        return gradient * (
+            spring.stiffness * (length - spring.rest_length) + spring.damping * (gradient @ v)
+        )
 
     def _end(self, body: str, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a body's point in ground, and the matrix (3, nv) that takes v to its velocity."""
         joint, seat = self.seats[body]
         if not joint:
             return seat.act(point), np.zeros((3, self.model.nv))
-        J = pin.getJointJacobian(self.model, self.data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        J = pin.getJointJacobian(
+            self.model, self.data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
         arm = self.data.oMi[joint].rotation @ seat.act(point)
         return self.data.oMi[joint].translation + arm, J[:3] - pin.skew(arm) @ J[3:]
 
@@ -147,21 +160,38 @@ class PinocchioEngine:
         """Return what `constraintDynamics` wants, for a state and actuator forces."""
         q, v = self.plan.state(positions, rates)
         tau = self._forces(q, v, checked_forces(self.mechanism, forces))
-        return self.model, self.data, q, v, tau, self.constraints, self.constraint_data, self.proximal
+        return (
+            self.model,
+            self.data,
+            q,
+            v,
+            tau,
+            self.constraints,
+            self.constraint_data,
+            self.proximal,
+        )
 
-    def evaluation(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> Callable[[], object]:
+    def evaluation(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> Callable[[], object]:
         """Return Pinocchio's own forward dynamics at a state as a call without arguments or wrapping, for timing."""
         return partial(pin.constraintDynamics, *self._arguments(positions, rates, forces))
 
-    def accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of the actuated rates, shape (n,); see `Engine.accelerations`."""
         q, v, a = self._solved(positions, rates, forces)
         return self.plan.actuated(q, v, a)
 
-    def joint_accelerations(self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def joint_accelerations(
+        self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`."""
         q, v, a = self._solved(positions, rates, forces)
-        return joints_of(self.plan, q[None], v[None], a[None], np.asarray(positions)).accelerations[0]
+        return joints_of(self.plan, q[None], v[None], a[None], np.asarray(positions)).accelerations[
+            0
+        ]
 
     def _solved(self, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return q, v, v' at a state of the joints under actuator forces."""
@@ -176,7 +206,9 @@ class PinocchioEngine:
             )
         return accelerations
 
-    def inverse_dynamics(self, positions: np.ndarray, rates: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+    def inverse_dynamics(
+        self, positions: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
+    ) -> np.ndarray:
         """Return the actuator forces for derivatives of the actuated rates, both of shape (n,) [N, N m].
 
         Accelerations are affine in the forces. With the null space N of J and the actuators' S,
@@ -188,11 +220,19 @@ class PinocchioEngine:
         arguments = self._arguments(positions, rates, np.zeros(len(self.drives)))
         q, v = arguments[2:4]
         free = self._finite(np.array(pin.constraintDynamics(*arguments)))
-        S = np.stack([self.plan.vectors.forces(q, self.plan.drives, unit) for unit in np.eye(len(self.drives))], axis=1)
+        S = np.stack(
+            [
+                self.plan.vectors.forces(q, self.plan.drives, unit)
+                for unit in np.eye(len(self.drives))
+            ],
+            axis=1,
+        )
         N = np.eye(self.model.nv)
         if len(self.constraints):
             pin.computeJointJacobians(self.model, self.data, q)
-            J = pin.getConstraintsJacobian(self.model, self.data, self.constraints, self.constraint_data)
+            J = pin.getConstraintsJacobian(
+                self.model, self.data, self.constraints, self.constraint_data
+            )
             N = null_space(J, rcond=1e-10)
         upper = np.triu(pin.crba(self.model, self.data, q))
         M = upper + np.triu(upper, 1).T
@@ -210,7 +250,9 @@ class PinocchioEngine:
         pushing, time = in_time(self.mechanism, forces), instants(duration, step)
         model, data, q, v, _, *constraints = self._arguments(positions, rates, pushing(0.0))
         h = time[1]
-        qs, vs, accelerations = (np.empty((len(time), size)) for size in (model.nq, model.nv, model.nv))
+        qs, vs, accelerations = (
+            np.empty((len(time), size)) for size in (model.nq, model.nv, model.nv)
+        )
 
         def motion(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             q = self._unit(q)
@@ -248,7 +290,9 @@ class PinocchioEngine:
         moving[self.plan.vectors.scalars[0]] = v[self.plan.vectors.scalars[1]]
         for ball in balls:
             w, x, y, z = q[ball.q][list(QUATERNION)]
-            moving[ball.q] = np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[ball.v] / 2
+            moving[ball.q] = (
+                np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[ball.v] / 2
+            )
         return moving
 
 
@@ -256,8 +300,12 @@ def joint_models(item: Edge) -> list[tuple[str, Any, Any]]:
     """Return Pinocchio's joints for a joint: a name, the joint, and the pose whose z axis it moves about or along."""
     if item.kind == "universal":
         first, second = item.steps
-        return [(first.rates[0], pin.JointModelUniversal(first.axis, second.axis), pin.SE3.Identity())]
-    return [(step.rates[0], joint_model(step), pin.SE3(turn_z_to(step.axis))) for step in item.steps]
+        return [
+            (first.rates[0], pin.JointModelUniversal(first.axis, second.axis), pin.SE3.Identity())
+        ]
+    return [
+        (step.rates[0], joint_model(step), pin.SE3(turn_z_to(step.axis))) for step in item.steps
+    ]
 
 
 def joint_model(step: Step) -> Any:

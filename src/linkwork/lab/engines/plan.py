@@ -63,7 +63,9 @@ def plan(mechanism: Mechanism, order: Quaternion, guess: Guess) -> Plan:
     carried = carry(mechanism, guess)
     tree = spanning_tree(carried.whole)
     grown = branches(tree)
-    vectors = Vectors.of(carried.whole, [step for branch in grown for step in branch.edge.steps], order)
+    vectors = Vectors.of(
+        carried.whole, [step for branch in grown for step in branch.edge.steps], order
+    )
     return Plan(
         carried=carried,
         tree=tree,

@@ -68,7 +68,9 @@ def with_free_joints(mechanism: Mechanism) -> tuple[Mechanism, tuple[str, ...]]:
     groups = [group for group in nx.connected_components(graph) if GROUND not in group]
     hung = tuple(next(body for body in mechanism.bodies if body in group) for group in groups)
     free = {f"{body}.free": FreeJoint.model_construct(connects=(GROUND, body)) for body in hung}
-    return (mechanism.model_copy(update={"joints": {**mechanism.joints, **free}}) if hung else mechanism), hung
+    return (
+        mechanism.model_copy(update={"joints": {**mechanism.joints, **free}}) if hung else mechanism
+    ), hung
 
 
 # Rods as links
@@ -87,19 +89,29 @@ def with_links(mechanism: Mechanism) -> Mechanism:
     for rod in rods.values():
         for body, frame in zip(rod.connects, rod.frames, strict=True):
             held.setdefault(body, []).append(np.array(frame.position))
-    spare = {body: spare_mass(mechanism, body, np.array(points)) for body, points in held.items() if body != GROUND}
+    spare = {
+        body: spare_mass(mechanism, body, np.array(points))
+        for body, points in held.items()
+        if body != GROUND
+    }
     bodies = {
         name: lightened(body, spare[name], np.array(held[name])) if name in spare else body
         for name, body in mechanism.bodies.items()
     }
-    joints: dict[str, Joint] = {name: joint for name, joint in mechanism.joints.items() if name not in rods}
+    joints: dict[str, Joint] = {
+        name: joint for name, joint in mechanism.joints.items() if name not in rods
+    }
     for name, rod in rods.items():
         (first, second), link = rod.connects, f"{name}.link"
         ends = spare.get(first, spare.get(second, 0.0)), spare.get(second, spare.get(first, 0.0))
         bodies[link] = dumbbell(rod.length, *ends)
         far = Frame(position=(0.0, 0.0, rod.length))
-        joints[f"{name}.near"] = SphericalJoint.model_construct(connects=(first, link), frames=(rod.frames[0], Frame()))
-        joints[f"{name}.far"] = SphericalJoint.model_construct(connects=(link, second), frames=(far, rod.frames[1]))
+        joints[f"{name}.near"] = SphericalJoint.model_construct(
+            connects=(first, link), frames=(rod.frames[0], Frame())
+        )
+        joints[f"{name}.far"] = SphericalJoint.model_construct(
+            connects=(link, second), frames=(far, rod.frames[1])
+        )
     return mechanism.model_copy(update={"bodies": bodies, "joints": joints})
 
 
@@ -107,7 +119,9 @@ def spare_mass(mechanism: Mechanism, name: str, points: np.ndarray) -> float:
     """Return the mass that a body gives to each rod that holds one of these points (n, 3) [kg]."""
     body = mechanism.bodies[name]
     J, P = moments(body), homogeneous(points)
-    scale = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))  # lengths and the unit of mass differ in size
+    scale = np.sqrt(
+        np.where(np.diag(J) > 0, np.diag(J), 1.0)
+    )  # lengths and the unit of mass differ in size
     J, P = J / np.outer(scale, scale), P / scale[:, None]
     inverse = np.linalg.pinv(J, rcond=1e-10, hermitian=True)
     greatest = float(np.linalg.eigvalsh(P.T @ inverse @ P)[-1])
@@ -140,7 +154,13 @@ def lightened(body: Body, mass: float, points: np.ndarray) -> Body:
     second = J[:3, :3] - J[3, 3] * np.outer(centre, centre)
     I = np.trace(second) * np.eye(3) - second  # noqa: E741
     inertia = Inertia(
-        xx=I[0, 0], yy=I[1, 1], zz=I[2, 2], xy=I[0, 1], xz=I[0, 2], yz=I[1, 2], moments=body.inertia.moments
+        xx=I[0, 0],
+        yy=I[1, 1],
+        zz=I[2, 2],
+        xy=I[0, 1],
+        xz=I[0, 2],
+        yz=I[1, 2],
+        moments=body.inertia.moments,
     )
     return Body(mass=J[3, 3], centre_of_mass=vector(centre), inertia=inertia)
 
@@ -150,7 +170,9 @@ def dumbbell(length: float, near: float, far: float) -> Body:
     mass = near + far
     across = near * far / mass * length**2
     return Body(
-        mass=mass, centre_of_mass=(0.0, 0.0, far / mass * length), inertia=Inertia(xx=across, yy=across, zz=across / 2)
+        mass=mass,
+        centre_of_mass=(0.0, 0.0, far / mass * length),
+        inertia=Inertia(xx=across, yy=across, zz=across / 2),
     )
 
 
@@ -171,12 +193,17 @@ def in_steps(mechanism: Mechanism, names: set[str]) -> Mechanism:
         first, last = joint.connects
         between = [f"{name}.{freedom}.link" for freedom in joint.freedoms[:-1]]
         bodies = [first, *between, last]
-        for freedom, axis, *connects in zip(joint.freedoms, axes(joint), bodies, bodies[1:], strict=False):
+        for freedom, axis, *connects in zip(
+            joint.freedoms, axes(joint), bodies, bodies[1:], strict=False
+        ):
             frames = (
                 joint.frames[0] if connects[0] == first else Frame(),
                 joint.frames[1] if connects[1] == last else Frame(),
             )
-            own, acting = {"connects": tuple(connects), "frames": frames}, effects_by_field(joint, freedom)
+            own, acting = (
+                {"connects": tuple(connects), "frames": frames},
+                effects_by_field(joint, freedom),
+            )
             if axis is None:
                 turning = {field: {freedom: value} for field, value in acting.items()}
                 joints[name] = SphericalJoint.model_construct(None, **own, **turning)
@@ -196,7 +223,10 @@ def axes(joint: PairJoint) -> list[Vector3 | None]:
         case CylindricalJoint():
             return [joint.axis, joint.axis]
         case _:
-            return [None if motion == "ball" else vector(axis) for motion, axis in MOTIONS[kind_of(joint)]]
+            return [
+                None if motion == "ball" else vector(axis)
+                for motion, axis in MOTIONS[kind_of(joint)]
+            ]
 
 
 def effects_by_field(joint: PairJoint, freedom: str) -> dict[str, Any]:
@@ -243,5 +273,7 @@ def with_effects(joint: Joint, change: Change) -> Joint:
     found = {freedom: change(freedom, *effects) for freedom, effects in joint.effects().items()}
     columns = zip(FIELDS, zip(*found.values(), strict=True), strict=False)
     many = isinstance(joint, ManyFreedoms)
-    fields = {field: dict(zip(found, own, strict=True)) if many else own[0] for field, own in columns}
+    fields = {
+        field: dict(zip(found, own, strict=True)) if many else own[0] for field, own in columns
+    }
     return joint.model_copy(update=fields)

@@ -24,7 +24,12 @@ Guess = Mapping[str, np.ndarray]
 
 
 def bodies_at(
-    mechanism: Mechanism, tree: Tree, positions: np.ndarray, rates: np.ndarray, hung: Sequence[str], guess: Guess
+    mechanism: Mechanism,
+    tree: Tree,
+    positions: np.ndarray,
+    rates: np.ndarray,
+    hung: Sequence[str],
+    guess: Guess,
 ) -> BodyMotion:
     """Return the bodies' poses and twists at a state.
 
@@ -57,10 +62,14 @@ def bodies_at(
     return along_tree(mechanism, tree, x, w)
 
 
-def closure(mechanism: Mechanism, tree: Tree, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def closure(
+    mechanism: Mechanism, tree: Tree, positions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the gaps (h,) of the cut joints and the rows (h, nv) by which all joint rates open them."""
     rates = np.eye(len(mechanism.rates))
-    motion = along_tree(mechanism, tree, np.broadcast_to(positions, (len(rates), len(positions))), rates)
+    motion = along_tree(
+        mechanism, tree, np.broadcast_to(positions, (len(rates), len(positions))), rates
+    )
     found, rows = [np.zeros(0)], [np.zeros((0, len(rates)))]
     for cut in tree.cuts:
         pose, twists, _ = motion.across(cut)
@@ -71,7 +80,9 @@ def closure(mechanism: Mechanism, tree: Tree, positions: np.ndarray) -> tuple[np
 
 def coordinates_of(pose: np.ndarray) -> np.ndarray:
     """Return the coordinates (7,) of a free joint at a pose."""
-    return np.concatenate([pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)])
+    return np.concatenate(
+        [pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)]
+    )
 
 
 def moved(x: np.ndarray, first: int, step: np.ndarray) -> np.ndarray:
@@ -90,7 +101,8 @@ def with_link_motion(described: Mechanism, linked: Mechanism, motion: BodyMotion
     rods = [joint for joint in described.pairs.values() if isinstance(joint, RodJoint)]
     for rod in rods:
         (start, going, _), (end, coming, _) = (
-            motion.frame(body, at(frame.position)) for body, frame in zip(rod.connects, rod.frames, strict=True)
+            motion.frame(body, at(frame.position))
+            for body, frame in zip(rod.connects, rod.frames, strict=True)
         )
         d, speed = end[..., :3, 3] - start[..., :3, 3], coming[..., 3:] - going[..., 3:]
         pose = np.array(start)

@@ -39,7 +39,9 @@ class Tree:
 
 def coupled(mechanism: Mechanism) -> set[str]:
     """Return the joints whose coordinates something is tied to: a gear, a rotor, the advance of a screw."""
-    owner = {label: name for name, joint in mechanism.joints.items() for label in joint.coordinates(name)}
+    owner = {
+        label: name for name, joint in mechanism.joints.items() for label in joint.coordinates(name)
+    }
     return {owner[label] for gear in mechanism.gears.values() for label in gear.ratios} | {
         name
         for name, joint in mechanism.pairs.items()
@@ -87,20 +89,29 @@ def spanning_tree(mechanism: Mechanism) -> Tree:
         rim = [e for e in both if e.bodies[0] in depth and e.bodies[1] not in depth]
         if not rim:
             body = next(name for name in mechanism.bodies if name not in depth)
-            raise EngineError(f"bodies.{body}: nothing but rods reaches it; add a free joint to ground")
+            raise EngineError(
+                f"bodies.{body}: nothing but rods reaches it; add a free joint to ground"
+            )
         best = min(rim, key=cost)
         depth[best.bodies[1]] = depth[best.bodies[0]] + (best.kind != "fixed")
         chosen[best.joint] = best
 
     def below(body: str) -> list[Edge]:
-        return [e for item in chosen.values() if item.bodies[0] == body for e in (item, *below(item.bodies[1]))]
+        return [
+            e
+            for item in chosen.values()
+            if item.bodies[0] == body
+            for e in (item, *below(item.bodies[1]))
+        ]
 
     cuts = [item for name, item in edges.items() if name not in chosen]
     return Tree(
         edges=tuple(below(GROUND)),
         cuts=tuple(cut if cut.bodies[1] != GROUND else cut.reversed() for cut in cuts),
         carried=frozenset(
-            cut.joint for cut in cuts if cut.steps and (cut.joint in first | second or cut.kind in UNTIED)
+            cut.joint
+            for cut in cuts
+            if cut.steps and (cut.joint in first | second or cut.kind in UNTIED)
         ),
     )
 
@@ -125,7 +136,10 @@ def planar_loop(tree: Tree, cut: Edge) -> bool:
     tilts = [abs(far @ normal) - 1.0]
     for item in loop:
         rotation = (seen_from_ground(item.bodies[0])[1] @ item.frames[0])[:3, :3]
-        tilts += [abs(rotation @ step.axis @ normal) - straight.get(step.motion, np.inf) for step in item.steps]
+        tilts += [
+            abs(rotation @ step.axis @ normal) - straight.get(step.motion, np.inf)
+            for step in item.steps
+        ]
     return all(abs(tilt) < 1e-9 for tilt in tilts)
 
 
@@ -156,7 +170,11 @@ def branches(tree: Tree) -> tuple[Branch, ...]:
     parts = Counter((*(item.bodies[1] for item in tree.edges), *(cut.bodies[1] for cut in carried)))
 
     def carried_by(body: str) -> list[Branch]:
-        return [Branch(cut, part_of(cut), 1 / parts[cut.bodies[1]]) for cut in carried if cut.bodies[0] == body]
+        return [
+            Branch(cut, part_of(cut), 1 / parts[cut.bodies[1]])
+            for cut in carried
+            if cut.bodies[0] == body
+        ]
 
     grown = carried_by(GROUND)
     for item in tree.edges:

@@ -74,7 +74,9 @@ class Vectors:
     def scalars(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the places in q and in v of all turns and slides."""
         single = [span for span in self.spans if span.step.motion != "ball"]
-        return np.array([span.q.start for span in single], int), np.array([span.v.start for span in single], int)
+        return np.array([span.q.start for span in single], int), np.array(
+            [span.v.start for span in single], int
+        )
 
     @cached_property
     def columns(self) -> np.ndarray:
@@ -117,18 +119,27 @@ class Vectors:
         place = places(self.mechanism.rates)
         own = np.where(self._leading[1], self.rate_columns, -1)
         found = np.array([np.flatnonzero(own == place[name])[0] for name in rates], int)
-        return Drives(found, tuple(ball for ball in self.balls if set(rates) & set(ball.step.rates)))
+        return Drives(
+            found, tuple(ball for ball in self.balls if set(rates) & set(ball.step.rates))
+        )
 
     def into(self, positions: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return q and v of the joints' coordinates (..., nq) and rates (..., nv)."""
-        q, v = positions[..., self.columns] * self._factors[0], rates[..., self.rate_columns] * self._factors[1]
+        q, v = (
+            positions[..., self.columns] * self._factors[0],
+            rates[..., self.rate_columns] * self._factors[1],
+        )
         for ball in self.balls:
             q[..., ball.q] /= np.linalg.norm(q[..., ball.q], axis=-1, keepdims=True)
             if not ball.step.backwards:
-                v[..., ball.v] = applied(np.swapaxes(self.rotation(q, ball), -1, -2), v[..., ball.v])
+                v[..., ball.v] = applied(
+                    np.swapaxes(self.rotation(q, ball), -1, -2), v[..., ball.v]
+                )
         return q, v
 
-    def out_of(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def out_of(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return all joints' coordinates, rates and accelerations from q, v, v'; those that q does not hold are zero."""
         leading, moving = self._leading
         positions = np.zeros((*q.shape[:-1], len(self.mechanism.coordinates)))
@@ -149,7 +160,9 @@ class Vectors:
         tau = np.zeros(len(self.rate_columns))
         tau[drives.places] = forces
         for ball in drives.balls:
-            tau[ball.v] = -tau[ball.v] if ball.step.backwards else tau[ball.v] @ self.rotation(q, ball)
+            tau[ball.v] = (
+                -tau[ball.v] if ball.step.backwards else tau[ball.v] @ self.rotation(q, ball)
+            )
         return tau
 
     def rotation(self, q: np.ndarray, ball: Span) -> np.ndarray:
@@ -224,5 +237,7 @@ def effects(mechanism: Mechanism) -> Mapping[str, tuple[Friction, Spring, float]
     return {
         step.rates[0]: (friction, spring, rotor)
         for name, joint in mechanism.pairs.items()
-        for step, (friction, spring, _, rotor) in zip(edge(name, joint).steps, effects_of(joint).values(), strict=True)
+        for step, (friction, spring, _, rotor) in zip(
+            edge(name, joint).steps, effects_of(joint).values(), strict=True
+        )
     }

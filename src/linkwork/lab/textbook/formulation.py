@@ -17,9 +17,21 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from linkwork.errors import LinkworkError
-from linkwork.lab.textbook.closure import independent_rows, loop_errors, loop_jacobian, loop_jacobian_rate
+from linkwork.lab.textbook.closure import (
+    independent_rows,
+    loop_errors,
+    loop_jacobian,
+    loop_jacobian_rate,
+)
 from linkwork.lab.textbook.geometry import cross_matrix
-from linkwork.lab.textbook.kinematics import Configuration, Motion, SpanningTree, configuration, motion, spanning_tree
+from linkwork.lab.textbook.kinematics import (
+    Configuration,
+    Motion,
+    SpanningTree,
+    configuration,
+    motion,
+    spanning_tree,
+)
 from linkwork.mechanism import Mechanism
 
 SINGULAR = 1e-10  # smallest over largest singular value of Phi_u below which it counts as singular
@@ -62,7 +74,9 @@ class Textbook:
     @cached_property
     def a(self) -> np.ndarray:
         """Return the columns of the actuated joints in q, in the actuators' order, shape (n,)."""
-        return np.array([self.tree.moving.index(name) for name in self.mechanism.actuators], dtype=int)
+        return np.array(
+            [self.tree.moving.index(name) for name in self.mechanism.actuators], dtype=int
+        )
 
     @cached_property
     def u(self) -> np.ndarray:
@@ -163,7 +177,12 @@ class Textbook:
     def K(self, q: ArrayLike) -> np.ndarray:
         """Return K, 6r x m, with t = K q': the unit twists of the joints on each body's path, Eq. (4)."""
         at = self.configuration(q)
-        return np.vstack([at.unit_twists(at.mass_centre(body)) * at.tree.path[body] for body in self.mechanism.bodies])
+        return np.vstack(
+            [
+                at.unit_twists(at.mass_centre(body)) * at.tree.path[body]
+                for body in self.mechanism.bodies
+            ]
+        )
 
     def Kdot(self, q: ArrayLike, qa_dot: ArrayLike) -> np.ndarray:
         """Return d/dt K, 6r x m."""
@@ -206,7 +225,10 @@ class Textbook:
         blocks = []
         for name, body in self.mechanism.bodies.items():
             R = at.X[name][:3, :3]
-            blocks += [R @ body.inertia.tensor() @ R.T, body.mass * np.eye(3)]  # M_i = diag(I_i, m_i 1)
+            blocks += [
+                R @ body.inertia.tensor() @ R.T,
+                body.mass * np.eye(3),
+            ]  # M_i = diag(I_i, m_i 1)
         return np.asarray(block_diag(*blocks))
 
     def Omega(self, q: ArrayLike, qa_dot: ArrayLike) -> np.ndarray:
@@ -214,13 +236,18 @@ class Textbook:
         t = self.T(q) @ checked("qa_dot", qa_dot, self.n)  # (6)
         blocks = []
         for i in range(self.r):
-            blocks += [cross_matrix(t[6 * i : 6 * i + 3]), np.zeros((3, 3))]  # Omega_i = diag([omega_i x], 0)
+            blocks += [
+                cross_matrix(t[6 * i : 6 * i + 3]),
+                np.zeros((3, 3)),
+            ]  # Omega_i = diag([omega_i x], 0)
         return np.asarray(block_diag(*blocks))
 
     def w_g(self) -> np.ndarray:
         """Return the wrenches of gravity on all bodies (6r,), Eq. (17)."""
         gravity = np.array(self.mechanism.gravity)
-        return np.concatenate([np.append(np.zeros(3), body.mass * gravity) for body in self.mechanism.bodies.values()])
+        return np.concatenate(
+            [np.append(np.zeros(3), body.mass * gravity) for body in self.mechanism.bodies.values()]
+        )
 
     def M(self, q: ArrayLike) -> np.ndarray:
         """Return the generalised inertia matrix, n x n: Eq. (10)."""
@@ -257,7 +284,9 @@ def checked(name: str, value: ArrayLike, length: int) -> np.ndarray:
     """Return a vector of floats; another shape and non-finite numbers are refused."""
     vector = np.asarray(value, dtype=float)
     if vector.shape != (length,):
-        raise LinkworkError(f"{name} has the shape {vector.shape}; give {length} numbers, shape ({length},)")
+        raise LinkworkError(
+            f"{name} has the shape {vector.shape}; give {length} numbers, shape ({length},)"
+        )
     if not np.isfinite(vector).all():
         raise LinkworkError(f"{name} = {vector.tolist()} is not finite; give finite numbers")
     return vector

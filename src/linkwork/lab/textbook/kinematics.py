@@ -24,8 +24,22 @@ import networkx as nx
 import numpy as np
 
 from linkwork.errors import LinkworkError
-from linkwork.lab.textbook.geometry import cross_matrix, frame_transform, inverse, point, shift, turn
-from linkwork.mechanism import GROUND, FixedJoint, Mechanism, PairJoint, PrismaticJoint, RevoluteJoint
+from linkwork.lab.textbook.geometry import (
+    cross_matrix,
+    frame_transform,
+    inverse,
+    point,
+    shift,
+    turn,
+)
+from linkwork.mechanism import (
+    GROUND,
+    FixedJoint,
+    Mechanism,
+    PairJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+)
 
 
 @dataclass(frozen=True)
@@ -34,7 +48,9 @@ class SpanningTree:
 
     mechanism: Mechanism
     moving: tuple[str, ...]
-    parent: Mapping[str, tuple[str, str]]  # body -> the body before it and the joint between them, root first
+    parent: Mapping[
+        str, tuple[str, str]
+    ]  # body -> the body before it and the joint between them, root first
     path: Mapping[str, np.ndarray]  # body -> signs s, shape (m,)
     closing: tuple[str, ...]
     frames: Mapping[str, tuple[np.ndarray, np.ndarray]]  # joint -> X_1F, X_2F
@@ -53,7 +69,9 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
                 "build it from revolute, prismatic and fixed joints"
             )
     graph = mechanism.graph()
-    moving = tuple(name for name, joint in mechanism.pairs.items() if not isinstance(joint, FixedJoint))
+    moving = tuple(
+        name for name, joint in mechanism.pairs.items() if not isinstance(joint, FixedJoint)
+    )
     parent: dict[str, tuple[str, str]] = {}
     path = {GROUND: np.zeros(len(moving))}
     for body, nodes in nx.single_source_shortest_path(graph, GROUND).items():
@@ -61,10 +79,15 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
             continue
         joint = next(iter(graph[nodes[-2]][body]))
         parent[body] = (nodes[-2], joint)
-        path[body] = path[nodes[-2]] + crossing(moving, joint, forwards=mechanism.pairs[joint].connects[1] == body)
+        path[body] = path[nodes[-2]] + crossing(
+            moving, joint, forwards=mechanism.pairs[joint].connects[1] == body
+        )
     tree_joints = {joint for _, joint in parent.values()}
     closing = tuple(name for name in mechanism.pairs if name not in tree_joints)
-    frames = {name: (frame_transform(j.frames[0]), frame_transform(j.frames[1])) for name, j in mechanism.pairs.items()}
+    frames = {
+        name: (frame_transform(j.frames[0]), frame_transform(j.frames[1]))
+        for name, j in mechanism.pairs.items()
+    }
     return SpanningTree(mechanism, moving, parent, path, closing, frames)
 
 
@@ -117,13 +140,18 @@ class Configuration:
 def configuration(tree: SpanningTree, q: np.ndarray) -> Configuration:
     """Place all bodies and joint axes at the joint coordinates q, by the tree."""
     joints = tree.mechanism.pairs
-    coordinates = dict.fromkeys(joints, 0.0) | {name: float(x) for name, x in zip(tree.moving, q, strict=True)}
+    coordinates = dict.fromkeys(joints, 0.0) | {
+        name: float(x) for name, x in zip(tree.moving, q, strict=True)
+    }
     X = {GROUND: np.eye(4)}
     for body, (before, name) in tree.parent.items():
         X_1F, X_2F = tree.frames[name]
         X_12 = X_1F @ joint_motion(joints[name], coordinates[name]) @ inverse(X_2F)
         X[body] = X[before] @ (X_12 if joints[name].connects[1] == body else inverse(X_12))
-    S = [unit_twist(joints[name], X[joints[name].connects[0]] @ tree.frames[name][0]) for name in tree.moving]
+    S = [
+        unit_twist(joints[name], X[joints[name].connects[0]] @ tree.frames[name][0])
+        for name in tree.moving
+    ]
     return Configuration(tree, coordinates, X, np.reshape(S, (-1, 6)).T)
 
 
@@ -142,7 +170,9 @@ class Motion:
     def unit_twists_rate(self, p: np.ndarray, p_rate: np.ndarray) -> np.ndarray:
         """Return d/dt of the unit twists of all joints at the point p that moves at p', 6 x m."""
         W, W_rate = self.at.S[:3], self.S_rate[:3]
-        return np.vstack([W_rate, self.S_rate[3:] - cross_matrix(p) @ W_rate - cross_matrix(p_rate) @ W])
+        return np.vstack(
+            [W_rate, self.S_rate[3:] - cross_matrix(p) @ W_rate - cross_matrix(p_rate) @ W]
+        )
 
 
 def motion(at: Configuration, rates: np.ndarray) -> Motion:
