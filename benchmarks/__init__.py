@@ -1,1 +1,2 @@
-"""Measure every figure that the project promises, on the machine at hand: `python -m benchmarks`."""
+"""Measure every figure that the project promises, on the machine at hand:
+`python -m benchmarks`."""

@@ -1,4 +1,5 @@
-"""Run the benchmarks: `python -m benchmarks [names...]`; a page of them writes its tables in `benchmarks/results`."""
+"""Run the benchmarks: `python -m benchmarks [names...]`; a page of them writes its tables in
+`benchmarks/results`."""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ PAGES: Mapping[str, Sections] = {
 
 
 def main(names: Sequence[str]) -> int:
-    """Run the named sections and pages, or all; print them, and write the results of each whole page."""
+    """Run the named sections and pages, or all; print them, and write the results of each whole
+    page."""
     console = Console(width=80)
     known = [*PAGES, *(name for sections in PAGES.values() for name in sections)]
     if unknown := [name for name in names if name not in known]:

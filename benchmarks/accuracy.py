@@ -1,8 +1,9 @@
 """Accuracy: every term of the equations against 40 digits, and what runs conserve.
 
-The reference is an independent formulation, Lagrange multipliers in maximal coordinates, in numbers of 40 digits. It is
-given the same doubles: the actuated coordinates, all rates, forces and accelerations; the dependent coordinates it closes to 40
-digits by itself. An error is  max |x - x_ref| / max |x_ref|  over the entries of one quantity in one state.
+The reference is an independent formulation, Lagrange multipliers in maximal coordinates, in numbers
+of 40 digits. It is given the same doubles: the actuated coordinates, all rates, forces and
+accelerations; the dependent coordinates it closes to 40 digits by itself. An error is  max |x -
+x_ref| / max |x_ref|  over the entries of one quantity in one state.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ Map = Callable[..., Iterable]
 
 
 def run(states: int = 200, free_runs: int = 20) -> Section:
-    """Measure all accuracies; the reference is computed by as many processes as there are processors."""
+    """Measure all accuracies; the reference is computed by as many processes as there are
+    processors."""
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         errors = against_oracle(states, partial(pool.map, chunksize=5))
     robot = lw.Robot(prr3())
@@ -73,7 +75,8 @@ def method(states: int) -> str:
 
 
 def against_oracle(states: int, map_states: Map = map) -> dict[str, np.ndarray]:
-    """Return the errors (states,) of each quantity; `map_states` may spread the reference over processes."""
+    """Return the errors (states,) of each quantity; `map_states` may spread the reference over
+    processes."""
     robot = lw.Robot(prr3(gravity=UPRIGHT))
     some = workspace_states(robot, states)
     forces, accelerations = np.random.default_rng(7).normal(size=(2, states, robot.mobility))
@@ -117,7 +120,8 @@ def relative(found: np.ndarray, reference: np.ndarray) -> float:
 
 
 def round_trip(robot: lw.Robot, states: int) -> float:
-    """Return how well forward dynamics gives back the accelerations whose forces inverse dynamics computed."""
+    """Return how well forward dynamics gives back the accelerations whose forces inverse dynamics
+    computed."""
     some = workspace_states(robot, states)
     wanted = np.random.default_rng(9).normal(size=(states, robot.mobility))
     found = robot.forward_dynamics(some, robot.inverse_dynamics(some, wanted))
@@ -125,7 +129,8 @@ def round_trip(robot: lw.Robot, states: int) -> float:
 
 
 def conservation(robot: lw.Robot, runs: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the relative change of energy (runs,) and the closure error (runs,) [m] of force-free runs of 1 s."""
+    """Return the relative change of energy (runs,) and the closure error (runs,) [m] of force-free
+    runs of 1 s."""
     random = np.random.default_rng(5)
     drift, gap = np.empty(runs), np.empty(runs)
     for i in range(runs):

@@ -1,6 +1,8 @@
-"""The 3-PRR's equations as one writes them by hand in NumPy, lean: what a careful user has without a library.
+"""The 3-PRR's equations as one writes them by hand in NumPy, lean: what a careful user has without
+a library.
 
-With the slides s, the links' absolute angles theta_i, the platform's centre p and angle psi, and w = (theta, p, psi):
+With the slides s, the links' absolute angles theta_i, the platform's centre p and angle psi, and w
+= (theta, p, psi):
 
     p = P_i + s_i d_i + l1 e(theta_i) + l2 e(psi + a_i)                                 i = 1, 2, 3
     A w' = B s',    A w'' = B s'' + g,     row pair i:  p'' - l1 n_i theta_i'' - l2 n_psi,i psi'' = d_i s_i'' + g_i
@@ -8,7 +10,8 @@ With the slides s, the links' absolute angles theta_i, the platform's centre p a
     w' = X s',  w'' = X s'' + b,   X = A^-1 B,  b = A^-1 g
 
     u = F_s + X' F_w:   F_s,i = (m_s + m_l) s_i'' + m_l l1/2 (d_i . n_i theta_i'' - d_i . e_i theta_i'^2)
-                        F_w = (m_l l1/2 d_i . n_i s_i'' + (I_l + m_l l1^2/4) theta_i'', m_p p'', I_p psi'')
+                        F_w = (m_l l1/2 d_i . n_i s_i'' + (I_l + m_l l1^2/4) theta_i'', m_p p'', I_p
+                        psi'')
 """
 
 from __future__ import annotations
@@ -37,7 +40,8 @@ HALF = LINK * L1 / 2
 
 
 def derivative(x: np.ndarray, s_dot: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return x' (9,) and s'' (3,) for x = (s, theta, p, psi) [m, rad], the slides' rates [m/s] and forces [N]."""
+    """Return x' (9,) and s'' (3,) for x = (s, theta, p, psi) [m, rad], the slides' rates [m/s] and
+    forces [N]."""
     angles = np.concatenate([x[3:6], x[8] + ALONG])
     cosines, sines = np.cos(angles), np.sin(angles)
     c, s, c_p, s_p = cosines[:3], sines[:3], cosines[3:], sines[3:]
@@ -83,7 +87,8 @@ class Lookup:
 
 
 def simulate(task: Task, pose: np.ndarray, rtol: float, atol: float) -> np.ndarray:
-    """Return slide_1..3 and pivot_1..3 at the end of a task (6,) by SciPy's RK45; pose: of the platform at the start."""
+    """Return slide_1..3 and pivot_1..3 at the end of a task (6,) by SciPy's RK45; pose: of the
+    platform at the start."""
     forces = Lookup(task.signal)
 
     def f(t: float, y: np.ndarray) -> np.ndarray:

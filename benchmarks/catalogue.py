@@ -1,4 +1,5 @@
-"""Every robot of the catalogue: how large its forward dynamics is, how quick, and what it takes to get it."""
+"""Every robot of the catalogue: how large its forward dynamics is, how quick, and what it takes to
+get it."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ METHOD = f"""
 
 @dataclass(frozen=True)
 class Entry:
-    """Hold a robot, the instructions of its traced forward dynamics, its kernel, and the seconds that these took."""
+    """Hold a robot, the instructions of its traced forward dynamics, its kernel, and the seconds
+    that these took."""
 
     robot: lw.Robot
     instructions: int

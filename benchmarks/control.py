@@ -136,7 +136,8 @@ def simulated(
 
 
 def tracking_error(robot: lw.Robot, motion: lw.Motion, done: Run) -> float:
-    """Return the largest distance of the actuated joints from their goal at the saved instants [m]."""
+    """Return the largest distance of the actuated joints from their goal at the saved instants
+    [m]."""
     columns = [robot.coordinates.index(name) for name in robot.actuators]
     time = done.coords["time"].values
     wanted = [np.interp(time, motion.time, motion.positions[:, column]) for column in columns]

@@ -1,4 +1,5 @@
-"""The other engines at their best: forward dynamics as one bare call, and runs by the classical Runge-Kutta method."""
+"""The other engines at their best: forward dynamics as one bare call, and runs by the classical
+Runge-Kutta method."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from linkwork.lab.engines.pinocchio import PinocchioEngine, pin
 from benchmarks.timing import Contender
 
 PROXIMAL = (1e-6, 1e-6, 1e-14, 1)
-"""Accuracies, mu and iterations of Pinocchio's proximal solver: the quickest that is right to 1e-12 here."""
+"""Accuracies, mu and iterations of Pinocchio's proximal solver: the quickest that is right to 1e-12
+here."""
 
 TreeEngine = PinocchioEngine | MujocoEngine
 Acceleration = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -27,7 +29,8 @@ def pinocchio(robot: lw.Robot) -> PinocchioEngine:
 
 
 def pinocchio_evaluations(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> Contender:
-    """Return `constraintDynamics` in a tight loop of Python over prepared states; nothing else is in the loop."""
+    """Return `constraintDynamics` in a tight loop of Python over prepared states; nothing else is
+    in the loop."""
     engine = pinocchio(robot)
     calls = [
         engine.evaluation(*row)
@@ -42,7 +45,8 @@ def pinocchio_evaluations(robot: lw.Robot, states: lw.State, forces: np.ndarray)
 
 
 def pinocchio_call() -> Contender:
-    """Return the same call for a model of one slider without loops: at most this much of it is Python's."""
+    """Return the same call for a model of one slider without loops: at most this much of it is
+    Python's."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
@@ -100,7 +104,8 @@ def mujoco_acceleration(engine: MujocoEngine) -> Acceleration:
 def runge_kutta(
     f: Acceleration, q: np.ndarray, v: np.ndarray, forces: Sequence[np.ndarray], h: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return q, v at the end of a run by the classical method with steps of h [s]; `forces` are u at 0, h/2, h, 3h/2 ..."""
+    """Return q, v at the end of a run by the classical method with steps of h [s]; `forces` are u
+    at 0, h/2, h, 3h/2 ..."""
     for u, middle, end in zip(forces[:-1:2], forces[1::2], forces[2::2], strict=True):
         a1 = f(q, v, u)
         v2 = v + (h / 2) * a1

@@ -1,4 +1,5 @@
-"""A hundred thousand runs of the 3-PRR at a time, beside MuJoCo's threaded rollout and a loop of Pinocchio calls."""
+"""A hundred thousand runs of the 3-PRR at a time, beside MuJoCo's threaded rollout and a loop of
+Pinocchio calls."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ COLUMNS = ("by", "setting", "runs/s", "steps/s", "error [m, rad]")
 
 @dataclass(frozen=True)
 class Sizes:
-    """Say how much is run: members, of Linkwork's and of the others' (few enough to end soon), rounds, settings."""
+    """Say how much is run: members, of Linkwork's and of the others' (few enough to end soon),
+    rounds, settings."""
 
     members: int = 100_000
     rollouts: int = 64
@@ -80,11 +82,15 @@ def run(sizes: Sizes | None = None) -> Section:
     curves = throughput(robot, task, sizes)
     figures = [
         Figure(f"{sizes.members} runs of 1 s, rtol 1e-8, one thread: per run", 1e6 * alone, "µs", PER_RUN,
-               note=f"1.5 µs is the aim; best {1e6 * seconds[1].min():.3g} µs, {done.nfev.mean():.0f} evaluations each"),
+               note=(
+                   f"1.5 µs is the aim; best {1e6 * seconds[1].min():.3g} µs, "
+                   f"{done.nfev.mean():.0f} evaluations each"
+               )),
         Figure(f"the same on {cores} threads: per run and core", 1e6 * together * cores, "µs", PER_RUN),
         Figure(f"one thread's time over that of {cores}", alone / together if cores > 1 else None, "",
                SCALING if cores <= 2 else None, "at least", "" if cores > 1 else "one core"),
-        Figure(f"the same of evaluations of the kernel alone, a tenth of a second on {cores} threads", machine, ""),
+        Figure(f"the same of evaluations of the kernel alone, a tenth of a second on {cores} "
+               "threads", machine, ""),
         Figure("members that did not reach their ends", float(len(done.failed)), "", 0.0),
         Figure("largest closure error", float(done.closure_error.max()), "m"),
         *ratios(curves),
@@ -97,7 +103,8 @@ def run(sizes: Sizes | None = None) -> Section:
 
 
 def evaluated(robot: lw.Robot, task: Task, shares: int, threads: int) -> None:
-    """Evaluate the motion kernel in equal shares, dealt to threads: what the machine gives where nothing else happens."""
+    """Evaluate the motion kernel in equal shares, dealt to threads: what the machine gives where
+    nothing else happens."""
     motion = robot.kernel("motion")
     states = [
         np.repeat(part[None], BLOCK, axis=0)
@@ -136,7 +143,8 @@ def simulated(
 
 
 def throughput(robot: lw.Robot, task: Task, sizes: Sizes) -> dict[str, tuple[Curve, list[float]]]:
-    """Return for each contender its errors and seconds per run on one thread, by setting, and its steps per run."""
+    """Return for each contender its errors and seconds per run on one thread, by setting, and its
+    steps per run."""
     many, some = (spread(task, count) for count in (sizes.members // 10, sizes.rollouts))
     columns = [robot.coordinates.index(name) for name in JOINTS]
     exact = np.array([ended(robot, task, u)[columns] for u in some])
@@ -189,7 +197,8 @@ def rolled(
     steps: int,
     columns: list[int],
 ) -> Callable[[], np.ndarray]:
-    """Return MuJoCo's rollout of all members on one thread as a call that returns the joints at their ends (members, 6)."""
+    """Return MuJoCo's rollout of all members on one thread as a call that returns the joints at
+    their ends (members, 6)."""
     q, v = engine.plan.state(task.start.positions, robot.joint_rates(task.start))
     places = [1 + list(engine.columns).index(column) for column in columns]
     applied = np.zeros((len(forces), 1, engine.model.nv))
@@ -220,7 +229,8 @@ def looped(
     steps: int,
     columns: list[int],
 ) -> Callable[[], np.ndarray]:
-    """Return runs of all members, one after the other, as a call that returns the joints at their ends (members, 6)."""
+    """Return runs of all members, one after the other, as a call that returns the joints at their
+    ends (members, 6)."""
     q, v = engine.plan.state(task.start.positions, robot.joint_rates(task.start))
     places = [list(engine.columns).index(column) for column in columns]
     acceleration, h = engines.pinocchio_acceleration(engine), task.duration / steps

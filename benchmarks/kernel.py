@@ -1,4 +1,5 @@
-"""The 3-PRR's forward-dynamics kernel: its size, its speed in every way it is called, and what compiling it costs."""
+"""The 3-PRR's forward-dynamics kernel: its size, its speed in every way it is called, and what
+compiling it costs."""
 
 from __future__ import annotations
 
@@ -119,7 +120,8 @@ def contenders(robot: lw.Robot) -> dict[str, Contender]:
 
 
 def inputs(robot: lw.Robot, count: int) -> tuple[lw.State, np.ndarray]:
-    """Return random states over the workspace and the kernel's inputs (q, v, u) for them (count, n_in).
+    """Return random states over the workspace and the kernel's inputs (q, v, u) for them
+    (count, n_in).
 
     A hundred poses are assembled; the rates and forces of all states are their own.
     """
@@ -133,7 +135,8 @@ def inputs(robot: lw.Robot, count: int) -> tuple[lw.State, np.ndarray]:
 
 
 def compile_times(processes: int) -> tuple[list[float], list[float]]:
-    """Return the seconds to get the kernel in fresh processes: with an empty cache, and from the cache."""
+    """Return the seconds to get the kernel in fresh processes: with an empty cache, and from the
+    cache."""
     cold, warm = [], []
     for _ in range(processes):
         with tempfile.TemporaryDirectory() as folder:

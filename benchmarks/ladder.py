@@ -1,7 +1,9 @@
-"""The ladder of N four-bars: how the equations and the cost of getting them grow with N, and problem A02 of the IFToMM library.
+"""The ladder of N four-bars: how the equations and the cost of getting them grow with N, and
+problem A02 of the IFToMM library.
 
-In A02 all cranks start upright, their tips move at 1 m/s, and gravity acts for 10 s: the cranks turn over and over and pass
-the poses where all links lie on one line, in which the freedoms jump from 1 to N + 1.
+In A02 all cranks start upright, their tips move at 1 m/s, and gravity acts for 10 s: the cranks
+turn over and over and pass the poses where all links lie on one line, in which the freedoms jump
+from 1 to N + 1.
 """
 
 from __future__ import annotations
@@ -73,7 +75,8 @@ def method(largest: int) -> str:
 
 @dataclass(frozen=True)
 class Grown:
-    """Hold the equations of a ladder, its traced forward dynamics, and the seconds that getting them took."""
+    """Hold the equations of a ladder, its traced forward dynamics, and the seconds that getting
+    them took."""
 
     loops: int
     equations: Equations
@@ -131,7 +134,8 @@ def through_singular_poses(loops: int, rounds: int) -> list[Figure]:
 
 
 def published_error() -> float:
-    """Return how far the first crank's tip is from its published place at the end of the small A02 [m]."""
+    """Return how far the first crank's tip is from its published place at the end of the small A02
+    [m]."""
     robot = lw.Robot(without_tool(n_four_bar(PUBLISHED)))
     angle = cranks(robot, swung(robot))[0]
     return float(np.hypot(*(np.array([np.cos(angle), np.sin(angle)]) - N_FOUR_BAR[DURATION])))

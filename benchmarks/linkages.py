@@ -1,7 +1,8 @@
-"""Work and precision on two published linkages beside Exudyn: Andrews' squeezer and Bricard's linkage.
+"""Work and precision on two published linkages beside Exudyn: Andrews' squeezer and Bricard's
+linkage.
 
-Both motions are known from other equations: Andrews' squeezer from those of the IVP test set, Bricard's linkage from its
-reduction to one coordinate, both integrated to 1e-13.
+Both motions are known from other equations: Andrews' squeezer from those of the IVP test set,
+Bricard's linkage from its reduction to one coordinate, both integrated to 1e-13.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ METHOD = """
 
 @dataclass(frozen=True)
 class Problem:
-    """Hold a run from a robot's home, at rest, under constant forces, and the angles at its end (n,) [rad].
+    """Hold a run from a robot's home, at rest, under constant forces, and the angles at its end
+    (n,) [rad].
 
     joints: names of these angles; tolerances, steps: of Linkwork's and of Exudyn's runs
     """
@@ -54,7 +56,8 @@ class Problem:
     steps: Sequence[int]
 
     def error(self, positions: np.ndarray) -> float:
-        """Return the largest error of the angles among all coordinates at the end, turns left out."""
+        """Return the largest error of the angles among all coordinates at the end, turns left
+        out."""
         columns = [self.robot.coordinates.index(name) for name in self.joints]
         return float(np.abs(2 * np.sin((positions[columns] - self.end) / 2)).max())
 
@@ -90,7 +93,8 @@ PROBLEMS = (andrews_squeezer, bricard_linkage)
 
 
 def run(problems: Sequence[Callable[[], Problem]] = PROBLEMS, rounds: int = 7) -> Section:
-    """Run all problems in both hands at all settings, and form the ratios of times at equal errors."""
+    """Run all problems in both hands at all settings, and form the ratios of times at equal
+    errors."""
     figures, rows, raw = [], [], {}
     for problem in (make() for make in problems):
         ours, theirs = linkwork(problem, rounds), exudyn(problem)
@@ -121,7 +125,8 @@ def run(problems: Sequence[Callable[[], Problem]] = PROBLEMS, rounds: int = 7) -
 
 @dataclass(frozen=True)
 class Hands:
-    """Hold what somebody reached in a problem: errors and times by setting, and closure errors [m]."""
+    """Hold what somebody reached in a problem: errors and times by setting, and closure errors
+    [m]."""
 
     name: str
     settings: Sequence[str]

@@ -1,7 +1,8 @@
 """The machine: what it is called, and what its arithmetic can do at most.
 
-The clock is taken from a chain of integer operations of one cycle each, the peak from independent fused multiply-adds on
-full vector registers: both are loops of LLVM instructions, compiled for this processor like the kernels are.
+The clock is taken from a chain of integer operations of one cycle each, the peak from independent
+fused multiply-adds on full vector registers: both are loops of LLVM instructions, compiled for this
+processor like the kernels are.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ CHAIN, ACCUMULATORS, ROUNDS = 16, 12, 200_000
 class Machine:
     """Describe the processor, what was installed, and when.
 
-    clock: cycles per second of one busy core [GHz]; peak: floating-point operations per second of one core, an FMA
-    counted as two [1e9 / s].
+    clock: cycles per second of one busy core [GHz]; peak: floating-point operations per second of
+    one core, an FMA counted as two [1e9 / s].
     """
 
     cpu: str
@@ -63,7 +64,9 @@ class Machine:
         return {
             "processor": f"{self.cpu} ({self.architecture}), {self.cores} cores",
             "vector registers": f"{self.lanes} doubles ({64 * self.lanes} bits)",
-            "clock and peak of one core, measured": f"{self.clock:.2f} GHz, {self.peak:.1f} GFLOP/s in double precision",
+            (
+                "clock and peak of one core, measured"
+            ): f"{self.clock:.2f} GHz, {self.peak:.1f} GFLOP/s in double precision",
             "system": self.system,
             "Python": f"{self.python}; "
             + ", ".join(f"{name} {number}" for name, number in self.packages.items()),
@@ -111,7 +114,8 @@ def cpu_name() -> str:
 
 
 def limits(lanes: int) -> tuple[float, float]:
-    """Measure the clock [GHz] and the arithmetic peak [GFLOP/s] of one core: the best of many short runs."""
+    """Measure the clock [GHz] and the arithmetic peak [GFLOP/s] of one core: the best of many short
+    runs."""
     engine = compiled(chain_loop() + peak_loop(lanes))
     prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, ctypes.c_double)
     chain, peak = (prototype(engine.get_function_address(name)) for name in ("chain", "peak"))
@@ -160,7 +164,8 @@ def loop(name: str, head: str, phis: list[str], body: list[str], tail: list[str]
 
 
 def chain_loop() -> str:
-    """Return the loop of CHAIN integer operations, each waiting for the one before: one cycle each."""
+    """Return the loop of CHAIN integer operations, each waiting for the one before: one cycle
+    each."""
     body = []
     for k in range(CHAIN):
         operation = ("add", "xor")[k % 2]
@@ -171,7 +176,8 @@ def chain_loop() -> str:
 
 
 def peak_loop(lanes: int) -> str:
-    """Return the loop of ACCUMULATORS independent fused multiply-adds on full registers: a <- a x + x."""
+    """Return the loop of ACCUMULATORS independent fused multiply-adds on full registers: a <- a x +
+    x."""
     vector, fma = f"<{lanes} x double>", f"@llvm.fma.v{lanes}f64"
     head = f"  %one = insertelement {vector} poison, double %x, i32 0\n"
     head += f"  %v = shufflevector {vector} %one, {vector} poison, <{lanes} x i32> zeroinitializer"

@@ -1,6 +1,8 @@
-"""A kernel in native loops: in batches as the vector code takes them, and state by state as an integrator does.
+"""A kernel in native loops: in batches as the vector code takes them, and state by state as an
+integrator does.
 
-Nothing of Python is inside the loops; the buffers are aligned and small enough to stay in a core's cache.
+Nothing of Python is inside the loops; the buffers are aligned and small enough to stay in a core's
+cache.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ ALIGNMENT = 64
 
 
 def _call_one(typing_context, address, x, skip_x, out, skip_out):
-    """Call the C function void(const double *x, double *out) at an address, from x[skip_x] to out[skip_out]."""
+    """Call the C function void(const double *x, double *out) at an address, from x[skip_x] to
+    out[skip_out]."""
 
     def generate(context, builder, signature, arguments):
         x, out = (
@@ -69,7 +72,8 @@ def evaluate_blocks(
 
 @njit
 def evaluate_independent(address: int, x: np.ndarray, out: np.ndarray) -> None:
-    """Evaluate every state (count, n_in) into out (count, n_out); one may begin before the last is done."""
+    """Evaluate every state (count, n_in) into out (count, n_out); one may begin before the last is
+    done."""
     for i in range(x.shape[0]):
         call_one(address, x, i * x.shape[1], out, i * out.shape[1])
 
@@ -78,10 +82,11 @@ def evaluate_independent(address: int, x: np.ndarray, out: np.ndarray) -> None:
 def evaluate_chained(
     address: int, x: np.ndarray, rates: int, nothing: float, y: np.ndarray, out: np.ndarray
 ) -> None:
-    """Evaluate states of which each needs the derivatives of the one before, as an integrator's stages do.
+    """Evaluate states of which each needs the derivatives of the one before, as an integrator's
+    stages do.
 
-    y = (q, v, u) and out = (q', v', ...):  (q, v) <- (q, v)_i + nothing (q', v'), that is the first `rates` numbers;
-    `nothing` = 0, which the compiler does not know.
+    y = (q, v, u) and out = (q', v', ...):  (q, v) <- (q, v)_i + nothing (q', v'), that is the first
+    `rates` numbers; `nothing` = 0, which the compiler does not know.
     """
     for i in range(x.shape[0]):
         for j in range(rates):
@@ -92,7 +97,8 @@ def evaluate_chained(
 
 
 def in_batches(kernel: Kernel, x: np.ndarray) -> Contender:
-    """Return the kernel's vector code over states x (count, n_in) on one core; count is a multiple of the lanes."""
+    """Return the kernel's vector code over states x (count, n_in) on one core; count is a multiple
+    of the lanes."""
     blocks = len(x) // kernel.lanes
     packed = aligned(x.reshape(blocks, kernel.lanes, -1).transpose(0, 2, 1))
     out = aligned(np.zeros((blocks, kernel.n_out, kernel.lanes)))
@@ -115,7 +121,8 @@ def one_after_another(kernel: Kernel, x: np.ndarray, rates: int) -> Contender:
 
 
 def compiled_anew(function: ca.Function) -> tuple[Kernel, dict[str, float]]:
-    """Return a function's kernel, compiled with an empty cache, and the seconds that took for its two codes."""
+    """Return a function's kernel, compiled with an empty cache, and the seconds that took for its
+    two codes."""
     with empty_cache():
         kernel, times = compile_function(function), [perf_counter()]
         for code in ("address", "batch_address"):
@@ -125,7 +132,8 @@ def compiled_anew(function: ca.Function) -> tuple[Kernel, dict[str, float]]:
 
 
 def evaluations(kernel: Kernel, q: np.ndarray, states: int) -> dict[str, Contender]:
-    """Return the kernel (q, v, u, no p) -> (q', v', ...) in both loops, at one configuration with random rates and forces."""
+    """Return the kernel (q, v, u, no p) -> (q', v', ...) in both loops, at one configuration with
+    random rates and forces."""
     nq, nv, nu, _ = (size for _, size in kernel.inputs)
     random = np.random.default_rng(3)
     x = np.hstack([np.tile(q, (states, 1)), random.normal(size=(states, nv + nu))])

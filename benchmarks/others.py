@@ -1,4 +1,5 @@
-"""The same forward dynamics in other hands, all in one interleaved run: rates of states and their ratios."""
+"""The same forward dynamics in other hands, all in one interleaved run: rates of states and their
+ratios."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ STATES = 64
 
 
 def run(rounds: int = 100) -> Section:
-    """Time one evaluation of forward dynamics in every contender, and form the ratios of the medians."""
+    """Time one evaluation of forward dynamics in every contender, and form the ratios of the
+    medians."""
     robot = lw.Robot(prr3())
     seconds = interleaved(contenders(robot), rounds)
     median = {name: float(np.median(values)) for name, values in seconds.items()}
@@ -92,7 +94,8 @@ def by_hand_states(robot: lw.Robot, states: lw.State) -> np.ndarray:
 
 
 def errors(robot: lw.Robot, count: int = 20) -> dict[str, np.ndarray]:
-    """Return each contender's errors of the accelerations, max |a - a_ref| / max |a_ref| (count,)."""
+    """Return each contender's errors of the accelerations, max |a - a_ref| / max |a_ref|
+    (count,)."""
     from tests.oracle import LagrangeOracle
 
     states, x = inputs(robot, count)

@@ -1,9 +1,10 @@
 """The reference solution of the work-precision task, to 1e-14: extrapolation in extended precision.
 
-The traced equations are walked in NumPy's long doubles (64 bits of mantissa on x86) instead of being compiled, and
-integrated from knot to knot of the forces' spline, inside which everything is analytic, by Gragg's modified midpoint rule
-with Aitken-Neville extrapolation in the squares of the substeps (Hairer, Norsett & Wanner, Solving ODE I, sec. II.9).
-One order less, another integrator and equations derived by hand are compared with it.
+The traced equations are walked in NumPy's long doubles (64 bits of mantissa on x86) instead of
+being compiled, and integrated from knot to knot of the forces' spline, inside which everything is
+analytic, by Gragg's modified midpoint rule with Aitken-Neville extrapolation in the squares of the
+substeps (Hairer, Norsett & Wanner, Solving ODE I, sec. II.9). One order less, another integrator
+and equations derived by hand are compared with it.
 """
 
 from __future__ import annotations
@@ -46,10 +47,11 @@ Derivative = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Reference:
-    """Hold the coordinates of slide_1..3 and pivot_1..3 at the end (6,) [m, rad] and what other ways differ by [m, rad].
+    """Hold the coordinates of slide_1..3 and pivot_1..3 at the end (6,) [m, rad] and what other
+    ways differ by [m, rad].
 
-    order: the same extrapolation with one column less; integrator: DOP853 on the compiled kernel in doubles;
-    formulation: DOP853 on the equations derived by hand, in doubles.
+    order: the same extrapolation with one column less; integrator: DOP853 on the compiled kernel in
+    doubles; formulation: DOP853 on the equations derived by hand, in doubles.
     """
 
     end: np.ndarray
@@ -114,7 +116,8 @@ def pieces(signal: Signal, duration: float) -> list[tuple[float, float, np.ndarr
 def extrapolate(
     f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, columns: int
 ) -> np.ndarray:
-    """Advance y over one piece of length h by extrapolation over 2, 4, 6 ... substeps: order 2 x columns."""
+    """Advance y over one piece of length h by extrapolation over 2, 4, 6 ... substeps: order 2 x
+    columns."""
     row: list[np.ndarray] = []
     for k in range(columns):
         new = [midpoint_rule(f, y, c, h, 2 * (k + 1))]
@@ -128,7 +131,8 @@ def extrapolate(
 def midpoint_rule(
     f: Derivative, y: np.ndarray, c: np.ndarray, h: np.floating, substeps: int
 ) -> np.ndarray:
-    """Return Gragg's modified midpoint rule over h, whose error is a series in the square of the substep."""
+    """Return Gragg's modified midpoint rule over h, whose error is a series in the square of the
+    substep."""
     step = h / substeps
     before, now = y, y + step * f(y, c[0])
     for k in range(1, substeps):
@@ -142,7 +146,8 @@ def polynomial(c: np.ndarray, s: float | np.floating) -> np.ndarray:
 
 
 def walked(function: ca.Function) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function x -> y that evaluates a CasADi function operation by operation in the numbers it is given."""
+    """Return a function x -> y that evaluates a CasADi function operation by operation in the
+    numbers it is given."""
     program = trace(function)
 
     def evaluate(x: np.ndarray) -> np.ndarray:
@@ -160,7 +165,8 @@ def walked(function: ca.Function) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def by_other_integrator(robot: lw.Robot, task: Task) -> np.ndarray:
-    """Return the tree's coordinates at the end by SciPy's DOP853 in doubles, piece by piece, on the compiled kernel."""
+    """Return the tree's coordinates at the end by SciPy's DOP853 in doubles, piece by piece, on the
+    compiled kernel."""
     kernel, nq = robot.kernel("motion"), robot.equations.nq
     y = np.concatenate([task.start.q, task.start.rates])
     for begin, end, c in pieces(task.signal, task.duration):
@@ -174,7 +180,8 @@ def by_other_integrator(robot: lw.Robot, task: Task) -> np.ndarray:
 
 
 def by_hand(robot: lw.Robot, task: Task) -> np.ndarray:
-    """Return slide_1..3 and pivot_1..3 at the end by DOP853 on the equations derived by hand, piece by piece."""
+    """Return slide_1..3 and pivot_1..3 at the end by DOP853 on the equations derived by hand, piece
+    by piece."""
     x = hand.from_joints(task.start.positions, robot.tool_pose(task.start))
     y = np.concatenate([x, task.start.rates])
     for begin, end, c in pieces(task.signal, task.duration):

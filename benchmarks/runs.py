@@ -1,4 +1,5 @@
-"""The task of `tasks.py` in Linkwork's hands, at three depths: the compiled loop, `integrate`, `robot.simulate`."""
+"""The task of `tasks.py` in Linkwork's hands, at three depths: the compiled loop, `integrate`,
+`robot.simulate`."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ ATOL = 1e-2  # absolute tolerances, relative to the relative ones
 
 @cache
 def chart(robot: lw.Robot, task: Task) -> CompiledChart:
-    """Return the home chart with its pivots counted positive where the task starts, as runs need it."""
+    """Return the home chart with its pivots counted positive where the task starts, as runs need
+    it."""
     return robot.chart.facing(task.start.q)
 
 
@@ -38,7 +40,8 @@ def integrated(robot: lw.Robot, task: Task, tolerance: float) -> Trajectory:
 
 
 def recorded(robot: lw.Robot, task: Task, tolerance: float) -> Run:
-    """Return the run, its end saved: everything that follows from the state is measured and named."""
+    """Return the run, its end saved: everything that follows from the state is measured and
+    named."""
     return robot.simulate(
         task.start,
         task.signal,
@@ -61,10 +64,11 @@ def compiled_loop(robot: lw.Robot, task: Task, tolerance: float) -> Callable[[],
 
 
 def loop_of(run: Callable[[], object], module: ModuleType = native) -> Callable[[], np.ndarray]:
-    """Return the compiled loop that a run calls, alone, as a call that returns the state y at its end.
+    """Return the compiled loop that a run calls, alone, as a call that returns the state y at its
+    end.
 
-    Its arguments are those with which the run called it, once; the state and what a sampled controller holds, which it
-    overwrites, are set anew.
+    Its arguments are those with which the run called it, once; the state and what a sampled
+    controller holds, which it overwrites, are set anew.
 
     module: where the loop is: `native`, or `native_rosenbrock` for the stiff method
     """

@@ -23,7 +23,8 @@ IMPLICIT = ("Radau", "LSODA")
 
 @dataclass(frozen=True)
 class Solved:
-    """Hold all joint coordinates at the asked instants (K, m), the largest |phi| there, and how many evaluations it took."""
+    """Hold all joint coordinates at the asked instants (K, m), the largest |phi| there, and how
+    many evaluations it took."""
 
     positions: np.ndarray
     closure_error: float
@@ -42,7 +43,8 @@ def solved(
     """Solve (q', v') = f(q, v, u(t)) in the chart that runs start in; nothing projects q.
 
     Args:
-        start: the state at t = 0; forces: u(t) [N, N m]; times: when to save, the last is the end [s].
+        start: the state at t = 0; forces: u(t) [N, N m]; times: when to save, the last is the end
+            [s].
     """
     chart = robot.run_chart.facing(start.q)
     there = robot.in_chart(start, chart.independent)
@@ -94,7 +96,8 @@ def jacobian(
 
 @cache
 def jacobian_kernel(robot: lw.Robot, chart: CompiledChart) -> Kernel:
-    """Return the kernel (q, v, z, u, p) -> df/dy, df/du, column by column, of a robot under plain forces."""
+    """Return the kernel (q, v, z, u, p) -> df/dy, df/du, column by column, of a robot under plain
+    forces."""
     return system(robot, None, None, (), (), {}, (0.0, 1.0), joined=True).kernel(chart, "jacobian")
 
 

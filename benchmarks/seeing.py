@@ -68,7 +68,8 @@ def stepped(session: Session, wish: Callable[[], None]) -> None:
 def dragged(
     session: Session, frame: Callable[[Callable[[], None]], None], steps: int
 ) -> tuple[np.ndarray, float]:
-    """Lead the tool around; return the time of each frame (steps) [s] and the largest closure error."""
+    """Lead the tool around; return the time of each frame (steps) [s] and the largest closure
+    error."""
     view = session.view()
     assert view.tool is not None
     (middle, R), seconds, gap = view.tool, np.empty(steps), 0.0
@@ -83,7 +84,8 @@ def dragged(
 
 
 def framed(robot: lw.Robot, steps: int) -> np.ndarray:
-    """Return the time of each frame of a viewer that serves (steps) [s]; its own thread takes it."""
+    """Return the time of each frame of a viewer that serves (steps) [s]; its own thread takes
+    it."""
     found: list[np.ndarray] = []
     done = Event()
     with Viewer(robot) as viewer:

@@ -1,4 +1,5 @@
-"""One second of the 3-PRR by every method: the compiled loop alone, and `robot.simulate` as a user calls it."""
+"""One second of the 3-PRR by every method: the compiled loop alone, and `robot.simulate` as a user
+calls it."""
 
 from __future__ import annotations
 
@@ -122,7 +123,8 @@ EXACT = Way({"method": "dop853", "rtol": 1e-13, "atol": 1e-15})
 
 
 def simulated(robot: lw.Robot, task: Task, way: Way) -> Run:
-    """Return a run that saves so many instants, the start and the end among them; of two the end alone."""
+    """Return a run that saves so many instants, the start and the end among them; of two the end
+    alone."""
     save_at = np.linspace(0.0, task.duration, way.instants)[1 if way.instants == 2 else 0 :]
     options = {"rtol": RTOL, "atol": runs.ATOL * RTOL, **way.options}
     done = robot.simulate(

@@ -1,4 +1,5 @@
-"""How much code forward dynamics is: operations as traced and as compiled, and machine instructions."""
+"""How much code forward dynamics is: operations as traced and as compiled, and machine
+instructions."""
 
 from __future__ import annotations
 
@@ -24,9 +25,9 @@ AVX512 = Machine(
 class Size:
     """Hold the counts of one kernel.
 
-    traced: instructions of the CasADi function, inputs and outputs included; operations: after simplification
-    one, batch: machine instructions for one state and for `lanes` states; wide: for 8 states, as emitted for AVX-512
-    flops: floating-point operations of each lane
+    traced: instructions of the CasADi function, inputs and outputs included; operations: after
+    simplification one, batch: machine instructions for one state and for `lanes` states; wide: for
+    8 states, as emitted for AVX-512 flops: floating-point operations of each lane
     """
 
     traced: int

@@ -1,6 +1,8 @@
-"""The Gough-Stewart platform with heavy legs: size and speed of its forward dynamics, beside Pinocchio and MuJoCo.
+"""The Gough-Stewart platform with heavy legs: size and speed of its forward dynamics, beside
+Pinocchio and MuJoCo.
 
-Two charts are compiled: the one that runs start in (the shorter one) and the one of the six legs' rates (the actuated ones).
+Two charts are compiled: the one that runs start in (the shorter one) and the one of the six legs'
+rates (the actuated ones).
 """
 
 from __future__ import annotations
@@ -116,7 +118,8 @@ def poses(robot: lw.Robot, count: int) -> tuple[lw.State, np.ndarray]:
 
 
 def errors(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> dict[str, np.ndarray]:
-    """Return how far the engines' accelerations of the chart's rates are from Linkwork's, relative (count,)."""
+    """Return how far the engines' accelerations of the chart's rates are from Linkwork's, relative
+    (count,)."""
     ours = robot.in_chart(states, robot.run_chart.independent)
     found, joint_rates = robot.forward_dynamics(ours, forces), robot.joint_rates(states)
     columns = [robot.rates.index(name) for name in ours.independent]
@@ -154,7 +157,8 @@ def contenders(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> dict[st
 def inputs(
     robot: lw.Robot, chart: CompiledChart, states: lw.State, forces: np.ndarray
 ) -> np.ndarray:
-    """Return the inputs (q, v, u) of a chart's kernel for STATES states: the given ones, faster and slower."""
+    """Return the inputs (q, v, u) of a chart's kernel for STATES states: the given ones, faster and
+    slower."""
     there = robot.in_chart(states, chart.independent)
     rows = np.arange(STATES) % len(forces)
     pace = np.random.default_rng(11).uniform(0.5, 1.5, (STATES, 1))

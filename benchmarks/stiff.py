@@ -1,4 +1,5 @@
-"""The stiff flyball governor (IFToMM A05) by the stiff method, beside SciPy's stiff methods on the same kernel."""
+"""The stiff flyball governor (IFToMM A05) by the stiff method, beside SciPy's stiff methods on the
+same kernel."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ METHOD = f"""
 
 @dataclass(frozen=True)
 class Sizes:
-    """Say how long, at which tolerances and how often to run, and how exactly to know the motion."""
+    """Say how long, at which tolerances and how often to run, and how exactly to know the
+    motion."""
 
     duration: float = 10.0
     tolerances: tuple[float, ...] = (1e-4, 1e-6, 1e-8)
@@ -70,7 +72,8 @@ def run(sizes: Sizes | None = None) -> Section:
     chosen = ("Linkwork, RODAS", CHOSEN)
     pace = f"{sizes.duration / least['loop', CHOSEN]:,.0f} times real time"
     figures = [
-        Figure(f"error of the slider's height over {sizes.duration:g} s, RODAS at rtol {CHOSEN:.0e}",
+        Figure(f"error of the slider's height over {sizes.duration:g} s, RODAS at rtol "
+               f"{CHOSEN:.0e}",
                float(errors[chosen][1]), "m", WANTED),
         Figure("the same: time of robot.simulate", 1e3 * least[chosen], "ms"),
         Figure("the same: compiled loop", 1e3 * least["loop", CHOSEN], "ms", note=pace),

@@ -32,14 +32,16 @@ class Figure:
 
     @property
     def met(self) -> bool | None:
-        """Tell whether the bound is kept; None where nothing was promised or nothing could be measured."""
+        """Tell whether the bound is kept; None where nothing was promised or nothing could be
+        measured."""
         if self.value is None or self.bound is None:
             return None
         return self.value <= self.bound if self.sense == "at most" else self.value >= self.bound
 
     @property
     def digits(self) -> int:
-        """Return how many digits to show: more where three would hide on which side of the bound the value lies."""
+        """Return how many digits to show: more where three would hide on which side of the bound
+        the value lies."""
         if self.value is None or self.bound is None:
             return 3
         return 5 if abs(self.value - self.bound) < 5e-3 * abs(self.bound) else 3
@@ -74,7 +76,8 @@ class Listing:
 
 @dataclass(frozen=True)
 class Section:
-    """Hold the figures of one benchmark, how they were measured, the raw numbers behind them, and pictures by file name."""
+    """Hold the figures of one benchmark, how they were measured, the raw numbers behind them, and
+    pictures by file name."""
 
     title: str
     method: str
@@ -84,7 +87,8 @@ class Section:
     listing: Listing | None = None
 
     def tables(self, notes: bool) -> list[Listing]:
-        """Return the figures, with their notes or without, and the listing, as far as there are any."""
+        """Return the figures, with their notes or without, and the listing, as far as there are
+        any."""
         rows = [figure.noted if notes else figure.cells for figure in self.figures]
         found = [Listing(("figure", "promised", "measured", "met"), rows)] if rows else []
         return found if self.listing is None else [*found, self.listing]
@@ -100,7 +104,8 @@ class Page:
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """Write a number with so many significant digits, all of those before the point at least, and its unit."""
+    """Write a number with so many significant digits, all of those before the point at least, and
+    its unit."""
     if value == 0 or 1e-3 <= abs(value) < 1e6:
         text = f"{value:.{max(digits, len(str(int(abs(value)))))}g}"
     else:
@@ -140,7 +145,10 @@ def markdown(page: Page, machine: Machine, command: str, seconds: float) -> str:
     lines = [
         f"# {page.title}: what was promised and what was measured",
         "",
-        f"Written by `{command}` on {machine.date}, in {seconds:.0f} s. How the figures are measured and what they mean:",
+        (
+            f"Written by `{command}` on {machine.date}, in {seconds:.0f} s. How the figures are "
+            "measured and what they mean:"
+        ),
         f"[benchmarks](../../docs/benchmarks.md). Raw numbers: `{page.name}.json`.",
         "",
         *(f"- {name}: {value}" for name, value in machine.lines().items()),

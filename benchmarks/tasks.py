@@ -1,4 +1,5 @@
-"""What every contender is given: states over the workspace, and one second of motion under sampled forces."""
+"""What every contender is given: states over the workspace, and one second of motion under sampled
+forces."""
 
 from __future__ import annotations
 
@@ -16,14 +17,16 @@ CENTRE = np.array([0.5, np.sqrt(3) / 6, 0.8])
 SPREAD = np.array([0.25, 0.25, 1.0])
 REACH, PIVOT = 0.29, 0.5
 REGION = (
-    f"platform poses x, y within {SPREAD[0]} m of the base's centre and angle {CENTRE[2]} ± {SPREAD[2]} rad (the singular "
-    f"surface near 0.83 rad runs through it), kept where every vertex is within {REACH} m of its rail (out of reach at {L1} m) "
-    f"and the smallest relative pivot exceeds {PIVOT}; rates normal with 1 m/s"
+    f"platform poses x, y within {SPREAD[0]} m of the base's centre and angle {CENTRE[2]} ± "
+    f"{SPREAD[2]} rad (the singular surface near 0.83 rad runs through it), kept where every "
+    f"vertex is within {REACH} m of its rail (out of reach at {L1} m) and the smallest relative "
+    f"pivot exceeds {PIVOT}; rates normal with 1 m/s"
 )
 
 
 def workspace_states(robot: lw.Robot, count: int, seed: int = 20100) -> lw.State:
-    """Return random states (count) of the 3-PRR over its workspace, on both sides of the singular surface."""
+    """Return random states (count) of the 3-PRR over its workspace, on both sides of the singular
+    surface."""
     random = np.random.default_rng(seed)
     poses: list[np.ndarray] = []
     while len(poses) < count:
@@ -43,7 +46,8 @@ def across_rails(pose: np.ndarray) -> np.ndarray:
 
 
 def pivot(robot: lw.Robot, pose: np.ndarray) -> float:
-    """Return the smallest relative pivot of the elimination at a pose: 1 far from singular poses, 0 in one."""
+    """Return the smallest relative pivot of the elimination at a pose: 1 far from singular poses, 0
+    in one."""
     return abs(float(robot.kernel("maps")(robot.assemble(tool=pose).q)[-1][0]))
 
 
@@ -60,14 +64,16 @@ class Task:
 
 
 def second_of_pushing(robot: lw.Robot) -> Task:
-    """Return a gentle task: from rest in the middle of the workspace, 0.5 N on the first slider for 1 s."""
+    """Return a gentle task: from rest in the middle of the workspace, 0.5 N on the first slider for
+    1 s."""
     return Task(robot.assemble(tool=[*CENTRE[:2], 1.2]), as_signal([0.5, 0.0, 0.0]))
 
 
 def second_of_motion(robot: lw.Robot, samples: int = 1001) -> Task:
     """Return the work-precision task, rest to rest in 1 s.
 
-    The forces are those of a circle of 50 mm, on which the platform swings by 0.2 rad around 1.2 rad.
+    The forces are those of a circle of 50 mm, on which the platform swings by 0.2 rad around 1.2
+    rad.
     """
     path = lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2))
     motion = robot.follow(path, duration=1.0, samples=samples)

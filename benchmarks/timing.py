@@ -1,4 +1,5 @@
-"""Timing on a noisy machine: contenders take turns in short blocks, so that all of them see the same weather."""
+"""Timing on a noisy machine: contenders take turns in short blocks, so that all of them see the
+same weather."""
 
 from __future__ import annotations
 
@@ -29,14 +30,16 @@ class Contender:
 def interleaved(
     contenders: Mapping[Name, Contender], rounds: int = 60, block: float = 2e-3
 ) -> dict[Name, np.ndarray]:
-    """Time the contenders in turn, a block each, over and over, in an order that changes from turn to turn.
+    """Time the contenders in turn, a block each, over and over, in an order that changes from turn
+    to turn.
 
     Args:
         contenders: by name.
         rounds: number of turns.
         block: length of a block [s]; a call that takes longer is one block.
 
-    The first call of a block of several is not counted: it finds the caches as the contender before left them.
+    The first call of a block of several is not counted: it finds the caches as the contender before
+    left them.
 
     Returns:
         Seconds per item in each block, (rounds,) for each name.
@@ -105,6 +108,7 @@ def best(seconds: np.ndarray) -> str:
 
 @contextmanager
 def empty_cache() -> Iterator[None]:
-    """Let kernels be compiled anew: a folder of its own, empty at first, takes the place of the user's cache."""
+    """Let kernels be compiled anew: a folder of its own, empty at first, takes the place of the
+    user's cache."""
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, LINKWORK_CACHE_DIR=folder):
         yield

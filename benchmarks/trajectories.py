@@ -1,8 +1,9 @@
-"""Work, precision and closure on three robots: 3-PRR, Stewart platform and Andrews' squeezer, beside SciPy, Exudyn and MuJoCo.
+"""Work, precision and closure on three robots: 3-PRR, Stewart platform and Andrews' squeezer,
+beside SciPy, Exudyn and MuJoCo.
 
-Everybody is called as a user calls it, on the same motion under constant forces. The references share nothing with the
-library's integrators: for the 3-PRR equations by hand, for the Stewart platform Pinocchio, for the squeezer the equations of
-the IVP test set.
+Everybody is called as a user calls it, on the same motion under constant forces. The references
+share nothing with the library's integrators: for the 3-PRR equations by hand, for the Stewart
+platform Pinocchio, for the squeezer the equations of the IVP test set.
 """
 
 from __future__ import annotations
@@ -65,8 +66,8 @@ class Grid:
 class Problem:
     """Hold a run from a state under constant forces, and where some of its joints are at the end.
 
-    joints: names; reference: their coordinates at the end, by others than the library [m, rad]; finer: by how much the
-    steps of engines are to be finer
+    joints: names; reference: their coordinates at the end, by others than the library [m, rad];
+    finer: by how much the steps of engines are to be finer
     """
 
     name: str
@@ -80,7 +81,8 @@ class Problem:
     finer: int = 1
 
     def error(self, positions: np.ndarray, exact: np.ndarray) -> float:
-        """Return the largest error of these joints among all coordinates at the end, turns of angles left out."""
+        """Return the largest error of these joints among all coordinates at the end, turns of
+        angles left out."""
         columns = [self.robot.coordinates.index(name) for name in self.joints]
         gap = positions[columns] - exact
         angular = self.robot.labels.angular[columns]
@@ -89,7 +91,8 @@ class Problem:
 
 @dataclass(frozen=True)
 class Result:
-    """Hold all joint coordinates at the end, the closure error, and the time inside a solver where it tells it."""
+    """Hold all joint coordinates at the end, the closure error, and the time inside a solver where
+    it tells it."""
 
     positions: np.ndarray
     closure_error: float
@@ -124,7 +127,8 @@ def planar() -> Problem:
 
 
 def hexapod() -> Problem:
-    """Return a second of the Stewart platform from rest at home; the reference is Pinocchio's motion."""
+    """Return a second of the Stewart platform from rest at home; the reference is Pinocchio's
+    motion."""
     robot = lw.Robot(stewart())
     forces, start = np.array(LEGS), robot.home
     engine = engines.pinocchio(robot)
@@ -172,7 +176,8 @@ def exactly(f: Callable[[np.ndarray], np.ndarray], y: np.ndarray, duration: floa
 
 
 def run(grid: Grid | None = None, problems: Sequence[Callable[[], Problem]] = PROBLEMS) -> Section:
-    """Run all problems in all hands; form the ratios of times at equal error, and draw error and closure over time."""
+    """Run all problems in all hands; form the ratios of times at equal error, and draw error and
+    closure over time."""
     grid = grid or Grid()
     figures, rows, raw, pictures = [], [], {}, {}
     for problem in (make() for make in problems):

@@ -1,7 +1,9 @@
-"""Work and precision: what an error at the end of one simulated second costs in wall time, for every contender.
+"""Work and precision: what an error at the end of one simulated second costs in wall time, for
+every contender.
 
-All start from the same state under the same piecewise cubic forces. The error is the largest over slide_1..3 and pivot_1..3
-[m, rad], the coordinates that all of them integrate, against the extrapolated reference.
+All start from the same state under the same piecewise cubic forces. The error is the largest over
+slide_1..3 and pivot_1..3 [m, rad], the coordinates that all of them integrate, against the
+extrapolated reference.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ PAIRS = (
     (LINKWORK, MUJOCO, None),
     (LINKWORK, EXUDYN, None),
 )
-"""Ours, theirs, and how many times faster ours was promised to be, from errors of PROMISED_FROM downwards."""
+"""Ours, theirs, and how many times faster ours was promised to be, from errors of PROMISED_FROM
+downwards."""
 JOINTS = tuple(f"{kind}_{i}" for kind in ("slide", "pivot") for i in (1, 2, 3))
 LOOKS = {
     LOOP: (style.BLUE, style.DASHES[0], "o"),
@@ -77,7 +80,8 @@ class Curve:
     seconds: list[float]
 
     def time_at(self, error: float) -> float | None:
-        """Return the time for an error, by interpolation of the logarithms; None outside what was reached.
+        """Return the time for an error, by interpolation of the logarithms; None outside what was
+        reached.
 
         Between several settings of the same error the quickest counts.
         """
@@ -187,12 +191,14 @@ def measure(robot: lw.Robot, task: Task, exact: Reference, grid: Grid) -> dict[s
 
 
 def distance(end: np.ndarray, exact: Reference) -> float:
-    """Return the largest error of slide_1..3 and pivot_1..3; one of zero counts as half a unit in the last place of 1."""
+    """Return the largest error of slide_1..3 and pivot_1..3; one of zero counts as half a unit in
+    the last place of 1."""
     return max(float(np.abs(end - exact.end).max()), 2.0**-54)
 
 
 def contenders(robot: lw.Robot, task: Task, grid: Grid) -> dict[str, list[tuple[float, Runner]]]:
-    """Return for each contender its settings, and runs that return slide_1..3 and pivot_1..3 at the end (6,)."""
+    """Return for each contender its settings, and runs that return slide_1..3 and pivot_1..3 at the
+    end (6,)."""
     pinocchio, mujoco = engines.pinocchio(robot), engines.MujocoEngine(robot.mechanism)
     q, v = task.start.positions, robot.joint_rates(task.start)
     tree = [robot.equations.tree.coordinates.index(name) for name in JOINTS]

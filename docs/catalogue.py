@@ -1,4 +1,5 @@
-"""Write the catalogue's page, docs/catalogue.md, from the robots themselves: python docs/catalogue.py"""
+"""Write the catalogue's page, docs/catalogue.md, from the robots themselves: python
+docs/catalogue.py"""
 
 import inspect
 from collections.abc import Callable

@@ -51,7 +51,8 @@ def page() -> str:
 
 
 def entry(number: int, example: Path) -> str:
-    """Return an example's part of the page: what it is about, its picture, its code without what is said above it."""
+    """Return an example's part of the page: what it is about, its picture, its code without what is
+    said above it."""
     text = example.read_text(encoding="utf-8")
     title, _, about = (ast.get_docstring(ast.parse(text)) or "").partition("\n")
     code = text.split('"""\n', 1)[1].strip()

@@ -50,7 +50,8 @@ def singularities(robot: Robot) -> Axes:
 
 
 def portrait(robot: Robot) -> str:
-    """Return a robot in its reference configuration as SVG, its driven joints named; lengths to 1/100 pt, no point twice."""
+    """Return a robot in its reference configuration as SVG, its driven joints named; lengths to
+    1/100 pt, no point twice."""
     driven = [
         name
         for name, joint in robot.mechanism.joints.items()

@@ -1,6 +1,8 @@
-"""Docstrings of classes name fields by lines "name: meaning" or "name, name: meaning"; the site shows these as lists.
+"""Docstrings of classes name fields by lines "name: meaning" or "name, name: meaning"; the site
+shows these as lists.
 
-Controllers and drives describe their numbers themselves: their docstrings are taken as the running classes have them.
+Controllers and drives describe their numbers themselves: their docstrings are taken as the running
+classes have them.
 """
 
 import inspect

@@ -1,4 +1,5 @@
-"""Take the pictures of the viewer for the documentation in a headless Chromium: python docs/screenshots.py"""
+"""Take the pictures of the viewer for the documentation in a headless Chromium: python
+docs/screenshots.py"""
 
 import shutil
 from pathlib import Path

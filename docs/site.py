@@ -1,7 +1,9 @@
-"""What the site takes from outside of docs: the changelog, how to contribute, the benchmarks' results; the commands' page.
+"""What the site takes from outside of docs: the changelog, how to contribute, the benchmarks'
+results; the commands' page.
 
-Pages are written to be read in the repository as well, so links between them lead through the repository's folders. When
-the site is built, a link that leads to a file of the site is made to lead there.
+Pages are written to be read in the repository as well, so links between them lead through the
+repository's folders. When the site is built, a link that leads to a file of the site is made to
+lead there.
 """
 
 import posixpath
@@ -18,7 +20,8 @@ LINK = re.compile(r"(\]\()([^)#:\s]+)(#[^)\s]*)?(\))")
 
 
 def taken() -> dict[str, str]:
-    """Return where files from outside of docs stand in the site, by their path in the repository."""
+    """Return where files from outside of docs stand in the site, by their path in the
+    repository."""
     results = sorted((ROOT / "benchmarks" / "results").iterdir())
     found = {f"benchmarks/results/{path.name}": f"results/{path.name}" for path in results}
     return found | {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}

@@ -1,4 +1,5 @@
-"""How large the house is: `python -m tests.house` counts the lines of code of each package, without docstrings and blanks."""
+"""How large the house is: `python -m tests.house` counts the lines of code of each package, without
+docstrings and blanks."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
 CORE = ("mechanism", "equations", "kernels", "simulation", "robot")
-"""What a reader must know: from a description to a state and a run. CONTRIBUTING.md says so, too."""
+"""What a reader must know: from a description to a state and a run. CONTRIBUTING.md says so,
+too."""
 MANY = ("alone", "ensemble", "lane_", "lanes", "many", "members", "rows", "vectors")
 """How modules of the core begin that only runs of many members need; they are counted apart."""
 
@@ -23,7 +25,8 @@ def modules() -> tuple[tuple[Path, ast.Module], ...]:
 
 
 def package(path: Path) -> str:
-    """Return the name of the package, or of the module beside the packages, that a source file belongs to."""
+    """Return the name of the package, or of the module beside the packages, that a source file
+    belongs to."""
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
@@ -34,7 +37,8 @@ def part(path: Path) -> str:
 
 
 def code_lines(path: Path, tree: ast.Module) -> int:
-    """Return how many lines of a file are code: not blank, no comment, no string that stands alone."""
+    """Return how many lines of a file are code: not blank, no comment, no string that stands
+    alone."""
     told = {
         line
         for node in ast.walk(tree)
@@ -60,7 +64,8 @@ def sizes() -> Counter[str]:
 
 @cache
 def imports() -> dict[Path, set[str]]:
-    """Return the modules that each file imports, at once or later, with the names taken from packages."""
+    """Return the modules that each file imports, at once or later, with the names taken from
+    packages."""
     found: dict[Path, set[str]] = {}
     for path, tree in modules():
         own = found.setdefault(path, set())

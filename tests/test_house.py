@@ -1,4 +1,5 @@
-"""What may ask what: the laboratory asks the library, nothing of the library but the command line asks the laboratory."""
+"""What may ask what: the laboratory asks the library, nothing of the library but the command line
+asks the laboratory."""
 
 from __future__ import annotations
 
@@ -68,7 +69,10 @@ def test_the_former_place_of_work_precision_diagrams_warns():
 
 
 def test_lines_of_code_are_counted_without_docstrings_comments_and_blanks(tmp_path):
-    text = '"""Doc.\n\nMore."""\n\n# comment\nx = """a\nb"""\n\n\ndef f():\n    """Doc."""\n    return x  # why\n'
+    text = (
+        '"""Doc.\n\nMore."""\n\n# comment\nx = """a\nb"""\n\n\ndef f():\n    """Doc."""\n    '
+        "return x  # why\n"
+    )
     path = tmp_path / "module.py"
     path.write_text(text)
     assert code_lines(path, ast.parse(text)) == 4
@@ -76,7 +80,10 @@ def test_lines_of_code_are_counted_without_docstrings_comments_and_blanks(tmp_pa
 
 
 def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():
-    asking = "import linkwork as lw; print(sorted(lw.lab.__all__)); print(lw.lab.precision.plot_work_precision.__name__)"
+    asking = (
+        "import linkwork as lw; print(sorted(lw.lab.__all__)); "
+        "print(lw.lab.precision.plot_work_precision.__name__)"
+    )
     told = subprocess.run(
         [sys.executable, "-c", asking], capture_output=True, text=True, check=True, timeout=120
     ).stdout

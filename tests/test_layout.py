@@ -1,4 +1,5 @@
-"""How the house stands: later stages ask earlier ones, no module asks itself by way of others, and names are told once."""
+"""How the house stands: later stages ask earlier ones, no module asks itself by way of others, and
+names are told once."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ STAGES = (
     "sweeps viewer lab",
     "cli",
 )
-"""The packages, and modules beside them, from the lowest stage to the highest; those of one stage do not ask each other."""
+"""The packages, and modules beside them, from the lowest stage to the highest; those of one stage
+do not ask each other."""
 FORMER = ("engines", "textbook")
 """Names of the root that lead to where things are now."""
 LATER = {
@@ -45,7 +47,8 @@ def name_of(path: Path) -> str:
 
 
 def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
-    """Yield the modules that a module imports: at once, in functions, for its types, or later by their name."""
+    """Yield the modules that a module imports: at once, in functions, for its types, or later by
+    their name."""
     former = {
         id(argument)
         for node in ast.walk(tree)

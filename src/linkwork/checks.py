@@ -84,7 +84,8 @@ def by_name(values: Any, what: str, example: str) -> Mapping[str, Any]:
 
 
 def several(values: Any, kind: type[Kind], what: str) -> tuple[Kind, ...]:
-    """Return a list of things of one kind; refuse one that is not in a list, and what is of another kind."""
+    """Return a list of things of one kind; refuse one that is not in a list, and what is of another
+    kind."""
     if isinstance(values, tuple) and not values:
         return ()
     if not isinstance(values, Iterable) or isinstance(values, str | Mapping):

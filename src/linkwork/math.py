@@ -1,7 +1,8 @@
-"""Elementary functions for controllers: of numbers, of arrays, and of the symbols that a controller is traced with.
+"""Elementary functions for controllers: of numbers, of arrays, and of the symbols that a controller
+is traced with.
 
-A controller written with these is called with numbers or with symbols alike. Instead of branching on a value, which a
-symbol does not have, it selects:  where(condition, a, b).
+A controller written with these is called with numbers or with symbols alike. Instead of branching
+on a value, which a symbol does not have, it selects:  where(condition, a, b).
 """
 
 from __future__ import annotations
@@ -58,14 +59,16 @@ def symbolic(value: Any) -> bool:
 
 
 def vector(symbols: ca.SX) -> np.ndarray:
-    """Return the elements of a matrix of symbols, column by column, as a vector of single symbols."""
+    """Return the elements of a matrix of symbols, column by column, as a vector of single
+    symbols."""
     elements = np.empty(symbols.numel(), dtype=object)
     elements[:] = ca.vertsplit(ca.densify(ca.vec(symbols)))
     return elements
 
 
 def array(values: Any) -> np.ndarray:
-    """Return an array of numbers, or of single symbols and numbers (dtype object), from nested sequences."""
+    """Return an array of numbers, or of single symbols and numbers (dtype object), from nested
+    sequences."""
     if isinstance(values, ca.SX):
         return vector(values).reshape(shape(values), order="F")
     if not symbolic(values):
@@ -91,7 +94,8 @@ def shape(symbols: ca.SX) -> tuple[int, ...]:
 def elementwise(
     of_symbols: Callable[..., Any], of_numbers: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return the function that takes numbers, arrays and symbols, element by element, broadcasting as NumPy does."""
+    """Return the function that takes numbers, arrays and symbols, element by element, broadcasting
+    as NumPy does."""
 
     def function(*values: Any) -> Any:
         if not any(symbolic(value) for value in values):

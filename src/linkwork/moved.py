@@ -9,7 +9,8 @@ from typing import Any
 
 
 def leading_to(old: str, new: str, names: Container[str] | None = None) -> Callable[[str], Any]:
-    """Return a `__getattr__` for the module `old` that takes names, all or these, from the module `new`."""
+    """Return a `__getattr__` for the module `old` that takes names, all or these, from the module
+    `new`."""
 
     def found(name: str) -> Any:
         if names is not None and name not in names:

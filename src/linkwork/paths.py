@@ -1,8 +1,8 @@
 """Tool paths: poses of the tool over a run, with exact first and second time derivatives.
 
-A path gives the pose x(s), x'(s), x''(s) for s from 0 to 1, and a motion law s(t) says when it is where. Poses have
-the tool's coordinates: (x, y) or (x, y, angle) in the plane, (x, y, z) or (x, y, z, rx, ry, rz) in space (rotation
-vector) [m, rad].
+A path gives the pose x(s), x'(s), x''(s) for s from 0 to 1, and a motion law s(t) says when it is
+where. Poses have the tool's coordinates: (x, y) or (x, y, angle) in the plane, (x, y, z) or
+(x, y, z, rx, ry, rz) in space (rotation vector) [m, rad].
 """
 
 from __future__ import annotations
@@ -46,11 +46,13 @@ class Path:
         for name, function in (("curve", self.curve), ("law", self.law)):
             if not callable(function):
                 raise LinkworkError(
-                    f"the {name} of a path is {checks.shown(function)}; give a function, such as paths.uniform"
+                    f"the {name} of a path is {checks.shown(function)}; give a function, such as "
+                    "paths.uniform"
                 )
 
     def sample(self, time: np.ndarray, duration: float) -> Triple:
-        """Return poses, velocities and accelerations (K, d) at the times [s] of a run of a given duration [s].
+        """Return poses, velocities and accelerations (K, d) at the times [s] of a run of a given
+        duration [s].
 
         x' = x_s s',  x'' = x_ss s'^2 + x_s s''.
         """
@@ -74,8 +76,8 @@ def circle(
     Args:
         centre: (x, y) or (x, y, z) of the circle [m].
         radius: [m].
-        orientation: constant angle, or rotation vector in space [rad]; left out: the tool's orientation is not
-            prescribed.
+        orientation: constant angle, or rotation vector in space [rad]; left out: the tool's
+            orientation is not prescribed.
         start: angle of the first point, from x [rad].
         turns: number of turns, negative for clockwise.
         law: motion law.
@@ -118,7 +120,8 @@ def line(start: Sequence[float], end: Sequence[float], *, law: Law = rest_to_res
 
 
 def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Path:
-    """Lead the tool through poses (K, d), K >= 4, by a cubic spline with continuous accelerations."""
+    """Lead the tool through poses (K, d), K >= 4, by a cubic spline with continuous
+    accelerations."""
     from scipy.interpolate import CubicSpline
 
     if not isinstance(poses, Sequence | np.ndarray) or isinstance(poses, str | bytes):
@@ -132,7 +135,8 @@ def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Pat
 
 
 def together(*paths: Path) -> Path:
-    """Prescribe several parts of the pose side by side, such as a circle (x, y) and a line of angles; the first law holds."""
+    """Prescribe several parts of the pose side by side, such as a circle (x, y) and a line of
+    angles; the first law holds."""
     for path in paths:
         if not isinstance(path, Path):
             raise LinkworkError(

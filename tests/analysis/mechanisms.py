@@ -1,4 +1,5 @@
-"""Mechanisms of the tests: a general 3-RPR, Dietmaier's platform, a planar arm, a 3-RRS, a cart and a mass on springs."""
+"""Mechanisms of the tests: a general 3-RPR, Dietmaier's platform, a planar arm, a 3-RRS, a cart and
+a mass on springs."""
 
 from functools import cache
 from math import atan2, hypot
@@ -22,7 +23,8 @@ def dietmaier():
 
 
 def rpr(corners, vertices, pose):
-    """Return a 3-RPR with any corners and platform vertices (3, 2), its reference at a pose (x, y, angle)."""
+    """Return a 3-RPR with any corners and platform vertices (3, 2), its reference at a pose
+    (x, y, angle)."""
     x, y, angle = pose
     joints, reference = {}, {}
     for i, (corner, vertex) in enumerate(
@@ -65,10 +67,11 @@ def turned(vector, angle):
 
 
 def postures(corners, vertices, lengths, samples=20001):
-    """Return the platform's angles at which three circles about the corners hold its vertices, by their common point.
+    """Return the platform's angles at which three circles about the corners hold its vertices, by
+    their common point.
 
-    Two differences of |P + R b_i - A_i|^2 = l_i^2 are linear in P; the sign changes of the third, times the square of
-    their determinant, are the solutions.
+    Two differences of |P + R b_i - A_i|^2 = l_i^2 are linear in P; the sign changes of the third,
+    times the square of their determinant, are the solutions.
     """
     A, b, rho = (np.asarray(part, float) for part in (corners, vertices, lengths))
     phi = np.linspace(-np.pi, np.pi, samples)
@@ -113,7 +116,8 @@ def cart(mass=2.0, stiffness=50.0, damping=0.0):
 
 @cache
 def cables():
-    """Return a mass in the plane that three slides pull from corners, one of them more than it has freedoms."""
+    """Return a mass in the plane that three slides pull from corners, one of them more than it has
+    freedoms."""
     corners = ((0.0, 0.0), (2.0, 0.0), (1.0, 2.0))
     joints, reference = {}, {}
     for i, (x, y) in enumerate(corners, start=1):
@@ -151,9 +155,11 @@ def cables():
 
 @cache
 def rrs(knee=2.0, link=0.5, base=0.4, platform=0.3):
-    """Return a 3-RRS, its platform level in the reference: legs of hinge, hinge and ball in upright planes.
+    """Return a 3-RRS, its platform level in the reference: legs of hinge, hinge and ball in upright
+    planes.
 
-    knee: angle between the links of a leg there [rad]; base, platform: distances of hinges and balls from the middle [m]
+    knee: angle between the links of a leg there [rad]; base, platform: distances of hinges and
+    balls from the middle [m]
     """
     bodies, joints, reference = {"platform": SOLID}, {}, {}
     reach = 2 * link * np.sin(knee / 2)

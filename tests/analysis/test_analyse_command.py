@@ -1,4 +1,5 @@
-"""`linkwork analyse`: what it prints is what the library finds, in 80 columns; files; refusals in one sentence."""
+"""`linkwork analyse`: what it prints is what the library finds, in 80 columns; files; refusals in
+one sentence."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Assembly and working modes: published counts, counts by an independent formulation, how sure they are."""
+"""Assembly and working modes: published counts, counts by an independent formulation, how sure they
+are."""
 
 import numpy as np
 import pytest
@@ -101,7 +102,8 @@ def test_the_first_mode_is_the_reference_s():
 
 
 def test_idle_spins_make_no_modes():
-    """The hexaglide with rods that may spin about themselves has the assembly modes of the one whose rods may not."""
+    """The hexaglide with rods that may spin about themselves has the assembly modes of the one
+    whose rods may not."""
     with_spins = lw.Robot(lw.robots.hexaglide(idle_spins=True))
     assert len(with_spins.idle) == 6
     found, expected = (

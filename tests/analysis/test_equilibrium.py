@@ -1,4 +1,5 @@
-"""Static equilibrium and forces within bounds: closed forms, energy, an independent quadratic programme."""
+"""Static equilibrium and forces within bounds: closed forms, energy, an independent quadratic
+programme."""
 
 import numpy as np
 import pytest

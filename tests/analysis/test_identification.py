@@ -1,4 +1,5 @@
-"""Identification: the number of base parameters, known values recovered from noisy runs, better motions for it."""
+"""Identification: the number of base parameters, known values recovered from noisy runs, better
+motions for it."""
 
 import numpy as np
 import pytest
@@ -53,7 +54,8 @@ def test_a_planar_arm_under_gravity_has_six_base_parameters():
 
 
 def test_six_joints_with_a_spherical_wrist_have_thirty_six():
-    """Khalil & Dombre 2002, sec. 9.4: 40 of the Staubli RX-90, of the same build, four of them rotors."""
+    """Khalil & Dombre 2002, sec. 9.4: 40 of the Staubli RX-90, of the same build, four of them
+    rotors."""
     assert len(base_parameters(built("puma560"))) == 36
 
 

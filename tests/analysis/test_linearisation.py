@@ -1,4 +1,5 @@
-"""Linear models, natural modes, stiffness: closed forms, finite differences on the manifold, quasi-coordinates."""
+"""Linear models, natural modes, stiffness: closed forms, finite differences on the manifold,
+quasi-coordinates."""
 
 import sys
 
@@ -65,7 +66,8 @@ def test_it_is_the_slope_of_the_forward_dynamics_in_motion(name):
 
 
 def test_shifts_of_a_turning_body_change_by_its_turn_too():
-    """Rates wx, wy, wz are no derivatives of coordinates: xi = S^+ (q_near - q) followed over time by differences."""
+    """Rates wx, wy, wz are no derivatives of coordinates: xi = S^+ (q_near - q) followed over time
+    by differences."""
     robot, random = built("stewart"), np.random.default_rng(3)
     pose = tuple(f"pose.{rate}" for rate in ("x", "y", "z", "wx", "wy", "wz"))
     state = robot.in_chart(robot.home.with_rates(0.5 * random.standard_normal(6)), pose)
@@ -116,7 +118,8 @@ def test_a_mass_on_a_spring_and_damper():
 
 
 def test_pendulums_swing_as_the_books_say():
-    """One: sqrt(g/l); two equal ones: omega^2 = (2 -+ sqrt 2) g/l, the second mass sqrt 2 times as far, with or against."""
+    """One: sqrt(g/l); two equal ones: omega^2 = (2 -+ sqrt 2) g/l, the second mass sqrt 2 times as
+    far, with or against."""
     one = built("pendulum")
     assert natural_modes(one, one.state({"hinge_1": -np.pi / 2})).frequencies == pytest.approx(
         [np.sqrt(G) / (2 * np.pi)]
@@ -180,7 +183,8 @@ def test_the_tool_s_stiffness_is_the_actuators_seen_through_the_jacobian(name):
 
 
 def test_weight_adds_to_the_tool_s_stiffness():
-    """A pendulum hanging down on a joint spring: turning stiffness k + m g l, to the side (k + m g l) / l^2."""
+    """A pendulum hanging down on a joint spring: turning stiffness k + m g l, to the side
+    (k + m g l) / l^2."""
     robot = built("pendulum")
     hanging = robot.state({"hinge_1": -np.pi / 2})
     stiffness, _ = tool_stiffness(robot, hanging, {"hinge_1": 5.0}, forces=[0.0])

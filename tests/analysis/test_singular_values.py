@@ -1,4 +1,5 @@
-"""Singular values of stacks in compiled code: against LAPACK, and against exact ones of graded matrices."""
+"""Singular values of stacks in compiled code: against LAPACK, and against exact ones of graded
+matrices."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Singularities: their kinds at known poses, closed forms of the five-bar's loci, distances and crossings."""
+"""Singularities: their kinds at known poses, closed forms of the five-bar's loci, distances and
+crossings."""
 
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ def test_the_jacobians_relate_the_rates_that_the_robot_itself_gives(name):
 
 
 def test_the_five_bar_s_determinants_in_closed_form():
-    """A: rows elbow -> tip; B: (tip - elbow) . (z x crank): |A| ~ sin between the distals, B ~ sin crank to distal."""
+    """A: rows elbow -> tip; B: (tip - elbow) . (z x crank): |A| ~ sin between the distals, B ~ sin
+    crank to distal."""
     robot, made = built("five_bar"), jacobians(built("five_bar"))
     states = robot.assemble(tool=[[0.15, 0.3], [0.3, 0.35], [0.0, 0.4]])
     _, _, det_B, det_A = made(states.q)
@@ -65,7 +67,8 @@ def test_the_five_bar_s_determinants_in_closed_form():
 
 
 def test_the_five_bar_s_loci_part_the_two_sides_on_which_the_distal_links_lie():
-    """det A has the sign of d_1 x d_2, the distal links from the elbows to the tip, all in closed form."""
+    """det A has the sign of d_1 x d_2, the distal links from the elbows to the tip, all in closed
+    form."""
     robot = built("five_bar")
     mapped = workspace(robot, {"x": np.linspace(-0.4, 0.7, 300), "y": np.linspace(-0.5, 0.5, 301)})
     x, y = np.meshgrid(mapped.x, mapped.y, indexing="ij")
@@ -126,7 +129,8 @@ def test_a_3_rrs_is_not_singular_for_the_sideways_shifts_that_nothing_leads(lift
 
 @pytest.mark.parametrize("knee", [2.0, np.pi])
 def test_a_3_rrs_is_leg_singular_where_its_legs_are_stretched_whatever_its_reference(knee):
-    """With a knee straight, hip and knee can turn against each other while the ball stands still."""
+    """With a knee straight, hip and knee can turn against each other while the ball stands
+    still."""
     robot, bent, straight = rrs(knee), rrs(2.0), rrs(np.pi)
     told = singularity(robot, robot.state(straight.home.positions))
     assert told.kinds == ("I",) and "with the tool held still" in told.message
@@ -167,7 +171,8 @@ def parallelogram():
 
 
 def test_along_a_motion_crossings_and_distances_are_told():
-    """The platform of a 3-RPR turns through the singular angle zero at a known time; the way to it is length times angle."""
+    """The platform of a 3-RPR turns through the singular angle zero at a known time; the way to it
+    is length times angle."""
     robot, length = built("rpr3"), 0.2
     middle = np.array([0.5, 0.5 / np.sqrt(3)])
     angles = np.linspace(0.3, -0.2, 26)
@@ -223,7 +228,8 @@ def test_refusals(ask, told):
 
 
 def test_a_singular_reference_does_not_hinder():
-    """The base and the platform of a 3-RPR drawn alike, one over the other: actuator-singular as it is described."""
+    """The base and the platform of a 3-RPR drawn alike, one over the other: actuator-singular as it
+    is described."""
     corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 3**0.5 / 2)])
     robot = rpr(corners, 0.2 * (corners - corners.mean(axis=0)), (*corners.mean(axis=0), 0.0))
     assert singularity(robot, robot.home).kinds == ("II",)

@@ -1,4 +1,5 @@
-"""Robots in micrometres and micrograms, or a million times larger and heavier: analyses give the answers scaled likewise."""
+"""Robots in micrometres and micrograms, or a million times larger and heavier: analyses give the
+answers scaled likewise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Workspaces: areas and edges by geometry, branches kept, isotropic velocity and force by brute force."""
+"""Workspaces: areas and edges by geometry, branches kept, isotropic velocity and force by brute
+force."""
 
 import sys
 import threading
@@ -38,7 +39,8 @@ def test_a_planar_arm_reaches_a_ring():
 
 
 def test_the_arm_s_conditioning_and_elbow_in_closed_form():
-    """l = 1 m as the tool only shifts; J = [[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]], elbow by the cosine law."""
+    """l = 1 m as the tool only shifts; J = [[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]],
+    elbow by the cosine law."""
     mapped = workspace(arm(1.0, 0.6), plane(23, (-1.5, -1.5), (1.5, 1.5)))
     for x, y in ((0.9, 0.4), (-0.7, 0.6), (0.3, -1.1)):
         cell = mapped.sel(x=x, y=y, method="nearest")
@@ -71,7 +73,8 @@ def test_the_five_bar_reaches_what_both_legs_reach_on_every_working_mode():
 
 
 def test_the_3_prr_at_constant_orientation_reaches_a_triangle():
-    """Each vertex stays within l1 of its slide's line: three half planes, for the distances add up to a constant > 2 l1."""
+    """Each vertex stays within l1 of its slide's line: three half planes, for the distances add up
+    to a constant > 2 l1."""
     angle, l1, l2 = 0.5, 0.3, 0.15
     mapped = workspace(built("prr3"), plane(241, (0.32, 0.12), (0.68, 0.48), angle=angle))
     x, y = np.meshgrid(mapped.x, mapped.y, indexing="ij")
@@ -136,7 +139,8 @@ def test_isotropic_velocity_and_force_are_what_the_worst_direction_allows():
 
 
 def test_forces_from_virtual_work_are_inverse_dynamics_of_a_massless_load():
-    """u = J' f: the actuator forces that a weight on the tool needs beyond those without it, at rest."""
+    """u = J' f: the actuator forces that a weight on the tool needs beyond those without it, at
+    rest."""
     light, heavy = (
         lw.Robot(lw.robots.prr3(gravity=(0.0, -9.81, 0.0), platform_mass=mass))
         for mass in (1.0, 2.0)

@@ -1,4 +1,5 @@
-"""The benchmarks run, on tiny sizes, and what they measure against is right. Nothing here depends on speed."""
+"""The benchmarks run, on tiny sizes, and what they measure against is right. Nothing here depends
+on speed."""
 
 import numpy as np
 import pytest
@@ -34,7 +35,8 @@ def task(robot):
 
 
 def test_terms_agree_with_forty_digits():
-    """M, C v, G, forces and accelerations in ten states over the workspace, gravity in the plane."""
+    """M, C v, G, forces and accelerations in ten states over the workspace, gravity in the
+    plane."""
     for name, errors in accuracy.against_oracle(10).items():
         assert errors.shape == (10,)
         assert 0 <= errors.max() < 1e-12, name
@@ -61,7 +63,8 @@ def test_equations_by_hand_agree_with_the_kernel(robot):
 
 
 def test_the_reference_agrees_with_other_integrators_and_equations(robot, task):
-    """Extrapolation in long doubles, DOP853 on the kernel and DOP853 on the equations by hand meet at the end."""
+    """Extrapolation in long doubles, DOP853 on the kernel and DOP853 on the equations by hand meet
+    at the end."""
     found = reference.reference(robot, tasks.Task(task.start, task.signal, duration=0.1))
     assert found.order < 1e-10
     assert found.integrator < 1e-12
@@ -87,7 +90,8 @@ def test_lookup_evaluates_the_signal(task):
 
 
 def test_native_loops_evaluate_every_state(robot):
-    """The blocks, the chain and the row of states give the numbers of the kernel called from Python."""
+    """The blocks, the chain and the row of states give the numbers of the kernel called from
+    Python."""
     compiled = robot.kernel("motion")
     _, x = kernel.inputs(robot, 8 * compiled.lanes)
     nq, n = robot.equations.nq, robot.mobility
@@ -118,7 +122,8 @@ def test_interleaved_times_count_items():
 
 
 def test_engines_solve_the_same_task(robot, task):
-    """Pinocchio, MuJoCo, Exudyn and SciPy end near the reference, each within what its method can do."""
+    """Pinocchio, MuJoCo, Exudyn and SciPy end near the reference, each within what its method can
+    do."""
     work_precision = pytest.importorskip(
         "benchmarks.work_precision", reason="the engines are not installed"
     )

@@ -1,4 +1,5 @@
-"""The benchmarks of the mechanisms run, on tiny sizes, and what they compare agrees. Nothing here depends on speed."""
+"""The benchmarks of the mechanisms run, on tiny sizes, and what they compare agrees. Nothing here
+depends on speed."""
 
 import json
 from dataclasses import replace
@@ -34,7 +35,8 @@ def test_engines_agree_on_the_stewart_platform(platform):
 
 
 def test_both_charts_are_timed_on_the_same_motions(platform):
-    """The accelerations of the chart that runs start in, read off at the legs, are those of the legs' chart."""
+    """The accelerations of the chart that runs start in, read off at the legs, are those of the
+    legs' chart."""
     stewart = pytest.importorskip("benchmarks.stewart", reason=engines_needed)
     states, forces = stewart.poses(platform, 4)
     names = platform.run_chart.independent
@@ -64,7 +66,8 @@ def test_the_ladder_grows_linearly_and_swings_as_published():
 
 
 def test_exudyn_converges_to_the_motion_of_andrews_squeezer():
-    """Both come near the reference: Exudyn by the second order of its steps, Linkwork to its tolerance."""
+    """Both come near the reference: Exudyn by the second order of its steps, Linkwork to its
+    tolerance."""
     linkages = pytest.importorskip("benchmarks.linkages", reason=engines_needed)
     problem = replace(linkages.andrews_squeezer(), tolerances=(1e-5, 1e-8), steps=(200, 400))
     ours, theirs = linkages.linkwork(problem, rounds=1), linkages.exudyn(problem, repeats=1)

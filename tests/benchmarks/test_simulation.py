@@ -1,4 +1,5 @@
-"""The benchmarks of simulation and analysis run, on tiny sizes, and what they compare agrees. Nothing here depends on speed."""
+"""The benchmarks of simulation and analysis run, on tiny sizes, and what they compare agrees.
+Nothing here depends on speed."""
 
 import json
 
@@ -82,7 +83,8 @@ def test_the_ensemble_stands_beside_rollouts_and_loops():
 
 
 def test_computed_torque_leads_the_sliders_however_it_is_called():
-    """With the exact model the error obeys e'' + kd e' + kp e = 0, critically damped: e = e_0 (1 + w t) exp(-w t)."""
+    """With the exact model the error obeys e'' + kd e' + kp e = 0, critically damped: e = e_0
+    (1 + w t) exp(-w t)."""
     section = control.run(duration=0.4, rounds=1)
     found = {row[0]: row for row in listed(section)}
     assert set(found) == set(control.WAYS)

@@ -1,4 +1,5 @@
-"""The commands about robots and files, called in this process: what they print and write, and what they refuse."""
+"""The commands about robots and files, called in this process: what they print and write, and what
+they refuse."""
 
 import json
 

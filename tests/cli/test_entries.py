@@ -1,4 +1,5 @@
-"""Numbers from the command line and from files of forces: what is read, and one sentence for what is refused."""
+"""Numbers from the command line and from files of forces: what is read, and one sentence for what
+is refused."""
 
 import numpy as np
 import pytest

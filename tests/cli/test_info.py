@@ -1,4 +1,5 @@
-"""The facts of a robot: as data for prr3, as text for the whole catalogue, and what mobility is explained by."""
+"""The facts of a robot: as data for prr3, as text for the whole catalogue, and what mobility is
+explained by."""
 
 import json
 
@@ -89,12 +90,19 @@ def test_every_joint_of_the_catalogue_has_one_line_of_80_columns(name, capsys, w
 
 MOBILITIES = {
     "five_bar": "2, planar; Gruebler's formula gives 2",
-    "bricard": "1, spatial; Gruebler's formula gives 0, because one closure row depends on the others: 1 named below",
-    "bennett": "1, spatial; Gruebler's formula gives -2, because 3 closure rows depend on the others: 3 named below",
-    "agile_wrist": "3, spatial; Gruebler's formula gives -3, because 6 closure rows depend on the others: "
-    "6 that the geometry makes vanish",
+    "bricard": (
+        "1, spatial; Gruebler's formula gives 0, because one closure row depends on the others: "
+        "1 named below"
+    ),
+    "bennett": (
+        "1, spatial; Gruebler's formula gives -2, because 3 closure rows depend on the others: "
+        "3 named below"
+    ),
+    "agile_wrist": "3, spatial; Gruebler's formula gives -3, because 6 closure rows depend on "
+    "the others: 6 that the geometry makes vanish",
 }
-"""Counted by hand: 6 r - 5 j for r bodies and j revolute joints in space, 3 r - 2 j in the plane."""
+"""Counted by hand: 6 r - 5 j for r bodies and j revolute joints in space, 3 r - 2 j in the
+plane."""
 
 
 @pytest.mark.parametrize(("name", "sentence"), MOBILITIES.items())

@@ -1,4 +1,5 @@
-"""`--reference` and `load(..., reference=)`: where loops are closed from, for models that cannot say it themselves."""
+"""`--reference` and `load(..., reference=)`: where loops are closed from, for models that cannot
+say it themselves."""
 
 import json
 from math import cos, hypot, sin

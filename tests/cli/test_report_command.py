@@ -1,4 +1,5 @@
-"""Reports from the command line: of runs that hold their mechanism, of those that do not; what is refused."""
+"""Reports from the command line: of runs that hold their mechanism, of those that do not; what is
+refused."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Runs from the command line: the same numbers as the library's, where they start and end, what is refused."""
+"""Runs from the command line: the same numbers as the library's, where they start and end, what is
+refused."""
 
 import numpy as np
 import pytest
@@ -107,7 +108,8 @@ def test_files_are_kept_unless_they_shall_be_replaced(tmp_path):
 
 @pytest.fixture
 def two_squares():
-    """Two four-bars of equal lengths: at the angle pi all their links lie on one line, and branches of motion meet."""
+    """Two four-bars of equal lengths: at the angle pi all their links lie on one line, and branches
+    of motion meet."""
     return ("simulate", "n_four_bar", "--duration", 2, "--rates", "pivot_0=1")
 
 
@@ -218,7 +220,8 @@ def test_forces_that_do_not_cover_the_run_are_refused(tmp_path):
 
 
 def test_a_run_starts_at_the_turns_asked_for_and_tells_a_limit_where_it_is_passed(tmp_path):
-    """hinge_3 of Bennett's linkage, which closes its loop, two turns back: within limits there, and beyond them at home."""
+    """hinge_3 of Bennett's linkage, which closes its loop, two turns back: within limits there, and
+    beyond them at home."""
     described = lw.robots.bennett()
     hinge = described.joints["hinge_3"].model_copy(
         update={"limits": lw.Limits(lower=-14.0, upper=-10.0)}

@@ -1,4 +1,5 @@
-"""Ready controllers against closed forms: second-order responses, exact error dynamics, balance, steady errors, Riccati."""
+"""Ready controllers against closed forms: second-order responses, exact error dynamics, balance,
+steady errors, Riccati."""
 
 import numpy as np
 import pytest
@@ -90,7 +91,8 @@ def test_pid_leaves_no_steady_error_under_a_constant_wrench():
 
 
 def test_computed_torque_gives_the_error_dynamics_exactly(robot):
-    """With the exact model e'' + kd e' + kp e = 0 in every actuated joint: its closed form to 1e-8."""
+    """With the exact model e'' + kd e' + kp e = 0 in every actuated joint: its closed form to
+    1e-8."""
     motion = circle_motion(robot)
     law = ComputedTorque(motion, robot, 100.0, 12.0)
     start = robot.assemble(
@@ -112,7 +114,8 @@ def test_computed_torque_gives_the_error_dynamics_exactly(robot):
 
 
 def test_computed_torque_with_too_few_actuators():
-    """The driven joint of a double pendulum obeys its error dynamics, whatever the free one does."""
+    """The driven joint of a double pendulum obeys its error dynamics, whatever the free one
+    does."""
     mechanism = lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)})
     robot = lw.Robot(mechanism)
     law = ComputedTorque({"hinge_1": -1.0}, robot, 29.0, 10.0)
@@ -122,7 +125,8 @@ def test_computed_torque_with_too_few_actuators():
 
 
 def test_computed_torque_with_too_many_actuators():
-    """All six joints of a 3-RRR-like plane mechanism driven: least forces, the same error dynamics."""
+    """All six joints of a 3-RRR-like plane mechanism driven: least forces, the same error
+    dynamics."""
     mechanism = lw.robots.prr3()
     robot = lw.Robot(mechanism.model_copy(update={"actuators": (*mechanism.actuators, "pivot_1")}))
     goal = {name: float(robot.home[name]) for name in robot.actuators}
@@ -138,7 +142,8 @@ def test_computed_torque_with_too_many_actuators():
 
 
 def test_sliding_mode_bears_a_wrong_model(robot):
-    """With a platform lighter by a third the error stays within the boundary layer's bound; computed torque's does not."""
+    """With a platform lighter by a third the error stays within the boundary layer's bound;
+    computed torque's does not."""
     motion = circle_motion(robot)
     wrong = lw.Robot(lw.robots.prr3(platform_mass=0.9))
     start = motion.state.at(0)
@@ -257,7 +262,8 @@ def test_a_pole_on_the_imaginary_axis_is_no_stable_one_however_it_is_rounded(mas
 
 
 def test_slow_and_fast_poles_are_stable_together():
-    """m x'' = -K x with Q = (a, b): both gains in closed form, poles at about sqrt(a / b) and sqrt(b / R) / m."""
+    """m x'' = -K x with Q = (a, b): both gains in closed form, poles at about sqrt(a / b) and
+    sqrt(b / R) / m."""
     plant = cart(2.0)
     for place, speed in [(1e-6, 1e6), (1e-4, 1.0), (1.0, 1e-6), (1e6, 1.0)]:
         (gains,) = LQR.about(plant, plant.home, [place, speed], [1.0]).gains
@@ -280,7 +286,8 @@ def test_controllers_work_with_numbers_too(robot):
 
 
 def test_pid_integrates_the_errors_of_all_actuators_of_whatever_robot_it_leads(robot):
-    """Pulled by a constant wrench without weight in the plane, every actuator ends with ki z = the force that it bears."""
+    """Pulled by a constant wrench without weight in the plane, every actuator ends with ki z = the
+    force that it bears."""
     law = PID({name: float(robot.home[name]) for name in robot.actuators}, 400.0, 60.0, ki=1200.0)
     push = Wrench("platform", force=[6.0, -4.0, 0])
     run = robot.simulate(robot.home, law, duration=12.0, wrenches=[push], save_at=[0, 12.0])

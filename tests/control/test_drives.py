@@ -47,7 +47,8 @@ def test_a_saturated_drive(plant):
 
 
 def test_a_dc_motor_follows_its_linear_equations(plant):
-    """(i, w)' = [[-R/L, -K N/L], [K N/m, 0]] (i, w) + (V/L, 0): the matrix exponential gives the response."""
+    """(i, w)' = [[-R/L, -K N/L], [K N/m, 0]] (i, w) + (V/L, 0): the matrix exponential gives the
+    response."""
     from scipy.linalg import expm
 
     R, L, K, N, V = 2.0, 0.05, 0.3, 4.0, 10.0
@@ -114,7 +115,8 @@ AIR = dict(
 
 
 def test_pneumatic_flow_by_hand():
-    """Choked: m' = C rho_0 p_1. Subsonic at r = 0.65, b = 0.3: psi = sqrt(1 - (0.35 / 0.7)^2) = sqrt(3) / 2."""
+    """Choked: m' = C rho_0 p_1. Subsonic at r = 0.65, b = 0.3: psi = sqrt(1 - (0.35 / 0.7)^2) =
+    sqrt(3) / 2."""
     drive = PneumaticCylinder(**AIR, conductance=2e-8, critical_ratio=0.3)
     assert np.isclose(drive.flow(7e5, 1e5), 2e-8 * 1.185 * 7e5, 1e-12)
     assert np.isclose(drive.flow(7e5, 0.65 * 7e5), 2e-8 * 1.185 * 7e5 * np.sqrt(3) / 2, 1e-12)
@@ -123,7 +125,8 @@ def test_pneumatic_flow_by_hand():
 
 
 def test_a_pneumatic_cylinder_with_closed_valve_is_a_spring():
-    """A trapped gas p V^n = const: frequency^2 = n (p_a A_a^2 / V_a + p_b A_b^2 / V_b) / m about equilibrium."""
+    """A trapped gas p V^n = const: frequency^2 = n (p_a A_a^2 / V_a + p_b A_b^2 / V_b) / m about
+    equilibrium."""
     p_b = 4e5
     p_a = (p_b * 1e-3 + 101325 * 0.2e-3) / 1.2e-3  # forces in balance
     drive = PneumaticCylinder(**(AIR | {"initial_a": p_a, "initial_b": p_b}), retracted=-0.25)
@@ -148,7 +151,8 @@ def test_a_pneumatic_cylinder_with_closed_valve_is_a_spring():
 
 
 def test_a_pneumatic_cylinder_fills_to_the_supply(plant):
-    """Held in place by a stiff spring, an open valve brings A to the supply's pressure and B to the exhaust's."""
+    """Held in place by a stiff spring, an open valve brings A to the supply's pressure and B to the
+    exhaust's."""
     slide = lw.PrismaticJoint(
         connects=("ground", "cart"), axis=(1, 0, 0), spring=lw.Spring(stiffness=1e5, damping=3e3)
     )
@@ -174,14 +178,16 @@ def test_a_pneumatic_cylinder_fills_to_the_supply(plant):
 
 
 def test_flow_of_warm_air():
-    """ISO 6358: the mass flow falls with the square root of the temperature upstream: 0.938 at 60 C."""
+    """ISO 6358: the mass flow falls with the square root of the temperature upstream: 0.938 at 60
+    C."""
     cold, warm = (PneumaticCylinder(**AIR, temperature=T).flow(7e5, 1e5) for T in (293.15, 333.15))
     assert np.isclose(warm / cold, np.sqrt(293.15 / 333.15), 1e-14)
 
 
 @pytest.mark.parametrize("command", [1.0, -1.0])
 def test_a_pneumatic_piston_stops_at_both_ends_of_its_stroke(command):
-    """There the chambers come to the supply's and the exhaust's pressure, and the stop gives way by F / k."""
+    """There the chambers come to the supply's and the exhaust's pressure, and the stop gives way by
+    F / k."""
     drive, robot = PneumaticCylinder(**AIR, retracted=-0.2), damped(20.0)
     law = lw.Sampled([0.0, 4.0, 8.0], [[command], [-command], [0.0]], "hold")
     run = robot.simulate(
@@ -202,7 +208,10 @@ def test_a_pneumatic_piston_stops_at_both_ends_of_its_stroke(command):
 
 def test_a_piston_outside_of_its_stroke_is_refused(plant):
     drive = PneumaticCylinder(**AIR, retracted=0.1)
-    sentence = "drive of 'slide': the joint coordinate 0 m lies outside of the stroke .* from retracted = 0.1 m to 0.6 m"
+    sentence = (
+        "drive of 'slide': the joint coordinate 0 m lies outside of the stroke .* from "
+        "retracted = 0.1 m to 0.6 m"
+    )
     with pytest.raises(lw.LinkworkError, match=sentence):
         plant.simulate(plant.home, [1.0], duration=1.0, drives={"slide": drive})
     with pytest.raises(lw.LinkworkError, match=sentence):
@@ -224,7 +233,8 @@ OIL = dict(
 
 
 def test_a_hydraulic_cylinder_reaches_its_steady_rate():
-    """Symmetric: w = Q / A with Q = flow s sqrt((p_s - p_t - p_L) / 2 drop), load pressure p_L = d w / A (Merritt, sec. 6)."""
+    """Symmetric: w = Q / A with Q = flow s sqrt((p_s - p_t - p_L) / 2 drop), load pressure p_L = d
+    w / A (Merritt, sec. 6)."""
     robot = damped(2e4)
     run = robot.simulate(
         robot.home,
@@ -258,9 +268,11 @@ def test_a_hydraulic_piston_stops_at_the_end_of_its_stroke():
 
 
 def test_oil_that_is_drawn_apart_keeps_a_pressure_above_zero():
-    """A closed valve, and a load that pulls: chamber B bears it, p_b A_b = load + p_a A_a; in A, which grows, the oil's air
+    """A closed valve, and a load that pulls: chamber B bears it, p_b A_b = load + p_a A_a; in A,
+    which grows, the oil's air
 
-    takes up the volume that the oil leaves, air V_0 p_0 / p_a + V_0 (1 - p / beta ...): the balances of both chambers.
+    takes up the volume that the oil leaves, air V_0 p_0 / p_a + V_0 (1 - p / beta ...): the
+    balances of both chambers.
     """
     robot, load = damped(2e4), 1.2e4
     drive = HydraulicCylinder(**(OIL | {"initial_a": 2e5, "initial_b": 2e5}), air=1e-3)
@@ -284,7 +296,8 @@ def test_oil_that_is_drawn_apart_keeps_a_pressure_above_zero():
 
 
 def test_leakage_bleeds_a_pressure_difference():
-    """Valve closed, piston held by a stiff spring: (p_a - p_b)' = -c beta (1/V_a + 1/V_b) (p_a - p_b)."""
+    """Valve closed, piston held by a stiff spring: (p_a - p_b)' = -c beta (1/V_a + 1/V_b)
+    (p_a - p_b)."""
     slide = lw.PrismaticJoint(
         connects=("ground", "cart"), axis=(1, 0, 0), spring=lw.Spring(stiffness=1e12)
     )

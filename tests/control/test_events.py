@@ -17,7 +17,8 @@ def plant():
 
 
 def test_user_events_are_found_at_their_times(plant):
-    """x = 0.5 t^2 / 2: x passes 0.04 at t = 0.4; sin(10 t) falls through zero at pi / 10 and 3 pi / 10."""
+    """x = 0.5 t^2 / 2: x passes 0.04 at t = 0.4; sin(10 t) falls through zero at pi / 10 and 3 pi /
+    10."""
     passes = Event(lambda t, state: state["slide"] - 0.04, name="passes")
     falls = Event(lambda t, state: lw.math.sin(10 * t), direction=-1, name="falls")
     run = plant.simulate(plant.home, [1.0], duration=1.0, events=[passes, falls], max_step=0.05)
@@ -70,7 +71,8 @@ def test_limits_of_a_free_turn_as_events():
 
 
 def test_actuator_singular_poses_as_events():
-    """A slider-crank driven at its slider is singular where crank and rod are in line: crank angles k pi."""
+    """A slider-crank driven at its slider is singular where crank and rod are in line: crank angles
+    k pi."""
     mechanism = lw.robots.slider_crank()
     crank, slide = (
         mechanism.actuators[0],
@@ -110,7 +112,10 @@ def test_robots_without_singular_poses_of_their_actuators_are_refused():
         ),
         (
             [Event(lambda t, state: 1.0 if state["slide"] else 2.0, name="if")],
-            r"the event 'if' cannot be traced with symbols \(it branches on .*as a function of its arguments alone$",
+            (
+                r"the event 'if' cannot be traced with symbols \(it branches on .*as a function "
+                r"of its arguments alone$"
+            ),
         ),
         (
             [Event(lambda t, state: None, name="none")],
@@ -145,7 +150,8 @@ def test_what_is_no_event_is_refused():
 
 
 def test_a_run_stopped_and_resumed_is_the_uninterrupted_one():
-    """Stopped by its number of steps, saved, loaded and resumed: bit for bit, drive's state and time included."""
+    """Stopped by its number of steps, saved, loaded and resumed: bit for bit, drive's state and
+    time included."""
     robot = lw.Robot(lw.robots.prr3())
     motion = circle_motion(robot)
     law, drives = PD(motion, 5000.0, 200.0), {"slide_2": DCMotor(1.0, 2e-3, 0.5, 20.0)}
@@ -183,7 +189,8 @@ def test_a_sampled_run_goes_on_between_its_samples(plant, compiled):
 
 
 def test_a_run_resumes_in_another_chart():
-    """After changes of chart the run's last rates are those of another choice than the robot's own."""
+    """After changes of chart the run's last rates are those of another choice than the robot's
+    own."""
     robot = lw.Robot(lw.robots.four_bar())
     start = robot.home.with_rates(3.0 + 0 * robot.home.rates)
     whole = robot.simulate(start, duration=2.0, save_at=[2.0])
@@ -267,7 +274,8 @@ def test_the_determinant_of_the_actuation_is_a_number_of_the_observation():
 
 
 def test_events_of_a_robot_whose_free_turns_are_driven():
-    """A ball that 0.1 N m turn about x, 0.1 kg m^2: its rate passes 0.2 rad/s after 0.2 s; that rate has no coordinate."""
+    """A ball that 0.1 N m turn about x, 0.1 kg m^2: its rate passes 0.2 rad/s after 0.2 s; that
+    rate has no coordinate."""
     body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
     ball = lw.SphericalJoint(connects=("ground", "top"))
     actuators = ("ball.wx", "ball.wy", "ball.wz")

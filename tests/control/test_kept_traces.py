@@ -1,4 +1,5 @@
-"""What is traced once, and what is traced in every run: nothing that changed is ever taken from before."""
+"""What is traced once, and what is traced in every run: nothing that changed is ever taken from
+before."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,5 @@
-"""Laws and drives are records: listed once, each number described once, and what is the user's own is told apart."""
+"""Laws and drives are records: listed once, each number described once, and what is the user's own
+is told apart."""
 
 from __future__ import annotations
 

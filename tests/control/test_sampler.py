@@ -1,4 +1,5 @@
-"""Sampled control: zero-order hold, delay, quantisation, faults; compiled and called back give the same."""
+"""Sampled control: zero-order hold, delay, quantisation, faults; compiled and called back give the
+same."""
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ def plant():
 
 
 def discrete(rate, steps, late=0, quantum=0.0):
-    """Return x_k of m x'' = u held over each period: x' = x + h v + h^2 u / 2 m, v' = v + h u / m."""
+    """Return x_k of m x'' = u held over each period: x' = x + h v + h^2 u / 2 m, v' = v + h u /
+    m."""
     h, x, v, queue, found = 1 / rate, 0.0, 0.0, [0.0] * late, [0.0]
     for _ in range(steps):
         seen_x = quantum * np.floor(x / quantum + 0.5) if quantum else x
@@ -130,7 +132,8 @@ def test_a_wish_to_leave_is_not_swallowed(plant):
 @pytest.mark.parametrize("late", [0, 3])
 @pytest.mark.parametrize("fault", ["raised", "undefined", "undefined, compiled"])
 def test_a_run_goes_on_with_a_repaired_controller(plant, late, fault):
-    """The call that failed is repeated, and what was to act later still does: the discrete recursion, uninterrupted."""
+    """The call that failed is repeated, and what was to act later still does: the discrete
+    recursion, uninterrupted."""
 
     def broken(t, state):
         if fault == "raised" and t > 0.45:
@@ -197,7 +200,8 @@ def test_undefined_forces_end_the_run_and_are_named(wrap):
 
 
 def test_a_change_of_chart_keeps_what_is_held():
-    """A crank turned right round passes poses where the chart changes; called back and compiled agree all the way."""
+    """A crank turned right round passes poses where the chart changes; called back and compiled
+    agree all the way."""
     robot = lw.Robot(lw.robots.four_bar())
     name = robot.actuators[0]
     law = lambda t, state: {name: 2.0 - state.rate(name)}  # noqa: E731

@@ -1,4 +1,5 @@
-"""Controllers traced with symbols: the same as with numbers, parameters without compiling, refusals in one sentence."""
+"""Controllers traced with symbols: the same as with numbers, parameters without compiling, refusals
+in one sentence."""
 
 import math
 
@@ -167,7 +168,8 @@ def test_time_is_exact(plant):
 
 
 def test_the_same_law_in_every_chart():
-    """A five-bar that turns through changes of chart under a law in named quantities keeps the energy law's balance."""
+    """A five-bar that turns through changes of chart under a law in named quantities keeps the
+    energy law's balance."""
     robot = lw.Robot(lw.robots.four_bar())
     law = lambda t, state: {robot.actuators[0]: 0.5 - 0.2 * state.rate(robot.actuators[0])}  # noqa: E731
     run = robot.simulate(robot.home, law, duration=3.0, save_at=np.linspace(0, 3, 1501))
@@ -219,31 +221,70 @@ class Integrating:
 @pytest.mark.parametrize(
     ("law", "sentence"),
     [
-        (branching, r"cannot be traced with symbols \(it branches on the value of a symbol\); .*where.*Sampler$"),
+        (branching, (
+            r"cannot be traced with symbols \(it branches on the value of a symbol\); "
+            r".*where.*Sampler$"
+        )),
         (lambda t, state: None, r"the controller returns None; give 1 number: slide"),
-        (lambda t, state: [None], r"the controller returns a list of NoneType; give 1 number: slide"),
-        (lambda t, state: [state.parameter("k", np.nan)], r"the parameter 'k' is nan; give finite numbers"),
-        (lambda t, state: [state.parameter("k", [1.0])], r"the parameter 'k' is \[1.0\]; give one number"),
+        (lambda t, state: [None], (
+            r"the controller returns a list of NoneType; give 1 number: "
+            r"slide"
+        )),
+        (lambda t, state: [state.parameter("k", np.nan)], (
+            r"the parameter 'k' is nan; give finite "
+            r"numbers"
+        )),
+        (lambda t, state: [state.parameter("k", [1.0])], (
+            r"the parameter 'k' is \[1.0\]; give one "
+            r"number"
+        )),
         (Counting, r"the controller is the class Counting; make one of it, Counting\(...\)"),
         (lw.control.PID, r"the controller is the class PID"),
-        (lambda t, state: [SHORT(t)[0]], r"the controller reads a signal from 0 s to 0.5 s, but the run goes from 0 s to 1 s"),
+        (lambda t, state: [SHORT(t)[0]], (
+            r"the controller reads a signal from 0 s to 0.5 s, but the run goes from 0 s to 1 "
+            r"s"
+        )),
         (rounding_to_float, r"the controller returns other values with numbers"),
         (Counting(), r"it branches on values, or keeps memory.*Sampler"),
-        (lambda t, state: [math.sin(state["slide"])], r"returns other values with numbers|cannot be traced"),
+        (lambda t, state: [math.sin(state["slide"])], (
+            r"returns other values with numbers|cannot be "
+            r"traced"
+        )),
         (lambda t, state: [1.0, 2.0], r"the controller returns 2 values; give 1: slide"),
         (
             lambda t, state: (lw.math.array([state["slide"]]), {}),
             r"the controller returns a tuple of ndarray, dict; give 1 number: slide$",
         ),
-        (Integrating(), r"the controller returns a list of SX; give the forces, and the rates of sum$"),
-        (lambda t, state: {"slid": 1.0}, r"the controller returns a value for 'slid'; there are slide"),
-        (lambda t, state: "full speed", r"the controller returns 'full speed'; give 1 number: slide"),
+        (Integrating(), (
+            r"the controller returns a list of SX; give the forces, and the rates of "
+            r"sum$"
+        )),
+        (lambda t, state: {"slid": 1.0}, (
+            r"the controller returns a value for 'slid'; there are "
+            r"slide"
+        )),
+        (lambda t, state: "full speed", (
+            r"the controller returns 'full speed'; give 1 number: "
+            r"slide"
+        )),
         (lambda t, state: [state["slid"]], r"there is no joint coordinate 'slid'; there are slide"),
         (lambda t, state: [state.rate("slid")], r"there is no joint rate 'slid'"),
-        (lambda t, state: [state.body("card").position[0]], r"there is no body 'card'; there are cart"),
-        (lambda t, state: [state.extra("current")], r"there is no extra state 'current'; there are none"),
-        (lambda t, state: [state.parameter("k", 1.0) * state.parameter("k", 2.0)], r"the parameter 'k' is given twice"),
-        (lambda t, state: [1 / 0], r"the controller cannot be traced with symbols \(ZeroDivisionError"),
+        (lambda t, state: [state.body("card").position[0]], (
+            r"there is no body 'card'; there are "
+            r"cart"
+        )),
+        (lambda t, state: [state.extra("current")], (
+            r"there is no extra state 'current'; there are "
+            r"none"
+        )),
+        (lambda t, state: [state.parameter("k", 1.0) * state.parameter("k", 2.0)], (
+            r"the parameter 'k' is given "
+            r"twice"
+        )),
+        (lambda t, state: [1 / 0], (
+            r"the controller cannot be traced with symbols "
+            r"\(ZeroDivisionError"
+        )),
     ],
 )  # fmt: skip
 def test_refusals(plant, law, sentence):
@@ -252,7 +293,8 @@ def test_refusals(plant, law, sentence):
 
 
 def test_parameters_of_the_robot_and_of_the_controller_together():
-    """Twice the mass under twice the stiffness moves as before; a free tool position moves the observed tool."""
+    """Twice the mass under twice the stiffness moves as before; a free tool position moves the
+    observed tool."""
     plant = cart(mass=2.0).free("cart.mass", "hook.frame.position.x")
 
     def law(t, state):

@@ -1,4 +1,5 @@
-"""External wrenches and payloads against weight, springs, couples, T' w and bodies that are welded on."""
+"""External wrenches and payloads against weight, springs, couples, T' w and bodies that are welded
+on."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The examples of README and docs do what they show: each page's code runs, block after block, as a reader would run it."""
+"""The examples of README and docs do what they show: each page's code runs, block after block, as a
+reader would run it."""
 
 import re
 import shlex

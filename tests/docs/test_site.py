@@ -1,4 +1,5 @@
-"""The site builds without a warning and without a network, and holds everything that it leads to."""
+"""The site builds without a warning and without a network, and holds everything that it leads
+to."""
 
 import os
 import re

@@ -1,4 +1,5 @@
-"""The derived equations against maximal coordinates with multipliers, on random mechanisms of all joint types and effects."""
+"""The derived equations against maximal coordinates with multipliers, on random mechanisms of all
+joint types and effects."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ CASES = {
 
 @dataclass(frozen=True)
 class Sample:
-    """Hold a closed state of a mechanism, as the equations have it and as the oracle has it, and actuator forces."""
+    """Hold a closed state of a mechanism, as the equations have it and as the oracle has it, and
+    actuator forces."""
 
     mechanism: Mechanism
     equations: Equations
@@ -53,7 +55,8 @@ class Sample:
 
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int) -> Sample:
-        """Move a mechanism from its reference, by its independent rates, and give it random rates and forces."""
+        """Move a mechanism from its reference, by its independent rates, and give it random rates
+        and forces."""
         rng, equations = np.random.default_rng(seed), derive(mechanism)
         v, u = rng.normal(size=equations.mobility), rng.normal(size=len(mechanism.actuators))
         q = displaced(equations, rng.uniform(-0.3, 0.3, v.size))
@@ -81,7 +84,8 @@ class Sample:
 
 
 def displaced(equations: Equations, step: np.ndarray) -> np.ndarray:
-    """Return q after a step of the independent rates from the reference, the loops closed; a step that is too far is halved."""
+    """Return q after a step of the independent rates from the reference, the loops closed; a step
+    that is too far is halved."""
     q, close_up = equations.reference, functions.closure_step(equations)
     q = (
         q
@@ -137,7 +141,8 @@ def test_inverse_after_forward_dynamics(sample):
 
 
 def test_energy_and_inertia(sample):
-    """T = v' M v / 2, and with it M itself: M_ij from the energies of unit rates, one and two at a time."""
+    """T = v' M v / 2, and with it M itself: M_ij from the energies of unit rates, one and two at a
+    time."""
     energy = sample.values("energy")
     close(
         [energy["kinetic"][0], energy["potential"][0]],
@@ -174,7 +179,8 @@ def test_power_balance(sample):
 
 
 def test_the_orthogonal_complement_annihilates_constraint_wrenches(sample):
-    """T' A' lambda = 0 for any multipliers, and for the reactions that the oracle finds in the joints."""
+    """T' A' lambda = 0 for any multipliers, and for the reactions that the oracle finds in the
+    joints."""
     _, T = sample.maps()
     A = sample.oracle.rows(sample.poses, sample.twists).A
     assert np.abs(A @ T).max(initial=0) < 1e-11

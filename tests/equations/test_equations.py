@@ -1,4 +1,5 @@
-"""Mechanisms of one-freedom joints against Lagrange's equations with multipliers in joint coordinates, and identities."""
+"""Mechanisms of one-freedom joints against Lagrange's equations with multipliers in joint
+coordinates, and identities."""
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,8 @@ CASES = {
 
 @pytest.fixture(params=CASES, scope="module")
 def case(request):
-    """Return a mechanism, its equations, the oracle, and a closed state: all coordinates, the tree's, independent rates."""
+    """Return a mechanism, its equations, the oracle, and a closed state: all coordinates, the
+    tree's, independent rates."""
     mechanism = CASES[request.param]
     equations = derive(mechanism)
     q_all, v = random_state(mechanism, np.random.default_rng(7))

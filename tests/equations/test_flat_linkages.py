@@ -1,4 +1,5 @@
-"""Linkages drawn in a line: the start is singular, so that home is bent out of it, or told to be given."""
+"""Linkages drawn in a line: the start is singular, so that home is bent out of it, or told to be
+given."""
 
 import itertools
 import json
@@ -23,7 +24,8 @@ def hinge(first, second, at_first=0.0, at_second=0.0):
 
 
 def linkage(lengths, base, order=None, reference=None):
-    """A chain of links in the plane between two pivots at the distance `base`, its last link named from the far pivot."""
+    """A chain of links in the plane between two pivots at the distance `base`, its last link named
+    from the far pivot."""
     bodies = [f"link_{k}" for k in range(len(lengths))]
     joints = {"h0": hinge("ground", bodies[0])}
     for k in range(len(lengths) - 2):

@@ -1,7 +1,9 @@
-"""Every joint kind on random frames: its rows, their derivatives, and its coordinates and rates, as cut joint and in the tree.
+"""Every joint kind on random frames: its rows, their derivatives, and its coordinates and rates, as
+cut joint and in the tree.
 
-A joint is put between bodies that move freely in space, by parallel hinges and a slide at the end; poses come from the
-oracle's own words for each joint type, derivatives from CasADi's differentiation of the rows along q' = N(q) w.
+A joint is put between bodies that move freely in space, by parallel hinges and a slide at the end;
+poses come from the oracle's own words for each joint type, derivatives from CasADi's
+differentiation of the rows along q' = N(q) w.
 """
 
 from __future__ import annotations
@@ -91,7 +93,8 @@ def column(values: list[ca.SX]) -> ca.SX:
 
 @cache
 def between_free_bodies(kind: str, connects: tuple[str, str], seed: int) -> Closed:
-    """Put a joint between two bodies, or one and ground; both hang on hinges and slides, and these on a free joint."""
+    """Put a joint between two bodies, or one and ground; both hang on hinges and slides, and these
+    on a free joint."""
     rng = np.random.default_rng(seed)
     poses = {body: random_pose(rng, planar=False) for body in CHAINS}
     joint, coordinates = random_joint(
@@ -117,7 +120,8 @@ def between_free_bodies(kind: str, connects: tuple[str, str], seed: int) -> Clos
 
 
 def hung(rng: np.random.Generator, body: str, p: np.ndarray, R: np.ndarray):
-    """Yield the joints that lead inward from a placed body to ground, each with its name and coordinates."""
+    """Yield the joints that lead inward from a placed body to ground, each with its name and
+    coordinates."""
     outer = body
     for k, kind in enumerate(CHAINS[body], start=1):
         inner, turn, along = f"{body}{k}", rng.uniform(-1, 1, 3), rng.uniform(-1, 1)
@@ -242,7 +246,8 @@ def test_rates_of_a_cut_joint_are_the_derivatives_of_its_coordinates(kind, conne
 
 
 def coordinate_derivatives(joint: PairJoint, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Return q' from a joint's rates: themselves, but p' = (0, omega) p / 2 of the unit quaternion p = (w, u) of R_12."""
+    """Return q' from a joint's rates: themselves, but p' = (0, omega) p / 2 of the unit quaternion
+    p = (w, u) of R_12."""
     if "turn" not in joint.freedoms:
         return rates
     (w, *u), omega = q[-4:], rates[-3:]
@@ -253,7 +258,8 @@ def coordinate_derivatives(joint: PairJoint, q: np.ndarray, rates: np.ndarray) -
 @few
 @random_frames
 def test_a_flipped_frame_is_told_from_one_that_agrees(kind, connects, seed):
-    """Turn the second frame by pi about an axis across the joint's: all rows of a joint with a direction may vanish again."""
+    """Turn the second frame by pi about an axis across the joint's: all rows of a joint with a
+    direction may vanish again."""
     case = between_free_bodies(kind, connects, seed)
     axis = np.array(getattr(case.joint, "axis", (0, 0, 1)))
     across = pairs.across(axis)[0]
@@ -273,7 +279,8 @@ def test_a_flipped_frame_is_told_from_one_that_agrees(kind, connects, seed):
 @few
 @given(seed=seeds)
 def test_a_joint_of_the_tree_moves_its_body_as_the_oracle_says(kind, backwards, seed):
-    """Pose from the coordinates; twist from the rates, by the derivative of the pose; p' = (0, omega) p / 2."""
+    """Pose from the coordinates; twist from the rates, by the derivative of the pose; p' =
+    (0, omega) p / 2."""
     rng = np.random.default_rng(seed)
     connects = ("b", "a") if backwards else ("a", "b")
     poses = {body: random_pose(rng, planar=False) for body in ("a", "b")}

@@ -1,4 +1,5 @@
-"""A rough reference is closed at the nearest configuration, whatever joints the spanning tree holds."""
+"""A rough reference is closed at the nearest configuration, whatever joints the spanning tree
+holds."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ def home(equations: Equations) -> np.ndarray:
 
 
 def nearest_five_bar(mechanism: Mechanism, base: float = 0.3, proximal: float = 0.25) -> np.ndarray:
-    """The closed angles of a five-bar nearest to those of its reference, by sequential quadratic programming."""
+    """The closed angles of a five-bar nearest to those of its reference, by sequential quadratic
+    programming."""
     named = np.array([label in mechanism.reference for label in FIVE])
     given = np.array([mechanism.reference.get(label, 0.0) for label in FIVE])
 

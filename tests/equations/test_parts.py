@@ -68,7 +68,8 @@ def test_a_body_on_rods_alone_and_a_platform_on_ball_joints_hang_on_free_joints(
 
 @pytest.mark.parametrize("seed", range(5))
 def test_orientations_multiply_as_matrices_do(seed):
-    """A random chain of turns and constant rotations, parallel axes among them, against SciPy's rotations."""
+    """A random chain of turns and constant rotations, parallel axes among them, against SciPy's
+    rotations."""
     random = np.random.default_rng(seed)
     axes = [np.array([0, 0, 1.0]), random.normal(size=3)]
     axes = [axis / np.linalg.norm(axis) for axis in axes]
@@ -102,7 +103,8 @@ def test_parallel_axes_add_their_angles():
 
 
 def test_elimination_divides_by_lengths_not_by_sines():
-    """A leg's link may stand along either axis of the ground without a weak pivot: the rows are written in its own axes."""
+    """A leg's link may stand along either axis of the ground without a weak pivot: the rows are
+    written in its own axes."""
     equations = derive(prr3())
     assert sorted(len(block.rows) for block in equations.chart.blocks) == [1, 1, 2]
     for pivot in (0.0, np.pi / 2):
@@ -114,7 +116,8 @@ def test_elimination_divides_by_lengths_not_by_sines():
 
 
 def random_system(seed, rows, columns, density=0.4, constants=0.3):
-    """Return a sparse matrix of full rank, some of its entries constants, as an expression, its symbols and numbers."""
+    """Return a sparse matrix of full rank, some of its entries constants, as an expression, its
+    symbols and numbers."""
     random = np.random.default_rng(seed)
     while True:
         A = random.normal(size=(rows, columns)) * (random.random((rows, columns)) < density)
@@ -130,7 +133,8 @@ def random_system(seed, rows, columns, density=0.4, constants=0.3):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_elimination_solves_and_its_pivots_are_one_where_it_was_chosen(seed):
-    """Phi_u X = right against NumPy's solver, for sparse systems with blocks of all sizes; then for other numbers."""
+    """Phi_u X = right against NumPy's solver, for sparse systems with blocks of all sizes; then for
+    other numbers."""
     Phi, x, A, numbers = random_system(seed, 7, 9)
     random = np.random.default_rng(seed)
     independent = choose_independent(A, ())

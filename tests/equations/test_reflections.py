@@ -11,7 +11,8 @@ from linkwork.robots import bricard, n_four_bar, stewart
 
 
 def sparse_rows(seed: int, rows: int, columns: int, dependent: int = 0) -> np.ndarray:
-    """Return random rows of three numbers each; the last `dependent` ones are sums of two others."""
+    """Return random rows of three numbers each; the last `dependent` ones are sums of two
+    others."""
     random = np.random.default_rng(seed)
     A = np.zeros((rows, columns))
     for row in A:

@@ -1,4 +1,5 @@
-"""The regressor: linear in the parameters, equal to inverse dynamics, and no column but by what its name says."""
+"""The regressor: linear in the parameters, equal to inverse dynamics, and no column but by what its
+name says."""
 
 from __future__ import annotations
 

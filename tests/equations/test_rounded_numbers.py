@@ -1,4 +1,5 @@
-"""Mechanisms written with six decimals: their redundant rows stay open by rounding, and they move as the exact ones do."""
+"""Mechanisms written with six decimals: their redundant rows stay open by rounding, and they move
+as the exact ones do."""
 
 from functools import cache
 
@@ -16,7 +17,8 @@ from tests.oracle.random_joints import tilted
 
 
 def spherical(angles=(0.7, 1.1, 0.9)) -> Mechanism:
-    """A loop of four hinges whose axes meet in a point 1 m off their frames: three rows of six are redundant."""
+    """A loop of four hinges whose axes meet in a point 1 m off their frames: three rows of six are
+    redundant."""
     frames = [Frame(position=(0, 0, -1))]
     ends = [
         Frame(position=tuple(np.array([0, np.sin(a), -np.cos(a)])), rotation=(a, 0, 0))
@@ -104,7 +106,8 @@ ROUGH = {
 
 @pytest.mark.parametrize("name", ROUGH)
 def test_six_decimals_and_a_rough_reference_go_together(name):
-    """The gap is that of numbers rounded by 5e-7 each, which add up around the loop; the freedoms are those of all digits."""
+    """The gap is that of numbers rounded by 5e-7 each, which add up around the loop; the freedoms
+    are those of all digits."""
     exact = ROUGH[name]()
     random = np.random.default_rng(5)
     off = {
@@ -117,7 +120,8 @@ def test_six_decimals_and_a_rough_reference_go_together(name):
 
 
 def test_the_limit_grows_with_the_loop_not_with_its_smallest_part():
-    """Bennett's linkage open by some 2e-6 m is read where its links are 1 m long, and refused at a tenth of that."""
+    """Bennett's linkage open by some 2e-6 m is read where its links are 1 m long, and refused at a
+    tenth of that."""
     exact = tilted(robots.bennett(), 1)
     assert derive(rounded(exact)).notes
     with pytest.raises(MechanismError, match="stays open by"):

@@ -17,7 +17,8 @@ def robot(bodies, joints, *actuators, **more):
 
 
 def crank_and_rod(*actuators, springs=None, **pin):
-    """Return a slider-crank in space whose rod has a ball joint at both ends; its reference is at dead centre."""
+    """Return a slider-crank in space whose rod has a ball joint at both ends; its reference is at
+    dead centre."""
     on_crank, at_end = lw.Frame.planar(0.2), lw.Frame.planar(0.5)
     joints = {
         "pivot": lw.RevoluteJoint(connects=("ground", "crank")),
@@ -52,7 +53,8 @@ def test_a_rod_between_balls_spins_at_dead_centre_as_elsewhere():
     ids=lambda effect: next(iter(effect)),
 )
 def test_what_friction_springs_rotors_and_limits_act_on_is_not_idle(effect):
-    """Kinematics leaves such a spin open all the same; inverse dynamics says that nothing drives it."""
+    """Kinematics leaves such a spin open all the same; inverse dynamics says that nothing drives
+    it."""
     found = crank_and_rod(**effect)
     assert found.spins == (ROD,) and found.idle == ()
     assert len(assembly_modes(found)) == 2
@@ -69,7 +71,8 @@ def test_a_spring_between_points_holds_a_spin_where_it_pulls_aside_of_the_line(a
 
 
 def test_what_an_actuator_drives_is_no_spin():
-    """A piston that a motor turns in its cylinder, between balls: the piston's own spin is driven, that of both is not."""
+    """A piston that a motor turns in its cylinder, between balls: the piston's own spin is driven,
+    that of both is not."""
     joints = {
         "foot": lw.SphericalJoint(connects=("ground", "tube")),
         "tube": lw.CylindricalJoint(connects=("tube", "piston"), axis=(1, 0, 0)),
@@ -162,7 +165,8 @@ def test_a_mechanism_that_can_do_nothing_else_does_not_idle():
 
 
 def elastic(*actuators):
-    """Return an arm that a motor with a rotor drives through a torsion spring, all about one axis, without weight."""
+    """Return an arm that a motor with a rotor drives through a torsion spring, all about one axis,
+    without weight."""
     joints = {
         "motor": lw.RevoluteJoint(connects=("ground", "rotor"), rotor_inertia=0.2),
         "spring": lw.RevoluteJoint(connects=("rotor", "arm"), spring=lw.Spring(stiffness=8.0)),
@@ -189,7 +193,8 @@ def test_inverse_dynamics_of_an_elastic_joint_names_what_nothing_drives(actuator
 
 
 def test_inverse_dynamics_of_an_elastic_joint_in_series_is_refused_and_with_a_second_motor_right():
-    """Statics by hand: the spring's moment k q acts on the arm forwards and on the rotor backwards."""
+    """Statics by hand: the spring's moment k q acts on the arm forwards and on the rotor
+    backwards."""
     joints = {
         "motor": lw.RevoluteJoint(connects=("ground", "rotor"), rotor_inertia=0.2),
         "spring": lw.RevoluteJoint(connects=("rotor", "arm"), spring=lw.Spring(stiffness=8.0)),
@@ -208,7 +213,8 @@ def test_inverse_dynamics_of_an_elastic_joint_in_series_is_refused_and_with_a_se
 
 
 def test_forces_of_an_elastic_joint_with_both_sides_driven():
-    """Statics and Newton's law by hand: motor (J_r + J) a_m + k (q_m - q_a), arm I a_a + d w_a - k (q_m - q_a)."""
+    """Statics and Newton's law by hand: motor (J_r + J) a_m + k (q_m - q_a), arm I a_a + d w_a - k
+    (q_m - q_a)."""
     found = elastic("motor", "bearing")
     state = found.assemble({"motor": 0.5, "bearing": 0.2}, rates={"motor": 0.0, "bearing": 0.3})
     inertia = 0.1 + 1.0 * 0.5**2

@@ -1,4 +1,5 @@
-"""Mechanisms in micrometres, in nanograms, a million times larger or slower: what is derived follows the scaling laws."""
+"""Mechanisms in micrometres, in nanograms, a million times larger or slower: what is derived
+follows the scaling laws."""
 
 import casadi as ca
 import numpy as np
@@ -65,7 +66,8 @@ def evaluated(equations, q, v, u):
 
 
 def same(found, expected, factors, tolerance):
-    """Tell whether numbers are the expected ones times their factors, to a part of the largest of them."""
+    """Tell whether numbers are the expected ones times their factors, to a part of the largest of
+    them."""
     return np.allclose(
         found / factors,
         expected,

@@ -1,7 +1,8 @@
-"""MuJoCo's own reading of a model, in the mechanism's terms: coordinates, rates and accelerations by name.
+"""MuJoCo's own reading of a model, in the mechanism's terms: coordinates, rates and accelerations
+by name.
 
-MuJoCo gives a ball's angular velocity in the body's axes; the mechanism in F1's, which are the body's at qpos0:
-w = R w_body and dw/dt = R dw_body/dt, R the joint's own rotation.
+MuJoCo gives a ball's angular velocity in the body's axes; the mechanism in F1's, which are the
+body's at qpos0: w = R w_body and dw/dt = R dw_body/dt, R the joint's own rotation.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ GAP = 1e-5  # of the differences of Jacobians [s]
 
 
 def compiled(source: str | Path, softness: float = 1.0) -> tuple[mj.MjModel, mj.MjData]:
-    """Compile a text or file; `softness` scales MuJoCo's estimate of the inverse inertia that constraints feel."""
+    """Compile a text or file; `softness` scales MuJoCo's estimate of the inverse inertia that
+    constraints feel."""
     text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
     model = mj.MjModel.from_xml_string(text)
     for estimate in (model.body_invweight0, model.dof_invweight0, model.tendon_invweight0):
@@ -81,7 +83,8 @@ def accelerations(model: mj.MjModel, data: mj.MjData) -> dict[str, float]:
 
 
 def jacobians(model: mj.MjModel, data: mj.MjData) -> np.ndarray:
-    """Return the Jacobians of all bodies' angular velocity and mass centre, (bodies, 6, nv), the world's left out."""
+    """Return the Jacobians of all bodies' angular velocity and mass centre, (bodies, 6, nv), the
+    world's left out."""
     found = np.zeros((model.nbody - 1, 6, model.nv))
     for index in range(1, model.nbody):
         mj.mj_jacBodyCom(model, data, found[index - 1, 3:], found[index - 1, :3], index)
@@ -95,7 +98,8 @@ def body_accelerations(
     forces: Sequence[float],
     reset: bool = True,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return (alpha, a) of the mass centres by body, where the bodies have given twists, at the keyframe if `reset`.
+    """Return (alpha, a) of the mass centres by body, where the bodies have given twists, at the
+    keyframe if `reset`.
 
     A part of a body ("body.joint") moves like the body.
     """

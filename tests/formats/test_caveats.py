@@ -1,4 +1,5 @@
-"""What makes a mechanism move otherwise than its file says is told wherever the file goes: read, run, saved, studied."""
+"""What makes a mechanism move otherwise than its file says is told wherever the file goes: read,
+run, saved, studied."""
 
 import warnings
 from pathlib import Path
@@ -21,7 +22,10 @@ GRIPPER = """<mujoco model="gripper"><asset><mesh name="m" file="m.stl"/></asset
 <joint name="b" axis="0 1 0"/>{more}</body></body></worldbody>
 <actuator><motor joint="a"/></actuator><sensor/></mujoco>"""
 MESH = "its type is mesh"
-WEIGHT = "<body 'palm'> has no mass here: all of it is that of meshes, which are not weighed; give it an <inertial>"
+WEIGHT = (
+    "<body 'palm'> has no mass here: all of it is that of meshes, which are not weighed; give "
+    "it an <inertial>"
+)
 
 
 def model(folder, joint="", inertial=INERTIAL, more='<geom size="0.1"/>'):
@@ -101,7 +105,10 @@ def test_commands_print_them_and_strict_refuses_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     name = model(tmp_path).name
     warning = "linkwork: warning: gripper.xml, line 3: <geom> is a mesh, whose mass is left out"
-    note = "linkwork: note: gripper.xml, line 5: <sensor> is left out: sensors do not act on the motion"
+    note = (
+        "linkwork: note: gripper.xml, line 5: <sensor> is left out: sensors do not act on the "
+        "motion"
+    )
     words = {
         "info": ("info", name, "--json"),
         "simulate": ("simulate", name, "--duration", "0.01", "--out", "run.nc"),

@@ -1,4 +1,5 @@
-"""What a long file takes grows with its length and no faster; what has no bound of its own has a limit that is told."""
+"""What a long file takes grows with its length and no faster; what has no bound of its own has a
+limit that is told."""
 
 import sys
 import tracemalloc
@@ -9,7 +10,10 @@ from linkwork.formats import load
 from linkwork.mechanism import MechanismError
 
 INERTIA = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-LINK = '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+LINK = (
+    '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" '
+    'izz="1"/></inertial></link>'
+)
 ARMS = "linkwork: 1\nbodies: {{{0}}}\njoints:\n{1}{2}"
 
 
@@ -33,7 +37,10 @@ def chain(n):
         f'<joint name="j.{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
         for k in range(n)
     )
-    return f'<robot name="r"><link name="l0"/>{"".join(LINK.format(k + 1) for k in range(n))}{joints}</robot>'
+    return (
+        '<robot name="r"><link '
+        f'name="l0"/>{"".join(LINK.format(k + 1) for k in range(n))}{joints}</robot>'
+    )
 
 
 LONG = {

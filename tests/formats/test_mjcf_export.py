@@ -1,8 +1,10 @@
-"""Exported models in MuJoCo move like the mechanism up to MuJoCo's softness, and read back they move like it exactly.
+"""Exported models in MuJoCo move like the mechanism up to MuJoCo's softness, and read back they
+move like it exactly.
 
-A soft constraint of impedance d has the regularisation R = (1 - d)/d A, A MuJoCo's estimate of the inverse inertia that
-the constraint feels, so that its accelerations are off by about R/A = 1e-4 of what its force does, and by more where A,
-an average over directions, is far from the truth. Scaling A by s scales the error by s: nothing else separates the two.
+A soft constraint of impedance d has the regularisation R = (1 - d)/d A, A MuJoCo's estimate of the
+inverse inertia that the constraint feels, so that its accelerations are off by about R/A = 1e-4 of
+what its force does, and by more where A, an average over directions, is far from the truth. Scaling
+A by s scales the error by s: nothing else separates the two.
 """
 
 from functools import cache
@@ -42,7 +44,9 @@ from tests.oracle.maximal import MaximalOracle
 from tests.oracle.random_joints import random_loops, random_motion, random_tree
 
 STIFFER = 1e-3
-SOLVER = 1e-7  # what MuJoCo's iterative solver leaves of such stiff constraints, relative to the greatest acceleration
+SOLVER = 1e-7
+"""What MuJoCo's iterative solver leaves of such stiff constraints, relative to the greatest
+acceleration."""
 ROBOTS = {  # about twice the measured error as MuJoCo comes, relative to the greatest acceleration
     "prr3": 3e-4,
     "five_bar": 2e-5,
@@ -61,7 +65,8 @@ def write(mechanism, tmp_path):
 
 
 def by_joint(path, robot, state, forces, softness):
-    """Return MuJoCo's accelerations of hinges and slides by name; all qpos but those of balls come from the state."""
+    """Return MuJoCo's accelerations of hinges and slides by name; all qpos but those of balls come
+    from the state."""
     model, data = compiled(path, softness)
     mj.mj_resetDataKeyframe(model, data, 0)
     values = dict(zip(robot.coordinates, state.positions, strict=True))
@@ -144,11 +149,12 @@ def test_reading_back_gives_the_same_joints_and_the_same_motion(name, tmp_path):
         assert a[1][rate] == pytest.approx(a[0][rate], rel=1e-7, abs=1e-8 * scale)
 
 
-# ----------------------------------------------------------------------------------------- mechanisms of all joint types
+# -------------------------------------------------------------------- mechanisms of all joint types
 
 
 def held(mechanism):
-    """Return a mechanism without what MJCF holds otherwise: Coulomb friction, springs of turned balls."""
+    """Return a mechanism without what MJCF holds otherwise: Coulomb friction, springs of turned
+    balls."""
     joints = {}
     for name, joint in mechanism.joints.items():
         fields = {}
@@ -190,7 +196,8 @@ RODS = {
 
 @cache
 def exported(name, moving=True):
-    """Return a mechanism with its text, and the oracle's poses, twists, forces and accelerations at home."""
+    """Return a mechanism with its text, and the oracle's poses, twists, forces and accelerations at
+    home."""
     mechanism, rng = held((RANDOM | RODS)[name]()), np.random.default_rng(5)
     oracle = MaximalOracle(mechanism)
     placed, twists = random_motion(oracle, rng, 0.0)
@@ -263,11 +270,12 @@ def test_every_kind_of_joint_read_back(name, tmp_path):
             assert ours[label] == pytest.approx(value, abs=1e-9)
 
 
-# ------------------------------------------------------------------------------------------------------- single things
+# ------------------------------------------------------------------------------------ single things
 
 
 def slider_crank(**fields):
-    """Describe a slider-crank all of whose joints are driven or have effects, so that none can be a connect."""
+    """Describe a slider-crank all of whose joints are driven or have effects, so that none can be a
+    connect."""
     rod = Body(mass=1.0, centre_of_mass=(0.1, 0, 0), inertia=Inertia(xx=0.01, yy=0.02, zz=0.02))
     joints = {
         "shaft": RevoluteJoint(connects=("ground", "crank")),
@@ -521,7 +529,7 @@ def test_a_chain_too_deep_is_refused():
         to_mjcf(Mechanism(bodies=bodies, joints=joints), home)
 
 
-# ------------------------------------------------------------------------------------ balls, and bodies of next to nothing
+# ------------------------------------------------------------- balls, and bodies of next to nothing
 
 BRICK = Body(
     mass=1.3, centre_of_mass=(0.1, 0.05, -0.1), inertia=Inertia(xx=0.03, yy=0.04, zz=0.05, xy=0.004)
@@ -530,7 +538,8 @@ TURNED = {"position": (0.2, -0.1, 0.3), "rotation": (0.3, -0.5, 0.4)}
 
 
 def test_a_ball_that_slides_follow_in_a_loop_has_a_body_of_its_own(tmp_path):
-    """A damped free joint that is described from the body to ground is a ball and three slides in MuJoCo."""
+    """A damped free joint that is described from the body to ground is a ball and three slides in
+    MuJoCo."""
     joints = {
         "float": FreeJoint(connects=("a", "ground"), friction={"x": Friction(viscous=0.5)}),
         "near": SphericalJoint(

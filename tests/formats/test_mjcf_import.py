@@ -1,4 +1,5 @@
-"""MJCF trees as MuJoCo itself understands them: masses, places, axes, accelerations; and what is noted or refused."""
+"""MJCF trees as MuJoCo itself understands them: masses, places, axes, accelerations; and what is
+noted or refused."""
 
 import re
 
@@ -20,7 +21,10 @@ from linkwork.mechanism import (
 from tests.formats import samples
 from tests.formats.mujoco_side import accelerations, compiled, set_state
 
-BODY = '<mujoco>{head}<worldbody><body name="b" pos="0.1 0.2 0.3" euler="10 20 30">{body}</body></worldbody>{tail}</mujoco>'
+BODY = (
+    '<mujoco>{head}<worldbody><body name="b" pos="0.1 0.2 0.3" euler="10 20 '
+    '30">{body}</body></worldbody>{tail}</mujoco>'
+)
 INERTIAL = '<inertial pos="0.05 0.02 0.2" mass="1.3" diaginertia="0.02 0.025 0.03"/>'
 
 
@@ -157,9 +161,13 @@ GEOMS = {
     '<geom type="capsule" size="0.1 0.2" mass="2"/>',
     "fromto": '<geom type="cylinder" size="0.05" fromto="0 0 0 0.1 0.2 0.3"/>'
     '<geom type="box" size="0.02" fromto="0 0.1 0 0 0 1"/>'
-    '<geom type="ellipsoid" size="0.03" fromto="0 0.1 0 0.3 0 1"/><geom type="capsule" size="0.03" fromto="0 0 1 0 0 0"/>',
+    '<geom type="ellipsoid" size="0.03" fromto="0 0.1 0 0.3 0 1"/><geom type="capsule" '
+    'size="0.03" fromto="0 0 1 0 0 0"/>',
     "density": '<geom type="ellipsoid" size="0.1 0.2 0.3" density="123" quat="1 2 3 4"/>',
-    "massless": '<geom type="box" size="0.1 0.1 0.1" mass="0"/><geom type="sphere" size="0.2" density="10"/>',
+    "massless": (
+        '<geom type="box" size="0.1 0.1 0.1" mass="0"/><geom type="sphere" size="0.2" '
+        'density="10"/>'
+    ),
 }
 
 
@@ -185,7 +193,10 @@ def test_geoms_weigh_what_mujoco_says(shape, tmp_path):
 def test_the_compilers_settings_for_mass(compiler, tmp_path):
     unbalanced = '<inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.02 0.05" euler="3 4 5"/>'
     inertial = unbalanced if "balance" in compiler else INERTIAL
-    geoms = '<geom type="sphere" size="0.1" group="2"/><geom type="box" size="0.1 0.2 0.1" group="4" mass="1"/>'
+    geoms = (
+        '<geom type="sphere" size="0.1" group="2"/><geom type="box" size="0.1 0.2 0.1" group="4" '
+        'mass="1"/>'
+    )
     text = BODY.format(head=f"<compiler {compiler}/>", body=f"<joint/>{inertial}{geoms}", tail="")
     assert_same_bodies(read(text, tmp_path).mechanism, text)
 
@@ -199,7 +210,10 @@ def test_euler_angles_of_all_orders(order, angle, tmp_path):
 
 
 def test_several_joints_with_names_are_a_chain_that_keeps_them(tmp_path):
-    joints = '<joint name="x" axis="1 0 0" ref="5"/><joint name="y" axis="0 1 0" pos="0 0 0.1"/><joint name="z" type="slide"/>'
+    joints = (
+        '<joint name="x" axis="1 0 0" ref="5"/><joint name="y" axis="0 1 0" pos="0 0 0.1"/><joint '
+        'name="z" type="slide"/>'
+    )
     text = BODY.format(head="", body=joints + INERTIAL, tail="")
     mechanism = read(text, tmp_path).mechanism
     assert list(mechanism.joints) == ["x", "y", "z"]
@@ -217,7 +231,8 @@ SEVERAL = {
         '<joint name="{0}.angle" axis="0 2 1" pos="1 0 0" ref="9"/>'
     ),
     PlanarJoint: (
-        '<joint name="{0}.x" type="slide" axis="0 1 0" ref="0.2"/><joint name="{0}.y" type="slide" axis="0 0 1" ref="-0.1"/>'
+        '<joint name="{0}.x" type="slide" axis="0 1 0" ref="0.2"/><joint name="{0}.y" '
+        'type="slide" axis="0 0 1" ref="-0.1"/>'
         '<joint name="{0}.angle" axis="1 0 0" pos="0.3 0.2 0.1" ref="30"/>'
     ),
 }
@@ -320,21 +335,43 @@ def test_included_files_are_read_from_the_models_own_folder(tmp_path):
 
 
 LEFT_OUT = {
-    "<contact><exclude body1='b' body2='world'/></contact>": "<contact> is left out: contacts are no part of a mechanism",
+    (
+        "<contact><exclude body1='b' body2='world'/></contact>"
+    ): "<contact> is left out: contacts are no part of a mechanism",
     "<sensor/>": "<sensor> is left out",
     "<wings/>": "<wings> is left out: it is not known",
-    "<option wind='1 0 0'/>": "<option> says wind, which is left out: there is no air or water here",
+    "<option wind='1 0 0'/>": (
+        "<option> says wind, which is left out: there is no air or water here"
+    ),
     "<option><flag spring='disable'/></option>": "<flag> switches spring off, which is left out",
-    "<equality><flex/></equality>": "<flex> is left out: only connect, weld, joint and tendon are joints",
-    "<equality><connect body1='b' anchor='0 0 0' active='false'/></equality>": "<connect> is left out: it is not active",
-    "<equality><joint joint1='j' polycoef='0 1 2'/></equality>": "<joint> is left out: its polynomial is not linear",
-    "<tendon><spatial name='t'><site site='s'/></spatial></tendon>": "<spatial 't'> is left out: only straight tendons",
-    "<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>": "<fixed 't'> is left out: no equality holds it",
-    "<actuator><motor name='m' site='s'/></actuator>": "<motor 'm'> is left out: only actuators of joints are read",
-    "<actuator><motor name='m' joint='j' gear='5'/></actuator>": "<motor 'm'> has a gear of 5, which is left out",
+    "<equality><flex/></equality>": (
+        "<flex> is left out: only connect, weld, joint and tendon are joints"
+    ),
+    (
+        "<equality><connect body1='b' anchor='0 0 0' active='false'/></equality>"
+    ): "<connect> is left out: it is not active",
+    (
+        "<equality><joint joint1='j' polycoef='0 1 2'/></equality>"
+    ): "<joint> is left out: its polynomial is not linear",
+    (
+        "<tendon><spatial name='t'><site site='s'/></spatial></tendon>"
+    ): "<spatial 't'> is left out: only straight tendons",
+    (
+        "<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>"
+    ): "<fixed 't'> is left out: no equality holds it",
+    (
+        "<actuator><motor name='m' site='s'/></actuator>"
+    ): "<motor 'm'> is left out: only actuators of joints are read",
+    (
+        "<actuator><motor name='m' joint='j' gear='5'/></actuator>"
+    ): "<motor 'm'> has a gear of 5, which is left out",
     "<actuator><position joint='j' kp='3'/></actuator>": "<position> is taken as a plain actuator",
-    "<actuator><motor joint='j'/><velocity name='d' joint='j'/></actuator>": "<velocity 'd'> drives 'j' as another",
-    "<actuator><motor joint='j' ctrlrange='-1 1'/></actuator>": "<motor> says ctrlrange, which is left out",
+    (
+        "<actuator><motor joint='j'/><velocity name='d' joint='j'/></actuator>"
+    ): "<velocity 'd'> drives 'j' as another",
+    (
+        "<actuator><motor joint='j' ctrlrange='-1 1'/></actuator>"
+    ): "<motor> says ctrlrange, which is left out",
 }
 
 
@@ -388,15 +425,21 @@ def test_many_remarks_of_one_kind_are_one_sentence(tmp_path):
 
 REFUSED = {
     "<joint type='hing'/>": "<joint>: type 'hing' is not one of hinge, slide, ball, free",
-    "<joint axis='0 0 0'/>": "<joint>: axis '0 0 0' has no length; give a direction such as '0 0 1'",
+    "<joint axis='0 0 0'/>": (
+        "<joint>: axis '0 0 0' has no length; give a direction such as '0 0 1'"
+    ),
     "<joint axis='1 0'/>": "<joint>: axis holds 2 numbers; give 3",
     "<joint axis='1 0 up'/>": "<joint>: axis holds 'up', which is not a number",
     "<joint axis='1 0 inf'/>": "<joint>: axis holds inf, which is not a finite number",
-    "<joint name='j'/><joint name='j'/>": "<joint 'j'>: has the name of another joint; names are given once",
+    (
+        "<joint name='j'/><joint name='j'/>"
+    ): "<joint 'j'>: has the name of another joint; names are given once",
     "<joint damping='-1'/>": "<joint>: viscous: ",
     "<joint range='2 1'/>": "the lower limit",
     "<joint class='none'/>": "<joint>: there is no default class 'none'",
-    "<joint/><freejoint/>": "a free joint is the only joint of a body that stands directly in the world",
+    "<joint/><freejoint/>": (
+        "a free joint is the only joint of a body that stands directly in the world"
+    ),
     "<body name='b'/>": "<body 'b'>: has the name of another body; names are given once",
     "<geom type='box' size='1 1'/>": "<geom>: size holds 2 numbers; a box has 3",
     "<geom size='0'/>": "<geom>: size '0' is not positive",
@@ -404,10 +447,14 @@ REFUSED = {
     "<inertial pos='0 0 0' diaginertia='1 1 1'/>": "<inertial>: has no attribute 'mass'; add it",
     "<inertial mass='1' diaginertia='1 1 9'/>": "violate the triangle inequality",
     "<body quat='0 0 0 0'/>": "<body>: quat '0 0 0 0' has no length; give a direction",
-    "<body quat='1 0 0 0' euler='1 2 3'/>": "<body>: gives its orientation as quat and euler; keep one of them",
+    (
+        "<body quat='1 0 0 0' euler='1 2 3'/>"
+    ): "<body>: gives its orientation as quat and euler; keep one of them",
     "<body xyaxes='1 0 0 2 0 0'/>": "<body>: xyaxes gives two parallel axes; turn one of them",
     "<include file='other.xml'/>": "other.xml: cannot be read: no such file or directory",
-    "<include file='../other.xml'/>": "<include>: file '../other.xml' lies outside the model's folder and is not opened",
+    "<include file='../other.xml'/>": (
+        "<include>: file '../other.xml' lies outside the model's folder and is not opened"
+    ),
     "<include file='model.xml'/>": "<include>: file 'model.xml' is included twice; include it once",
 }
 

@@ -1,4 +1,5 @@
-"""Equality constraints and tendons as the joints that they are; the loops move as MuJoCo's soft ones do, but exactly."""
+"""Equality constraints and tendons as the joints that they are; the loops move as MuJoCo's soft
+ones do, but exactly."""
 
 import mujoco as mj
 import numpy as np
@@ -11,7 +12,8 @@ from linkwork.mechanism import MechanismError
 from tests.formats import samples
 from tests.formats.mujoco_side import accelerations, compiled, set_state
 
-SOFT = 1e-4  # of MuJoCo's estimate of the inverse inertia; the error of its accelerations is in proportion
+SOFT = 1e-4
+"""Of MuJoCo's estimate of the inverse inertia; the error of its accelerations is in proportion."""
 ANCHOR = '<connect name="pin" body1="coupler" body2="rocker" anchor="0.3 0.3 {z}"/>'
 
 
@@ -228,7 +230,10 @@ def test_points_that_cannot_meet_stay_spherical_joints_and_are_noted(tmp_path):
     sites = '<site name="a" pos="0 0 0"/><site name="b" pos="0 0 0.2"/>'
     text = samples.SPATIAL.format(
         more="",
-        equality='<connect name="c1" site1="a" site2="seat"/><connect name="c2" site1="b" site2="seat2"/>',
+        equality=(
+            '<connect name="c1" site1="a" site2="seat"/><connect name="c2" site1="b" '
+            'site2="seat2"/>'
+        ),
     )
     text = text.replace(
         '<joint name="ball" type="ball"/>', f'<joint name="ball" type="ball"/>{sites}'

@@ -1,4 +1,5 @@
-"""Shapes in model files: where and how large MuJoCo and Pinocchio have them, and that they come back from a file."""
+"""Shapes in model files: where and how large MuJoCo and Pinocchio have them, and that they come
+back from a file."""
 
 import mujoco as mj
 import numpy as np

@@ -1,4 +1,5 @@
-"""The conventions for loops beside URDF: the five-bar of the catalogue written in each of them moves like it."""
+"""The conventions for loops beside URDF: the five-bar of the catalogue written in each of them
+moves like it."""
 
 import numpy as np
 import pytest
@@ -22,11 +23,13 @@ CHAIN = {  # joint: parent, child, place, independent
     "elbow_2": ("proximal_2", "distal_2", 0.25, "false"),
 }
 LOOP = (
-    '<loop name="tip" type="revolute"><predecessor link="distal_1"><origin xyz="0.35 0 0"/></predecessor>'
+    '<loop name="tip" type="revolute"><predecessor link="distal_1"><origin xyz="0.35 0 '
+    '0"/></predecessor>'
     '<successor link="distal_2"><origin xyz="0.35 0 0"/></successor><axis xyz="0 0 1"/></loop>'
 )
 FRAMES = "".join(
-    f'<link name="end_{k}"><inertial><mass value="1e-13"/></inertial></link><joint name="end_{k}_frame" type="fixed">'
+    f'<link name="end_{k}"><inertial><mass value="1e-13"/></inertial></link><joint '
+    f'name="end_{k}_frame" type="fixed">'
     f'<parent link="distal_{k}"/><child link="end_{k}"/><origin xyz="0.35 0 0"/></joint>'
     for k in (1, 2)
 )
@@ -93,7 +96,8 @@ def test_loops_of_other_types(kind, tmp_path):
 
 def test_a_coupling_is_a_gear_along_both_chains(tmp_path):
     coupling = (
-        '<coupling name="belt" type="rolling"><predecessor link="distal_1"/><successor link="proximal_2"/>'
+        '<coupling name="belt" type="rolling"><predecessor link="distal_1"/><successor '
+        'link="proximal_2"/>'
         '<ratio value="6"/></coupling>'
     )
     gear = read(five_bar(coupling), tmp_path).mechanism.joints["belt"]
@@ -115,7 +119,8 @@ def test_closed_loops_of_3d_between_frames(tmp_path):
 def test_a_closed_loop_of_6d_with_a_hinge_before_it(tmp_path):
     extra = (
         '<link name="wrist"/>'
-        '<joint name="tip" type="continuous"><parent link="distal_1"/><child link="wrist"/><origin xyz="0.35 0 0"/>'
+        '<joint name="tip" type="continuous"><parent link="distal_1"/><child '
+        'link="wrist"/><origin xyz="0.35 0 0"/>'
         '<axis xyz="0 0 1"/></joint>'
     )
     sidecar = "closed_loop:\n  - [tip, end_2]\nname_mot: [motor_1, motor_2]\n"
@@ -224,14 +229,24 @@ def test_the_type_of_a_joint_that_is_not_there_is_noted(tmp_path):
 
 
 REFUSED = {
-    "closed_loop: [[end_1, end_9]]\nname_mot: []": "robot.yaml: line 1: closed_loop.0: there is no link or joint 'end_9'",
-    "closed_loop:\n- [end_1]\nname_mot: []": "robot.yaml: line 2: closed_loop.0: is not a pair of frames",
-    "closed_loop: [[end_1, end_2]]\ntype: [5d]": "robot.yaml: line 2: type.0: '5d' is not one of 6d, 3d",
-    "closed_loop: [[end_1, end_2]]\ntype: [6d, 6d]": "closed_loop: is not a list of pairs of frames with one type each",
+    (
+        "closed_loop: [[end_1, end_9]]\nname_mot: []"
+    ): "robot.yaml: line 1: closed_loop.0: there is no link or joint 'end_9'",
+    (
+        "closed_loop:\n- [end_1]\nname_mot: []"
+    ): "robot.yaml: line 2: closed_loop.0: is not a pair of frames",
+    (
+        "closed_loop: [[end_1, end_2]]\ntype: [5d]"
+    ): "robot.yaml: line 2: type.0: '5d' is not one of 6d, 3d",
+    (
+        "closed_loop: [[end_1, end_2]]\ntype: [6d, 6d]"
+    ): "closed_loop: is not a list of pairs of frames with one type each",
     "closed_loop: 3": "closed_loop: is not a list of pairs of frames",
     "name_mot: [motor_9]": "name_mot.0: there is no joint 'motor_9' in robot.urdf",
     "name_mot: [[motor_1]]": "name_mot: is not a list of names",
-    "joint_name: [elbow_1]\njoint_type: [UJOINT_XX]": "joint_type.0: 'UJOINT_XX' is not SPHERICAL, FIXED or UJOINT_XY etc.",
+    (
+        "joint_name: [elbow_1]\njoint_type: [UJOINT_XX]"
+    ): "joint_type.0: 'UJOINT_XX' is not SPHERICAL, FIXED or UJOINT_XY etc.",
     "joint_name: [elbow_1]": "joint_type: holds 0 types for the 1 joints of joint_name",
     "name_mot: [motor_1\n": "robot.yaml: line ",
     "closed_loop: [[end_1, distal_1]]\ntype: [6d]": "connects 'distal_1' to itself",

@@ -1,4 +1,5 @@
-"""URDF as Pinocchio itself understands it, and what is made of its frames, mimics and odd inertias."""
+"""URDF as Pinocchio itself understands it, and what is made of its frames, mimics and odd
+inertias."""
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,10 @@ from linkwork.mechanism import Friction, Limits, MechanismError
 
 from tests.formats import samples
 
-LINK = '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial></link>'
+LINK = (
+    '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" '
+    'izz="0.1"/></inertial></link>'
+)
 ARM = f"""<robot name="arm">
   {{extra}}<link name="base"/>{LINK.format("a")}{LINK.format("b")}
   <joint name="j" type="revolute"><parent link="base"/><child link="a"/>{{first}}</joint>
@@ -82,9 +86,9 @@ def test_what_an_arm_says_of_itself(tmp_path):
     assert mechanism.tools["tool0"].body == "pod"
     assert "pod" in mechanism.bodies and "tool0" not in mechanism.bodies
     first, second = imported.notes
-    assert (
-        first
-        == "arm.urdf: the root link 'stand' is taken as ground and stands still, so that its mass plays no part"
+    assert first == (
+        "arm.urdf: the root link 'stand' is taken as ground and stands still, so that its "
+        "mass plays no part"
     )
     assert second.startswith(
         "arm.urdf: nothing says which joints are driven; all hinges and slides"
@@ -120,7 +124,8 @@ def test_planar_and_floating_joints(tmp_path):
 
 
 def accelerations(text, tmp_path, q, v, u):
-    """Return those of linkwork and of Pinocchio for a chain of hinges and slides, in the file's order of joints."""
+    """Return those of linkwork and of Pinocchio for a chain of hinges and slides, in the file's
+    order of joints."""
     robot = lw.Robot(read(text, tmp_path).mechanism)
     complete = text.replace('"/></inertial>', '" ixy="0" ixz="0" iyz="0"/></inertial>')
     theirs = pin.buildModelFromXML(
@@ -170,8 +175,14 @@ def test_rounding_below_zero_in_moments_is_zero(tmp_path):
 
 
 def test_the_mass_of_links_that_are_frames_stays_with_their_bodies(tmp_path):
-    pod = '<link name="pod"><inertial><mass value="1e-6"/><inertia ixx="1e-7" iyy="1e-7" izz="1e-7"/></inertial></link>'
-    fixed = '<joint name="f" type="fixed"><parent link="b"/><child link="pod"/><origin xyz="0 30 1" rpy="1 2 3"/></joint>'
+    pod = (
+        '<link name="pod"><inertial><mass value="1e-6"/><inertia ixx="1e-7" iyy="1e-7" '
+        'izz="1e-7"/></inertial></link>'
+    )
+    fixed = (
+        '<joint name="f" type="fixed"><parent link="b"/><child link="pod"/><origin xyz="0 30 1" '
+        'rpy="1 2 3"/></joint>'
+    )
     text = arm(extra=pod + fixed)
     assert set(read(text, tmp_path).mechanism.bodies) == {"a", "b"}
     ours, theirs = accelerations(text, tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
@@ -240,7 +251,10 @@ def test_light_links_that_carry_a_joint_stay_bodies(tmp_path):
         '<link name="tool0"/>', '<link name="tool0"/><link name="wheel"/>'
     ).replace(
         "</robot>",
-        '<joint name="w" type="continuous"><parent link="tool0"/><child link="wheel"/></joint></robot>',
+        (
+            '<joint name="w" type="continuous"><parent link="tool0"/><child '
+            'link="wheel"/></joint></robot>'
+        ),
     )
     mechanism = read(text, tmp_path).mechanism
     assert {"tool0", "wheel"} <= set(mechanism.bodies)
@@ -261,11 +275,14 @@ def test_elements_that_are_not_read_are_named(tmp_path):
 REFUSED = {
     "<robot name='r'/>": "holds no links",
     "<robot><link name='a'/><link name='a'/></robot>": "<link 'a'>: has the name of another link",
-    "<robot><link name='a'/><link name='b'/></robot>": "the links 'a', 'b' are carried by no joint; exactly one",
+    (
+        "<robot><link name='a'/><link name='b'/></robot>"
+    ): "the links 'a', 'b' are carried by no joint; exactly one",
     "<robot><xacro:property name='x'/></robot>": "is a macro; expand the file with xacro first",
-    arm(
-        kind="screw"
-    ): "<joint 'k'>: type 'screw' is not one of revolute, continuous, prismatic, fixed, floating, planar",
+    arm(kind="screw"): (
+        "<joint 'k'>: type 'screw' is not one of revolute, continuous, prismatic, fixed, "
+        "floating, planar"
+    ),
     arm(
         second='<axis xyz="0 0 0"/>'
     ): "<axis>: axis has no length; give a direction such as '0 0 1'",
@@ -298,7 +315,8 @@ def test_refusals_name_file_and_line(text, tmp_path):
 
 def test_a_circle_of_links_is_refused(tmp_path):
     text = arm().replace("</robot>", "") + (
-        '<link name="c"/><link name="d"/><joint name="m" type="fixed"><parent link="c"/><child link="d"/></joint>'
+        '<link name="c"/><link name="d"/><joint name="m" type="fixed"><parent link="c"/><child '
+        'link="d"/></joint>'
         '<joint name="n" type="fixed"><parent link="d"/><child link="c"/></joint></robot>'
     )
     with pytest.raises(

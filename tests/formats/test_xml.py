@@ -1,4 +1,5 @@
-"""XML that is broken, hostile or too large is refused in one sentence, quickly; garbled models never end in a traceback."""
+"""XML that is broken, hostile or too large is refused in one sentence, quickly; garbled models
+never end in a traceback."""
 
 from xml.etree import ElementTree as ET
 
@@ -16,10 +17,16 @@ BOMB = (
 )
 HOSTILE = {
     BOMB: "declares a document type or entities, which are not read; remove <!DOCTYPE ...>",
-    '<!DOCTYPE mujoco SYSTEM "http://example.org/x.dtd"><mujoco/>': "declares a document type or entities",
-    '<!DOCTYPE mujoco [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>': "declares a document type",
+    (
+        '<!DOCTYPE mujoco SYSTEM "http://example.org/x.dtd"><mujoco/>'
+    ): "declares a document type or entities",
+    (
+        '<!DOCTYPE mujoco [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>'
+    ): "declares a document type",
     "<mujoco>\n<worldbody>\n</mujoco>": "line 3: is not well-formed XML: mismatched tag",
-    "<mujoco>\n<body name=a/></mujoco>": "line 2: is not well-formed XML: not well-formed (invalid token)",
+    (
+        "<mujoco>\n<body name=a/></mujoco>"
+    ): "line 2: is not well-formed XML: not well-formed (invalid token)",
     '<mujoco model="&x;"/>': "line 1: is not well-formed XML: undefined entity",
     "": "is not well-formed XML: no element found",
     "\0\1\2": "is not well-formed XML",
@@ -28,7 +35,9 @@ HOSTILE = {
     + "<body>" * 300
     + "</body>" * 300
     + "</mujoco>": "line 1: elements are nested deeper than 250",
-    "<sdf version='1.9'/>": "<sdf>: is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>",
+    "<sdf version='1.9'/>": (
+        "<sdf>: is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>"
+    ),
 }
 
 
@@ -101,13 +110,14 @@ def test_a_link_does_not_lead_out_of_the_folder(tmp_path):
         load(path)
 
 
-# ------------------------------------------------------------------------------------------------------- garbled models
+# ----------------------------------------------------------------------------------- garbled models
 
 WORDS = ("", "nan", "x", "1 2", "-1", "0", "world", "a.b", None)
 
 
 def garbled(text):
-    """Yield the document with each attribute in turn replaced or missing, each element left out, doubled or renamed.
+    """Yield the document with each attribute in turn replaced or missing, each element left out,
+    doubled or renamed.
 
     An attribute meets a third of the words, the next one the next third.
     """

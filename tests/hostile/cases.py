@@ -1,4 +1,5 @@
-"""The hostile cases: which start, task and method each mechanism is tried with, drawn with fixed seeds."""
+"""The hostile cases: which start, task and method each mechanism is tried with, drawn with fixed
+seeds."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ class Case:
 
 
 def cases(names: Sequence[str] = (), each: int = EACH) -> Iterator[Case]:
-    """Yield the cases of mechanisms, one mechanism after the other, so that what is compiled for one serves the next."""
+    """Yield the cases of mechanisms, one mechanism after the other, so that what is compiled for
+    one serves the next."""
     for name in names or subjects():
         rng = np.random.default_rng(crc32(name.encode()))
         ways = list(product(KINDS, TASKS, METHODS))

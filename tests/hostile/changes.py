@@ -1,4 +1,5 @@
-"""Changes of a mechanism after which its motion is known: other units, noise and rounding of its numbers, a free base."""
+"""Changes of a mechanism after which its motion is known: other units, noise and rounding of its
+numbers, a free base."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ SLIDES = ("slide", "x", "y", "z")
 
 
 def slides(mechanism: Mechanism) -> frozenset[str]:
-    """Return the coordinates, and so the rates, that are lengths; the others are angles and quaternions."""
+    """Return the coordinates, and so the rates, that are lengths; the others are angles and
+    quaternions."""
     found = set()
     for name, joint in mechanism.pairs.items():
         labels = joint.coordinates(name)
@@ -47,7 +49,8 @@ def units(mechanism: Mechanism, labels: tuple[str, ...], length: float) -> np.nd
 
 
 def force_units(mechanism: Mechanism, length: float, mass: float) -> np.ndarray:
-    """Return the unit of each actuator's force (mass length / s^2) or moment (mass length^2 / s^2)."""
+    """Return the unit of each actuator's force (mass length / s^2) or moment (mass length^2 /
+    s^2)."""
     own = slides(mechanism)
     return np.array(
         [mass * length * (1.0 if label in own else length) for label in mechanism.actuators]
@@ -58,7 +61,8 @@ def force_units(mechanism: Mechanism, length: float, mass: float) -> np.ndarray:
 
 
 def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mechanism:
-    """Return the mechanism with all lengths and masses multiplied; time stays, so that it moves alike.
+    """Return the mechanism with all lengths and masses multiplied; time stays, so that it moves
+    alike.
 
     Forces become mass length, moments mass length^2 times what they were.
     """
@@ -164,7 +168,8 @@ def stretched(vector: tuple[float, ...], factor: float) -> Any:
 
 
 def noisy(mechanism: Mechanism, seed: int, size: float = 1e-15) -> Mechanism:
-    """Return the mechanism with noise in every number of its frames and axes; planar bodies get all their moments."""
+    """Return the mechanism with noise in every number of its frames and axes; planar bodies get all
+    their moments."""
     rng = np.random.default_rng(seed)
     return renumbered(
         spatial(mechanism),
@@ -223,7 +228,8 @@ def spatial(mechanism: Mechanism) -> Mechanism:
 
 
 def floating(mechanism: Mechanism, mass: float = 3.0) -> Mechanism:
-    """Return the mechanism with its ground a free body, `base`, in a world without other contact."""
+    """Return the mechanism with its ground a free body, `base`, in a world without other
+    contact."""
 
     def moved(one: Joint) -> Joint:
         if not isinstance(one, PairJoint):

@@ -1,9 +1,12 @@
-"""Judges: whether an answer of the robot is right, by the multiplier oracle of the plain mechanism and by NumPy alone.
+"""Judges: whether an answer of the robot is right, by the multiplier oracle of the plain mechanism
+and by NumPy alone.
 
-They read joint coordinates and rates, in units of the plain mechanism; poses, twists, accelerations, energies and powers
-are the oracle's own. A run is right if its samples at Chebyshev's points t_k solve the oracle's equations of motion,
+They read joint coordinates and rates, in units of the plain mechanism; poses, twists,
+accelerations, energies and powers are the oracle's own. A run is right if its samples at
+Chebyshev's points t_k solve the oracle's equations of motion,
 
-    Y(t_k) = Y(0) + integral of Y'(t) from 0 to t_k,    Y = (mass centres, axes of the bodies, twists),
+    Y(t_k) = Y(0) + integral of Y'(t) from 0 to t_k,  Y = (mass centres, axes of the bodies,
+    twists),
 
 the integral by Clenshaw and Curtis: a defect shows errors of the run, for the oracle's Y' is exact.
 """
@@ -66,13 +69,15 @@ class Seen:
         )
 
     def accelerations(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the accelerations of all joints, and those of the bodies (r, 6), under actuator forces."""
+        """Return the accelerations of all joints, and those of the bodies (r, 6), under actuator
+        forces."""
         found = self.oracle.accelerations(self.poses, self.twists, forces)
         joints = self.oracle.joint_accelerations(self.poses, self.twists, found)
         return joints, np.array([np.concatenate(found[name]) for name in found])
 
     def flow(self, accelerations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return Y and Y': mass centre, the axes and the twist of every body, and their derivatives."""
+        """Return Y and Y': mass centre, the axes and the twist of every body, and their
+        derivatives."""
         y, slope = [], []
         for (name, body), (alpha, a) in zip(
             self.oracle.mechanism.bodies.items(), accelerations.reshape(-1, 2, 3), strict=True
@@ -87,7 +92,8 @@ class Seen:
 
 
 def state_is_right(subject: Subject, state: lw.State, forces: np.ndarray) -> None:
-    """Closure, accelerations, energies, and the forces back from the accelerations, at one state."""
+    """Closure, accelerations, energies, and the forces back from the accelerations, at one
+    state."""
     robot, judged = subject.robot, subject.judged
     seen = Seen.of(subject, state.positions, robot.joint_rates(state))
     closed(subject, seen)
@@ -132,7 +138,8 @@ def closed(subject: Subject, seen: Seen) -> None:
 
 
 def tolerance(seen: Seen) -> float:
-    """Return the relative error of accelerations that rounding allows here: it grows as constraints become dependent."""
+    """Return the relative error of accelerations that rounding allows here: it grows as constraints
+    become dependent."""
     return min(1e-4, 1e-11 / nearness(seen) ** 2)
 
 
@@ -153,12 +160,14 @@ def agree(
     allowed: float,
     more: Callable[[], float] = lambda: 0.0,
 ) -> None:
-    """Require numbers to agree, relative to the largest of them and 1; what is more than allowed may be allowed by `more`."""
+    """Require numbers to agree, relative to the largest of them and 1; what is more than allowed
+    may be allowed by `more`."""
     error = np.abs(found - expected).max(initial=0) / (1 + np.abs(expected).max(initial=0))
     if not error <= allowed:
         allowed = max(allowed, more())
         assert error <= allowed, (
-            f"{what} differ by {error:.3g} (relative, {allowed:.2g} allowed): {found}, not {expected}"
+            f"{what} differ by {error:.3g} (relative, {allowed:.2g} allowed): {found}, not "
+            f"{expected}"
         )
 
 
@@ -167,7 +176,8 @@ def agree(
 
 @cache
 def nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Chebyshev's points on [0, 1], the matrix of integrals from 0 to them, and that of coefficients."""
+    """Return Chebyshev's points on [0, 1], the matrix of integrals from 0 to them, and that of
+    coefficients."""
     x = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
     coefficients = np.linalg.inv(chebyshev.chebvander(x, NODES - 1))
     integral = (
@@ -178,7 +188,8 @@ def nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def run_is_right(subject: Subject, run: lw.Run, forces: np.ndarray, allowed: float) -> float:
-    """Judge a run that was saved at Chebyshev's points under constant forces; return the largest defect.
+    """Judge a run that was saved at Chebyshev's points under constant forces; return the largest
+    defect.
 
     Args:
         forces: of the actuators, in units of the plain mechanism.
@@ -214,7 +225,8 @@ def run_is_right(subject: Subject, run: lw.Run, forces: np.ndarray, allowed: flo
     worst = np.abs(defect).max() / scale
     limit = allowed + 10 * unresolved / scale + subject.accuracy
     assert worst <= limit, (
-        f"the run's defect is {worst:.3g} of its size (allowed {limit:.3g}, unresolved {unresolved:.2g})"
+        f"the run's defect is {worst:.3g} of its size (allowed {limit:.3g}, unresolved "
+        f"{unresolved:.2g})"
     )
     balance_is_right(subject, run, np.array(energies), np.array(powers), allowed)
     return float(worst)
@@ -223,7 +235,8 @@ def run_is_right(subject: Subject, run: lw.Run, forces: np.ndarray, allowed: flo
 def balance_is_right(
     subject: Subject, run: lw.Run, energies: np.ndarray, powers: np.ndarray, allowed: float
 ) -> None:
-    """The run's energies are the oracle's, and its balance is finite and tells of no loss that there is not."""
+    """The run's energies are the oracle's, and its balance is finite and tells of no loss that
+    there is not."""
     _, integral, coefficients = nodes()
     data, joule = run.dataset, subject.mass * subject.length**2
     found = (data["kinetic_energy"].values + data["potential_energy"].values) / joule
@@ -236,7 +249,8 @@ def balance_is_right(
     scale = 1 + np.abs(energies).max() + np.abs(data["kinetic_energy"].values / joule).max()
     error = np.abs(told - true).max() / scale
     assert error <= allowed + 10 * unresolved / scale + subject.accuracy, (
-        f"the energy balance is told as {told[-1]:.3g} J, but it is {true[-1]:.3g} J ({error:.3g} relative)"
+        f"the energy balance is told as {told[-1]:.3g} J, but it is {true[-1]:.3g} J "
+        f"({error:.3g} relative)"
     )
 
 
@@ -244,12 +258,14 @@ def balance_is_right(
 
 
 def dependent(subject: Subject, positions: np.ndarray) -> bool:
-    """Tell whether the constraints of all joints are nearly dependent at a configuration, compared with home."""
+    """Tell whether the constraints of all joints are nearly dependent at a configuration, compared
+    with home."""
     return least(subject, positions) < LOST * least(subject, subject.robot.home.positions)
 
 
 def least(subject: Subject, positions: np.ndarray) -> float:
-    """Return the singular value of the constraints' rows that leaves as many freedoms as the robot has."""
+    """Return the singular value of the constraints' rows that leaves as many freedoms as the robot
+    has."""
     still = np.zeros(len(subject.judged.rates))
     seen = Seen.of(subject, positions, still)
     A = seen.oracle.rows(seen.poses, seen.oracle._rest).A
@@ -259,7 +275,8 @@ def least(subject: Subject, positions: np.ndarray) -> float:
 
 
 def weak_rates(subject: Subject, positions: np.ndarray, names: tuple[str, ...]) -> float:
-    """Return the least part of the free motions that rates show, of the most that any rate shows of one."""
+    """Return the least part of the free motions that rates show, of the most that any rate shows of
+    one."""
     seen = Seen.of(subject, positions, np.zeros(len(subject.judged.rates)))
     rows = seen.oracle.rows(seen.poses, seen.oracle._rest)
     every = rows.F @ pseudo_inverse(rows.A)[1]

@@ -1,6 +1,8 @@
-"""The mechanisms of the hostile cases: what is described, the plain one that it is judged by, and in which units.
+"""The mechanisms of the hostile cases: what is described, the plain one that it is judged by, and
+in which units.
 
-The plain mechanism has the same motion in units of about 1 m and 1 kg, and no rounding in its numbers.
+The plain mechanism has the same motion in units of about 1 m and 1 kg, and no rounding in its
+numbers.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ class Subject:
 
     plain: makes the mechanism that it is judged by; change: makes of that the one that is described
     length, mass: units of the described mechanism, in those of the plain one
-    accuracy: relative, to which the two agree; duration: of runs [s], in which it moves by about its size
+    accuracy: relative, to which the two agree; duration: of runs [s], in which it moves by about
+    its size
     """
 
     name: str
@@ -67,7 +70,8 @@ def catalogue() -> Iterator[Subject]:
 
 
 def random() -> Iterator[Subject]:
-    """Yield random trees and loops, planar and spatial, with and without springs, friction, rotors, gears and rods."""
+    """Yield random trees and loops, planar and spatial, with and without springs, friction, rotors,
+    gears and rods."""
     for seed in range(1, 6):
         yield Subject(
             f"planar loops {seed}", partial(planar_loops, seed, 1 + seed % 3, 1 + seed % 2)
@@ -217,7 +221,8 @@ def dead_centre() -> Mechanism:
 
 
 def stretched_five_bar() -> Mechanism:
-    """A five-bar whose elbows are stretched at home: its tip has fewer freedoms there, the linkage has not."""
+    """A five-bar whose elbows are stretched at home: its tip has fewer freedoms there, the linkage
+    has not."""
     return robots.five_bar().model_copy(update={"reference": {}})
 
 
@@ -229,7 +234,8 @@ def hinge(first: str, second: str, position, far, axis=(0, 0, 1)) -> lw.Revolute
 
 
 def sarrus() -> Mechanism:
-    """Two pairs of plates between ground and a table that they lead straight up: six hinges, one row too many."""
+    """Two pairs of plates between ground and a table that they lead straight up: six hinges, one
+    row too many."""
     plate, bodies, joints, reference = 0.5, {"table": Body(mass=2.0, inertia=BOX)}, {}, {}
     lean = asin(0.6 / (2 * plate))  # of a plate to the horizontal, at a height of 0.6 m
     for name, turn in (("a", 0.0), ("b", 1.9)):

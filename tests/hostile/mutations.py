@@ -1,6 +1,8 @@
-"""Model files garbled by chance, the same for the same seed: structure, numbers, names, encodings, ends cut off.
+"""Model files garbled by chance, the same for the same seed: structure, numbers, names, encodings,
+ends cut off.
 
-A file is garbled as a tree (elements of XML, mappings and lists of YAML) one to four times, then now and then as bytes.
+A file is garbled as a tree (elements of XML, mappings and lists of YAML) one to four times, then
+now and then as bytes.
 """
 
 from __future__ import annotations
@@ -199,7 +201,7 @@ def deep_recursion() -> Iterator[None]:
         sys.setrecursionlimit(usual)
 
 
-# ---------------------------------------------------------------------------------------------------------------- XML
+# ---------------------------------------------------------------------------------------------- XML
 
 
 def garbled_xml(text: str, chance: random.Random) -> str:
@@ -210,7 +212,8 @@ def garbled_xml(text: str, chance: random.Random) -> str:
 
 
 def serialised(root: ET.Element) -> str:
-    """Return an element as text, without recursion; attributes are escaped, so that what is wrong is what they say."""
+    """Return an element as text, without recursion; attributes are escaped, so that what is wrong
+    is what they say."""
     parts: list[str] = []
     waiting: list[ET.Element | str] = [root]
     while waiting:
@@ -244,7 +247,8 @@ def drop(root: ET.Element, chance: random.Random) -> None:
 
 
 def swap(root: ET.Element, chance: random.Random) -> None:
-    """Let two elements change places, each with all inside it; an element and one inside it change tags and attributes."""
+    """Let two elements change places, each with all inside it; an element and one inside it change
+    tags and attributes."""
     (one, above), (two, beside) = pick(root, chance), pick(root, chance)
     if one is two or one in set(two.iter()) or two in set(one.iter()):
         one.tag, two.tag, one.attrib, two.attrib = two.tag, one.tag, two.attrib, one.attrib
@@ -306,7 +310,8 @@ def number(root: ET.Element, chance: random.Random) -> None:
 
 
 def word(root: ET.Element, chance: random.Random) -> None:
-    """Change an attribute to a word, to what another one says, or take it away; or say it under another's name."""
+    """Change an attribute to a word, to what another one says, or take it away; or say it under
+    another's name."""
     places = [(element, key) for element in root.iter() for key in element.attrib]
     if not places:
         return
@@ -337,7 +342,7 @@ CHANGES: tuple[Callable[[ET.Element, random.Random], None], ...] = (
     *(number, number, number, word, word),
 )
 
-# --------------------------------------------------------------------------------------------------------------- YAML
+# --------------------------------------------------------------------------------------------- YAML
 
 
 def garbled_yaml(text: str, chance: random.Random) -> str:
@@ -352,7 +357,8 @@ class Raw(str):
 
 
 def flowing(root: Any, anchored: bool) -> str:
-    """Return data as YAML, its parts in brackets and braces; what is one object twice is an alias, if `anchored`."""
+    """Return data as YAML, its parts in brackets and braces; what is one object twice is an alias,
+    if `anchored`."""
     parts: list[str] = []
     seen: dict[int, str] = {}
     waiting: list[Any] = [root]
@@ -432,7 +438,7 @@ def _change(data: Any, chance: random.Random) -> None:
                 holder[key] = [holder[key]] if chance.random() < 0.5 else {str(name): holder[key]}
 
 
-# -------------------------------------------------------------------------------------------------------------- bytes
+# -------------------------------------------------------------------------------------------- bytes
 
 
 def garbled_bytes(data: bytes, chance: random.Random) -> bytes:

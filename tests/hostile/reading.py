@@ -1,7 +1,8 @@
-"""Read garbled files, one after the other, in a process of its own: `python -m tests.hostile.reading FIRST LAST`.
+"""Read garbled files, one after the other, in a process of its own:
+`python -m tests.hostile.reading FIRST LAST`.
 
-Prints JSON: what ended in anything but a mechanism or a refusal in one sentence, what took too long, how many were read,
-and the most memory that the process ever had.
+Prints JSON: what ended in anything but a mechanism or a refusal in one sentence, what took too
+long, how many were read, and the most memory that the process ever had.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ READ, REFUSED = "read", "refused"
 
 
 def outcome(path: Path) -> str:
-    """Return READ, REFUSED (in one sentence that names the file), or what is wrong with how a file is read."""
+    """Return READ, REFUSED (in one sentence that names the file), or what is wrong with how a file
+    is read."""
     signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
     try:
         load(path)
@@ -58,7 +60,8 @@ def outcome(path: Path) -> str:
 
 
 def most_memory() -> float:
-    """Return the most memory that this process has held [MB]; what its parent held counts in `ru_maxrss` on Linux."""
+    """Return the most memory that this process has held [MB]; what its parent held counts in
+    `ru_maxrss` on Linux."""
     told = Path("/proc/self/status")
     if told.exists():
         (line,) = [line for line in told.read_text().splitlines() if line.startswith("VmHWM")]

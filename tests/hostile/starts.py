@@ -1,7 +1,9 @@
-"""Where hostile cases start: at home, in motion, whole turns away, at poses where the robot's own rates are singular.
+"""Where hostile cases start: at home, in motion, whole turns away, at poses where the robot's own
+rates are singular.
 
-Starts are found by singular values of the robot's constraint Jacobian Phi, and handed to the robot by names, as a user
-does it. The judges trust none of this: they see joint coordinates and rates only, and measure for themselves.
+Starts are found by singular values of the robot's constraint Jacobian Phi, and handed to the robot
+by names, as a user does it. The judges trust none of this: they see joint coordinates and rates
+only, and measure for themselves.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ class NoStart(Exception):
 
 @dataclass(frozen=True)
 class Start:
-    """Hold a closed configuration q of the tree with the tree's rates w, in the units of the described mechanism.
+    """Hold a closed configuration q of the tree with the tree's rates w, in the units of the
+    described mechanism.
 
     turns: whole turns to add, by joint coordinate
     """
@@ -46,9 +49,11 @@ class Start:
         return subject.robot.kernel("positions")(self.q)[0] + 2 * pi * self.turns
 
     def state(self, subject: Subject, *, other_chart: bool = False) -> lw.State:
-        """Return the robot's state, made of its joint coordinates and as many rates as it has freedoms, by name.
+        """Return the robot's state, made of its joint coordinates and as many rates as it has
+        freedoms, by name.
 
-        These are the robot's own rates, or others where its own are singular or if others are asked for.
+        These are the robot's own rates, or others where its own are singular or if others are asked
+        for.
         """
         robot, positions = subject.robot, self.positions(subject)
         names = chart(subject, self, other_chart)
@@ -77,7 +82,8 @@ def start(subject: Subject, kind: str, seed: int) -> Start:
 
 
 def turning(subject: Subject) -> np.ndarray:
-    """Tell which coordinates are angles that may be whole turns away: those of no screw and no gear."""
+    """Tell which coordinates are angles that may be whole turns away: those of no screw and no
+    gear."""
     mechanism = subject.described
     geared = {label for gear in mechanism.gears.values() for label in gear.ratios}
     pairs_ = mechanism.pairs.items()
@@ -102,7 +108,8 @@ def scattered(subject: Subject, rng: np.random.Generator) -> np.ndarray:
 
 @cache
 def singular(subject: Subject) -> np.ndarray:
-    """Return a configuration where the determinant of the robot's own rates passes zero on a motion from home."""
+    """Return a configuration where the determinant of the robot's own rates passes zero on a motion
+    from home."""
     for way in range(WAYS):
         with suppress(NoStart):
             return singular_along(subject, np.random.default_rng(way))
@@ -110,7 +117,8 @@ def singular(subject: Subject) -> np.ndarray:
 
 
 def singular_along(subject: Subject, rng: np.random.Generator) -> np.ndarray:
-    """Follow a motion from home until the determinant of the robot's own rates passes zero, and halve the last step."""
+    """Follow a motion from home until the determinant of the robot's own rates passes zero, and
+    halve the last step."""
     q = subject.robot.home.q
     N = motions(subject, q)
     ahead, last = N @ rng.normal(size=N.shape[1]), 0.0
@@ -139,7 +147,8 @@ def between(
 def determined(
     subject: Subject, q: np.ndarray, N: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the configuration a step ahead, its free motions turned as N is, and the determinant of the robot's rates."""
+    """Return the configuration a step ahead, its free motions turned as N is, and the determinant
+    of the robot's rates."""
     there = closed(subject, moved(subject, q, step))
     if there is None:
         raise NoStart("the way leads out of reach")
@@ -154,7 +163,8 @@ def determined(
 
 
 def chart(subject: Subject, start: Start, other: bool) -> tuple[str, ...]:
-    """Return the robot's own rates, or, where they are singular or if others are asked for, the best others."""
+    """Return the robot's own rates, or, where they are singular or if others are asked for, the
+    best others."""
     robot = subject.robot
     N = motions(subject, start.q) / units(subject)[:, None]
     tree, own = robot.equations.tree.rates, list(robot.equations.chart.independent)
@@ -170,7 +180,8 @@ def chart(subject: Subject, start: Start, other: bool) -> tuple[str, ...]:
 
 
 def share(rows: np.ndarray) -> float:
-    """Return the least part of the free motions that some rates show: the smallest singular value of their rows of N."""
+    """Return the least part of the free motions that some rates show: the smallest singular value
+    of their rows of N."""
     return (
         float(np.linalg.svd(rows, compute_uv=False).min(initial=1.0))
         if rows.shape[0] == rows.shape[1]
@@ -182,7 +193,8 @@ def share(rows: np.ndarray) -> float:
 
 
 def jacobian(subject: Subject, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Phi over the units of its columns, each row over its length, and these lengths; noise is no row."""
+    """Return Phi over the units of its columns, each row over its length, and these lengths; noise
+    is no row."""
     Phi = subject.robot.chart.constraint_jacobian(q) * units(subject)
     lengths = np.linalg.norm(Phi, axis=1)
     lengths = np.where(lengths > NOISE * lengths.max(initial=0.0), lengths, np.inf)
@@ -190,14 +202,16 @@ def jacobian(subject: Subject, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def motions(subject: Subject, q: np.ndarray) -> np.ndarray:
-    """Return the free motions N (nv x n) of the tree's rates, orthonormal in their units: those of least Phi w."""
+    """Return the free motions N (nv x n) of the tree's rates, orthonormal in their units: those of
+    least Phi w."""
     unit, (Phi, _) = units(subject), jacobian(subject, q)
     every = np.linalg.svd(np.vstack([Phi, np.zeros((unit.size, unit.size))]))[2]
     return unit[:, None] * every[unit.size - subject.robot.mobility :].T
 
 
 def closed(subject: Subject, q: np.ndarray) -> np.ndarray | None:
-    """Close the loops by Gauss and Newton's method, least steps, to rounding; None where they do not close."""
+    """Close the loops by Gauss and Newton's method, least steps, to rounding; None where they do
+    not close."""
     chart, rank = subject.robot.chart, subject.robot.equations.nv - subject.robot.mobility
     last = np.inf
     for _ in range(30 if rank else 0):
@@ -234,7 +248,8 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 @cache
 def units(subject: Subject) -> np.ndarray:
-    """Return the units of the tree's rates: the described mechanism's length where they are slides."""
+    """Return the units of the tree's rates: the described mechanism's length where they are
+    slides."""
     own = slides(subject.described)
     rates = subject.robot.equations.tree.rates
     return np.array([subject.length if rate in own else 1.0 for rate in rates])

@@ -1,6 +1,7 @@
 """What hostile cases do with a robot, and what must come out of it.
 
-Every task asserts; what the robot refuses it raises as a LinkworkError, whose reason is checked by `refusal_holds`.
+Every task asserts; what the robot refuses it raises as a LinkworkError, whose reason is checked by
+`refusal_holds`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ METHODS = (None, "sharp_smart", "dormand_prince", "dop853", "rk4", "symplectic_e
 
 @dataclass(frozen=True)
 class Setting:
-    """Hold what a task works on: the mechanism, where it starts, by which method, and its own random numbers."""
+    """Hold what a task works on: the mechanism, where it starts, by which method, and its own
+    random numbers."""
 
     subject: Subject
     start: Start
@@ -94,7 +96,8 @@ class Setting:
         )
 
     def judge(self, run: lw.Run) -> None:
-        """Require a run to be right; one that stopped early for a reason that holds is right until there."""
+        """Require a run to be right; one that stopped early for a reason that holds is right until
+        there."""
         if run.status is lw.Status.FINISHED:
             judges.run_is_right(self.subject, run, self.forces, self.allowed)
         else:
@@ -210,7 +213,8 @@ def events(of: Setting) -> None:
     passed = np.flatnonzero((q[1:] - level) * (q[:-1] - level) < 0)
     found = run.dataset.event_time.values
     assert len(found) == len(passed), (
-        f"{name} passes {level:.6g} {len(passed)} times, from {t[passed][:3]} on, not at {found[:3]}"
+        f"{name} passes {level:.6g} {len(passed)} times, from {t[passed][:3]} on, not at "
+        f"{found[:3]}"
     )
     assert np.all((t[passed] - 1e-6 <= found) & (found <= t[passed + 1] + 1e-6))
     judges.agree(
@@ -235,7 +239,8 @@ def written(of: Setting) -> None:
 
 
 def energy(of: Setting) -> None:
-    """Over a longer time, without actuators, energy changes by what friction and dampers take; here: never grows."""
+    """Over a longer time, without actuators, energy changes by what friction and dampers take;
+    here: never grows."""
     run = of.robot.simulate(
         of.state(),
         duration=10 * of.duration,
@@ -321,7 +326,8 @@ def stopped_for_a_reason(subject: Subject, status: lw.Status, message: str, q: n
 
 
 def refusal_holds(subject: Subject, begin: Start | None, error: lw.LinkworkError) -> None:
-    """A mechanism may be refused where it cannot be assembled; a state, where its rates do not determine the motion."""
+    """A mechanism may be refused where it cannot be assembled; a state, where its rates do not
+    determine the motion."""
     if begin is None:
         with pytest.raises(OracleError):
             subject.oracle.assemble(subject.oracle.poses(subject.judged.reference))

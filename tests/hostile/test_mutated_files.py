@@ -1,7 +1,8 @@
-"""20,000 mutated mechanism files, MJCF and URDF: read or refused in one sentence, soon, in little memory.
+"""20,000 mutated mechanism files, MJCF and URDF: read or refused in one sentence, soon, in little
+memory.
 
-Every seed is a file, always the same; `python -m tests.hostile.reading 17 18` reads the one of seed 17 alone. A sample of
-them is read unless LINKWORK_HOSTILE=all.
+Every seed is a file, always the same; `python -m tests.hostile.reading 17 18` reads the one of seed
+17 alone. A sample of them is read unless LINKWORK_HOSTILE=all.
 """
 
 import json

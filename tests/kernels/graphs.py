@@ -59,7 +59,8 @@ BINARY = {
     "if_else": lambda x, y: ca.if_else(x < y, x, y),
 }
 
-# Continuous everywhere, with derivatives of order 1, so that rounding does not grow: these may be nested.
+# Continuous everywhere, with derivatives of order 1, so that rounding does not grow: these may be
+# nested.
 _GENTLE_UNARY = (
     ca.sin,
     ca.cos,
@@ -89,7 +90,8 @@ _GENTLE_BINARY = (
 
 
 def random_function(seed: int, operations: int = 60) -> ca.Function:
-    """Return a random function of three inputs (a vector, a sparse and a dense matrix) with two outputs, one of them sparse."""
+    """Return a random function of three inputs (a vector, a sparse and a dense matrix) with two
+    outputs, one of them sparse."""
     rng = np.random.default_rng(seed)
     a, b, c = ca.SX.sym("a", 4), ca.SX.sym("b", ca.Sparsity.lower(2)), ca.SX.sym("c", 2, 2)
     values = [*ca.vertsplit(a), *(b.nz[i] for i in range(3)), *(c.nz[i] for i in range(4))]

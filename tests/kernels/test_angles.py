@@ -1,4 +1,5 @@
-"""The three ways to the sine and the cosine of an angle, against the C library's and against each other, bit by bit."""
+"""The three ways to the sine and the cosine of an angle, against the C library's and against each
+other, bit by bit."""
 
 import ctypes
 import math
@@ -22,7 +23,8 @@ STATES = 16
 
 @cache
 def compiled(machine: Machine, n: int, kind: Kind) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function of angles (states, n) to their sines and cosines (states, 2 n), by a program for n angles."""
+    """Return the function of angles (states, n) to their sines and cosines (states, 2 n), by a
+    program for n angles."""
     x = ca.SX.sym("x", n)
     program = trace(ca.Function("f", [x], [ca.sin(x), ca.cos(x)]))
     code = Code(object_code(module_text(program, machine, kind), machine), (kind,))

@@ -1,4 +1,5 @@
-"""The cache: found, missed, damaged, not writable; and the same code from the same function in every process."""
+"""The cache: found, missed, damaged, not writable; and the same code from the same function in
+every process."""
 
 import os
 import subprocess

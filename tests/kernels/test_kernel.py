@@ -181,7 +181,8 @@ def test_one_large_angle_of_several(angles: tuple[float, float]):
 @pytest.mark.parametrize("count", [3, 40])
 @pytest.mark.parametrize("far", [None, 0, 2])
 def test_angles_that_depend_on_other_angles(count: int, far: int | None):
-    """Sines of cosines of sines, of few angles and of many, also where one is too large for the inlined sine."""
+    """Sines of cosines of sines, of few angles and of many, also where one is too large for the
+    inlined sine."""
     x = ca.SX.sym("x", count)
     inner = ca.sin(x) * 2
     middle = ca.cos(inner + x[::-1] if count > 3 else inner)
@@ -199,7 +200,8 @@ def test_angles_that_depend_on_other_angles(count: int, far: int | None):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_large_functions_agree_with_casadi(seed: int, monkeypatch: pytest.MonkeyPatch):
-    """Their sections are functions; the truths, constants, inputs and sines of one are used in others."""
+    """Their sections are functions; the truths, constants, inputs and sines of one are used in
+    others."""
     monkeypatch.setattr(sections, "_LARGE", 1000)
     f = random_function(seed, 1000)
     kernel = compile_function(f)
@@ -237,7 +239,8 @@ def test_the_addresses_are_c_functions():
 
 @pytest.mark.parametrize("large", [False, True])
 def test_states_side_by_side(large: bool, monkeypatch: pytest.MonkeyPatch):
-    """What is computed of each state is what is computed of it alone, sections that are functions included."""
+    """What is computed of each state is what is computed of it alone, sections that are functions
+    included."""
     if large:
         monkeypatch.setattr(sections, "_LARGE", 1000)
     f = random_function(8, 1000 if large else 60)

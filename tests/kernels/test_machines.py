@@ -1,4 +1,5 @@
-"""Code for machines of other vector widths: what is spilled lies aligned, constants are read as the machine can, bits agree."""
+"""Code for machines of other vector widths: what is spilled lies aligned, constants are read as the
+machine can, bits agree."""
 
 import ctypes
 import re

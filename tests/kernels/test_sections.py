@@ -1,4 +1,5 @@
-"""Sections carried out one after the other on the slots they share: nothing is read before it is there, nothing is lost."""
+"""Sections carried out one after the other on the slots they share: nothing is read before it is
+there, nothing is lost."""
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ def short(monkeypatch: pytest.MonkeyPatch):
 
 
 def carried_out(program: Program, inputs: np.ndarray, angles_in_vector: int) -> np.ndarray:
-    """Return the results of a program's sections, each of which knows only the inputs, the constants and the slots."""
+    """Return the results of a program's sections, each of which knows only the inputs, the
+    constants and the slots."""
     plan = planned(program, angles_in_vector)
     slots, out = np.full(plan.slots, np.nan, dtype=object), np.full(len(program.results), np.nan)
     own: dict[int, np.float64] = {}

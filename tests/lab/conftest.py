@@ -18,6 +18,7 @@ def robot():
 
 @pytest.fixture(scope="session")
 def comparison(robot):
-    """Return the paper's study with 501 samples of force and engine steps of 1 ms, by all engines that are installed."""
+    """Return the paper's study with 501 samples of force and engine steps of 1 ms, by all engines
+    that are installed."""
     asked = [name for name in reproduction.ORDER if name in engines.available()]
     return compare(robot, reproduction.prescribed_motion(robot, samples=1001), asked, step=1e-3)

@@ -1,4 +1,5 @@
-"""The same motion by several ways: how near they come to each other, for the paper's robot and for another one."""
+"""The same motion by several ways: how near they come to each other, for the paper's robot and for
+another one."""
 
 import dataclasses
 

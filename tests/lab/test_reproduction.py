@@ -68,7 +68,8 @@ def test_names_in_a_page_are_escaped(comparison, drawn):
 
 def test_tables_and_captions_are_escaped(drawn):
     template = environment().from_string(
-        '{% from "parts.html" import show_table, show_picture %}{{ show_table(table) }}{{ show_picture(picture) }}'
+        '{% from "parts.html" import show_table, show_picture %}{{ show_table(table) }}{{ '
+        "show_picture(picture) }}"
     )
     page = template.render(
         table=PageTable("<b>", ("<i> [m]",), [("<u>",)]),

@@ -1,4 +1,5 @@
-"""Random descriptions of mechanisms: all joint types, effects and fields, and names that YAML might misread."""
+"""Random descriptions of mechanisms: all joint types, effects and fields, and names that YAML might
+misread."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -174,7 +175,8 @@ def effects_by(freedoms):
 
 
 def crossing(first, second):
-    """Return the first direction and one perpendicular to it, in the second's plane if that is another direction."""
+    """Return the first direction and one perpendicular to it, in the second's plane if that is
+    another direction."""
     other = (
         second if np.linalg.norm(np.cross(first, second)) > 0.1 else np.roll(first, 1) * (1, -1, 2)
     )

@@ -83,7 +83,10 @@ def test_aliases_stand_for_what_their_anchors_hold():
     [
         (
             "a: 1\nb: on",
-            "line 2: b: on without quotes means true or false, which nothing in a mechanism is; put it in",
+            (
+                "line 2: b: on without quotes means true or false, which nothing in a mechanism "
+                "is; put it in"
+            ),
         ),
         ("a:\n  yes: 1", "line 2: a: yes without quotes means true or false"),
         ("a: [x, False]", "line 1: a.1: False without quotes means true or false"),

@@ -79,7 +79,10 @@ def test_numbers_of_numpy_are_written_as_numbers(tmp_path):
 def test_defaults_are_left_out(tmp_path):
     hinge = RevoluteJoint(connects=("ground", "a"))
     Mechanism(bodies={"a": Body(mass=1e-5)}, joints={"h": hinge}).save(tmp_path / "x.yaml")
-    expected = "linkwork: 1\nbodies:\n  a: {mass: 1.0e-05}\njoints:\n  h:\n    type: revolute\n    connects: [ground, a]\n"
+    expected = (
+        "linkwork: 1\nbodies:\n  a: {mass: 1.0e-05}\njoints:\n  h:\n    type: revolute\n    "
+        "connects: [ground, a]\n"
+    )
     assert (tmp_path / "x.yaml").read_text() == expected
 
 

@@ -1,4 +1,5 @@
-"""The JSON schema says what the reader accepts: saved files satisfy it, and wrong ones are refused by both."""
+"""The JSON schema says what the reader accepts: saved files satisfy it, and wrong ones are refused
+by both."""
 
 import copy
 import json
@@ -17,7 +18,10 @@ from tests.mechanism.descriptions import mechanisms
 from tests.mechanism.test_files import ARM
 
 PAGE = Path(__file__).parents[2] / "docs" / "mechanism.schema.json"
-REGENERATE = "write json.dumps(linkwork.mechanism.schema(), indent=2) and a newline to docs/mechanism.schema.json"
+REGENERATE = (
+    "write json.dumps(linkwork.mechanism.schema(), indent=2) and a newline to "
+    "docs/mechanism.schema.json"
+)
 VALIDATOR = jsonschema.Draft7Validator(schema())
 
 

@@ -1,4 +1,5 @@
-"""Descriptions are checked once, and refusals are one sentence with place, value and what would be right."""
+"""Descriptions are checked once, and refusals are one sentence with place, value and what would be
+right."""
 
 import math
 
@@ -43,7 +44,10 @@ def changed(path, value):
         (
             "bodies.link_1.inertia",
             {"xx": 1.0, "yy": 1.0, "zz": 3.0},
-            "bodies.link_1.inertia: principal moments 1, 1, 3 kg m^2 violate the triangle inequality",
+            (
+                "bodies.link_1.inertia: principal moments 1, 1, 3 kg m^2 violate the triangle "
+                "inequality"
+            ),
         ),
         (
             "bodies.link_1.inertia",
@@ -78,7 +82,10 @@ def changed(path, value):
         (
             "joints.slide_1.type",
             "slider",
-            "joints.slide_1.type: 'slider' is not a type; the types are fixed, revolute, prismatic, screw,",
+            (
+                "joints.slide_1.type: 'slider' is not a type; the types are fixed, revolute, "
+                "prismatic, screw,"
+            ),
         ),
         (
             "joints.slide_1.connects",

@@ -32,7 +32,8 @@ def records(record=Mechanism):
 
 
 def row(field):
-    """Return the row of a table about a field, which stands there alone, with others or as the end of a path."""
+    """Return the row of a table about a field, which stands there alone, with others or as the end
+    of a path."""
     rows = [row for row in ROWS if re.search(rf"[`.]{field}`", row[0])]
     assert rows, f"no table of the page has a row about {field!r}"
     return rows
@@ -119,7 +120,8 @@ def test_limits():
     ("text", "sentence"),
     [
         (
-            "bodies: {}\njoints: {hinge: {type: revolute, connects: [ground, arm], axis: [0, 0, 0]}}",
+            "bodies: {}\njoints: {hinge: {type: revolute, connects: [ground, arm], axis: [0, 0, "
+            "0]}}",
             "joints.hinge.axis",
         ),
         (

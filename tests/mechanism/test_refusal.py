@@ -127,7 +127,10 @@ def test_of_a_part(make, fields, sentence):
         (None, "joints.j: is empty; give a type and its fields"),
         (
             {},
-            "joints.j.type: is missing; the types are fixed, revolute, prismatic, screw, cylindrical, universal,",
+            (
+                "joints.j.type: is missing; the types are fixed, revolute, prismatic, screw, "
+                "cylindrical, universal,"
+            ),
         ),
         (Body(mass=1), "joints.j.type: is missing; the types are fixed"),
         ({"type": None}, "joints.j.type: is missing; the types are fixed"),

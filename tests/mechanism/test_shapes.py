@@ -1,4 +1,5 @@
-"""Shapes of bodies: what is refused and where, and that they travel with their body and enter no equation."""
+"""Shapes of bodies: what is refused and where, and that they travel with their body and enter no
+equation."""
 
 from math import cos, pi, sin
 

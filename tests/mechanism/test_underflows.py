@@ -79,7 +79,8 @@ def test_so_are_the_numbers_of_a_study():
 
 
 def test_what_follows_from_numbers_is_zero_where_it_is_nothing_beside_one(tmp_path):
-    """An axis of length 2 with a component of 3e-308 has one of 1.5e-308 at length 1, which no file may hold."""
+    """An axis of length 2 with a component of 3e-308 has one of 1.5e-308 at length 1, which no file
+    may hold."""
     arm = Mechanism.parse(
         ARM.format(mass=1, zz=1).replace("arm]}", "arm], axis: [3.0e-308, 0, 2]}")
     )

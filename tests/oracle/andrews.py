@@ -1,17 +1,20 @@
 """Andrews' squeezer from the IVP test set's own equations, to compare with at 1e-10.
 
-The test set (Mazzia & Magherini 2008, problem "Andrews' squeezing mechanism"; Hairer & Wanner, Solving Ordinary
-Differential Equations II, sec. VII.7) writes, for q = (beta, Theta, gamma, Phi, delta, Omega, epsilon),
+The test set (Mazzia & Magherini 2008, problem "Andrews' squeezing mechanism"; Hairer & Wanner,
+Solving Ordinary Differential Equations II, sec. VII.7) writes, for q = (beta, Theta, gamma, Phi,
+delta, Omega, epsilon),
 
     M(q) q'' = f(q, q') - G(q)' lambda,     g(q) = 0,     G = dg/dq
 
-with M and f worked out by hand. With g'' = G q'' + (dG/dt) q' = 0 the accelerations and multipliers are
+with M and f worked out by hand. With g'' = G q'' + (dG/dt) q' = 0 the accelerations and multipliers
+are
 
     [M  G'] [q''   ]   [f            ]
     [G  0 ] [lambda] = [-(dG/dt) q'  ]
 
-The motion follows from the state (q, q'), of which only (beta, beta') counts: before every use the other six angles are
-set by Newton's method and the other six rates by G q' = 0. Nothing is shared with the library.
+The motion follows from the state (q, q'), of which only (beta, beta') counts: before every use the
+other six angles are set by Newton's method and the other six rates by G q' = 0. Nothing is shared
+with the library.
 """
 
 from __future__ import annotations
@@ -168,12 +171,14 @@ def accelerations(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def energy(q: np.ndarray, v: np.ndarray) -> float:
-    """Return kinetic energy, the spring's energy, and that still in the drive: v'M v/2 + c0 (l - l0)^2/2 - torque beta."""
+    """Return kinetic energy, the spring's energy, and that still in the drive: v'M v/2 + c0
+    (l - l0)^2/2 - torque beta."""
     return v @ mass_matrix(q) @ v / 2 + c0 * (spring(q)[0] - l0) ** 2 / 2 - torque * q[0]
 
 
 def closed(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state with beta and beta' kept, the other angles and rates such that g = 0 and G q' = 0."""
+    """Return the state with beta and beta' kept, the other angles and rates such that g = 0 and G
+    q' = 0."""
     q = np.array(q, dtype=float)
     for _ in range(20):
         step = np.linalg.solve(jacobian(q)[:, 1:], closures(q))

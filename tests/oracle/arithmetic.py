@@ -1,6 +1,8 @@
-"""The little algebra the oracle needs, for two kinds of numbers: doubles, and mpmath's with any number of digits.
+"""The little algebra the oracle needs, for two kinds of numbers: doubles, and mpmath's with any
+number of digits.
 
-Matrices are NumPy arrays of doubles or of objects; all but the solution of linear equations is the same source for both.
+Matrices are NumPy arrays of doubles or of objects; all but the solution of linear equations is the
+same source for both.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Name the numbers and the functions of them; `settled` is the Newton step after which another changes nothing."""
+    """Name the numbers and the functions of them; `settled` is the Newton step after which another
+    changes nothing."""
 
     number: Callable[[float], Any]
     sin: Callable[[Any], Any]
@@ -75,7 +78,8 @@ def axial(D: np.ndarray) -> np.ndarray:
 
 
 def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return A^-1 b: doubles by LAPACK, others by Gaussian elimination with scaled partial pivoting that skips zeros."""
+    """Return A^-1 b: doubles by LAPACK, others by Gaussian elimination with scaled partial pivoting
+    that skips zeros."""
     if A.dtype != object:
         return np.linalg.solve(A, b)
     scale = abs(A).max(axis=1)

@@ -1,7 +1,9 @@
-"""Mechanisms whose equations of motion have a closed form, and that form: tau = M q_a'' + C q_a' + G.
+"""Mechanisms whose equations of motion have a closed form, and that form: tau = M q_a'' + C q_a' +
+G.
 
-The formulas are Lagrange's equations of one or two coordinates, written from the geometry (as in Goldstein, "Classical
-Mechanics", ch. 1, and, for the slider-crank, Norton, "Design of Machinery"); they know nothing of twists.
+The formulas are Lagrange's equations of one or two coordinates, written from the geometry (as in
+Goldstein, "Classical Mechanics", ch. 1, and, for the slider-crank, Norton, "Design of Machinery");
+they know nothing of twists.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ def bar(mass: float, centre: float, inertia: float) -> Body:
 
 @dataclass(frozen=True)
 class Pendulum:
-    """Swing in a plane tilted from the vertical: (I + m a^2) q'' + m g cos(tilt) a sin q = tau, q from below."""
+    """Swing in a plane tilted from the vertical: (I + m a^2) q'' + m g cos(tilt) a sin q = tau, q
+    from below."""
 
     m: float = 1.3
     a: float = 0.4
@@ -54,7 +57,8 @@ class Pendulum:
 
 @dataclass(frozen=True)
 class DoublePendulum:
-    """Swing in the vertical xy plane: absolute angles theta_1 = q_1, theta_2 = q_1 + q_2 from the x axis, l_1 long."""
+    """Swing in the vertical xy plane: absolute angles theta_1 = q_1, theta_2 = q_1 + q_2 from the x
+    axis, l_1 long."""
 
     m: tuple[float, float] = (1.1, 0.7)
     a: tuple[float, float] = (0.25, 0.3)
@@ -75,7 +79,8 @@ class DoublePendulum:
         )
 
     def force(self, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """Apply Lagrange's equations to the absolute angles; a force Q_2 of theta_2 acts on both q_1 and q_2."""
+        """Apply Lagrange's equations to the absolute angles; a force Q_2 of theta_2 acts on both
+        q_1 and q_2."""
         (m1, m2), (a1, a2), (I1, I2), l1 = self.m, self.a, self.I, self.l1
         th1, th2 = q[0], q[0] + q[1]
         w1, w2 = rate[0], rate[0] + rate[1]
@@ -90,9 +95,11 @@ class DoublePendulum:
 
 @dataclass(frozen=True)
 class SliderCrank:
-    """Drive a crank (length r) with a rod (length l, mass centre at b) and a slider on the x axis; gravity along -y.
+    """Drive a crank (length r) with a rod (length l, mass centre at b) and a slider on the x axis;
+    gravity along -y.
 
-    With sin(beta) = (r/l) sin(theta), every body's motion is a function of theta, so with the kinetic energy
+    With sin(beta) = (r/l) sin(theta), every body's motion is a function of theta, so with the
+    kinetic energy
     J(theta) theta'^2 / 2:   tau = J theta'' + J_theta theta'^2 / 2 + V_theta.
     """
 

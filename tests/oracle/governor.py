@@ -1,12 +1,16 @@
-"""The stiff flyball governor (IFToMM A05) in closed form: spindle angle q, slider height s, rods a_1, a_2 below the horizontal.
+"""The stiff flyball governor (IFToMM A05) in closed form: spindle angle q, slider height s, rods
+a_1, a_2 below the horizontal.
 
-A point at the distance r along a rod is c + r cos a from the axis and h - r sin a high; a rod's middle is at r = b, its
-ball at r = l. A rod's moments about its middle are K along it and E_m across; about the hinge, with the ball, E. With
+A point at the distance r along a rod is c + r cos a from the axis and h - r sin a high; a rod's
+middle is at r = b, its ball at r = l. A rod's moments about its middle are K along it and E_m
+across; about the hinge, with the ball, E. With
 
     J(a) = K sin^2 a + E_m cos^2 a + m (c + b cos a)^2 + m_ball (c + l cos a)^2
-    L = (J_0 + J(a_1) + J(a_2)) q'^2/2 + E (a_1'^2 + a_2'^2)/2 + m_s s'^2/2 - m_s g s + W (sin a_1 + sin a_2)
+    L = (J_0 + J(a_1) + J(a_2)) q'^2/2 + E (a_1'^2 + a_2'^2)/2 + m_s s'^2/2 - m_s g s + W
+    (sin a_1 + sin a_2)
 
-and springs of tension F = k (span - rest) + d span', span^2 = (b cos a)^2 + (h - b sin a - s)^2, Lagrange's equations are
+and springs of tension F = k (span - rest) + d span', span^2 = (b cos a)^2 + (h - b sin a - s)^2,
+Lagrange's equations are
 
     ((J_0 + J(a_1) + J(a_2)) q')' = torque,    E a'' = J_a q'^2/2 + W cos a - F span_a,
     m_s s'' = -m_s g - F_1 span_1,s - F_2 span_2,s
@@ -63,7 +67,8 @@ def accelerations(y: np.ndarray, rates: np.ndarray, torque: float = 0.0) -> np.n
 
 
 def motion(times: ArrayLike, spin: float = 2 * np.pi, tolerance: float = 1e-10) -> np.ndarray:
-    """Return (q, s, a_1, a_2, and their rates) at the times (8, times), by Radau's method of order 5."""
+    """Return (q, s, a_1, a_2, and their rates) at the times (8, times), by Radau's method of order
+    5."""
 
     def rates(_: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[4:], accelerations(y[:4], y[4:])])

@@ -1,23 +1,28 @@
-"""Lagrange multipliers in maximal coordinates: an independent formulation of the same dynamics, to test against.
+"""Lagrange multipliers in maximal coordinates: an independent formulation of the same dynamics, to
+test against.
 
-Every body is free: its coordinates are the pose, its velocity the twist t_i = [omega_i; v_i] of the mass centre in
-base axes. Every joint, tree or loop alike, gives the six components of the twist of its second body relative to the
-first, at the second frame's origin, in axes E fixed in the first body (the joint's axis first):
+Every body is free: its coordinates are the pose, its velocity the twist t_i = [omega_i; v_i] of the
+mass centre in base axes. Every joint, tree or loop alike, gives the six components of the twist of
+its second body relative to the first, at the second frame's origin, in axes E fixed in the first
+body (the joint's axis first):
 
     s = J t,     s' = J t' + b(t)
 
-The components that the joint leaves free are its rate (F t = q'), the others vanish (A t = 0). With the extended
-inertia Mtot, the gyroscopic wrench h = [omega x I omega; 0] and the applied wrenches w, Newton and Euler say
+The components that the joint leaves free are its rate (F t = q'), the others vanish (A t = 0). With
+the extended inertia Mtot, the gyroscopic wrench h = [omega x I omega; 0] and the applied wrenches
+w, Newton and Euler say
 
     [Mtot  -A'] [t'     ]   [w - h + F_a' tau]
-    [A      0 ] [lambda ] = [-b_A            ]                                        forward dynamics
+    [A      0 ] [lambda ] = [-b_A            ]                                      forward dynamics
 
-and with the actuated joints' accelerations prescribed as constraints, the actuator forces are their multipliers:
+and with the actuated joints' accelerations prescribed as constraints, the actuator forces are their
+multipliers:
 
-    B = [F_a; A],     B t' = [q_a''; 0] - b_B,     B' [tau; lambda] = Mtot t' + h - w      inverse dynamics
+    B = [F_a; A],     B t' = [q_a''; 0] - b_B,  B' [tau; lambda] = Mtot t' + h - w  inverse dynamics
 
-Nothing is shared with the library but the description. Redundant constraint rows are left out (QR with pivoting), and
-their multipliers are zero. A mechanism in a plane z = constant keeps omega_z, v_x, v_y of each body.
+Nothing is shared with the library but the description. Redundant constraint rows are left out
+(QR with pivoting), and their multipliers are zero. A mechanism in a plane z = constant keeps
+omega_z, v_x, v_y of each body.
 """
 
 from __future__ import annotations
@@ -54,7 +59,8 @@ class OracleError(ValueError):
 
 @dataclass(frozen=True)
 class Joint:
-    """Hold a joint's data in the oracle's numbers: frames (R, p), axes E (rows, in F1), free components, coordinate."""
+    """Hold a joint's data in the oracle's numbers: frames (R, p), axes E (rows, in F1), free
+    components, coordinate."""
 
     name: str
     bodies: tuple[str, str]
@@ -73,7 +79,8 @@ class Joint:
 
 @dataclass(frozen=True)
 class Placement:
-    """Hold all bodies placed, every joint's rows J (6 per joint) and the choice of rows and coordinates."""
+    """Hold all bodies placed, every joint's rows J (6 per joint) and the choice of rows and
+    coordinates."""
 
     poses: Mapping[str, Pose]
     q: np.ndarray
@@ -91,12 +98,14 @@ class Placement:
 
 @dataclass(frozen=True)
 class LagrangeOracle:
-    """Evaluate the dynamics of a mechanism of revolute, prismatic and fixed joints by Lagrange multipliers.
+    """Evaluate the dynamics of a mechanism of revolute, prismatic and fixed joints by Lagrange
+    multipliers.
 
-    `digits` None computes in doubles, 40 with 40 decimal digits (results are then arrays of mpmath numbers). q_all (m,)
-    are the coordinates of all joints but the fixed ones, in the mechanism's order [rad, m]; the actuated ones are taken
-    exactly, the others as a guess that is refined until the loops are closed to all digits. rates, accelerations and
-    forces (n,) are those of the actuated joints, in the actuators' order, SI.
+    `digits` None computes in doubles, 40 with 40 decimal digits (results are then arrays of mpmath
+    numbers). q_all (m,) are the coordinates of all joints but the fixed ones, in the mechanism's
+    order [rad, m]; the actuated ones are taken exactly, the others as a guess that is refined until
+    the loops are closed to all digits. rates, accelerations and forces (n,) are those of the
+    actuated joints, in the actuators' order, SI.
 
     Raises:
         OracleError: actuated joints that do not determine the motion; loops that do not close.
@@ -134,7 +143,8 @@ class LagrangeOracle:
     # Questions
 
     def assemble(self, q_guess: ArrayLike, q_a: ArrayLike | None = None) -> np.ndarray:
-        """Return all joint coordinates with the loops closed near q_guess, the actuated ones at q_a (m,)."""
+        """Return all joint coordinates with the loops closed near q_guess, the actuated ones at q_a
+        (m,)."""
         q = self.numbers.array(q_guess)
         if q_a is not None:
             q[[self.moving.index(name) for name in self.mechanism.actuators]] = self.numbers.array(
@@ -143,9 +153,11 @@ class LagrangeOracle:
         return self._placed(q).q
 
     def independent_joints(self, q_all: ArrayLike) -> tuple[str, ...]:
-        """Return the names of as many joints as there are freedoms, those that determine the motion best.
+        """Return the names of as many joints as there are freedoms, those that determine the motion
+        best.
 
-        With the columns of N a basis of the motions A t = 0, they are the pivots of the joints' rates F N.
+        With the columns of N a basis of the motions A t = 0, they are the pivots of the joints'
+        rates F N.
         """
         J = self._rows(self._tree_poses(self.numbers.array(q_all))).astype(float)
         free = self._free()
@@ -183,8 +195,9 @@ class LagrangeOracle:
     ) -> dict[str, np.ndarray]:
         """Return each joint's constraint wrench (moment, force) on its second body.
 
-        It is taken at the second frame's origin, in base axes, without the actuator's own force. Parts that redundant
-        constraints leave undetermined are one admissible choice; those out of a planar mechanism's plane are zero.
+        It is taken at the second frame's origin, in base axes, without the actuator's own force.
+        Parts that redundant constraints leave undetermined are one admissible choice; those out of
+        a planar mechanism's plane are zero.
         """
         placed = self._placed(q_all)
         _, wrenches, _ = self._multipliers(placed, rates, forces)
@@ -203,7 +216,8 @@ class LagrangeOracle:
         )
 
     def mass_matrix(self, q_all: ArrayLike) -> np.ndarray:
-        """Return M (n, n): the forces of unit accelerations from rest, without gravity, column by column."""
+        """Return M (n, n): the forces of unit accelerations from rest, without gravity, column by
+        column."""
         n = len(self.mechanism.actuators)
         return self._forces(self._placed(q_all), np.zeros(n), self.numbers.eye(n), gravity=False)
 
@@ -245,7 +259,8 @@ class LagrangeOracle:
     def _multipliers(
         self, placed: Placement, rates: ArrayLike, forces: ArrayLike
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return t', the multipliers of all rows (zero for those that are no constraint), and the bias b."""
+        """Return t', the multipliers of all rows (zero for those that are no constraint), and the
+        bias b."""
         t = self._velocity(placed, rates)
         Mtot, h, w = self._inertia(placed, t)
         A, bias = placed.J[placed.constrained], self._bias(placed, t)
@@ -259,7 +274,8 @@ class LagrangeOracle:
     def _inertia(
         self, placed: Placement, t: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return Mtot, h = [omega x I omega; 0] and the wrenches of gravity w, in the kept coordinates."""
+        """Return Mtot, h = [omega x I omega; 0] and the wrenches of gravity w, in the kept
+        coordinates."""
         twists, size = self._by_body(placed, t), 6 * len(self.mechanism.bodies)
         Mtot, h, w = (
             self.numbers.zeros(size, size),
@@ -278,7 +294,8 @@ class LagrangeOracle:
         return Mtot[np.ix_(kept, kept)], h[kept], w[kept]
 
     def _bias(self, placed: Placement, t: np.ndarray) -> np.ndarray:
-        """Return b(t) of all rows: what is left of the relative acceleration, seen in the first body, when t' = 0."""
+        """Return b(t) of all rows: what is left of the relative acceleration, seen in the first
+        body, when t' = 0."""
         twists, parts = self._by_body(placed, t), []
         for joint in self.joints:
             E, _, o = self._axes(joint, placed.poses)
@@ -324,7 +341,8 @@ class LagrangeOracle:
         return R @ R_F, c + R @ (p_F - self.centres[body])
 
     def _tree_poses(self, q: np.ndarray) -> dict[str, Pose]:
-        """Place the bodies by shortest paths from ground; the other joints are off by as much as q is."""
+        """Place the bodies by shortest paths from ground; the other joints are off by as much as q
+        is."""
         joints, coordinates = (
             {joint.name: joint for joint in self.joints},
             dict(zip(self.moving, q, strict=True)),
@@ -362,7 +380,8 @@ class LagrangeOracle:
         return J
 
     def _errors(self, poses: Mapping[str, Pose], q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the six components of each joint's error, and the coordinates that the poses show."""
+        """Return the six components of each joint's error, and the coordinates that the poses
+        show."""
         errors, shown, coordinates = [], [], iter(q)
         for joint in self.joints:
             (R_1, p_1), (R_2, p_2) = (self._frame_pose(joint, side, poses) for side in (0, 1))
@@ -378,7 +397,8 @@ class LagrangeOracle:
         return np.concatenate(errors), np.array(shown, dtype=self.numbers.dtype)
 
     def _placed(self, q_all: ArrayLike) -> Placement:
-        """Place all bodies by Newton's method on the poses, the actuated coordinates kept: B (steps) = -(errors)."""
+        """Place all bodies by Newton's method on the poses, the actuated coordinates kept: B
+        (steps) = -(errors)."""
         target = self.numbers.array(q_all)
         poses, q = self._tree_poses(target), target
         rows = self._choice(poses)
@@ -397,7 +417,8 @@ class LagrangeOracle:
         worst = float(max(abs(error), default=0))
         if not worst < 10 * self.numbers.settled:
             raise OracleError(
-                f"{self.mechanism.name}: the loops do not close from this guess, {worst:.3g} remains"
+                f"{self.mechanism.name}: the loops do not close from this guess, {worst:.3g} "
+                "remains"
             )
         return Placement(poses, q, self._rows(poses)[:, rows["columns"]], **rows)
 
@@ -427,8 +448,9 @@ class LagrangeOracle:
         rank = int(np.sum(abs(np.diag(R)) > 1e-9 * abs(R[0, 0])))
         if B.shape[0] != B.shape[1] or not np.linalg.cond(B) < 1e10:
             raise OracleError(
-                f"{self.mechanism.name}: {len(columns) - rank} freedoms in this configuration, but the actuators "
-                f"{', '.join(self.mechanism.actuators)} do not determine the motion"
+                f"{self.mechanism.name}: {len(columns) - rank} freedoms in this configuration, "
+                f"but the actuators {', '.join(self.mechanism.actuators)} do not determine the "
+                "motion"
             )
         return {"columns": columns, "free": free, "actuated": actuated, "constrained": constrained}
 
@@ -439,7 +461,8 @@ class LagrangeOracle:
         )
 
     def _planar(self, poses: Mapping[str, Pose]) -> bool:
-        """Tell whether every joint moves in the plane z = constant: it turns about z, or slides across z."""
+        """Tell whether every joint moves in the plane z = constant: it turns about z, or slides
+        across z."""
         axes = [
             (joint.free, abs(self._axes(joint, poses)[0][0])) for joint in self.joints if joint.free
         ]

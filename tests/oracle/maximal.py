@@ -1,19 +1,23 @@
-"""Maximal coordinates with multipliers for every joint type and effect: an independent formulation to test against.
+"""Maximal coordinates with multipliers for every joint type and effect: an independent formulation
+to test against.
 
-Every body is free, with the twist t_i = [omega_i; v_i] (v of the mass centre, ground's axes); t stacks them (6r). The
-second frame of a joint has, seen in the first, the twist s = [omega; u] (see `pairs`):
+Every body is free, with the twist t_i = [omega_i; v_i] (v of the mass centre, ground's axes); t
+stacks them (6r). The second frame of a joint has, seen in the first, the twist s = [omega; u]
+(see `pairs`):
 
     s = G t,    s' = G t' + g          w = F t,  w' = F t' + b        rates of all joints
                                        0 = A t,  0  = A t' + a        constraints of all joints
 
-Newton and Euler, with rotors J, joint forces f along the rates, and wrenches W (weight, gyroscopic, point springs):
+Newton and Euler, with rotors J, joint forces f along the rates, and wrenches W (weight, gyroscopic,
+point springs):
 
     [M + F'J F   -A'] [t'    ]   [W + F'(f - J b)]
     [A            0 ] [lambda] = [-a             ]
 
-Dependent rows of A are met by its singular values: with the pseudo-inverse A+ and the null space N, t' = N y - A+ a and
-N'M N y = N'(right - M (-A+ a)); lambda is the least one. Bodies without mass or with zz alone are thereby allowed
-wherever the joints hold them. Nothing is shared with the library but the description. Units SI.
+Dependent rows of A are met by its singular values: with the pseudo-inverse A+ and the null space N,
+t' = N y - A+ a and N'M N y = N'(right - M (-A+ a)); lambda is the least one. Bodies without mass or
+with zz alone are thereby allowed wherever the joints hold them. Nothing is shared with the library
+but the description. Units SI.
 """
 
 from __future__ import annotations
@@ -41,7 +45,8 @@ DEPENDENT = 1e-9  # singular values of A below this part of the largest count as
 
 @dataclass(frozen=True)
 class Relative:
-    """Hold F2 seen in F1: pose (R, p), twist s = [omega; u], G and g in s' = G t' + g; R_1, o_1 place F1 in ground."""
+    """Hold F2 seen in F1: pose (R, p), twist s = [omega; u], G and g in s' = G t' + g; R_1, o_1
+    place F1 in ground."""
 
     R: np.ndarray
     p: np.ndarray
@@ -65,7 +70,8 @@ class Rows:
 
 @dataclass(frozen=True)
 class Freedom:
-    """Hold a freedom with its effects: where its rates are among all rates, its coordinate or rotation vector."""
+    """Hold a freedom with its effects: where its rates are among all rates, its coordinate or
+    rotation vector."""
 
     rates: slice
     q: np.ndarray
@@ -78,12 +84,14 @@ class Freedom:
 class MaximalOracle:
     """Evaluate a mechanism in maximal coordinates.
 
-    Poses are {body: (p, R)}, the frames' origins [m] and orientations in ground; twists {body: (omega, v)} with v of the
-    mass centre, in ground's axes; forces (u) are those of the actuators, in their order. Angles are read within half a
-    turn of `near` (by coordinate; the reference where left out), which springs and gears need.
+    Poses are {body: (p, R)}, the frames' origins [m] and orientations in ground; twists {body:
+    (omega, v)} with v of the mass centre, in ground's axes; forces (u) are those of the actuators,
+    in their order. Angles are read within half a turn of `near` (by coordinate; the reference where
+    left out), which springs and gears need.
 
     Raises:
-        OracleError: loops that do not close; rates, forces or accelerations that contradict or leave open the motion.
+        OracleError: loops that do not close; rates, forces or accelerations that contradict or
+            leave open the motion.
     """
 
     mechanism: Mechanism
@@ -92,7 +100,8 @@ class MaximalOracle:
     # Places
 
     def poses(self, coordinates: Mapping[str, float], guess: Poses | None = None) -> Poses:
-        """Place the bodies by shortest paths of joints from ground; a body that only rods reach stays at its guess."""
+        """Place the bodies by shortest paths of joints from ground; a body that only rods reach
+        stays at its guess."""
         graph = self.mechanism.graph()
         for name, joint in self.mechanism.pairs.items():
             if isinstance(joint, RodJoint):
@@ -112,7 +121,8 @@ class MaximalOracle:
         return self.assemble(self.poses(self.mechanism.reference, guess))
 
     def assemble(self, poses: Poses, held: Mapping[str, float] | None = None) -> Poses:
-        """Close the loops near the given poses by Gauss and Newton's method, least steps; `held` fixes coordinates.
+        """Close the loops near the given poses by Gauss and Newton's method, least steps; `held`
+        fixes coordinates.
 
         Only angles and slides can be held.
         """
@@ -148,7 +158,8 @@ class MaximalOracle:
         return moved
 
     def residuals(self, poses: Poses) -> dict[str, np.ndarray]:
-        """Return by joint how far it is from its own motion [m, rad], one number per constraint; gears in their unit."""
+        """Return by joint how far it is from its own motion [m, rad], one number per constraint;
+        gears in their unit."""
         shown = dict(zip(self.mechanism.coordinates, self.coordinates(poses), strict=True))
         gears = {
             name: np.array(
@@ -167,7 +178,8 @@ class MaximalOracle:
         return {name: (parts | gears)[name] for name in self.mechanism.joints}
 
     def coordinates(self, poses: Poses) -> np.ndarray:
-        """Return all joint coordinates in the mechanism's order [m, rad]; quaternions with w >= 0."""
+        """Return all joint coordinates in the mechanism's order [m, rad]; quaternions with w >=
+        0."""
         near, shown = {**self.mechanism.reference, **self.near}, [np.zeros(0)]
         for name, joint in self.mechanism.pairs.items():
             seen = self._relative(joint, poses, self._rest)
@@ -183,13 +195,15 @@ class MaximalOracle:
         return pseudo_inverse(self.rows(poses, self._rest).A)[1]
 
     def mobility(self, poses: Poses) -> int:
-        """Return 6r - rank(A): all freedoms at these poses, idle ones and those of a singular pose included."""
+        """Return 6r - rank(A): all freedoms at these poses, idle ones and those of a singular pose
+        included."""
         return self.motions(poses).shape[1]
 
     def independent_rates(self, poses: Poses) -> tuple[str, ...]:
         """Return the names of as few rates as determine all rates, those that do it best first.
 
-        They are the pivots of F N. They are fewer than the freedoms where bodies move that no rate shows.
+        They are the pivots of F N. They are fewer than the freedoms where bodies move that no rate
+        shows.
         """
         F, N = self.rows(poses, self._rest).F, self.motions(poses)
         if not (F @ N).size:
@@ -218,7 +232,8 @@ class MaximalOracle:
         return float(np.max(abs(self.rows(poses, twists).A @ self._stacked(twists)), initial=0))
 
     def twists(self, poses: Poses, rates: Mapping[str, float]) -> Twists:
-        """Return the twists at which these joints have these rates: A t = 0, F t = w; as small as that allows."""
+        """Return the twists at which these joints have these rates: A t = 0, F t = w; as small as
+        that allows."""
         rows, chosen = (
             self.rows(poses, self._rest),
             [self.mechanism.rates.index(name) for name in rates],
@@ -230,7 +245,8 @@ class MaximalOracle:
     def accelerations(
         self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()
     ) -> Twists:
-        """Return (alpha, a of the mass centre) of every body in ground's axes, from the actuator forces."""
+        """Return (alpha, a of the mass centre) of every body in ground's axes, from the actuator
+        forces."""
         return self.by_body(self._dynamics(poses, twists, forces)[0])
 
     def joint_accelerations(
@@ -241,7 +257,8 @@ class MaximalOracle:
         return rows.F @ self._stacked(accelerations) + rows.b
 
     def accelerations_of(self, poses: Poses, twists: Twists, rates: Mapping[str, float]) -> Twists:
-        """Return the bodies' accelerations at which these rates have these derivatives (as small as that allows)."""
+        """Return the bodies' accelerations at which these rates have these derivatives (as small as
+        that allows)."""
         rows, chosen = (
             self.rows(poses, twists),
             [self.mechanism.rates.index(name) for name in rates],
@@ -251,7 +268,8 @@ class MaximalOracle:
         )
 
     def inverse_dynamics(self, poses: Poses, twists: Twists, accelerations: Twists) -> np.ndarray:
-        """Return the least actuator forces u that bring about the bodies' accelerations: N'F_a' u = N'(M t' - W ...)."""
+        """Return the least actuator forces u that bring about the bodies' accelerations: N'F_a' u =
+        N'(M t' - W ...)."""
         M, applied = self._newton_euler(poses, twists, np.zeros(len(self.mechanism.actuators)))
         N, S = self.motions(poses), self.rows(poses, twists).F[self._actuated]
         wanted = N.T @ (M @ self._stacked(accelerations) - applied)
@@ -268,11 +286,12 @@ class MaximalOracle:
     def reactions(
         self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()
     ) -> dict[str, np.ndarray]:
-        """Return each joint's constraint wrench on its second body: [moment about F1's origin; force], ground's axes.
+        """Return each joint's constraint wrench on its second body: [moment about F1's origin;
+        force], ground's axes.
 
-        The first body gets the opposite about the same point. Actuator, spring, friction and rotor forces are left out.
-        A gear has one number, its multiplier: it pushes every geared rate by ratio times that. Parts that dependent
-        constraints leave open are the least ones.
+        The first body gets the opposite about the same point. Actuator, spring, friction and rotor
+        forces are left out. A gear has one number, its multiplier: it pushes every geared rate by
+        ratio times that. Parts that dependent constraints leave open are the least ones.
         """
         _, multipliers, rows = self._dynamics(poses, twists, forces)
         reactions = {}
@@ -287,7 +306,8 @@ class MaximalOracle:
         return reactions
 
     def energy(self, poses: Poses, twists: Twists) -> tuple[float, float]:
-        """Return the kinetic energy, rotors included, and the potential energy of weight and springs [J]."""
+        """Return the kinetic energy, rotors included, and the potential energy of weight and
+        springs [J]."""
         t, w = self._stacked(twists), self.rates(poses, twists)
         kinetic, potential = t @ self._body_inertia(poses) @ t / 2, 0.0
         for name, body in self.mechanism.bodies.items():
@@ -303,7 +323,8 @@ class MaximalOracle:
     def power(
         self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray = ()
     ) -> float:
-        """Return the rate of the energy: the actuators' power less what friction and dampers take [W]."""
+        """Return the rate of the energy: the actuators' power less what friction and dampers take
+        [W]."""
         w = self.rates(poses, twists)
         power = np.dot(np.asarray(forces, dtype=float), w[self._actuated])
         for freedom in self._freedoms(poses):
@@ -409,7 +430,8 @@ class MaximalOracle:
         return Rows(F, b, A, a, np.array(owner, dtype=str))
 
     def _relative(self, joint: PairJoint, poses: Poses, twists: Twists) -> Relative:
-        """Return F2 seen in F1; with r = o_2 - o_1, V_i the velocity of o_i and A_i its acceleration at t' = 0,
+        """Return F2 seen in F1; with r = o_2 - o_1, V_i the velocity of o_i and A_i its
+        acceleration at t' = 0,
 
         omega = R_1'(omega_2 - omega_1),            u = R_1'(V_2 - V_1 - omega_1 x r)
         g = R_1'[-omega_1 x omega_2;   A_2 - A_1 - 2 omega_1 x r' + omega_1 x (omega_1 x r)]
@@ -432,7 +454,8 @@ class MaximalOracle:
         return Relative(R_1.T @ R_2, R_1.T @ r, G @ t, G, g, R_1, o_1)
 
     def _frame(self, body: str, frame, poses: Poses, twists: Twists):
-        """Return a joint frame's R and origin o in ground, the rows of its angular velocity and of o', and o'' - V t'."""
+        """Return a joint frame's R and origin o in ground, the rows of its angular velocity and of
+        o', and o'' - V t'."""
         o, V = self._point(body, frame.position, poses)
         W = np.zeros_like(V)
         if body == GROUND:

@@ -1,9 +1,11 @@
-"""Published mechanisms of one freedom, reduced by hand: with one coordinate s, the inertia J(s) and the potential V(s),
+"""Published mechanisms of one freedom, reduced by hand: with one coordinate s, the inertia J(s) and
+the potential V(s),
 
     L = J(s) s'^2 / 2 - V(s),      J s'' = Q - J_s s'^2 / 2 - V_s
 
-J and V are written from the geometry in closed form, with plain sines and roots, so that they are analytic: the
-derivatives J_s and V_s come from one evaluation at s + i h, exact to rounding (Squire & Trapp, SIAM Review 40, 1998).
+J and V are written from the geometry in closed form, with plain sines and roots, so that they are
+analytic: the derivatives J_s and V_s come from one evaluation at s + i h, exact to rounding (Squire
+& Trapp, SIAM Review 40, 1998).
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ class OneFreedom:
 
 
 def pendulum(times: ArrayLike, length: float = 1.0) -> np.ndarray:
-    """Return the angle from the x axis of a point mass let go there: q = 2 asin(k cd(w t, k)) - pi/2, k = sin(pi/4)."""
+    """Return the angle from the x axis of a point mass let go there: q = 2 asin(k cd(w t, k)) -
+    pi/2, k = sin(pi/4)."""
     _, cn, dn, _ = ellipj(np.sqrt(g / length) * np.asarray(times), 0.5)
     return 2 * np.arcsin(np.sqrt(0.5) * cn / dn) - np.pi / 2
 
@@ -60,7 +63,8 @@ def pendulum(times: ArrayLike, length: float = 1.0) -> np.ndarray:
 def n_four_bar(loops: int) -> OneFreedom:
     """Reduce the N-four-bar (m = l = 1) to its cranks' angle, while they stay parallel.
 
-    N + 1 rods turn about their ends, J = 1/3 each, and lift their middles; N couplers move with the cranks' tips.
+    N + 1 rods turn about their ends, J = 1/3 each, and lift their middles; N couplers move with the
+    cranks' tips.
     """
     return OneFreedom(
         lambda s: (complex((loops + 1) / 3 + loops), ((loops + 1) / 2 + loops) * g * np.sin(s))
@@ -79,7 +83,8 @@ def slide(t: complex) -> complex:
 
 
 def spatial_slider_crank() -> OneFreedom:
-    """Reduce the IFToMM slider-crank: the rod turns by c_1 about x, then by c_2 across; sin c_2 = |(B_y, B_z)| / L."""
+    """Reduce the IFToMM slider-crank: the rod turns by c_1 about x, then by c_2 across; sin c_2 =
+    |(B_y, B_z)| / L."""
     m_crank, m_rod, m_slider = SLIDER_CRANK_MASSES
 
     def terms(t: complex) -> tuple[complex, complex]:
@@ -106,18 +111,21 @@ RIGHT_ANGLES = np.arcsin(1 / np.sqrt(3))  # psi at which all neighbouring rods a
 
 
 def bricard_turns(psi: complex) -> tuple[complex, complex]:
-    """Return the angles theta, phi between neighbouring rods, at hinges 1, 3, 5 and at hinges 2, 4, 6.
+    """Return the angles theta, phi between neighbouring rods, at hinges 1, 3, 5 and at hinges 2, 4,
+    6.
 
-    The hinges' axes are perpendicular from rod to rod and all rods are of one length; then the six-bar closes with
-    (1 + cos theta)(1 + cos phi) = 1, that is (1 + tan^2 theta/2)(1 + tan^2 phi/2) = 4 (Chen, You & Tarnai, Int. J. Solids
-    and Structures 42, 2005, threefold-symmetric Bricard linkages): tan theta/2 = sqrt 3 sin psi.
+    The hinges' axes are perpendicular from rod to rod and all rods are of one length; then the
+    six-bar closes with (1 + cos theta)(1 + cos phi) = 1, that is (1 + tan^2 theta/2)(1 + tan^2
+    phi/2) = 4 (Chen, You & Tarnai, Int. J. Solids and Structures 42, 2005, threefold-symmetric
+    Bricard linkages): tan theta/2 = sqrt 3 sin psi.
     """
     s, c = np.sin(psi), np.cos(psi)
     return 2 * np.arctan(np.sqrt(3) * s), 2 * np.arctan(np.sqrt(3) * c / np.sqrt(1 + 3 * s**2))
 
 
 def bricard_rods(psi: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the six rods' directions e, hinge axes u and starting points o (6, 3); the last rod is the ground."""
+    """Return the six rods' directions e, hinge axes u and starting points o (6, 3); the last rod is
+    the ground."""
     e, u, o = np.array([0, 0, -1]), np.array([0, -1, 0]), np.zeros(3)
     turns, rows = bricard_turns(psi), []
     for i in range(6):

@@ -1,13 +1,14 @@
 """What each joint type means, in the oracle's own words: its motion, its coordinates, its rows.
 
-The frame F2 has the pose (R, p) = (R_12, p_12) and the twist s = [omega; u] in F1: omega is its angular velocity and
-u = p' its velocity, both relative to F1 and in F1's axes. The rows F and A of a joint type give its rates and what
-vanishes, and beta is the rest of the derivative:
+The frame F2 has the pose (R, p) = (R_12, p_12) and the twist s = [omega; u] in F1: omega is its
+angular velocity and u = p' its velocity, both relative to F1 and in F1's axes. The rows F and A of
+a joint type give its rates and what vanishes, and beta is the rest of the derivative:
 
     w = F s,    0 = A s,    w' = F s',    0 = A s' + beta
 
-F and A are constant, and beta zero, but for two types. A universal joint's second axis b = R a_2 turns (b' = omega x b);
-its rate b . omega has no rest since b' . omega = 0. A rod's direction n = p / |p| turns too.
+F and A are constant, and beta zero, but for two types. A universal joint's second axis b = R a_2
+turns (b' = omega x b); its rate b . omega has no rest since b' . omega = 0. A rod's direction n = p
+/ |p| turns too.
 """
 
 from __future__ import annotations
@@ -88,8 +89,8 @@ def coordinates(
 ) -> np.ndarray:
     """Return the joint's coordinates at (R, p), angles within half a turn of `near`'s.
 
-    A screw's turns are counted by its advance. Where R has parts that the joint does not allow, an angle is that of the
-    nearest allowed orientation (the twist of a swing-twist decomposition).
+    A screw's turns are counted by its advance. Where R has parts that the joint does not allow, an
+    angle is that of the nearest allowed orientation (the twist of a swing-twist decomposition).
     """
     match joint:
         case RevoluteJoint(axis=e):
@@ -140,7 +141,8 @@ def motion(joint: PairJoint, q: ArrayLike) -> Pose:
 def residual(joint: PairJoint, R: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Return how far (R, p) is from the joint's motion, one number per row of A [m, rad].
 
-    With (R_q, p_q) the joint's motion at the coordinates that are read from (R, p): A [log(R R_q'); p - p_q].
+    With (R_q, p_q) the joint's motion at the coordinates that are read from (R, p): A
+    [log(R R_q'); p - p_q].
     """
     if isinstance(joint, RodJoint):
         return np.array([np.linalg.norm(p) - joint.length])

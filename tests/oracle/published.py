@@ -102,8 +102,8 @@ DIETMAIER_PLATFORM = np.array(
 )
 DIETMAIER_SQUARES = np.array([1, 0.416379826, 1.180012929, 2.260328827, 1.643352216, 0.594550487])
 
-# IFToMM A04: the corners in the models for OpenSim and for Exudyn, and the third one's path as the OpenSim model's page
-# plots it over the library's reference: when and where x, y and z turn.
+# IFToMM A04: the corners in the models for OpenSim and for Exudyn, and the third one's path as the
+# OpenSim model's page plots it over the library's reference: when and where x, y and z turn.
 BRICARD_CORNERS = ((0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1))
 BRICARD_TURNS = {
     0.0: (1.0, -1.0, 0.0),

@@ -1,9 +1,11 @@
-"""Random mechanisms of all joint types with fixed seeds, assembled by construction: trees, loops, rods, gears, effects.
+"""Random mechanisms of all joint types with fixed seeds, assembled by construction: trees, loops,
+rods, gears, effects.
 
-Bodies get random poses first; each joint is then put at a random place between two bodies, in either order, and its
-second frame where the joint's motion at a random coordinate takes it, so that every loop is closed at the reference. A
-joint with k constraint rows leaves a loop 6 - k freedoms (planar: 3 - k); a chain closes a loop when its joints' freedoms
-reach 6 (3), and what they have more is mobility. Rods and gears take one freedom each.
+Bodies get random poses first; each joint is then put at a random place between two bodies, in
+either order, and its second frame where the joint's motion at a random coordinate takes it, so that
+every loop is closed at the reference. A joint with k constraint rows leaves a loop 6 - k freedoms
+(planar: 3 - k); a chain closes a loop when its joints' freedoms reach 6 (3), and what they have
+more is mobility. Rods and gears take one freedom each.
 """
 
 from __future__ import annotations
@@ -96,10 +98,11 @@ def random_tree(
     gears: int = 0,
     actuation: int = 0,
 ) -> Mechanism:
-    """Build an open tree; its joint types are `kinds` over and over, or shuffled from all (planar: all planar ones).
+    """Build an open tree; its joint types are `kinds` over and over, or shuffled from all
+    (planar: all planar ones).
 
-    `effects` adds friction, springs, dampers, rotors and two point springs. There are as many actuators as freedoms plus
-    `actuation`, where the rates are enough.
+    `effects` adds friction, springs, dampers, rotors and two point springs. There are as many
+    actuators as freedoms plus `actuation`, where the rates are enough.
     """
     rng = np.random.default_rng(seed)
     names = [f"body_{i}" for i in range(1, bodies + 1)]
@@ -124,11 +127,12 @@ def random_loops(
     platform: Literal["", "bare", "free"] = "",
     actuation: int = 0,
 ) -> Mechanism:
-    """Build closed loops of mixed types with so many `freedoms`, and a branch on a revolute joint that adds one.
+    """Build closed loops of mixed types with so many `freedoms`, and a branch on a revolute joint
+    that adds one.
 
-    `kinds` prescribes the first loop's chain. `rods` and `gears` are added, and the first chain made longer for them.
-    A "bare" platform hangs on six rods alone; a "free" one has a free joint to ground as well. For the others, see
-    `random_tree`.
+    `kinds` prescribes the first loop's chain. `rods` and `gears` are added, and the first chain
+    made longer for them. A "bare" platform hangs on six rods alone; a "free" one has a free joint
+    to ground as well. For the others, see `random_tree`.
     """
     rng = np.random.default_rng(seed)
     bodies, edges = [GROUND], []
@@ -155,7 +159,8 @@ def random_loops(
 
 
 def tilted(mechanism: Mechanism, seed: int = 0) -> Mechanism:
-    """Move a mechanism and its gravity as a whole: the same mechanism, but not in a coordinate plane."""
+    """Move a mechanism and its gravity as a whole: the same mechanism, but not in a coordinate
+    plane."""
     p_0, R_0 = random_pose(np.random.default_rng(seed), planar=False)
 
     def moved(body: str, frame: Frame) -> Frame:
@@ -185,7 +190,8 @@ def tilted(mechanism: Mechanism, seed: int = 0) -> Mechanism:
 def random_motion(
     oracle: MaximalOracle, rng: np.random.Generator, spread: float = 0.2, start: Poses | None = None
 ) -> tuple[Poses, Twists]:
-    """Return the poses of an assembled configuration near the reference (or `start`), and twists that fit it."""
+    """Return the poses of an assembled configuration near the reference (or `start`), and twists
+    that fit it."""
     start = oracle.reference_poses() if start is None else start
     size = 6 * len(oracle.mechanism.bodies)
     N = oracle.motions(start)
@@ -225,7 +231,8 @@ def built(
     gears: int,
     actuation: int,
 ) -> Mechanism:
-    """Place the bodies at random, put a joint for every edge between its bodies, add the rest, choose the actuators."""
+    """Place the bodies at random, put a joint for every edge between its bodies, add the rest,
+    choose the actuators."""
     edges = [(b, a, kind) if rng.random() < 0.5 else (a, b, kind) for a, b, kind in edges]
     bodies = sorted(
         {body for edge in edges for body in edge[:2]} - {GROUND}, key=lambda body: int(body[5:])
@@ -254,7 +261,8 @@ def built(
 
 
 def actuated(mechanism: Mechanism, poses: Poses, actuation: int = 0) -> Mechanism:
-    """Actuate the rates that determine the motion best, `actuation` more (in the rates' order) or fewer."""
+    """Actuate the rates that determine the motion best, `actuation` more (in the rates' order) or
+    fewer."""
     best = MaximalOracle(mechanism).independent_rates(poses)
     others = [rate for rate in mechanism.rates if rate not in best]
     chosen = [*best[: len(best) + min(actuation, 0)], *others[: max(actuation, 0)]]
@@ -359,7 +367,8 @@ def random_spring(rng: np.random.Generator, planar: bool, bodies: Sequence[str])
 def random_pose(
     rng: np.random.Generator, planar: bool, spread: float = 1.0, turn: float = 2.0
 ) -> pairs.Pose:
-    """Return (p, R): position within +-spread [m], rotation vector within +-turn; planar: in and about z alone."""
+    """Return (p, R): position within +-spread [m], rotation vector within +-turn; planar: in and
+    about z alone."""
     keep_turn, keep_shift = ((0, 0, 1), (1, 1, 0)) if planar else (1, 1)
     return rng.uniform(-spread, spread, 3) * keep_shift, pairs.exponential(
         rng.uniform(-turn, turn, 3) * keep_turn

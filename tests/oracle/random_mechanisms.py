@@ -1,8 +1,10 @@
-"""Random mechanisms with fixed seeds, assembled by construction: open trees and closed loops, planar and spatial.
+"""Random mechanisms with fixed seeds, assembled by construction: open trees and closed loops,
+planar and spatial.
 
-Bodies get random poses first; each joint is then put at a random place between its two bodies, so that every loop is
-closed at the reference, whatever the joint's random reference coordinate is. A loop of j one-freedom joints adds j - 6
-freedoms (planar: j - 3); the actuated joints are those that determine the motion best.
+Bodies get random poses first; each joint is then put at a random place between its two bodies, so
+that every loop is closed at the reference, whatever the joint's random reference coordinate is. A
+loop of j one-freedom joints adds j - 6 freedoms (planar: j - 3); the actuated joints are those that
+determine the motion best.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ GRAVITY = {True: (1.3, -9.2, 0.0), False: (1.3, -2.1, -9.2)}
 
 
 def open_tree(seed: int, bodies: int = 5, planar: bool = False) -> Mechanism:
-    """Build a tree of bodies with revolute, prismatic and some fixed joints; all its joints that move are actuated."""
+    """Build a tree of bodies with revolute, prismatic and some fixed joints; all its joints that
+    move are actuated."""
     rng = np.random.default_rng(seed)
     edges: list[Edge] = []
     for i in range(1, bodies + 1):
@@ -49,13 +52,15 @@ def open_tree(seed: int, bodies: int = 5, planar: bool = False) -> Mechanism:
 
 
 def planar_loops(seed: int, loops: int = 2, freedoms: int = 1) -> Mechanism:
-    """Build a planar mechanism; its first loop brings `freedoms`, each further one none or one more."""
+    """Build a planar mechanism; its first loop brings `freedoms`, each further one none or one
+    more."""
     rng = np.random.default_rng(seed)
     return assembled(f"planar loops {seed}", looped(rng, loops, 3, freedoms), rng, planar=True)
 
 
 def spatial_loops(seed: int, loops: int = 1, freedoms: int = 1) -> Mechanism:
-    """Build a spatial mechanism; its first loop brings `freedoms`, each further one none or one more."""
+    """Build a spatial mechanism; its first loop brings `freedoms`, each further one none or one
+    more."""
     rng = np.random.default_rng(seed)
     return assembled(f"spatial loops {seed}", looped(rng, loops, 6, freedoms), rng, planar=False)
 
@@ -63,7 +68,8 @@ def spatial_loops(seed: int, loops: int = 1, freedoms: int = 1) -> Mechanism:
 def random_state(
     mechanism: Mechanism, rng: np.random.Generator, spread: float = 0.2
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return joint coordinates (m,) of an assembled configuration near the reference, and actuated rates (n,)."""
+    """Return joint coordinates (m,) of an assembled configuration near the reference, and actuated
+    rates (n,)."""
     oracle = LagrangeOracle(mechanism)
     reference, n = oracle.reference, len(mechanism.actuators)
     actuated = [oracle.moving.index(name) for name in mechanism.actuators]
@@ -79,7 +85,8 @@ def random_state(
 
 
 def looped(rng: np.random.Generator, loops: int, closure: int, freedoms: int) -> list[Edge]:
-    """Connect chains at both ends to what is there, weld one body into the first and hang a branch on the last."""
+    """Connect chains at both ends to what is there, weld one body into the first and hang a branch
+    on the last."""
     edges: list[Edge] = []
     bodies = [GROUND]
     for loop in range(loops):
@@ -103,7 +110,8 @@ def looped(rng: np.random.Generator, loops: int, closure: int, freedoms: int) ->
 def assembled(
     name: str, edges: Iterable[Edge], rng: np.random.Generator, planar: bool
 ) -> Mechanism:
-    """Place the bodies at random, put a joint for every edge between its bodies, and choose the actuators."""
+    """Place the bodies at random, put a joint for every edge between its bodies, and choose the
+    actuators."""
     edges = [(b, a, kind) if rng.random() < 0.5 else (a, b, kind) for a, b, kind in edges]
     bodies = sorted(
         {body for edge in edges for body in edge[:2]} - {GROUND}, key=lambda body: int(body[5:])
@@ -167,7 +175,8 @@ def random_joint(
 
 
 def random_body(rng: np.random.Generator, planar: bool) -> Body:
-    """Return a body of 0.5 to 2 kg; its inertia is that of a random cloud of mass, so it is physical."""
+    """Return a body of 0.5 to 2 kg; its inertia is that of a random cloud of mass, so it is
+    physical."""
     mass, centre = float(rng.uniform(0.5, 2)), rng.uniform(-0.3, 0.3, 3)
     spread = rng.normal(scale=0.2, size=(3, 3))
     second_moment = mass * spread @ spread.T

@@ -1,7 +1,8 @@
-"""The same mechanism in other units: lengths, masses and times multiplied by factors. Dimensional analysis is the truth.
+"""The same mechanism in other units: lengths, masses and times multiplied by factors. Dimensional
+analysis is the truth.
 
-A quantity of the dimension kg^a m^b s^c is multiplied by M^a L^b T^c, so what is computed of the scaled mechanism must
-be what is computed of the original one, multiplied likewise.
+A quantity of the dimension kg^a m^b s^c is multiplied by M^a L^b T^c, so what is computed of the
+scaled mechanism must be what is computed of the original one, multiplied likewise.
 """
 
 from __future__ import annotations
@@ -99,7 +100,8 @@ class Scale:
                 }
 
     def _effect(self, key: str, part: Any, slide: bool) -> Any:
-        """Scale friction, spring, limits or rotor of a freedom: per force unit F and coordinate unit x."""
+        """Scale friction, spring, limits or rotor of a freedom: per force unit F and coordinate
+        unit x."""
         x, T = (self.L if slide else 1.0), self.T
         F = self.energy / x
         factors = {

@@ -44,7 +44,8 @@ def body(mass: float, *moments: float, at=(0.0, 0.0, 0.0)) -> Body:
 
 
 def state(mechanism: Mechanism, coordinates, rates):
-    """Return the oracle, poses and twists of a mechanism at joint coordinates and rates in their order."""
+    """Return the oracle, poses and twists of a mechanism at joint coordinates and rates in their
+    order."""
     shown = dict(zip(mechanism.coordinates, coordinates, strict=True))
     oracle = MaximalOracle(mechanism, {name: float(value) for name, value in shown.items()})
     poses = oracle.assemble(oracle.poses(shown))
@@ -136,7 +137,8 @@ def test_screw_with_every_effect_of_a_joint():
 
 
 def test_rotor_between_two_turning_bodies():
-    """With w_2 relative: d/dt of the gradients of I_1 w_1^2/2 + I_2 (w_1 + w_2)^2/2 + J w_2^2/2 are the torques."""
+    """With w_2 relative: d/dt of the gradients of I_1 w_1^2/2 + I_2 (w_1 + w_2)^2/2 + J w_2^2/2 are
+    the torques."""
     I_1, I_2, J, torques = 0.5, 0.3, 0.8, np.array([0.4, -0.9])
     mechanism = Mechanism(
         bodies={"one": body(1, 1, 1, I_1), "two": body(1, 1, 1, I_2)},
@@ -151,7 +153,8 @@ def test_rotor_between_two_turning_bodies():
 
 
 def test_spinning_top_precesses_steadily():
-    """I_1 Omega^2 cos(theta) - I_3 omega_3 Omega + m g l = 0 keeps theta: then omega' = Omega z x (spin e)."""
+    """I_1 Omega^2 cos(theta) - I_3 omega_3 Omega + m g l = 0 keeps theta: then omega' = Omega z x
+    (spin e)."""
     m, l, I_c, I_3, theta, Omega = 0.8, 0.25, 0.02, 0.01, 0.6, 1.4  # noqa: E741
     I_1 = I_c + m * l**2
     omega_3 = (m * g * l + I_1 * Omega**2 * cos(theta)) / (I_3 * Omega)
@@ -214,7 +217,8 @@ def reaction(mechanism, coordinates, rates, name):
 
 
 def test_free_turn_with_every_effect():
-    """A ball's inertia I about its centre: (I + J) w' = -k phi - (c + d + F / sqrt(|w|^2 + r^2)) w."""
+    """A ball's inertia I about its centre: (I + J) w' = -k phi - (c + d + F / sqrt(|w|^2 + r^2))
+    w."""
     I, J, k, c, d, F, r = 0.3, 0.2, 5.0, 0.7, 0.4, 0.6, 0.1  # noqa: E741
     joint = SphericalJoint(
         connects=("ground", "b"),
@@ -232,7 +236,8 @@ def test_free_turn_with_every_effect():
 
 
 def test_rod_carries_weight_and_centripetal_force():
-    """A body hung by its mass centre: a = G + T n / m, T = m (|v|^2 / l - G . n), n from the body to the anchor."""
+    """A body hung by its mass centre: a = G + T n / m, T = m (|v|^2 / l - G . n), n from the body
+    to the anchor."""
     m, length, G = 1.7, 0.8, np.array(DOWN)
     mechanism = Mechanism(
         gravity=DOWN,
@@ -250,7 +255,8 @@ def test_rod_carries_weight_and_centripetal_force():
 
 
 def test_wheels_in_mesh():
-    """r_1 q_1 + r_2 q_2 = 0: (J_1 + (r_1 / r_2)^2 J_2) q_1'' = tau; the teeth push q_2 by r_2 lambda."""
+    """r_1 q_1 + r_2 q_2 = 0: (J_1 + (r_1 / r_2)^2 J_2) q_1'' = tau; the teeth push q_2 by r_2
+    lambda."""
     J, r, tau = (0.5, 0.2), (0.3, 0.1), 0.9
     mechanism = Mechanism(
         bodies={"one": body(1, 1, 1, J[0]), "two": body(1, 1, 1, J[1])},
@@ -271,7 +277,8 @@ def test_wheels_in_mesh():
 
 
 def test_hooke_joint_between_shafts():
-    """tan(q_2) = tan(q_1) / cos(beta) and w_2 = k w_1, k = cos(beta) / (1 - sin^2(beta) cos^2(q_1)); two dependent rows.
+    """tan(q_2) = tan(q_1) / cos(beta) and w_2 = k w_1, k = cos(beta) / (1 - sin^2(beta)
+    cos^2(q_1)); two dependent rows.
 
     (J_1 + k^2 J_2) q_1'' + J_2 k k_q q_1'^2 = tau.
     """
@@ -306,7 +313,8 @@ def test_hooke_joint_between_shafts():
 
 
 def test_point_spring_between_free_bodies():
-    """Two bodies pulled at their mass centres: m_i a_i = +-(k (l - l_0) + d l') n; at other points, moments too."""
+    """Two bodies pulled at their mass centres: m_i a_i = +-(k (l - l_0) + d l') n; at other points,
+    moments too."""
     mechanism = Mechanism(
         gravity=(0, 0, 0),
         bodies={"a": body(2, 1, 1, 1), "b": body(3, 1, 1, 1)},

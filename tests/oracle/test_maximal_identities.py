@@ -1,4 +1,5 @@
-"""The oracle of all joint types on random mechanisms: finite differences, energy, momentum, balance of forces."""
+"""The oracle of all joint types on random mechanisms: finite differences, energy, momentum, balance
+of forces."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ RANDOM = {
 
 @cache
 def moving(name: str):
-    """Return a random mechanism's oracle, poses and twists near the reference, and actuator forces."""
+    """Return a random mechanism's oracle, poses and twists near the reference, and actuator
+    forces."""
     mechanism, rng = RANDOM[name](), np.random.default_rng(20)
     oracle = MaximalOracle(mechanism)
     return oracle, *random_motion(oracle, rng), rng.normal(size=len(mechanism.actuators))
@@ -60,7 +62,8 @@ def along(oracle, poses, twists, rates, h):
 
 
 def central(function, oracle, poses, twists, rates, h=1e-4):
-    """Return the derivative of function(poses, twists) along the motion, with an error of order h^4."""
+    """Return the derivative of function(poses, twists) along the motion, with an error of order
+    h^4."""
     values = {
         k: np.asarray(function(*along(oracle, poses, twists, rates, k * h))) for k in (-2, -1, 1, 2)
     }
@@ -68,13 +71,15 @@ def central(function, oracle, poses, twists, rates, h=1e-4):
 
 
 def test_rates_and_rows_are_derivatives_on_any_motion(case):
-    """b and a, which the motion's own formulas give, are what finite differences of F t and A t leave over."""
+    """b and a, which the motion's own formulas give, are what finite differences of F t and A t
+    leave over."""
     oracle, poses, _, _ = case
     rng, size = np.random.default_rng(21), 6 * len(oracle.mechanism.bodies)
     twists, rates = (oracle.by_body(rng.normal(size=size)) for _ in range(2))
     rows = oracle.rows(poses, twists)
     stacked = np.concatenate([part for pair in rates.values() for part in pair])
-    # poses are only followed to second order, and their twists to first: exact for the first derivative at 0
+    # poses are only followed to second order, and their twists to first: exact for the first
+    # derivative at 0
     found = central(oracle.rates, oracle, poses, twists, rates)
     close(oracle.joint_accelerations(poses, twists, rates), found, 1e-9)
     found = central(
@@ -88,7 +93,8 @@ def test_rates_and_rows_are_derivatives_on_any_motion(case):
 
 
 def test_coordinates_and_residuals_change_as_the_rows_say(case):
-    """On any motion from a closed pose: q' = F t (quaternions: (0, w) q / 2) and residual' = A t."""
+    """On any motion from a closed pose: q' = F t (quaternions: (0, w) q / 2) and residual' = A
+    t."""
     oracle, poses, _, _ = case
     mechanism = oracle.mechanism
     twists = oracle.by_body(np.random.default_rng(22).normal(size=6 * len(mechanism.bodies)))
@@ -136,7 +142,8 @@ def test_forces_come_back_from_accelerations(case):
 
 
 def test_reactions_balance_every_body():
-    """m a and I alpha + omega x I omega are the weight, the drives and the reactions, each about the mass centre."""
+    """m a and I alpha + omega x I omega are the weight, the drives and the reactions, each about
+    the mass centre."""
     mechanism = random_loops(8, 2, rods=1, freedoms=2)
     mechanism = mechanism.model_copy(
         update={"actuators": tuple(name for name in mechanism.rates if name.startswith("revolute"))}
@@ -171,7 +178,8 @@ def test_reactions_balance_every_body():
 
 
 def test_floating_mechanism_keeps_its_momentum():
-    """Nothing inside - drives, springs, friction, rotors, gears - changes the momenta of a mechanism without support."""
+    """Nothing inside - drives, springs, friction, rotors, gears - changes the momenta of a
+    mechanism without support."""
     kinds = ["free", *(kind for kind in CLOSING if kind != "free")]
     names = ["ground", *(f"body_{i}" for i in range(1, len(kinds) + 1))]
     mechanism = built(

@@ -1,4 +1,5 @@
-"""The oracle of all joint types against MuJoCo, on trees of all types but screws, with the effects MuJoCo has too."""
+"""The oracle of all joint types against MuJoCo, on trees of all types but screws, with the effects
+MuJoCo has too."""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ def test_agrees_on_trees(seed):
 
 
 def tree(rng: np.random.Generator) -> Mechanism:
-    """Return a tree of all types but screws, with effects; F2 is the second body's own frame, as MuJoCo wants it.
+    """Return a tree of all types but screws, with effects; F2 is the second body's own frame, as
+    MuJoCo wants it.
 
     The joints' order is MuJoCo's, depth first.
     """
@@ -102,7 +104,8 @@ def document(mechanism: Mechanism) -> str:
         I = data.inertia  # noqa: E741
         moments = numbers((I.xx, I.yy, I.zz, I.xy, I.xz, I.yz))
         joints = "".join(
-            f'<joint type="{kind}" axis="{numbers(axis)}" stiffness="{spring.stiffness!r}" springref="{spring.rest!r}" '
+            f'<joint type="{kind}" axis="{numbers(axis)}" stiffness="{spring.stiffness!r}" '
+            f'springref="{spring.rest!r}" '
             f'damping="{friction.viscous + spring.damping!r}" armature="{rotor!r}"/>'
             for (kind, axis), (friction, spring, _, rotor) in zip(
                 parts(joint), joint.effects().values(), strict=True
@@ -111,7 +114,8 @@ def document(mechanism: Mechanism) -> str:
         return (
             f'<body name="{name}" pos="{numbers(frame.position)}" '
             f'quat="{numbers(pairs.quaternion(pairs.exponential(frame.rotation)))}">{joints}'
-            f'<inertial mass="{data.mass!r}" pos="{numbers(data.centre_of_mass)}" fullinertia="{moments}"/>'
+            f'<inertial mass="{data.mass!r}" pos="{numbers(data.centre_of_mass)}" '
+            f'fullinertia="{moments}"/>'
             f"{below(name)}</body>"
         )
 
@@ -123,7 +127,8 @@ def document(mechanism: Mechanism) -> str:
         )
 
     return (
-        f'<mujoco><compiler angle="radian"/><option gravity="{numbers(mechanism.gravity)}"><flag energy="enable"/>'
+        f'<mujoco><compiler angle="radian"/><option gravity="{numbers(mechanism.gravity)}"><flag '
+        'energy="enable"/>'
         f"</option><worldbody>{below('ground')}</worldbody></mujoco>"
     )
 
@@ -149,7 +154,8 @@ def parts(joint: PairJoint) -> list[tuple[str, ArrayLike]]:
 
 
 def axes_of_turns(mechanism: Mechanism, poses: Poses) -> np.ndarray:
-    """Return the matrix from MuJoCo's rates to the mechanism's: a ball's are in the second frame's axes there."""
+    """Return the matrix from MuJoCo's rates to the mechanism's: a ball's are in the second frame's
+    axes there."""
     places = {"ground": (np.zeros(3), np.eye(3)), **poses}
     blocks = np.eye(len(mechanism.rates))
     for name, joint in mechanism.pairs.items():

@@ -1,4 +1,5 @@
-"""The oracle against closed forms, against the paper's formulation, against itself with 40 digits."""
+"""The oracle against closed forms, against the paper's formulation, against itself with 40
+digits."""
 
 from __future__ import annotations
 
@@ -173,7 +174,8 @@ def test_forty_digits_are_right_where_a_formula_gives_them():
 
 
 def test_reactions_balance_every_body():
-    """Add up, about the ground's origin, all wrenches on each body: they make its rate of momentum."""
+    """Add up, about the ground's origin, all wrenches on each body: they make its rate of
+    momentum."""
     mechanism = spatial_loops(8, loops=2)
     oracle, rng = LagrangeOracle(mechanism), np.random.default_rng(8)
     q, rates = random_state(mechanism, rng)

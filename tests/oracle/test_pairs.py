@@ -36,7 +36,8 @@ def test_residuals_vanish_on_the_joints_own_motion_alone(kind):
 
 @pytest.mark.parametrize("kind", CLOSING)
 def test_rows_split_the_twist_into_rates_and_constraints(kind):
-    """Of the joint's own motion q(t): F s = w, A s = 0; together the rows take all six components."""
+    """Of the joint's own motion q(t): F s = w, A s = 0; together the rows take all six
+    components."""
     rng, h = np.random.default_rng(12), 1e-5
     for _ in range(5):
         joint = TYPES[kind](connects=("ground", "b"), **random_form(rng, False, kind))
@@ -53,7 +54,8 @@ def test_rows_split_the_twist_into_rates_and_constraints(kind):
 
 
 def stepped(joint, q, step):
-    """Return the coordinates that follow q after `step`, whose turn is a rotation vector in F1's axes."""
+    """Return the coordinates that follow q after `step`, whose turn is a rotation vector in F1's
+    axes."""
     if "turn" not in joint.freedoms:
         return q + step
     R = pairs.exponential(step[-3:]) @ pairs.from_quaternion(q[-4:])

@@ -1,4 +1,5 @@
-"""The references for published mechanisms, held against the published numbers themselves and against identities."""
+"""The references for published mechanisms, held against the published numbers themselves and
+against identities."""
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from tests.oracle.published import ANDREWS_END, ANDREWS_START, N_FOUR_BAR, SLIDE
 
 
 def test_andrews_equations_at_the_published_start_and_end():
-    """The end's printed accelerations and multipliers are good to 1e-6, its rates and angles to 3e-8 and 3e-10."""
+    """The end's printed accelerations and multipliers are good to 1e-6, its rates and angles to
+    3e-8 and 3e-10."""
     q, v, a, multipliers = ANDREWS_START
     assert np.allclose(andrews.closures(q), 0, atol=1e-16)
     found = andrews.accelerations(q, v)
@@ -116,7 +118,8 @@ def test_governor_keeps_its_angular_momentum_and_comes_down_when_it_stands():
 
 
 def test_governor_springs_hold_the_rods_at_rest_by_the_lever_rule():
-    """Shorter springs that balance a rod's moment W cos a = F l_a and the slider's weight: no acceleration."""
+    """Shorter springs that balance a rod's moment W cos a = F l_a and the slider's weight: no
+    acceleration."""
     a = 0.6
     sin, cos = np.sin(a), np.cos(a)
     s = governor.h - governor.b * sin - np.sqrt(governor.rest**2 - (governor.b * cos) ** 2)
@@ -126,7 +129,8 @@ def test_governor_springs_hold_the_rods_at_rest_by_the_lever_rule():
     span = np.hypot(governor.b * cos, rise)
     tension = governor.k * (span - governor.rest)
     found = governor.accelerations(state, np.zeros(4))
-    # forces on the slider along z, moments about a hinge: the spring pulls from the rod's middle towards the slider
+    # forces on the slider along z, moments about a hinge: the spring pulls from the rod's middle
+    # towards the slider
     assert np.isclose(
         found[1], 2 * tension * rise / span / governor.slider - governor.g, rtol=1e-12
     )

@@ -14,7 +14,8 @@ from tests.oracle.maximal import MaximalOracle, Poses, Twists
 
 @dataclass(frozen=True)
 class Seen:
-    """Hold the oracle with the poses and twists of a robot's state, which are checked to fit all joints."""
+    """Hold the oracle with the poses and twists of a robot's state, which are checked to fit all
+    joints."""
 
     robot: lw.Robot
     state: lw.State
@@ -49,7 +50,8 @@ class Seen:
         return self.oracle.inverse_dynamics(self.poses, self.twists, bodies)
 
     def agree(self, forces, tolerance: float) -> None:
-        """Compare coordinates, rates, accelerations under forces and energies of the robot with the oracle's."""
+        """Compare coordinates, rates, accelerations under forces and energies of the robot with the
+        oracle's."""
         robot, state = self.robot, self.state
         close(state.positions, self.oracle.coordinates(self.poses), tolerance)
         close(robot.joint_rates(state), self.oracle.rates(self.poses, self.twists), tolerance)

@@ -1,4 +1,5 @@
-"""How far a run is from the exact motion: estimates against closed forms and other methods, and what the message says."""
+"""How far a run is from the exact motion: estimates against closed forms and other methods, and
+what the message says."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ def oscillator(stiffness: float = 4.0) -> lw.Robot:
 
 
 def light_cart() -> lw.Robot:
-    """Return a cart of 1 mg with a pole of 1 m and 1 kg at its tip, level at first: the cart darts as the pole passes."""
+    """Return a cart of 1 mg with a pole of 1 m and 1 kg at its tip, level at first: the cart darts
+    as the pole passes."""
     cart = lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))
     pole = lw.RevoluteJoint(connects=("cart", "pole"))
     bodies = {"cart": lw.Body(mass=1e-6), "pole": lw.Body(mass=1.0, centre_of_mass=(1, 0, 0))}
@@ -121,7 +123,8 @@ def test_catalogue_robots_against_another_method_at_the_tightest_tolerance(name)
 
 
 def test_a_light_cart_that_darts_says_that_it_is_off():
-    """At the default tolerance it reached its end and said no more, thousands of times the tolerance away."""
+    """At the default tolerance it reached its end and said no more, thousands of times the
+    tolerance away."""
     robot = light_cart()
     run = robot.simulate(robot.home, duration=10.0, rtol=1e-6)
     assert run.success

@@ -46,7 +46,8 @@ def test_underactuated_inverse_dynamics_is_refused_and_names_what_is_not_driven(
 
 
 def test_an_actuator_in_a_locked_part_drives_nothing():
-    """A triangle of bars is rigid; a pendulum hangs on it. An actuator at the triangle's foot moves nothing."""
+    """A triangle of bars is rigid; a pendulum hangs on it. An actuator at the triangle's foot moves
+    nothing."""
     bar = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
     joints = {
         "foot": lw.RevoluteJoint(connects=("ground", "left")),
@@ -111,7 +112,8 @@ def test_forces_of_more_actuators_than_freedoms_are_the_least_ones(overdriven):
 
 
 def test_weights_shift_the_load(overdriven):
-    """u minimises sum weight_i u_i^2: with u = W^-1/2 y, least y, by NumPy's least squares on the oracle's forces."""
+    """u minimises sum weight_i u_i^2: with u = W^-1/2 y, least y, by NumPy's least squares on the
+    oracle's forces."""
     robot, state, a = overdriven
     weights = np.arange(1.0, len(robot.actuators) + 1) ** 2
     u = robot.inverse_dynamics(state, a, weights=weights)
@@ -170,7 +172,8 @@ def test_weights_that_are_none(redundant, weights, sentence):
 
 
 def spinning_rod() -> lw.Mechanism:
-    """Return a spatial slider-crank whose rod has a ball joint at both ends: it may spin about itself."""
+    """Return a spatial slider-crank whose rod has a ball joint at both ends: it may spin about
+    itself."""
 
     def body(mass, centre, *moments):
         inertia = lw.Inertia(**dict(zip(("xx", "yy", "zz"), moments, strict=True)))
@@ -207,7 +210,8 @@ def test_an_idle_freedom_is_counted_and_named(spinning):
 
 
 def test_idle_freedoms_are_left_to_themselves(spinning):
-    """The motor is asked for an acceleration; whatever is said of the spin, the motor's forces bring about its own part."""
+    """The motor is asked for an acceleration; whatever is said of the spin, the motor's forces
+    bring about its own part."""
     state = spinning.home.with_rates([2.0, 3.0])
     motor = spinning.independent.index("motor")
     free = spinning.forward_dynamics(state, [0.3])
@@ -220,7 +224,8 @@ def test_idle_freedoms_are_left_to_themselves(spinning):
 
 
 def test_a_rod_keeps_its_spin(spinning):
-    """Nothing turns an axisymmetric rod about its own axis: its angular velocity along it stays as it is."""
+    """Nothing turns an axisymmetric rod about its own axis: its angular velocity along it stays as
+    it is."""
     state = spinning.home.with_rates([2.0, 3.0])
     times = np.linspace(0, 0.5, 11)
     run = spinning.simulate(state, [0.1], duration=0.5, rtol=1e-10, atol=1e-12, save_at=times)

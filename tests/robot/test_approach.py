@@ -1,4 +1,5 @@
-"""Compiled steps to poses and joint coordinates: they lead where steps of least squares lead, or leave it to those."""
+"""Compiled steps to poses and joint coordinates: they lead where steps of least squares lead, or
+leave it to those."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ def case(request: pytest.FixtureRequest) -> tuple[lw.Robot, int]:
 
 
 def poses_near(robot: lw.Robot, size: int, spread: float, count: int = 12) -> np.ndarray:
-    """Return poses about home; a part of them is out of reach or on the far side of a stretched leg where they are far."""
+    """Return poses about home; a part of them is out of reach or on the far side of a stretched leg
+    where they are far."""
     length = robot.equations.tree.length
     units = np.array(([length] * 2 + [1.0] if robot.planar else [length] * 3 + [1.0] * 3)[:size])
     here = robot.tool_pose(robot.home)[:size]
@@ -120,7 +122,8 @@ def test_joints_near_the_guess_are_met_as_by_steps_of_least_squares(case):
 
 
 def test_singular_guesses_are_left_to_steps_of_least_squares():
-    """What is closed there is not moved by a step that divides rounding errors by a pivot that is one itself."""
+    """What is closed there is not moved by a step that divides rounding errors by a pivot that is
+    one itself."""
     robot = lw.Robot(lw.robots.prr3())
     upright = robot.assemble({"pivot_1": np.pi / 2, "slide_1": 0.4, "wrist_1": 0.7 - np.pi / 2})
     pose = robot.tool_pose(upright)

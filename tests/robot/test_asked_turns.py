@@ -1,4 +1,5 @@
-"""Joint angles are taken as they are asked for, whole turns included; and what is asked wrongly is told in a sentence."""
+"""Joint angles are taken as they are asked for, whole turns included; and what is asked wrongly is
+told in a sentence."""
 
 from __future__ import annotations
 

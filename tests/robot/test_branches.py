@@ -1,4 +1,5 @@
-"""The tool is led on the branch of the guess: against inverse kinematics in closed form, on every working mode."""
+"""The tool is led on the branch of the guess: against inverse kinematics in closed form, on every
+working mode."""
 
 import numpy as np
 import pytest
@@ -28,7 +29,8 @@ def platform(pose):
 
 
 def angles(name, pose, sides):
-    """Return the motors' angles at a pose with each elbow on a side, by the law of cosines; None out of reach."""
+    """Return the motors' angles at a pose with each elbow on a side, by the law of cosines; None
+    out of reach."""
     first, second, _, legs = LEGS[name]
     found = []
     for (foot, top), side in zip(legs(pose), sides, strict=True):
@@ -133,7 +135,8 @@ def test_a_guess_between_two_modes_leads_to_either():
 
 
 def rocking_arm():
-    """Return an arm of two links whose upper one is the rocker of a four-bar: it swings from 72 to 133 degrees only."""
+    """Return an arm of two links whose upper one is the rocker of a four-bar: it swings from 72 to
+    133 degrees only."""
     link = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
     joints = {
         "crank": lw.RevoluteJoint(
@@ -193,7 +196,8 @@ def test_a_path_is_followed_on_the_branch_of_the_guess():
 
 
 def test_a_path_whose_samples_are_too_far_apart_to_stay_on_the_branch_is_refused():
-    """With a fifth of the samples an elbow of the five-bar would turn over unseen; with more the edge is met and told."""
+    """With a fifth of the samples an elbow of the five-bar would turn over unseen; with more the
+    edge is met and told."""
     robot = built("five_bar")
     home = robot.tool_pose(robot.home)[:2]
     path = lw.paths.line(home, (0.34170256, 0.10691788))
@@ -217,7 +221,8 @@ def test_a_first_pose_out_of_reach_is_told_with_its_time():
 
 
 def test_a_tool_that_shifts_as_it_tilts_is_led_by_all_that_is_asked():
-    """Of a 3-RRS the shifts x, y follow from the tilt: a whole pose on its motion is reached, for no signs are asked of it."""
+    """Of a 3-RRS the shifts x, y follow from the tilt: a whole pose on its motion is reached, for
+    no signs are asked of it."""
     robot = rrs()
     aim = robot.assemble(
         {"hip_1": float(robot.home["hip_1"]) + 0.1, "hip_2": float(robot.home["hip_2"])}

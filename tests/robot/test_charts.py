@@ -1,4 +1,5 @@
-"""Charts: the motion does not depend on the independent rates; runs through singular poses, to bifurcations and over them."""
+"""Charts: the motion does not depend on the independent rates; runs through singular poses, to
+bifurcations and over them."""
 
 from __future__ import annotations
 
@@ -24,9 +25,11 @@ def energy(run: lw.Run) -> np.ndarray:
 
 
 def require_smooth(run: lw.Run) -> None:
-    """Assert that coordinates (angles and slides) move as the rates say from each saved time to the next: nothing jumps.
+    """Assert that coordinates (angles and slides) move as the rates say from each saved time to the
+    next: nothing jumps.
 
-    Hermite's rule with the accelerations:  dq = h (w_0 + w_1) / 2 + h^2 (w_0' - w_1') / 12  up to h^5 / 720 q'''''.
+    Hermite's rule with the accelerations:  dq = h (w_0 + w_1) / 2 + h^2 (w_0' - w_1') / 12  up to
+    h^5 / 720 q'''''.
     """
     h = np.diff(run.dataset["time"].values)[:, None]
     w, a = run.dataset["joint_rate"].values, run.dataset["joint_acceleration"].values
@@ -105,7 +108,8 @@ def test_a_chart_is_refused_where_it_is_singular_also_when_it_is_known_from_else
 
 
 def test_runs_in_forced_charts_agree_to_the_tolerance():
-    """A free five-bar passes its singular poses, whatever rates it starts in; the differences fall with the tolerance."""
+    """A free five-bar passes its singular poses, whatever rates it starts in; the differences fall
+    with the tolerance."""
     charts = [(), ("elbow_1", "elbow_2"), ("elbow_2", "motor_2")]
     robots = [lw.Robot(five_bar(), independent=names) for names in charts]
     assert [robot.independent for robot in robots] == [robots[0].actuators, *charts[1:]]
@@ -149,7 +153,8 @@ def test_the_paper_s_robot_under_one_force_passes_its_singular_poses():
 
 
 def test_dead_centres_of_the_independent_rate_are_passed_in_another_chart():
-    """The rocker turns back where crank and coupler lie in line; the crank knows nothing of that."""
+    """The rocker turns back where crank and coupler lie in line; the crank knows nothing of
+    that."""
     by_crank, by_rocker = (
         lw.Robot(four_bar(crank=0.3), independent=names) for names in ((), ("rocker_pivot",))
     )
@@ -184,7 +189,8 @@ def test_bricard_keeps_its_energy_and_the_row_that_was_dropped():
 
 
 def test_a_structure_that_can_only_tremble_is_stopped_by_the_row_that_was_dropped():
-    """Two bars of 1 m stretched between pins 2 m apart: their middle can start to move across, but not go on."""
+    """Two bars of 1 m stretched between pins 2 m apart: their middle can start to move across, but
+    not go on."""
     bar = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
     joints = {
         "a": lw.RevoluteJoint(connects=("ground", "left")),
@@ -221,7 +227,8 @@ def test_a_run_stops_at_a_bifurcation_and_says_so(ladder):
 
 
 def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):
-    """Position and velocity of the first tip at t = 1, 2, 5 and 10 s as published; all cranks stay parallel."""
+    """Position and velocity of the first tip at t = 1, 2, 5 and 10 s as published; all cranks stay
+    parallel."""
     times = [0.0, *N_FOUR_BAR]
     start = ladder.home.with_rates([-1.0])
     run = ladder.simulate(start, duration=10.0, on_singular="step_over", save_at=times, **TIGHT)
@@ -241,7 +248,8 @@ def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
 def test_a_folding_four_bar_never_jumps_unseen(tolerance):
-    """A parallelogram folds flat twice a turn: the run stops there, or steps over and stays a parallelogram."""
+    """A parallelogram folds flat twice a turn: the run stops there, or steps over and stays a
+    parallelogram."""
     mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0, rocker=0.5).model_copy(
         update={
             "reference": {
@@ -273,7 +281,8 @@ def test_a_folding_four_bar_never_jumps_unseen(tolerance):
 
 @pytest.mark.parametrize("longer", [1e-3, -1e-3, 1e-4, -1e-4])
 def test_a_nearly_folding_four_bar_takes_the_turn_that_its_lengths_leave_it(longer):
-    """A coupler too long by a little stops the crank before the line of centres, one too short the rocker (Grashof)."""
+    """A coupler too long by a little stops the crank before the line of centres, one too short the
+    rocker (Grashof)."""
     mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0 + longer, rocker=0.5, gravity=(0, 0, 0))
     reference = {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}
     robot = lw.Robot(mechanism.model_copy(update={"reference": reference}))
@@ -290,7 +299,8 @@ def test_a_nearly_folding_four_bar_takes_the_turn_that_its_lengths_leave_it(long
 
 @pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
 def test_a_branch_that_is_not_there_is_not_stepped_onto(tolerance):
-    """A coupler too long by 1e-8 m folds almost; the parallelogram's branch beyond is wrong by more than the tolerance."""
+    """A coupler too long by 1e-8 m folds almost; the parallelogram's branch beyond is wrong by more
+    than the tolerance."""
     mechanism = four_bar(ground=1.0, crank=0.5, coupler=1.0 + 1e-8, rocker=0.5, gravity=(0, 0, 0))
     reference = {"crank_pivot": 1.2, "crank_pin": -1.2, "rocker_pivot": 1.2, "rocker_pin": 1.2}
     robot = lw.Robot(mechanism.model_copy(update={"reference": reference}))
@@ -304,14 +314,16 @@ def test_a_branch_that_is_not_there_is_not_stepped_onto(tolerance):
 
 
 def small_prr3(scale: float) -> lw.Robot:
-    """Return the paper's robot with all lengths scaled; masses stay, moments of inertia go with the square."""
+    """Return the paper's robot with all lengths scaled; masses stay, moments of inertia go with the
+    square."""
     lengths = {"l1": 0.3 * scale, "l2": 0.15 * scale, "l3": scale}
     inertias = {"slider_inertia": 1.71e-5, "link_inertia": 9.09e-4, "platform_inertia": 5.076e-3}
     return lw.Robot(prr3(**lengths, **{name: value * scale**2 for name, value in inertias.items()}))
 
 
 def test_a_small_robot_moves_as_a_large_one():
-    """All lengths times 0.01: the same free motion, a hundredth as large, through the same singular poses."""
+    """All lengths times 0.01: the same free motion, a hundredth as large, through the same singular
+    poses."""
     rates, ends = np.random.default_rng(4).normal(size=3), []
     for scale in (1.0, 0.01):
         robot = small_prr3(scale)

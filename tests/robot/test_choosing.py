@@ -13,7 +13,8 @@ TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 
 
 def held_by_a_rod(noise: float) -> lw.Mechanism:
-    """Return a chain of three hinges whose end a rod holds: its first ball lies on the first hinge's axis, up to noise."""
+    """Return a chain of three hinges whose end a rod holds: its first ball lies on the first
+    hinge's axis, up to noise."""
 
     def body(mass: float) -> lw.Body:
         return lw.Body(
@@ -45,7 +46,8 @@ def held_by_a_rod(noise: float) -> lw.Mechanism:
 
 @pytest.mark.parametrize("noise", [3e-15, -2e-14, 1e-13])
 def test_what_is_zero_up_to_rounding_determines_nothing(noise):
-    """The rod does not hold the first hinge, whose turns move its ball by `noise` only: no chart may depend on it."""
+    """The rod does not hold the first hinge, whose turns move its ball by `noise` only: no chart
+    may depend on it."""
     robot, exact = lw.Robot(held_by_a_rod(noise)), lw.Robot(held_by_a_rod(0.0))
     with pytest.raises(
         lw.LinkworkError, match="the rates b, c do not determine the motion here; b, a do"

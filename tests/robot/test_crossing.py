@@ -1,7 +1,9 @@
-"""On the way over singular poses: what is saved, what happens and what is told there, in closed form.
+"""On the way over singular poses: what is saved, what happens and what is told there, in closed
+form.
 
-A parallelogram without weight keeps the rate of its cranks, and its coupler does not turn: the angles are a - w t, whatever
-the masses. It folds flat, a bifurcation, where they are multiples of pi.
+A parallelogram without weight keeps the rate of its cranks, and its coupler does not turn: the
+angles are a - w t, whatever the masses. It folds flat, a bifurcation, where they are multiples of
+pi.
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ def angles(t: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("method", ["sharp_smart", "dop853", "rk4"])
 def test_every_requested_time_gets_its_own_values(robot, method):
-    """Also at the flat poses themselves, where no choice of rates determines the others, and close to them."""
+    """Also at the flat poses themselves, where no choice of rates determines the others, and close
+    to them."""
     times = np.unique(np.concatenate([np.linspace(0, 5, 301), POSES, POSES - 1e-9, POSES + 1e-5]))
     step = {"step": 1e-3} if method == "rk4" else {}
     run = robot.simulate(
@@ -98,7 +101,8 @@ def test_a_run_may_end_on_the_way_over_a_singular_pose(robot, end):
 @pytest.mark.parametrize("at", [2e-3, 0.0, -5e-3])
 @pytest.mark.parametrize("direction", [0, 1, -1])
 def test_what_happens_on_the_way_over_a_singular_pose_is_found(robot, at, direction):
-    """The crank passes an angle near the flat pose, falling: an event watches, another ends the run."""
+    """The crank passes an angle near the flat pose, falling: an event watches, another ends the
+    run."""
     time = (START - at) / -RATE
     watch = Event(lambda t, state: state["crank_pivot"] - at, direction=direction, name="there")
     ends = Event(lambda t, state: state["crank_pivot"] - at + 1e-3, terminal=True, name="beyond")
@@ -119,7 +123,8 @@ def test_what_happens_on_the_way_over_a_singular_pose_is_found(robot, at, direct
 
 
 def test_members_get_every_requested_time_as_alone(robot):
-    """Each at its own rate, in closed form; also in a member's own message and list of singular poses."""
+    """Each at its own rate, in closed form; also in a member's own message and list of singular
+    poses."""
     rates, times = np.array([-3.0, -2.5, 0.3, -1.0]), np.linspace(0, 2, 41)
     starts = robot.state(np.stack([robot.home.positions] * 4), rates[:, None])
     members = robot.ensemble(starts, duration=2.0, save_at=times, **OVER)
@@ -164,7 +169,8 @@ def test_a_study_gets_every_requested_time():
 
 
 def test_samples_of_a_ladder_under_its_weight_keep_its_energy_and_close_its_loops():
-    """Ten poses are passed in 10 s, 41 times asked for: simulate, ensemble; each tip is where the first one's angle says."""
+    """Ten poses are passed in 10 s, 41 times asked for: simulate, ensemble; each tip is where the
+    first one's angle says."""
     ladder, times = lw.Robot(n_four_bar(2)), np.linspace(0, 10, 41)
     start = ladder.home.with_rates([-1.0])
     run = ladder.simulate(start, duration=10.0, save_at=times, rtol=1e-10, atol=1e-12, **OVER)

@@ -1,4 +1,5 @@
-"""Powers, work, energy balance and conditioning in every run, against closed forms and the energies themselves."""
+"""Powers, work, energy balance and conditioning in every run, against closed forms and the energies
+themselves."""
 
 from __future__ import annotations
 
@@ -102,7 +103,8 @@ FORCES = {
 @pytest.mark.parametrize("forces", FORCES)
 @pytest.mark.parametrize("name", ["prr3", "andrews"])
 def test_balance_of_the_catalogue(name, forces):
-    """The balance is as good as the run: a thousandth of the tolerance more changes it by orders of magnitude."""
+    """The balance is as good as the run: a thousandth of the tolerance more changes it by orders of
+    magnitude."""
     robot = built(name)
     scale, duration = (0.03, 0.01) if name == "andrews" else (1.0, 0.3)
     given = FORCES[forces](len(robot.actuators))
@@ -144,7 +146,8 @@ def test_balance_through_singular_poses():
 
 
 def test_stiff_runs_keep_their_balance():
-    """The flyball governor's steps are as long as explicit ones can be; saved seldom, its work is still known."""
+    """The flyball governor's steps are as long as explicit ones can be; saved seldom, its work is
+    still known."""
     robot = built("flyball_governor")
     forces = np.zeros(len(robot.actuators))
     data = robot.simulate(robot.home, forces, duration=0.1, save_at=np.linspace(0, 0.1, 21)).dataset
@@ -153,7 +156,8 @@ def test_stiff_runs_keep_their_balance():
 
 
 def test_conditioning_is_that_of_the_home_chart():
-    """1 where nothing closes; small near a pose where the actuated rates do not determine the motion."""
+    """1 where nothing closes; small near a pose where the actuated rates do not determine the
+    motion."""
     robot = arm()
     assert (robot.simulate(robot.home, duration=0.5).dataset.conditioning == 1).all()
     robot = built("four_bar")
@@ -232,7 +236,8 @@ def test_a_sampled_controller_s_work_across_changes_of_chart():
 
 
 def test_the_work_of_a_motor_whose_current_settles_between_saved_times():
-    """Saved times and steps of a method of high order are several of its time constants L / R apart."""
+    """Saved times and steps of a method of high order are several of its time constants L / R
+    apart."""
     robot, motor = (
         arm(),
         lw.control.DCMotor(resistance=1.2, inductance=2e-3, torque_constant=0.05, gear=40.0),
@@ -249,7 +254,8 @@ def test_the_work_of_a_motor_whose_current_settles_between_saved_times():
 
 
 def test_implicit_steps_longer_than_explicit_ones_could_be():
-    """The stiff governor by the stiff method: its steps are not those of explicit methods, and the balance is kept."""
+    """The stiff governor by the stiff method: its steps are not those of explicit methods, and the
+    balance is kept."""
     robot = built("flyball_governor")
     run = robot.simulate(robot.home, np.zeros(len(robot.actuators)), duration=0.1, method="rodas")
     assert relative(run.dataset) < 1e-6
@@ -301,7 +307,8 @@ def test_a_balance_that_is_not_known_is_told(monkeypatch):
 
 
 def test_the_balance_is_known_where_a_step_ends_beyond_a_weak_place():
-    """A segment ends where the pivot of its chart is weak; within its last step it may be weaker than at its end."""
+    """A segment ends where the pivot of its chart is weak; within its last step it may be weaker
+    than at its end."""
     robot = lw.Robot(lw.robots.five_bar(gravity=(0, -9.81, 0)))
     angles = [
         -16.597514754977965,

@@ -1,4 +1,5 @@
-"""Input of the wrong type, shape or name at every method of a robot: one sentence of ours, never NumPy's own error."""
+"""Input of the wrong type, shape or name at every method of a robot: one sentence of ours, never
+NumPy's own error."""
 
 from __future__ import annotations
 
@@ -241,7 +242,8 @@ def robot():
 
 
 def stretched(robot: lw.Robot) -> lw.State:
-    """Ask for rates of leg 1 where leg 2 is stretched: it lets the tip move in one direction only."""
+    """Ask for rates of leg 1 where leg 2 is stretched: it lets the tip move in one direction
+    only."""
     return robot.assemble({"elbow_2": 0.0, "motor_2": 1.9}, rates={"motor_1": 1.0, "elbow_1": 0.0})
 
 

@@ -39,7 +39,8 @@ def motion(robot: lw.Robot, state: lw.State, times=TIMES) -> np.ndarray:
 def oscillation(
     start: float, inertia: float, stiffness: float, damping: float, times=TIMES
 ) -> np.ndarray:
-    """Return x of  m x'' = -k x - c x'  from rest at `start`: x_0 e^(-b t) (cos w t + b / w sin w t)."""
+    """Return x of  m x'' = -k x - c x'  from rest at `start`: x_0 e^(-b t) (cos w t + b / w sin w
+    t)."""
     b = damping / (2 * inertia)
     w = np.sqrt(stiffness / inertia - b**2)
     return start * np.exp(-b * times) * (np.cos(w * times) + b / w * np.sin(w * times))
@@ -49,7 +50,8 @@ def oscillation(
 
 
 def test_a_damped_oscillator():
-    """The weight shifts its rest by m g / k; damper and viscous friction add up; so does the mass of a rotor."""
+    """The weight shifts its rest by m g / k; damper and viscous friction add up; so does the mass
+    of a rotor."""
     slide = to_body(
         lw.PrismaticJoint,
         spring=lw.Spring(stiffness=50.0, rest=0.3, damping=0.5),
@@ -65,7 +67,8 @@ def test_a_damped_oscillator():
 
 
 def test_a_spring_of_a_free_turn_pulls_the_short_way_back():
-    """A body of equal moments of inertia on a ball joint swings about a fixed axis: (I + J) x'' = -k x - c x'."""
+    """A body of equal moments of inertia on a ball joint swings about a fixed axis: (I + J) x'' =
+    -k x - c x'."""
     ball = to_body(
         lw.SphericalJoint,
         spring={"turn": lw.Spring(stiffness=20.0, damping=0.2)},
@@ -83,7 +86,8 @@ def test_a_spring_of_a_free_turn_pulls_the_short_way_back():
 
 
 def test_a_spring_between_points_pulls_along_their_line():
-    """A point mass on a spring of rest length l_0 falls and bounces: m x'' = m g - k (x - l_0) - c x'."""
+    """A point mass on a spring of rest length l_0 falls and bounces: m x'' = m g - k (x - l_0) - c
+    x'."""
     mass = lw.Body(mass=2.0, inertia=lw.Inertia(xx=0.01, yy=0.01, zz=0.01))
     spring = lw.PointSpring(
         connects=("ground", "body"),
@@ -124,7 +128,8 @@ def parallelogram(spring: lw.Spring) -> lw.Mechanism:
 
 
 def test_springs_in_all_joints_of_a_loop():
-    """x the cranks' angle: foot = x, top = -1.2 - x, so 2 k ((x - r)^2 + (1.2 + x + r)^2) / 2; J = 2 m l^2 / 3 + m l^2."""
+    """x the cranks' angle: foot = x, top = -1.2 - x, so 2 k ((x - r)^2 + (1.2 + x + r)^2) / 2; J =
+    2 m l^2 / 3 + m l^2."""
     k, r, c = 3.0, 0.2, 0.05
     robot = lw.Robot(parallelogram(lw.Spring(stiffness=k, rest=r, damping=c)))
     assert len(robot.equations.topology.cuts) == 1
@@ -137,7 +142,8 @@ def test_springs_in_all_joints_of_a_loop():
 
 
 def test_a_spring_winds_up_alike_in_the_tree_and_where_it_closes_a_loop():
-    """In the Bennett linkage q_3 = -q_1, so a spring in hinge 3 does what it would do in hinge 1, turn after turn."""
+    """In the Bennett linkage q_3 = -q_1, so a spring in hinge 3 does what it would do in hinge 1,
+    turn after turn."""
     ends = []
     for wound in ("hinge_1", "hinge_3"):
         plain = bennett(gravity=(0, 0, 0))
@@ -191,7 +197,8 @@ def test_a_block_that_friction_holds_creeps():
 
 
 def test_friction_takes_the_energy_that_is_lost():
-    """The smoothed force as the description defines it, (c + F / sqrt(w^2 + r^2)) w, for every rate."""
+    """The smoothed force as the description defines it, (c + F / sqrt(w^2 + r^2)) w, for every
+    rate."""
     hinge = to_body(
         lw.RevoluteJoint, friction=lw.Friction(viscous=0.3, coulomb=0.8, coulomb_rate=0.1)
     )
@@ -233,7 +240,8 @@ def test_a_geared_rotor_counts_by_the_square_of_its_ratio():
 
 
 def test_limits_passed_are_reported_by_state_and_along_a_run():
-    """Nothing stops the motion at a limit; a sentence says which is passed, from when on and how far."""
+    """Nothing stops the motion at a limit; a sentence says which is passed, from when on and how
+    far."""
     slide = to_body(lw.PrismaticJoint, limits=lw.Limits(lower=-0.1, upper=0.5))
     robot = one_body(slide)
     assert robot.limits_passed(robot.state([0.5])) == ()

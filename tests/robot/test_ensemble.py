@@ -37,7 +37,8 @@ def test_members_come_to_what_they_come_to_alone(name):
 
 
 def test_states_on_both_sides_of_a_singular_surface(prr3):
-    """The pivots of the chart have the other sign on the other side; both sides keep to vector lanes."""
+    """The pivots of the chart have the other sign on the other side; both sides keep to vector
+    lanes."""
     poses = np.array([[0.5, 0.28, angle] for angle in (1.2, 0.3, 1.1, 0.2, 1.3)])
     states = prr3.assemble(tool=poses)
     members = prr3.ensemble(states, [0.2, 0.1, 0.0], duration=0.4, save_at=T)
@@ -134,7 +135,8 @@ def test_members_that_fail_are_named_and_the_others_go_on(prr3):
 
 
 def test_members_with_numbers_that_no_robot_has_are_refused():
-    """As single runs refuse them: a mass below zero, wherever it stands, and loops that a shifted pivot opens."""
+    """As single runs refuse them: a mass below zero, wherever it stands, and loops that a shifted
+    pivot opens."""
     robot = lw.Robot(lw.robots.prr3()).free(
         "platform.mass", "link_1.mass", "pivot_1.frames.0.position.y"
     )
@@ -234,7 +236,8 @@ def test_members_that_an_interruption_leaves_waiting_are_closed(prr3):
 
 
 def test_forces_that_jump_under_the_method_for_smooth_ones(prr3):
-    """No stage reaches beyond the step, where the force is another one; no member depends on its neighbours."""
+    """No stage reaches beyond the step, where the force is another one; no member depends on its
+    neighbours."""
     t, rates = np.linspace(0.0, 0.3, 6), 0.5 * random(6, 3)
     states = prr3.state(np.broadcast_to(prr3.home.positions, (6, len(prr3.coordinates))), rates)
     signals = [

@@ -1,4 +1,5 @@
-"""Ensembles of all that one run can do, against the same runs one by one: methods, events, samplers, drives; charts."""
+"""Ensembles of all that one run can do, against the same runs one by one: methods, events,
+samplers, drives; charts."""
 
 import time
 
@@ -53,7 +54,8 @@ def test_members_by_any_method_change_charts(prr3):
 
 @pytest.mark.parametrize("method", ["dormand_prince", "dop853"])
 def test_events_of_each_member(prr3, forces, method):
-    """The first ends a run, the second happens at other times and numbers in each, the third knows the time alone."""
+    """The first ends a run, the second happens at other times and numbers in each, the third knows
+    the time alone."""
     start = prr3.home.positions[0]
     events = [
         Event(lambda t, state: state["slide_1"] - start - 0.02, name="far", terminal=True),
@@ -109,7 +111,8 @@ def test_gains_of_each_member_s_sampled_controller(prr3):
 
 
 def test_members_that_a_python_function_leads_run_one_after_the_other(prr3):
-    """So a controller with a memory sees each run from its start to its end, as where they are simulated in turn."""
+    """So a controller with a memory sees each run from its start to its end, as where they are
+    simulated in turn."""
     seen = []
 
     def law(t, state):

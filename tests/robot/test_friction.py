@@ -1,4 +1,5 @@
-"""Dry friction that brings bodies to rest, and other stiffness that appears on the way: the stiff method takes over."""
+"""Dry friction that brings bodies to rest, and other stiffness that appears on the way: the stiff
+method takes over."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ def block(rate: float, **mechanism) -> lw.Robot:
 
 
 def stopping(v: float, rate: float) -> float:
-    """Return the distance in which a block of this speed comes to rest: the integral of m sqrt(w^2 + r^2) / F over w."""
+    """Return the distance in which a block of this speed comes to rest: the integral of m sqrt(w^2
+    + r^2) / F over w."""
     return MASS / COULOMB * (v * np.hypot(v, rate) + rate**2 * np.arcsinh(v / rate)) / 2
 
 
@@ -50,7 +52,8 @@ def test_a_block_comes_to_rest_where_and_when_friction_has_taken_its_energy(rate
 
 
 def test_a_block_that_is_pushed_less_than_friction_bears_creeps():
-    """F w / sqrt(w^2 + r^2) = u:  w = r u / sqrt(F^2 - u^2); then a force that friction does not bear moves it again."""
+    """F w / sqrt(w^2 + r^2) = u:  w = r u / sqrt(F^2 - u^2); then a force that friction does not
+    bear moves it again."""
     robot, u, rate = block(1e-6), 2.0, 1e-6
     creep = rate * u / np.sqrt(COULOMB**2 - u**2)
     run = robot.simulate(robot.home.with_rates([0.3]), [u], duration=2.0)
@@ -89,7 +92,8 @@ def test_a_block_under_a_sampled_controller_comes_to_rest(compiled):
 
 
 def test_a_pendulum_with_dry_friction_stops_off_its_lowest_point():
-    """m l^2 a = -m g l sin(x) - F w / sqrt(w^2 + r^2), against an implicit Runge-Kutta method of another house."""
+    """m l^2 a = -m g l sin(x) - F w / sqrt(w^2 + r^2), against an implicit Runge-Kutta method of
+    another house."""
     friction, rate = 1.0, 1e-5
     hinge = lw.RevoluteJoint(
         connects=("ground", "bob"), friction=lw.Friction(coulomb=friction, coulomb_rate=rate)
@@ -128,7 +132,8 @@ def test_a_robot_with_loops_stays_where_its_slides_bear_the_forces():
 
 
 def test_a_stiff_damper_is_met_by_the_stiff_method_too():
-    """The flyball governor, published as stiff: as few steps as the stiff method takes, and its result."""
+    """The flyball governor, published as stiff: as few steps as the stiff method takes, and its
+    result."""
     robot = built("flyball_governor")
     forces = np.zeros(len(robot.actuators))
     own = robot.simulate(robot.home, forces, duration=1.0, save_at=[1.0])

@@ -1,4 +1,5 @@
-"""Calls with what does not belong there: each is refused in one sentence, or answered with finite numbers."""
+"""Calls with what does not belong there: each is refused in one sentence, or answered with finite
+numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Motions that move so little mass that rounding hides it: refused, while light bodies whose motion is told are not."""
+"""Motions that move so little mass that rounding hides it: refused, while light bodies whose motion
+is told are not."""
 
 import numpy as np
 import pytest
@@ -40,12 +41,16 @@ def test_massless_bodies_on_nearly_one_axis_are_refused(apart):
     with pytest.raises(lw.LinkworkError, match="generalised inertia is singular"):
         analysis.linearise(robot, still)
     run = robot.simulate(still, [0.0], duration=0.1)
-    named = "the acceleration, for the generalised inertia is singular (some motion moves no mass), is infinite or undefined"
+    named = (
+        "the acceleration, for the generalised inertia is singular (some motion moves no mass), "
+        "is infinite or undefined"
+    )
     assert not run.success and named in run.message and run.coords["time"].values[-1] == 0
 
 
 def test_a_light_body_under_a_heavy_one_on_one_axis_is_refused_and_a_heavier_one_is_not():
-    """Rods on one axis: with the absolute angle a + b of the upper one, I_1 a'' = -G_1 + G_2 - G_2 = u - G_1."""
+    """Rods on one axis: with the absolute angle a + b of the upper one, I_1 a'' = -G_1 + G_2 - G_2
+    = u - G_1."""
     rods = {
         m: lw.Body(mass=m, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=m / 12))
         for m in (1e-20, 1e-9)
@@ -61,7 +66,8 @@ def test_a_light_body_under_a_heavy_one_on_one_axis_is_refused_and_a_heavier_one
 
 @pytest.mark.parametrize("count", [1, 4])
 def test_a_body_of_no_account_at_the_end_of_a_chain_moves_as_the_chain_leads_it(count):
-    """A point of mass m -> 0 at r on the last rod's tip: its absolute angle c obeys r c'' = n . (g - a of the tip)."""
+    """A point of mass m -> 0 at r on the last rod's tip: its absolute angle c obeys r c'' = n .
+    (g - a of the tip)."""
     point = lw.Body(mass=1e-20, centre_of_mass=(0.5, 0, 0))
     robot, bare = (
         chain(*((float(k > 0), ROD) for k in range(count)), *end) for end in ([(1.0, point)], [])

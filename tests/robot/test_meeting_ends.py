@@ -1,4 +1,5 @@
-"""A point spring whose ends meet: without rest length it pulls with nothing there, else its force has no direction."""
+"""A point spring whose ends meet: without rest length it pulls with nothing there, else its force
+has no direction."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Mobility counted, compared with Gruebler's formula, and explained: redundant rows, idle freedoms, what is locked."""
+"""Mobility counted, compared with Gruebler's formula, and explained: redundant rows, idle freedoms,
+what is locked."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ BAR = lw.Body(mass=1, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(xx=0.01, yy
 
 
 def sarrus() -> Mechanism:
-    """Return a plate that two legs of three parallel hinges each, at right angles to each other, let only rise."""
+    """Return a plate that two legs of three parallel hinges each, at right angles to each other,
+    let only rise."""
     bodies, joints, reference = {"plate": BAR}, {}, {}
     for leg, azimuth in (("a", 0.0), ("b", np.pi / 2)):
         frame, end = lw.Frame(rotation=(0, 0, azimuth)), lw.Frame(position=(1, 0, 0))
@@ -34,7 +36,8 @@ def sarrus() -> Mechanism:
 
 
 def parallelogram(cranks: int) -> Mechanism:
-    """Return a coupler on parallel cranks of equal length: one freedom, and one row too many for each crank beyond two."""
+    """Return a coupler on parallel cranks of equal length: one freedom, and one row too many for
+    each crank beyond two."""
     bodies, joints, reference = {"coupler": BAR}, {}, {}
     for i in range(cranks):
         bodies[f"crank_{i}"] = BAR
@@ -73,7 +76,8 @@ CASES = {  # mobility, Gruebler's count
 
 @pytest.mark.parametrize("name", CASES)
 def test_mobility_and_gruebler(name):
-    """The oracle counts the mobility by its own rank; what Gruebler misses are the redundant rows."""
+    """The oracle counts the mobility by its own rank; what Gruebler misses are the redundant
+    rows."""
     mechanism, mobility, gruebler = CASES[name]
     robot, oracle = lw.Robot(mechanism), MaximalOracle(mechanism)
     assert (robot.mobility, robot.gruebler) == (mobility, gruebler)
@@ -87,7 +91,8 @@ def test_mobility_and_gruebler(name):
     "name", ["four-bar out of its plane", "Bennett", "Sarrus", "five parallel cranks"]
 )
 def test_overconstrained_mechanisms_move_as_they_should(name):
-    """Accelerations at the reference against the oracle, which meets dependent rows by singular values."""
+    """Accelerations at the reference against the oracle, which meets dependent rows by singular
+    values."""
     mechanism, n, _ = CASES[name]
     equations, v, u = derive(mechanism), np.full(CASES[name][1], 0.7), np.full(CASES[name][1], 0.3)
     q = equations.reference
@@ -112,7 +117,8 @@ def test_a_planar_mechanism_loses_its_rows_out_of_the_plane_symbolically():
 
 
 def test_redundant_rows_are_named_by_joint_and_direction():
-    """Out of its plane, a planar loop has one position and two directions too many; the joint that closes it has them."""
+    """Out of its plane, a planar loop has one position and two directions too many; the joint that
+    closes it has them."""
     assert derive(tilted(robots.four_bar(), 3)).redundant == (
         "rocker_pin: position along the axis",
         "rocker_pin: direction of the axis, 1",
@@ -182,7 +188,8 @@ NUT = lw.CylindricalJoint(connects=("ground", "a"))
     ("sentence", "mechanism"),
     [
         (
-            "joints: the mechanism has mobility 0: the loop of a, c, b leaves it no motion; add a joint or free one",
+            "joints: the mechanism has mobility 0: the loop of a, c, b leaves it no motion; add "
+            "a joint or free one",
             triangle(1.0, {"a": 1.0, "b": -2.0, "c": 1.0}),
         ),
         ("no joint lets a body move", one_body(weld=lw.FixedJoint(connects=("ground", "a")))),
@@ -246,7 +253,8 @@ def test_a_gear_said_twice_is_redundant():
 
 
 def test_two_ball_joints_make_a_hinge():
-    """Two points held leave the turn about the line through them; one of the six rows is too many."""
+    """Two points held leave the turn about the line through them; one of the six rows is too
+    many."""
     points = [(lw.Frame(position=(x, 0.2, 0)),) * 2 for x in (0.0, 1.0)]
     balls = {
         f"ball_{i}": lw.SphericalJoint(connects=("ground", "a"), frames=frames)

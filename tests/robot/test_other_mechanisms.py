@@ -1,4 +1,5 @@
-"""Mechanisms unlike the 3-PRR through the whole interface: chains, sliders on turning bodies, spatial tools, turned frames."""
+"""Mechanisms unlike the 3-PRR through the whole interface: chains, sliders on turning bodies,
+spatial tools, turned frames."""
 
 import numpy as np
 import pytest
@@ -45,7 +46,8 @@ def test_turns_of_a_tree_joint_between_samples_far_apart_are_counted():
 
 
 def test_turns_of_a_joint_that_closes_a_loop_do_not_depend_on_the_times_that_are_saved():
-    """The short coupler turns all round between crank and rocker; all angles add up to the same at every time."""
+    """The short coupler turns all round between crank and rocker; all angles add up to the same at
+    every time."""
     mechanism = lw.robots.four_bar(
         ground=0.5, crank=0.6, coupler=0.3, rocker=0.7, gravity=(0, 0, 0)
     )
@@ -121,7 +123,8 @@ def arm():
 
 
 def test_following_a_path_that_turns_in_space():
-    """Rates and accelerations belong to the positions when the rotation vector changes its direction, too."""
+    """Rates and accelerations belong to the positions when the rotation vector changes its
+    direction, too."""
     robot = lw.Robot(arm())
     start = robot.tool_pose(robot.home)
     path = lw.paths.line(start, np.add(start, [0.02, 0.05, -0.03, 0.3, -0.2, 0.4]))
@@ -152,7 +155,8 @@ def test_an_angle_a_turn_on_is_the_same_pose_and_keeps_its_turn():
 
 @pytest.mark.parametrize("legs", [0, 1, 3])
 def test_a_floating_robot_without_loops_falls_freely_and_keeps_its_angular_momentum(legs):
-    """p = M g t and L about the mass centre are those at the start, whatever the motors in the hips do."""
+    """p = M g t and L about the mass centre are those at the start, whatever the motors in the hips
+    do."""
     gravity = np.array([0.0, 0.0, -9.81])
     leg = lw.Body(
         mass=0.5, centre_of_mass=(0, 0, -0.2), inertia=lw.Inertia(xx=0.02, yy=0.02, zz=0.001)

@@ -1,4 +1,5 @@
-"""Free parameters: a robot with other values is the robot of the edited description, and nothing is compiled anew."""
+"""Free parameters: a robot with other values is the robot of the edited description, and nothing is
+compiled anew."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def numbers(data: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]
 
 
 def can_be_free(mechanism: lw.Mechanism, planar: bool) -> list[str]:
-    """Return the paths of all numbers that can be free; in a planar mechanism those out of the plane would open loops."""
+    """Return the paths of all numbers that can be free; in a planar mechanism those out of the
+    plane would open loops."""
     places = [where for where in numbers(mechanism.model_dump()) if not set(NEVER) & set(where)]
     if planar:
         places = [
@@ -66,7 +68,8 @@ def can_be_free(mechanism: lw.Mechanism, planar: bool) -> list[str]:
 
 
 def changed(mechanism: lw.Mechanism, paths: list[str]) -> dict[str, float]:
-    """Return other values, none of them zero: lengths near the old ones, inertias scaled as a whole."""
+    """Return other values, none of them zero: lengths near the old ones, inertias scaled as a
+    whole."""
     random = np.random.default_rng(1)
     scale = dict(
         zip(mechanism.bodies, random.uniform(0.5, 1.5, len(mechanism.bodies)), strict=True)
@@ -192,7 +195,8 @@ def test_nothing_is_compiled_anew(platform, monkeypatch):
 
 
 def test_charts_found_in_one_run_serve_the_others():
-    """A parameter does not change in which rates a run can go on: the double pendulum's rod passes its dead points."""
+    """A parameter does not change in which rates a run can go on: the double pendulum's rod passes
+    its dead points."""
     free = lw.Robot(lw.robots.four_bar()).free("gravity.y")
     heavier = free.with_parameters({"gravity.y": -20.0})
     free.run_charts[("known",)] = free.chart
@@ -228,16 +232,22 @@ def test_freedoms_that_a_joint_says_nothing_of():
 
 
 REFUSALS = {
-    "platform.mas": "'platform.mas' leads to no number: bodies.platform has no 'mas' (did you mean mass?)",
+    "platform.mas": (
+        "'platform.mas' leads to no number: bodies.platform has no 'mas' (did you mean mass?)"
+    ),
     "nothing.mass": "the mechanism has no 'nothing'",
     "platform": "bodies.platform is not one; go on with mass, centre_of_mass, inertia",
     "platform.com": "bodies.platform.centre_of_mass is not one; go on with 0, 1, 2",
     "platform.inertia.xx": "bodies.platform.inertia.xx is not one",
     "platform.com.w": "bodies.platform.centre_of_mass has no 'w'",
-    "pivot_1.frames.0.rotation.z": "'pivot_1.frames.0.rotation.z' is part of a direction and cannot be free",
+    "pivot_1.frames.0.rotation.z": (
+        "'pivot_1.frames.0.rotation.z' is part of a direction and cannot be free"
+    ),
     "slide_1.axis.x": "'slide_1.axis.x' is part of a direction",
     "reference.slide_1": "'reference.slide_1' enters no equation of motion",
-    "bodies.platform.mass": "'platform.mass' and 'bodies.platform.mass' are the same number; name it once",
+    "bodies.platform.mass": (
+        "'platform.mass' and 'bodies.platform.mass' are the same number; name it once"
+    ),
     "": "leads to no number",
 }
 

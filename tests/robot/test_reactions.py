@@ -1,4 +1,5 @@
-"""Joint reactions against Lagrange's multipliers, published ones, statics by hand, and Newton's laws for the whole."""
+"""Joint reactions against Lagrange's multipliers, published ones, statics by hand, and Newton's
+laws for the whole."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ def moving(robot: lw.Robot, seed: int = 3, scale: float = 1.0) -> tuple[lw.State
 
 
 def agrees(robot: lw.Robot, tolerance: float = 1e-9) -> lw.robot.reactions.Reactions:
-    """Compare the constraint parts with the wrenches of the oracle's multipliers, of least norm in SI units."""
+    """Compare the constraint parts with the wrenches of the oracle's multipliers, of least norm in
+    SI units."""
     state, forces = moving(robot)
     seen = Seen.of(robot, state)
     found, wanted = (
@@ -72,12 +74,14 @@ def mixed(case: str) -> lw.Robot:
 
 @pytest.mark.parametrize("case", MIXED)
 def test_all_joint_types_and_effects(case):
-    """Trees and loops of all joint types with springs, friction, rotors, gears, rods and springs between points."""
+    """Trees and loops of all joint types with springs, friction, rotors, gears, rods and springs
+    between points."""
     agrees(mixed(case), 1e-8)
 
 
 def test_what_acts_along_a_joint_belongs_to_its_wrench():
-    """A turn's moment about its axis is u - k (q - rest) - d w - J w'; the same force drives the body behind it."""
+    """A turn's moment about its axis is u - k (q - rest) - d w - J w'; the same force drives the
+    body behind it."""
     spring, friction = lw.Spring(stiffness=3.0, rest=0.2, damping=0.1), lw.Friction(viscous=0.4)
     arm = lw.Body(mass=2.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.3))
     hinge = lw.RevoluteJoint(
@@ -105,7 +109,8 @@ def test_what_acts_along_a_joint_belongs_to_its_wrench():
 
 
 def test_statics_of_a_four_bar_by_hand():
-    """Held still, the three links' balances of forces and moments give the four pins and the torque: 9 equations."""
+    """Held still, the three links' balances of forces and moments give the four pins and the
+    torque: 9 equations."""
     robot = built("four_bar")
     state, described = robot.home, robot.mechanism
     torque = robot.inverse_dynamics(state, np.zeros(1))
@@ -136,11 +141,12 @@ def test_statics_of_a_four_bar_by_hand():
 
 
 PUBLISHED = {  # IVP test set: angles, rate of beta, multipliers at 0 and 0.03 s
-    0.0: "-0.0617138900142764 0 0.455279819163070 0.222668390165886 0.487364979543843 -0.222668390165886"
-    " 1.23054744454982 0 98.5668703962410896 -6.12268834425566265 0 0 0 0",
-    0.03: "15.81077119629904 -15.75637105984298 0.04082224013073101 -0.5347301163226948 0.5244099658805304"
-    " 0.5347301163226948 1.048080741042263 1139.920302151208"
-    " 199.1753333731910 -29.75531228015052 23.06654119098399 31.45271365475927 22.64249232082739 11.61740700019673",
+    0.0: "-0.0617138900142764 0 0.455279819163070 0.222668390165886 0.487364979543843 "
+    "-0.222668390165886 1.23054744454982 0 98.5668703962410896 -6.12268834425566265 0 0 0 0",
+    0.03: "15.81077119629904 -15.75637105984298 0.04082224013073101 -0.5347301163226948 "
+    "0.5244099658805304 0.5347301163226948 1.048080741042263 1139.920302151208 "
+    "199.1753333731910 -29.75531228015052 23.06654119098399 31.45271365475927 "
+    "22.64249232082739 11.61740700019673",
 }
 
 
@@ -158,7 +164,8 @@ def test_published_multipliers_of_the_squeezer(time):
 
 @pytest.mark.parametrize("name", ["prr3", "stewart"])
 def test_what_ground_brings_changes_the_whole_momentum(name):
-    """The wrenches from ground give the rates of momentum and of its moment about the origin, beside weight.
+    """The wrenches from ground give the rates of momentum and of its moment about the origin,
+    beside weight.
 
     The 3-PRR's run goes through poses where charts change.
     """
@@ -231,7 +238,8 @@ def test_frames():
 
 
 def test_the_length_matters_only_where_reactions_are_open():
-    """What is named as open depends on the length that moments are divided by; all else does not."""
+    """What is named as open depends on the length that moments are divided by; all else does
+    not."""
     for name in ("bricard", "stewart", "four_bar"):
         robot = built(name)
         state, forces = moving(robot)
@@ -279,7 +287,8 @@ def test_refusals(tmp_path):
 
 
 def test_free_numbers():
-    """Reactions with free numbers are those of the robot described with these values; nothing is compiled anew."""
+    """Reactions with free numbers are those of the robot described with these values; nothing is
+    compiled anew."""
     inertia = lw.Inertia(xx=0.1, yy=0.2, zz=0.25)
     joints = {
         "thread": lw.ScrewJoint(

@@ -1,4 +1,5 @@
-"""Refusals that need the geometry: out of reach, open, singular, another robot's; each one sentence that names the place."""
+"""Refusals that need the geometry: out of reach, open, singular, another robot's; each one sentence
+that names the place."""
 
 import numpy as np
 import pytest
@@ -135,7 +136,8 @@ def slider_driven() -> Robot:
 
 
 def test_actuator_singular_configurations_are_named_and_runs_pass_them():
-    """Where crank and rod are stretched the slider's rate does not determine the others; the motion goes on all the same."""
+    """Where crank and rod are stretched the slider's rate does not determine the others; the motion
+    goes on all the same."""
     robot = slider_driven()
     stretched = robot.state({"crank": 0, "knee": 0, "pin": 0, "slide": 2})
     for asked in (robot.forward_dynamics, robot.inverse_dynamics):
@@ -158,7 +160,8 @@ def test_actuator_singular_configurations_are_named_and_runs_pass_them():
 
 
 def test_leg_singular_paths_are_refused(robot):
-    """Where link 1 stands across its rail, the slider's motion along the rail does not follow from the platform's."""
+    """Where link 1 stands across its rail, the slider's motion along the rail does not follow from
+    the platform's."""
     angle, vertex = 0.7, np.array([0.4, 0.3])
     centre = vertex + 0.15 * np.array([np.cos(angle), np.sin(angle)])
     upright = robot.assemble({"pivot_1": np.pi / 2, "slide_1": 0.4, "wrist_1": angle - np.pi / 2})

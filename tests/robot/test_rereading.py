@@ -1,4 +1,5 @@
-"""Runs that start in motion at or near a pose where the actuated rates say little of it: nothing is lost, or it is said."""
+"""Runs that start in motion at or near a pose where the actuated rates say little of it: nothing is
+lost, or it is said."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ def five():
 
 @pytest.fixture(scope="module")
 def stopped(five):
-    """A run that ends in motion where the coupler links lie in line: there the motors' rates do not determine it."""
+    """A run that ends in motion where the coupler links lie in line: there the motors' rates do not
+    determine it."""
     run = five.simulate(five.home.with_rates([3.0, -2.0]), duration=3.0, events="singular", **TIGHT)
     assert run.status is lw.Status.EVENT
     return run
@@ -71,7 +73,8 @@ def test_a_state_in_a_good_chart_keeps_its_energy_at_a_pose_that_is_singular_for
 
 
 def test_an_ensemble_that_ends_at_singular_poses_tells_states_to_go_on_from(five):
-    """The last states are told in rates that determine their motion: with their energy, and so that runs go on from them."""
+    """The last states are told in rates that determine their motion: with their energy, and so that
+    runs go on from them."""
     rates = np.outer([1.0, 0.9, 1.1], [3.0, -2.0])
     starts = five.state(np.stack([five.home.positions] * 3), rates)
     first = five.ensemble(starts, duration=3.0, events="singular", **TIGHT)
@@ -84,7 +87,8 @@ def test_an_ensemble_that_ends_at_singular_poses_tells_states_to_go_on_from(five
 
 
 def test_a_motion_given_in_rates_that_do_not_determine_it_is_not_run(five, stopped):
-    """The motors' rates do not tell the motion at the singular pose, at rest they need not; the others tell it all."""
+    """The motors' rates do not tell the motion at the singular pose, at rest they need not; the
+    others tell it all."""
     state = at_the_end(five, stopped, ("motor_1", "elbow_2"))
     told = lw.State(
         state.positions, np.array([1.0, 1.0]), state.q, state.coordinates, five.independent
@@ -129,7 +133,8 @@ def test_a_resumed_run_whose_rates_are_none_of_the_robot_s_is_refused(five, stop
 
 
 def test_a_member_whose_rates_do_not_tell_its_motion_does_not_disturb_the_others():
-    """A Gough-Stewart platform turned by a quarter about its axis: the legs' rates do not determine its motion (Fichter)."""
+    """A Gough-Stewart platform turned by a quarter about its axis: the legs' rates do not determine
+    its motion (Fichter)."""
     robot = built("stewart")
     assert robot.run_chart is not robot.chart
     turned = robot.home

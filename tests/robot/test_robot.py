@@ -1,4 +1,5 @@
-"""The robot's interface: shapes, batches, kinematics, and agreement with the textbook formulation."""
+"""The robot's interface: shapes, batches, kinematics, and agreement with the textbook
+formulation."""
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ def robot():
 
 @pytest.fixture(scope="module")
 def states(robot):
-    """60 random states over the workspace, away from its edge and its singular poses, with random rates."""
+    """60 random states over the workspace, away from its edge and its singular poses, with random
+    rates."""
     return workspace_states(robot, 60)
 
 
@@ -31,7 +33,8 @@ def workspace_states(robot, count, seed=3):
 
 
 def across_rails(pose):
-    """Return how far the platform's vertices stand from their rails; within l1 = 0.3 m the pose can be reached."""
+    """Return how far the platform's vertices stand from their rails; within l1 = 0.3 m the pose can
+    be reached."""
     (x, y, angle), a = pose, 2 * np.pi / 3 * np.arange(3)
     corners = np.array([[0, 0], [1, 0], [0.5, np.sqrt(3) / 2]])
     vertices = np.column_stack([x - 0.15 * np.cos(angle + a), y - 0.15 * np.sin(angle + a)])
@@ -63,7 +66,8 @@ def test_inverse_kinematics_puts_the_tool_there(robot):
 
 
 def test_inverse_kinematics_in_closed_form(robot):
-    """For leg i the slider lies where a circle of radius l1 about the vertex meets the side (the paper's geometry)."""
+    """For leg i the slider lies where a circle of radius l1 about the vertex meets the side
+    (the paper's geometry)."""
     x, y, angle = 0.47, 0.31, 0.6
     state = robot.assemble(tool=[x, y, angle])
     for i, corner in enumerate(([0, 0], [1, 0], [0.5, np.sqrt(3) / 2])):
@@ -106,7 +110,8 @@ def test_a_slightly_open_state_is_closed(robot):
 
 
 def test_textbook_and_compiled_path_agree(robot, states):
-    """The method twice: the paper's matrices and the kernels, to 1e-11 relative on random states."""
+    """The method twice: the paper's matrices and the kernels, to 1e-11 relative on random
+    states."""
     textbook = Textbook(robot.mechanism)
     u = np.random.default_rng(8).normal(size=(12, 3))
     some = states.at(slice(0, 12))
@@ -180,7 +185,8 @@ def test_leading_dimensions(robot, states):
 
 
 def test_power_equals_the_forces_on_the_tool(robot, states):
-    """Virtual work: with v = 0 and no gravity in the plane, G vanishes and L maps powers one to one."""
+    """Virtual work: with v = 0 and no gravity in the plane, G vanishes and L maps powers one to
+    one."""
     assert np.abs(robot.gravity(states)).max() < 1e-14
     rates = robot.rate_map(states) @ states.rates[..., None]
     assert np.abs(rates[..., 0] - robot.joint_rates(states)).max() < 1e-13
@@ -216,7 +222,8 @@ def test_simulation_returns_to_the_prescribed_motion(robot):
 
 
 def test_energy_of_force_free_runs(robot):
-    """Free motion of 1 s that stays clear of singular poses keeps its energy to 1e-10 at rtol 1e-10, the loops to 1e-12."""
+    """Free motion of 1 s that stays clear of singular poses keeps its energy to 1e-10 at rtol
+    1e-10, the loops to 1e-12."""
     random = np.random.default_rng(5)
     for _ in range(8):
         pose = [0.5, np.sqrt(3) / 6, 1.4] + random.uniform(-1, 1, 3) * [0.05, 0.05, 0.2]

@@ -1,4 +1,5 @@
-"""The compiled robot against maximal coordinates with multipliers: at home, assembled elsewhere, and at the end of a run."""
+"""The compiled robot against maximal coordinates with multipliers: at home, assembled elsewhere,
+and at the end of a run."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from tests.robot.oracle_state import Seen
 
 
 def prs3() -> lw.Mechanism:
-    """Return a 3-PRS robot: a platform on three ball joints, each at the end of a rod that is hinged to a slider."""
+    """Return a 3-PRS robot: a platform on three ball joints, each at the end of a rod that is
+    hinged to a slider."""
     solid = lw.Body(
         mass=1.0, centre_of_mass=(0.1, 0.02, 0), inertia=lw.Inertia(xx=0.02, yy=0.03, zz=0.04)
     )
@@ -99,7 +101,8 @@ def test_a_state_is_made_from_its_coordinates_and_any_rates(robot):
 
 
 def test_along_a_run_and_at_its_end(robot):
-    """What the run records at its end is what the oracle has there; energy changes by the power that the oracle counts."""
+    """What the run records at its end is what the oracle has there; energy changes by the power
+    that the oracle counts."""
     start, u = (
         robot.home.with_rates(0.3 * np.random.default_rng(4).normal(size=robot.mobility)),
         forces(robot),

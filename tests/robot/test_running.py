@@ -49,7 +49,10 @@ def test_a_pendulum_swings_alike_by_all_methods(robot, method):
         (
             "euler",
             None,
-            "there is no method 'euler'; there are sharp_smart, dormand_prince, dop853, rodas, rk4, ",
+            (
+                "there is no method 'euler'; there are sharp_smart, dormand_prince, dop853, "
+                "rodas, rk4, "
+            ),
         ),
         ("rk4", None, "rk4 needs a step"),
         ("rodas", 0.1, "rodas chooses its own steps"),
@@ -67,7 +70,8 @@ def test_what_methods_return_can_be_named(robot):
 
 
 def test_the_linear_model_of_a_regulator_is_that_of_the_study():
-    """LQR.about and analysis.linearise stand on one derivation: K is the Riccati gain of its A and B."""
+    """LQR.about and analysis.linearise stand on one derivation: K is the Riccati gain of its A and
+    B."""
     from scipy.linalg import solve_continuous_are
 
     robot = lw.Robot(lw.robots.prr3())
@@ -103,7 +107,8 @@ def test_the_steps_allowed_are_told_as_they_were_given(parallel):
 
 
 def test_the_first_terminal_event_of_an_instant_is_named(robot):
-    """Three zeros at one instant: of the two that end the run the first one is named, as it is listed."""
+    """Three zeros at one instant: of the two that end the run the first one is named, as it is
+    listed."""
 
     def zero(t, state):
         return t - 0.2

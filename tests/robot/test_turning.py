@@ -1,4 +1,5 @@
-"""Cranks that turn for long: whole turns are counted apart where nothing reads them, and kept where something does."""
+"""Cranks that turn for long: whole turns are counted apart where nothing reads them, and kept where
+something does."""
 
 from __future__ import annotations
 
@@ -100,7 +101,8 @@ def test_a_member_turns_as_it_does_alone(crank):
 
 @pytest.mark.parametrize("method", ["sharp_smart", "dormand_prince", "dop853", "rodas", "rk4"])
 def test_a_free_wheel_turns_uniformly_for_ten_thousand_turns(method):
-    """q = w t, whatever the method, between the steps too, and to the last digit that doubles hold."""
+    """q = w t, whatever the method, between the steps too, and to the last digit that doubles
+    hold."""
     robot, w = wheel(), 2.0e4
     times = np.linspace(0, np.pi, 1001)
     step = {"step": 1e-3} if method == "rk4" else {"max_step": 1e-3}
@@ -113,7 +115,8 @@ def test_a_free_wheel_turns_uniformly_for_ten_thousand_turns(method):
 
 
 def test_a_run_goes_on_from_its_end_with_its_turns(crank, tmp_path):
-    """Stopped by its steps, saved, loaded and resumed: the last state is that of the run in one piece, bit for bit."""
+    """Stopped by its steps, saved, loaded and resumed: the last state is that of the run in one
+    piece, bit for bit."""
     start, options = spinning(crank, 314.0), {"rtol": 1e-6, "save_at": [3.0]}
     whole_run = crank.simulate(start, duration=3.0, **options)
     part = crank.simulate(start, duration=3.0, rtol=1e-6, max_steps=1500)
@@ -128,7 +131,8 @@ def test_a_run_goes_on_from_its_end_with_its_turns(crank, tmp_path):
 
 
 def test_a_spring_keeps_the_turns_that_wind_it_up():
-    """A wheel let go 100 turns from the spring's rest swings with that amplitude: q = 200 pi cos(w t), w = 2 rad/s."""
+    """A wheel let go 100 turns from the spring's rest swings with that amplitude: q = 200 pi cos(w
+    t), w = 2 rad/s."""
     robot = wheel(spring=lw.Spring(stiffness=2.0))
     times = np.linspace(0, 5, 21)
     run = robot.simulate(
@@ -139,7 +143,8 @@ def test_a_spring_keeps_the_turns_that_wind_it_up():
 
 
 def test_a_controller_that_reads_an_angle_sees_its_turns():
-    """A PD controller pulls a wheel to a goal 300 turns away, critically damped, u = 2 (goal - q) - 2 q':
+    """A PD controller pulls a wheel to a goal 300 turns away, critically damped, u = 2 (goal - q) -
+    2 q':
 
     q = goal (1 - (1 + 2 t) e^(-2 t)).
     """
@@ -197,7 +202,8 @@ def test_a_geared_crank_closes_as_far_as_doubles_can():
 
 
 def test_angles_are_followed_through_the_graph():
-    """q_0 through whole multiples in sines, q_1 through a half, q_2 in a product, q_3 carried to a result."""
+    """q_0 through whole multiples in sines, q_1 through a half, q_2 in a product, q_3 carried to a
+    result."""
     q = ca.SX.sym("q", 5)
     read = ca.sin(3 * q[0] - q[3] + 0.25) + ca.cos(q[1] / 2) + q[2] * ca.sin(q[0])
     program = trace(

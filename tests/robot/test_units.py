@@ -1,4 +1,5 @@
-"""Robots in micrometres and nanograms, or a million times larger: poses, runs and ensembles follow the scaling laws."""
+"""Robots in micrometres and nanograms, or a million times larger: poses, runs and ensembles follow
+the scaling laws."""
 
 import numpy as np
 import pytest
@@ -93,7 +94,8 @@ def test_a_gap_is_one_of_the_robots_own_length(L, M):
 
 @pytest.mark.parametrize(("L", "M"), [*SCALES, (1e-9, 1.0)])
 def test_slides_and_turns_that_drive_together_share_the_forces(L, M):
-    """Legs driven in their slides and one hinge: least weighted forces, and internal ones, by the scaling laws."""
+    """Legs driven in their slides and one hinge: least weighted forces, and internal ones, by the
+    scaling laws."""
     mechanism = lw.robots.rpr3(gravity=(0.0, -9.81, 0.0))
     mechanism = mechanism.model_copy(
         update={"actuators": (*mechanism.actuators, "pivot_1", "wrist_2")}

@@ -1,7 +1,8 @@
-"""A regular pose is never called singular where only the order of elimination is weak, and a singular one always is.
+"""A regular pose is never called singular where only the order of elimination is weak, and a
+singular one always is.
 
-Whether a pose is singular is told by the least singular value of the constraints of all joints, of the oracle's rows, and by
-NumPy, compared with home.
+Whether a pose is singular is told by the least singular value of the constraints of all joints, of
+the oracle's rows, and by NumPy, compared with home.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ LOST = 1e-3  # of the least singular value at home
 
 
 def least(robot: lw.Robot, positions: np.ndarray) -> float:
-    """Return the least singular value of the constraints of all joints that leaves the mobility, over that at home."""
+    """Return the least singular value of the constraints of all joints that leaves the mobility,
+    over that at home."""
     found = []
     for q in (positions, robot.home.positions):
         oracle = MaximalOracle(robot.mechanism, dict(zip(robot.coordinates, q, strict=True)))
@@ -34,7 +36,8 @@ def moving(robot: lw.Robot, seed: int) -> lw.State:
 
 @pytest.mark.parametrize("seed", [3, 8, 12])
 def test_a_run_stops_where_the_constraints_are_dependent_and_nowhere_else(seed):
-    """A falling delta robot comes to singular poses of its platform (but for seed 3), and to weak orders before them."""
+    """A falling delta robot comes to singular poses of its platform (but for seed 3), and to weak
+    orders before them."""
     robot = built("delta")
     run = robot.simulate(moving(robot, seed), duration=1.0)
     positions = run.dataset["joint_position"].values
@@ -58,7 +61,8 @@ def stewart():
 
 @pytest.fixture(scope="module")
 def turned(stewart):
-    """The platform turned about its axis, step by step, to where the home order of elimination comes upon a zero."""
+    """The platform turned about its axis, step by step, to where the home order of elimination
+    comes upon a zero."""
 
     def turned(guess: lw.State, angle: float) -> lw.State:
         return stewart.assemble(
@@ -80,7 +84,8 @@ FORCES = np.array([3.0, -1.0, 2.0, 0.5, -2.0, 1.0])
 
 
 def test_a_state_where_only_the_order_of_elimination_is_weak_gets_its_answers(stewart, turned):
-    """Accelerations, rates and energies are the oracle's; what follows from them fits: M, inverse dynamics, other charts."""
+    """Accelerations, rates and energies are the oracle's; what follows from them fits: M, inverse
+    dynamics, other charts."""
     state = turned[1]
     assert abs(stewart.chart.pivot(state.q)) < 1e-6
     assert least(stewart, state.positions) > 0.5
@@ -153,7 +158,8 @@ def test_a_state_whose_rates_do_not_determine_the_motion_is_refused_in_every_ord
 
 @pytest.mark.parametrize("seed", [8, 12])
 def test_only_poses_where_rank_is_lost_are_told_as_singular(seed):
-    """Near singular poses weak orders are stepped over as well: with seed 8 there is nothing else to tell."""
+    """Near singular poses weak orders are stepped over as well: with seed 8 there is nothing else
+    to tell."""
     robot = built("delta")
     start, options = moving(robot, seed), {"duration": 0.9, "on_singular": "step_over"}
     told = robot.simulate(start, **options).singular_times

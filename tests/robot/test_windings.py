@@ -1,4 +1,5 @@
-"""Whole turns of joints that close loops: what was read off the tree's coordinates is as many turns off as the state says."""
+"""Whole turns of joints that close loops: what was read off the tree's coordinates is as many turns
+off as the state says."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ TURN = 2 * np.pi
 
 @pytest.fixture(scope="module")
 def bennett():
-    """Its opposite angles turn by as much, one of them against the other; hinge_3 is read by the arc tangent."""
+    """Its opposite angles turn by as much, one of them against the other; hinge_3 is read by the
+    arc tangent."""
     return lw.Robot(lw.robots.bennett())
 
 
@@ -78,7 +80,8 @@ def test_a_quaternion_keeps_the_sign_that_is_given(stewart):
 
 @pytest.mark.parametrize("turns", [0, 2])
 def test_turns_are_counted_from_step_to_step(bennett, turns):
-    """Opposite hinges of Bennett's linkage turn by as much, however few of the times of a run are saved."""
+    """Opposite hinges of Bennett's linkage turn by as much, however few of the times of a run are
+    saved."""
     given = bennett.home.positions + TURN * turns * np.array([0, 1, -1, 0])
     state = bennett.state(given, [20.0])
     runs = [
@@ -94,7 +97,8 @@ def test_turns_are_counted_from_step_to_step(bennett, turns):
 
 
 def test_a_run_goes_on_with_its_turns(bennett, tmp_path):
-    """In one piece, and in two of which the first is saved to a file: the same angles, whole turns included."""
+    """In one piece, and in two of which the first is saved to a file: the same angles, whole turns
+    included."""
     state = bennett.state(bennett.home.positions + TURN * np.array([0, 0, 5, 0]), [20.0])
     whole = bennett.simulate(state, duration=3.0, save_at=[3.0])
     first = bennett.simulate(state, duration=1.1, save_at=[0.2])
@@ -126,7 +130,8 @@ def test_members_have_turns_of_their_own(bennett):
 
 
 def test_where_turns_act_another_turn_is_another_configuration():
-    """A spring in every joint of a four-bar: the cut one is wound up by as much as the others make it."""
+    """A spring in every joint of a four-bar: the cut one is wound up by as much as the others make
+    it."""
     described = lw.robots.four_bar()
     joints = {
         name: joint.model_copy(update={"spring": lw.Spring(stiffness=2.0)})
@@ -151,7 +156,8 @@ def test_where_turns_act_another_turn_is_another_configuration():
 
 
 def test_half_a_turn_between_samples_is_told_by_the_rates(bennett):
-    """An angle that turns by more than half a turn from one sample to the next: q = w t, and w t + a t^2 / 2."""
+    """An angle that turns by more than half a turn from one sample to the next: q = w t, and w t +
+    a t^2 / 2."""
     labels, place = bennett.labels, bennett.coordinates.index("hinge_3")
     rates = np.zeros((5, 4))
     for rate, bend in ((4.0, 0.0), (-5.5, 0.0), (9.0, 0.5), (1.0, 4.0)):
@@ -164,7 +170,8 @@ def test_half_a_turn_between_samples_is_told_by_the_rates(bennett):
 
 
 def test_where_rates_tell_nothing_an_angle_takes_the_short_way(bennett):
-    """From -3 rad at 0 rad/s to 3 rad at 20 rad/s in 1 s: it turned, or went back by 0.28 rad, which is taken."""
+    """From -3 rad at 0 rad/s to 3 rad at 20 rad/s in 1 s: it turned, or went back by 0.28 rad,
+    which is taken."""
     place = bennett.coordinates.index("hinge_3")
     q, rates = np.zeros((2, 4)), np.zeros((2, 4))
     q[:, place] = [-3.0, 3.0]
@@ -181,7 +188,8 @@ def test_where_rates_tell_nothing_an_angle_takes_the_short_way(bennett):
 
 
 def levels(robot: lw.Robot, name: str, step: float, count: int) -> list[Event]:
-    """Return events at the values of a coordinate that it passes `step` after `step` from home on."""
+    """Return events at the values of a coordinate that it passes `step` after `step` from home
+    on."""
     values = [float(robot.home[name]) + step * (k + 0.5) for k in range(count)]
     return [
         Event(lambda t, state, value=value: state[name] - value, name=f"{value:.6g}")
@@ -190,7 +198,8 @@ def levels(robot: lw.Robot, name: str, step: float, count: int) -> list[Event]:
 
 
 def test_events_follow_an_angle_through_its_turns(bennett):
-    """The hinge opposite to the crank passes each half turn when the crank does; resumed, too, and in an ensemble."""
+    """The hinge opposite to the crank passes each half turn when the crank does; resumed, too, and
+    in an ensemble."""
     start, ahead = bennett.home.with_rates([20.0]), levels(bennett, "hinge_1", np.pi, 13)
     back = levels(bennett, "hinge_3", -np.pi, 13)
     run = bennett.simulate(start, duration=3.0, save_at=[3.0], events=[*ahead, *back])
@@ -237,7 +246,8 @@ def test_events_follow_a_quaternion_through_its_signs(part):
 
 @pytest.mark.parametrize("method", ["sharp_smart", "rodas", "rk4"])
 def test_a_law_may_read_either_of_two_angles_that_turn_by_as_much(bennett, method):
-    """hinge_3 turns by as much as hinge_1, the other way: a spring on it, as a law, pulls as one on hinge_1 does."""
+    """hinge_3 turns by as much as hinge_1, the other way: a spring on it, as a law, pulls as one on
+    hinge_1 does."""
     options = {"method": method, "duration": 1.0, "save_at": np.linspace(0, 1, 5)}
     options |= {"step": 2e-4} if method == "rk4" else {"rtol": 1e-8}
     start, home = bennett.home.with_rates([20.0]), bennett.home
@@ -276,7 +286,8 @@ def test_a_sampled_function_sees_the_turns(bennett):
 
 
 def test_states_of_a_stack_are_those_made_alone(stewart):
-    """Quaternions of any length and sign, angles whole turns away, states at rest and moving: bit for bit the same."""
+    """Quaternions of any length and sign, angles whole turns away, states at rest and moving: bit
+    for bit the same."""
     labels, home = stewart.labels, stewart.home.positions
     given = np.repeat(home[None], 11, axis=0)
     places = list(labels.all_quaternions.values())

@@ -1,4 +1,5 @@
-"""Problems of the IFToMM benchmark library, run and held against their solutions reduced by hand and as published."""
+"""Problems of the IFToMM benchmark library, run and held against their solutions reduced by hand
+and as published."""
 
 import numpy as np
 import pytest
@@ -65,7 +66,8 @@ def bricard_linkage():
 
 
 def bricard_angles(psi):
-    """Return the six joint coordinates (times, 6): the angles between neighbouring rods, from right angles on."""
+    """Return the six joint coordinates (times, 6): the angles between neighbouring rods, from right
+    angles on."""
     theta, phi = one_freedom.bricard_turns(psi)
     return np.transpose([theta, phi] * 3) - np.pi / 2
 

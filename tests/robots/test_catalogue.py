@@ -35,7 +35,8 @@ def test_mobility_redundancy_and_dynamics(mechanism, mobility, redundant):
 
 
 def test_four_bar_configuration_and_rates_of_its_source():
-    """RigidBodyDynamics.jl, example 3: three joint coordinates to 16 digits, and rates (.5, -.47295, .341) good to 1e-3."""
+    """RigidBodyDynamics.jl, example 3: three joint coordinates to 16 digits, and rates
+    (.5, -.47295, .341) good to 1e-3."""
     robot = lw.Robot(four_bar())
     state = robot.assemble({"crank_pivot": 1.6707963267948966}).with_rates([0.5])
     found = [state["crank_pivot"], state["crank_pin"], state["rocker_pivot"]]
@@ -48,7 +49,8 @@ def test_four_bar_configuration_and_rates_of_its_source():
 
 @pytest.mark.parametrize("loops", [1, 2, 5])
 def test_n_four_bar_on_its_regular_branch(loops):
-    """IFToMM A02: all cranks stay parallel; ((N + 1)/3 + N) theta'' = -((N + 1)/2 + N) g cos theta."""
+    """IFToMM A02: all cranks stay parallel; ((N + 1)/3 + N) theta'' = -((N + 1)/2 + N) g cos
+    theta."""
     robot = lw.Robot(n_four_bar(loops))
     for theta in (1.2, 0.8, 2.0):
         targets = {"pivot_0": theta}
@@ -60,7 +62,8 @@ def test_n_four_bar_on_its_regular_branch(loops):
 
 
 def test_n_four_bar_swings_as_the_benchmark_says_until_the_singular_pose():
-    """IFToMM A02, N = 2: from upright at 1 m/s; the closed one-freedom equation gives theta(t) before the cranks lie down."""
+    """IFToMM A02, N = 2: from upright at 1 m/s; the closed one-freedom equation gives theta(t)
+    before the cranks lie down."""
     robot = lw.Robot(n_four_bar(2))
     run = robot.simulate(robot.home.with_rates([-1.0]), duration=0.4, rtol=1e-10, atol=1e-12)
     assert run.status is lw.Status.FINISHED

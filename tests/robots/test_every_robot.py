@@ -1,4 +1,5 @@
-"""What holds for every robot of the catalogue: it says what it is and where it is from, closes, and survives its file."""
+"""What holds for every robot of the catalogue: it says what it is and where it is from, closes, and
+survives its file."""
 
 import inspect
 

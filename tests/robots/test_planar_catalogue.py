@@ -1,4 +1,5 @@
-"""The planar robots of the catalogue against the formulas that describe them, in plain NumPy, and independent dynamics."""
+"""The planar robots of the catalogue against the formulas that describe them, in plain NumPy, and
+independent dynamics."""
 
 import numpy as np
 import pytest
@@ -99,7 +100,8 @@ def test_freedoms_masses_and_dynamics(mechanism, mobility, mass):
 
 
 def test_rrr3_inverse_kinematics():
-    """The elbows found by assembly lie where the circles about corner and vertex meet, on the reference's side."""
+    """The elbows found by assembly lie where the circles about corner and vertex meet, on the
+    reference's side."""
     base, proximal, distal, radius = RRR[0]
     robot = lw.Robot(rrr3())
     random = np.random.default_rng(4)
@@ -139,7 +141,8 @@ def test_rpr3_platform_on_light_legs_moves_by_the_sum_of_their_forces():
 
 
 def rrr3_bodies(pose):
-    """Return the motors' angles, and mass, inertia, place and angle of every body of the default robot."""
+    """Return the motors' angles, and mass, inertia, place and angle of every body of the default
+    robot."""
     base, proximal, distal, radius = RRR[0]
     motors, bodies = [], [(0.8, 0.8 * radius**2 / 2, *pose)]
     for i in (1, 2, 3):
@@ -156,7 +159,8 @@ def rrr3_bodies(pose):
 
 
 def rpr3_bodies(pose):
-    """Return the legs' lengths, and mass, inertia, place and angle of every body of the default robot."""
+    """Return the legs' lengths, and mass, inertia, place and angle of every body of the default
+    robot."""
     base, radius = RPR[0]
     lengths, bodies = [], [(1.5, 1.5 * radius**2 / 2, *pose)]
     for i in (1, 2, 3):
@@ -175,7 +179,8 @@ def rpr3_bodies(pose):
     ids=["rrr3", "rpr3"],
 )
 def test_energies_from_the_bodies_places(describe, bodies, angle):
-    """T = sum of m |c'|^2/2 + I w^2/2 and V = g sum of m y, the bodies placed by hand and moved by differences."""
+    """T = sum of m |c'|^2/2 + I w^2/2 and V = g sum of m y, the bodies placed by hand and moved by
+    differences."""
     robot = lw.Robot(describe(gravity=(0.0, -9.81, 0.0)))
     random, h = np.random.default_rng(8), 1e-6
     for _ in range(3):

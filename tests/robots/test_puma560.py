@@ -1,4 +1,5 @@
-"""The Puma 560 against the numbers that Corke's Robotics Toolbox prints for it, and its tensors against the published ones."""
+"""The Puma 560 against the numbers that Corke's Robotics Toolbox prints for it, and its tensors
+against the published ones."""
 
 import numpy as np
 import pytest
@@ -89,7 +90,8 @@ def test_printed_mass_matrix(robot):
 
 
 def test_printed_inverse_dynamics(robot):
-    """The toolbox's own tests: torques at rest, accelerating, and moving with all rates 1, there with its friction."""
+    """The toolbox's own tests: torques at rest, accelerating, and moving with all rates 1, there
+    with its friction."""
     ones = np.ones(6)
     accelerating = [3.35311, 36.0025, 7.42596, 0.190043, 0.203441, 0.194133]
     assert np.allclose(
@@ -105,7 +107,8 @@ def test_printed_inverse_dynamics(robot):
 
 
 def test_tensors_move_as_the_published_ones_do():
-    """k (1 - z z') about joint 3's axis z, taken from link 2 and given to link 3, and link 1's yy alone."""
+    """k (1 - z z') about joint 3's axis z, taken from link 2 and given to link 3, and link 1's yy
+    alone."""
     bodies = puma560().bodies
     published = {
         "link_2": np.diag([0.13, 0.524, 0.539]),

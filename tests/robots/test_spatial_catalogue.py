@@ -1,4 +1,5 @@
-"""The spatial robots as described: closed references, mobility, and dynamics against the multiplier formulation."""
+"""The spatial robots as described: closed references, mobility, and dynamics against the multiplier
+formulation."""
 
 from functools import lru_cache
 
@@ -35,8 +36,8 @@ BUILD = {
     "tripteron": tripteron,
     "bennett": bennett,
 }
-# mobility, Gruebler's formula, redundant rows. The Agile Wrist's frames all lie in its centre, so that its six
-# redundant rows are identically zero and none is left to be found.
+# mobility, Gruebler's formula, redundant rows. The Agile Wrist's frames all lie in its centre, so
+# that its six redundant rows are identically zero and none is left to be found.
 COUNTS = {
     "delta": (3, 3, 0),
     "delta, heavy rods": (3, 3, 0),
@@ -70,7 +71,8 @@ def robot_of(name: str) -> lw.Robot:
 
 @every
 def test_reference_closes_all_loops_as_written(name):
-    """Bodies placed by the reference's numbers: no joint is open, and every joint shows the coordinate that it names."""
+    """Bodies placed by the reference's numbers: no joint is open, and every joint shows the
+    coordinate that it names."""
     mechanism = BUILD[name]()
     oracle = MaximalOracle(mechanism)
     poses = oracle.poses(mechanism.reference)
@@ -93,7 +95,8 @@ def test_mobility_rows_and_idle_freedoms(name):
 
 @pytest.mark.parametrize("name", [name for name in BUILD if name not in SAME_KIND])
 def test_accelerations_of_random_motions(name):
-    """Newton's and Euler's equations of all bodies with multipliers, at a random pose near the reference."""
+    """Newton's and Euler's equations of all bodies with multipliers, at a random pose near the
+    reference."""
     robot, random = robot_of(name), np.random.default_rng(7)
     start = {label: robot.home[label] for label in robot.actuators}
     size = 0.02 * max(1.0, *start.values())

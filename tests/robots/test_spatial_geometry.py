@@ -50,14 +50,16 @@ def random_poses(number: int, centre, reach: float, tilt: float, seed: int = 1) 
     [((0, 0, -0.9), (-20.5, -20.5, -20.5)), ((0.3, 0.5, -1.1), (47.5, -11.6, 21.4))],
 )
 def test_delta_inverse_kinematics_as_published(position, angles):
-    """Williams, The Delta parallel robot, examples for the ABB FlexPicker IRB 360-1/1600: angles in degrees."""
+    """Williams, The Delta parallel robot, examples for the ABB FlexPicker IRB 360-1/1600: angles in
+    degrees."""
     robot = robot_of("delta")
     state = robot.assemble(tool=position)
     assert np.allclose(np.degrees(actuated(state, robot)), angles, atol=0.05)
 
 
 def test_delta_direct_kinematics_by_three_spheres():
-    """P lies on three spheres of the rods' length about the elbows, moved inwards by the platform's radius."""
+    """P lies on three spheres of the rods' length about the elbows, moved inwards by the platform's
+    radius."""
     robot, random = robot_of("delta"), np.random.default_rng(3)
     for angles in random.uniform(-0.3, 0.6, (4, 3)):
         state = robot.assemble(dict(zip(robot.actuators, angles, strict=True)))
@@ -70,7 +72,8 @@ def test_delta_direct_kinematics_by_three_spheres():
 
 
 def three_spheres(centres: np.ndarray, radius: float) -> np.ndarray:
-    """Return the lower point at one distance from three centres: below their circumcentre, across their plane."""
+    """Return the lower point at one distance from three centres: below their circumcentre, across
+    their plane."""
     a, b = centres[1] - centres[0], centres[2] - centres[0]
     normal = np.cross(a, b)
     middle = np.cross((a @ a) * b - (b @ b) * a, normal) / (2 * normal @ normal)
@@ -90,7 +93,8 @@ def test_linear_delta_in_closed_form():
 
 
 def test_orthoglide_in_closed_form():
-    """(P_i - rod - q_i)^2 + P_j^2 + P_k^2 = rod^2; in the isotropic pose the platform's velocity is that of the drives."""
+    """(P_i - rod - q_i)^2 + P_j^2 + P_k^2 = rod^2; in the isotropic pose the platform's velocity is
+    that of the drives."""
     robot = robot_of("orthoglide")
     for pose in random_poses(4, np.zeros(3), 0.08, 0):
         state, P = robot.assemble(tool=pose[:3]), pose[:3]
@@ -105,7 +109,8 @@ def test_orthoglide_in_closed_form():
 
 
 def test_light_rods_as_bodies_move_like_distance_constraints():
-    """Rods of 1 mg with their own joints give the geometry and the accelerations of massless ones."""
+    """Rods of 1 mg with their own joints give the geometry and the accelerations of massless
+    ones."""
     position, rates, forces = [0.2, -0.1, -1.0], [0.4, -0.3, 0.5], [3.0, -2.0, 1.0]
     massless, robot = robot_of("delta"), lw.Robot(robots.delta(rod_mass=1e-6))
     expected = massless.assemble(tool=position, rates=rates)
@@ -153,7 +158,8 @@ def slopes(function, pose: np.ndarray, step: float = 1e-5) -> np.ndarray:
 
 
 def test_stewart_example_has_its_published_size():
-    """The MathWorks example: legs of 3.15380068 m, tubes of 92.110671 kg, rods of 51.812253 kg, a top of 1216.926818 kg."""
+    """The MathWorks example: legs of 3.15380068 m, tubes of 92.110671 kg, rods of 51.812253 kg, a
+    top of 1216.926818 kg."""
     mechanism = robots.stewart()
     assert np.allclose(
         [mechanism.reference[f"leg_{i}"] for i in range(1, 7)], 3.15380068, atol=5e-9
@@ -172,7 +178,8 @@ def test_stewart_leg_lengths_and_back():
 
 
 def test_stewart_with_massless_legs_carries_its_platform():
-    """The legs' forces balance the weight 11 938 N of the platform, in force and in moment about its centre."""
+    """The legs' forces balance the weight 11 938 N of the platform, in force and in moment about
+    its centre."""
     robot = lw.Robot(robots.stewart(leg_density=0.0))
     weight = 1216.926817904303 * 9.81
     assert weight == pytest.approx(11938, abs=0.5)
@@ -185,7 +192,8 @@ def test_stewart_with_massless_legs_carries_its_platform():
 
 
 def test_stewart_with_heavy_legs_at_rest():
-    """Virtual work: the forces times the legs' virtual lengths are the change of all weights' potential energy."""
+    """Virtual work: the forces times the legs' virtual lengths are the change of all weights'
+    potential energy."""
     robot = robot_of("stewart")
 
     def potential(pose: np.ndarray) -> np.ndarray:
@@ -206,7 +214,8 @@ DIETMAIER_LENGTHS = np.array([1, 0.645275, 1.086284, 1.503439, 1.281933, 0.77107
 
 
 def test_stewart_takes_the_points_of_dietmaier():
-    """The platform with 40 real postures (Dietmaier 1998): legs in all directions; each posture found is assembled."""
+    """The platform with 40 real postures (Dietmaier 1998): legs in all directions; each posture
+    found is assembled."""
 
     def gap(pose):
         return lengths(pose, DIETMAIER_BASE, DIETMAIER_PLATFORM) - DIETMAIER_LENGTHS
@@ -258,7 +267,8 @@ def test_hexaglide_in_closed_form():
 
 
 def test_agile_wrist_in_closed_form():
-    """w_i . v_i = 0 with w_i = cos q_i e_j + sin q_i e_k and v_i = R e_k: tan q_i = -(v_i . e_j) / (v_i . e_k)."""
+    """w_i . v_i = 0 with w_i = cos q_i e_j + sin q_i e_k and v_i = R e_k: tan q_i = -(v_i . e_j) /
+    (v_i . e_k)."""
     robot = robot_of("agile_wrist")
     for vector in np.random.default_rng(5).uniform(-0.5, 0.5, (5, 3)):
         R = Rotation.from_rotvec(vector).as_matrix()
@@ -322,7 +332,8 @@ def test_tripteron_is_decoupled():
 
 
 def test_bennett_keeps_its_closure_relation():
-    """tan(q_1/2) tan(q_2/2) = sin((beta + alpha)/2) / sin((beta - alpha)/2), opposite angles equal and opposite."""
+    """tan(q_1/2) tan(q_2/2) = sin((beta + alpha)/2) / sin((beta - alpha)/2), opposite angles equal
+    and opposite."""
     robot = robot_of("bennett")
     alpha = np.pi / 6
     beta = np.arcsin(0.5 * np.sin(alpha) / 0.3)

@@ -20,7 +20,8 @@ def interval(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
 def cylinder_points(
     inner: float, outer: float, low: float, high: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and volumes of a tube about z; eight equal angles integrate its quadratic moments exactly."""
+    """Return points and volumes of a tube about z; eight equal angles integrate its quadratic
+    moments exactly."""
     (r, wr), (z, wz), f = interval(inner, outer), interval(low, high), np.arange(8) * np.pi / 4
     R, F, Z = np.meshgrid(r, f, z, indexing="ij")
     volumes = (wr * r)[:, None, None] * np.full(8, np.pi / 4)[:, None] * wz

@@ -1,4 +1,5 @@
-"""The list of what is drawn: symbols follow from motions, painters show the same, poses only move what is there."""
+"""The list of what is drawn: symbols follow from motions, painters show the same, poses only move
+what is there."""
 
 import importlib
 from math import pi
@@ -92,7 +93,8 @@ def test_plots_films_and_the_viewer_show_every_part_in_its_colour(name):
 
 
 def test_poses_move_the_parts_and_the_joints_of_the_moved_parts_meet():
-    """In each pose the parts are those that are made there anew, for the platform is rigid and its legs end on it."""
+    """In each pose the parts are those that are made there anew, for the platform is rigid and its
+    legs end on it."""
     robot = lw.Robot(lw.robots.rpr3())
     there = robot.assemble(tool=[0.52, 0.31, 0.3])
     both = robot.make_state(np.stack([robot.home.q, there.q]), np.zeros((2, robot.mobility)))
@@ -146,7 +148,8 @@ def test_in_the_viewer_rails_reach_as_far_as_the_limits_let_the_slider_go(connec
 
 
 def test_a_film_in_which_the_mechanism_grows_shows_the_same_parts_throughout():
-    """A small pendulum beside a slider that drives away: next to all of it, the pendulum's mass is no more seen apart."""
+    """A small pendulum beside a slider that drives away: next to all of it, the pendulum's mass is
+    no more seen apart."""
     ball = lw.Body(mass=1.0, centre_of_mass=(1.0, 0, 0))
     cart = lw.Body(mass=1.0, centre_of_mass=(0.1, 0, 0), inertia=lw.Inertia(zz=0.1))
     joints = {

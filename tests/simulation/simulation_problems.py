@@ -40,7 +40,8 @@ def pendulum(x, out):
 
 @cfunc(KERNEL)
 def arenstorf(x, out):
-    """The restricted three-body problem in the rotating frame (Hairer, Norsett & Wanner I, eq. (0.1))."""
+    """The restricted three-body problem in the rotating frame (Hairer, Norsett & Wanner I, eq.
+    (0.1))."""
     mu = 0.012277471
     earth = ((x[0] + mu) ** 2 + x[1] ** 2) ** 1.5
     moon = ((x[0] - 1 + mu) ** 2 + x[1] ** 2) ** 1.5
@@ -52,7 +53,8 @@ def arenstorf(x, out):
 
 @cfunc(KERNEL)
 def bead(x, out):
-    """A bead on the unit circle x^2 + y^2 = 1, gravity along -y; v = x' is independent, y' = -(x / y) v; pivot |y|.
+    """A bead on the unit circle x^2 + y^2 = 1, gravity along -y; v = x' is independent, y' = -(x /
+    y) v; pivot |y|.
 
     Orthogonal complement L = (1, -x / y); (L'L) v' = L'(0, -g) - L'L' v, the unit mass divided out.
     """
@@ -165,7 +167,8 @@ def pendulum_jacobian(x, out):
 
 @cfunc(KERNEL)
 def bead_jacobian(x, out):
-    """The bead's derivatives: s = -x / y, y' = s v, v' = -s (g + r) / (1 + s^2), r = s' v = -v^2 (x^2 + y^2) / y^3."""
+    """The bead's derivatives: s = -x / y, y' = s v, v' = -s (g + r) / (1 + s^2), r = s' v = -v^2
+    (x^2 + y^2) / y^3."""
     position, height, v = x[0], x[1], x[2]
     slope = -position / height
     slope_x, slope_y = -1 / height, position / height**2
@@ -215,7 +218,8 @@ def undefined(x, out):
 
 @cfunc(KERNEL)
 def servo(x, out):
-    """u = -p (q - u_0), with the signal u_0 and the held input u_1 that is set: (q, v, u_0, u_1, p) -> u_1."""
+    """u = -p (q - u_0), with the signal u_0 and the held input u_1 that is set: (q, v, u_0, u_1, p)
+    -> u_1."""
     out[0] = -x[4] * (x[0] - x[2]) - 0.5 * x[1]
 
 
@@ -251,7 +255,8 @@ def failing_control(x, out):
 
 @cfunc(KERNEL)
 def cart_pole(x, out):
-    """A cart of mass p on a level rail, under a pole of 1 m with 1 kg at its tip: (x, angle from the level, x', angle')."""
+    """A cart of mass p on a level rail, under a pole of 1 m with 1 kg at its tip: (x, angle from
+    the level, x', angle')."""
     sine, cosine, rate = math.sin(x[1]), math.cos(x[1]), x[3]
     push = (cosine * rate**2 - GRAVITY * sine * cosine) / (x[4] + cosine**2)
     out[0], out[1], out[2], out[3], out[4] = x[2], rate, push, sine * push - GRAVITY * cosine, 1.0

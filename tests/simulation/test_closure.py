@@ -1,4 +1,5 @@
-"""A bead on a circle in Cartesian coordinates: the loop stays closed, at no cost in accuracy or evaluations."""
+"""A bead on a circle in Cartesian coordinates: the loop stays closed, at no cost in accuracy or
+evaluations."""
 
 import math
 
@@ -60,7 +61,8 @@ def test_start_is_closed_first():
 
 
 def test_a_projection_onto_another_branch_is_an_error_like_any_other():
-    """The motion itself is integrated exactly; only the way that the projection would go refuses the step."""
+    """The motion itself is integrated exactly; only the way that the projection would go refuses
+    the step."""
     run = integrate(free.address, two_branches.address, [0.0, 0.0], [1.0], [], duration=1.0)
     assert run.status is Status.STEP_UNDERFLOW
     assert run.end_time == pytest.approx(0.5, abs=1e-12)

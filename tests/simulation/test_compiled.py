@@ -1,4 +1,5 @@
-"""The integrator is compiled once per machine, says so, and is not even loaded before it is needed."""
+"""The integrator is compiled once per machine, says so, and is not even loaded before it is
+needed."""
 
 import importlib.util
 import subprocess
@@ -94,7 +95,10 @@ def test_works_with_a_warning_where_the_cache_folder_fails(tmp_path, monkeypatch
 
 
 def test_importing_the_package_loads_nothing_heavy():
-    script = "import sys, linkwork.simulation; print([m for m in ('numba', 'scipy', 'xarray') if m in sys.modules])"
+    script = (
+        "import sys, linkwork.simulation; print([m for m in ('numba', 'scipy', 'xarray') if m "
+        "in sys.modules])"
+    )
     assert (
         subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout
         == "[]\n"

@@ -34,7 +34,8 @@ USUAL = pytest.mark.parametrize(
 
 @cache
 def widened(kernel, n_in, n_out):
-    """Return the kernel for LANES states side by side that does in each lane what a kernel for one state does."""
+    """Return the kernel for LANES states side by side that does in each lane what a kernel for one
+    state does."""
     body = njit(error_model="numpy")(kernel.__wrapped__)
 
     @cfunc(types.void(NUMBERS, NUMBERS), error_model="numpy")

@@ -1,4 +1,5 @@
-"""Events are located on the dense output, in the order of their times, and end the run where they are asked to."""
+"""Events are located on the dense output, in the order of their times, and end the run where they
+are asked to."""
 
 import math
 
@@ -94,7 +95,8 @@ def test_events_do_not_change_the_steps():
 
 
 def test_a_ball_that_is_thrown_up_again_and_again():
-    """A run goes on from a terminal event without meeting it again: five parabolas, each half as fast as the one before."""
+    """A run goes on from a terminal event without meeting it again: five parabolas, each half as
+    fast as the one before."""
     v, t, times = 4.0, 0.0, []
     events = Events(height_and_speed.address, (Condition(terminal=True, direction=-1), Condition()))
     q = np.zeros(1)
@@ -108,7 +110,8 @@ def test_a_ball_that_is_thrown_up_again_and_again():
 
 
 def test_all_events_of_the_instant_that_ends_the_run_are_told():
-    """Two functions with the same zero, one three times the other: the second event happens when the first ends the run."""
+    """Two functions with the same zero, one three times the other: the second event happens when
+    the first ends the run."""
     run = integrate(
         oscillator.address, None, [1.0], [0.0], [], duration=10.0,
         events=Events(position_twice.address, (Condition(terminal=True), Condition())),

@@ -1,4 +1,5 @@
-"""Measured orders of convergence of every method and its dense output, free and on a closed loop."""
+"""Measured orders of convergence of every method and its dense output, free and on a closed
+loop."""
 
 import math
 
@@ -30,7 +31,8 @@ from linkwork.simulation import (
     integrate,
 )
 
-# method of a step h, order of the solution, order of the dense output, steps in which to measure the closed loop
+# method of a step h, order of the solution, order of the dense output, steps in which to measure
+# the closed loop
 METHODS = {
     "Bogacki-Shampine": (lambda h: BOGACKI_SHAMPINE, 3, 3, [64, 96, 128]),
     "Dormand-Prince": (lambda h: DORMAND_PRINCE, 5, 4, [24, 32, 48]),
@@ -66,7 +68,8 @@ def slope(counts, errors):
 
 
 def swung(t, start):
-    """The angle of a pendulum of length 1 that starts from rest: sin(angle / 2) = k cd(w t, k^2)."""
+    """The angle of a pendulum of length 1 that starts from rest: sin(angle / 2) = k cd(w t,
+    k^2)."""
     k = math.sin(start / 2)
     _, cn, dn, _ = ellipj(math.sqrt(GRAVITY) * np.asarray(t), k**2)
     return 2 * np.arcsin(k * cn / dn)
@@ -113,7 +116,8 @@ def test_dense_output_has_its_order(name):
 
 @ALL
 def test_dense_output_of_one_step_has_its_order(name):
-    """One step of size h from the exact state: the error within it is of the order of the dense output plus one."""
+    """One step of size h from the exact state: the error within it is of the order of the dense
+    output plus one."""
     sizes = np.array([0.4, 0.3, 0.2, 0.15]) * (2 if METHODS[name][1] > 5 else 1)
     errors = []
     for h in sizes:

@@ -1,4 +1,5 @@
-"""A light cart darts aside whenever the pole on it hangs down: peaks of a microsecond, which steps have to see.
+"""A light cart darts aside whenever the pole on it hangs down: peaks of a microsecond, which steps
+have to see.
 
 Truth: energy, and where the pole is level at rest, after times that a quadrature gives.
 """
@@ -20,7 +21,8 @@ SWINGS = 11
 
 
 def swing(mass):
-    """Return the time from level to level: the tip's energy is v^2 / 2 (1 - k sin^2) = g sin, with k = 1 / (1 + mass)."""
+    """Return the time from level to level: the tip's energy is v^2 / 2 (1 - k sin^2) = g sin, with
+    k = 1 / (1 + mass)."""
 
     def slowness(
         root,

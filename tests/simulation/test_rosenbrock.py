@@ -1,4 +1,5 @@
-"""The stiff method: its order conditions, stiff problems against SciPy's Radau, and inputs that depend on time."""
+"""The stiff method: its order conditions, stiff problems against SciPy's Radau, and inputs that
+depend on time."""
 
 import math
 
@@ -20,7 +21,8 @@ from linkwork.simulation import DORMAND_PRINCE, RODAS, clock, integrate
 
 
 def weights(method):
-    """Return alpha, beta = alpha + Gamma and b of Hairer & Wanner II, eq. (IV.7.4), from the transformed coefficients."""
+    """Return alpha, beta = alpha + Gamma and b of Hairer & Wanner II, eq. (IV.7.4), from the
+    transformed coefficients."""
     s = len(method.c)
     gamma = np.linalg.inv(np.eye(s) / method.gamma - method.C)
     return method.a @ gamma, method.a @ gamma + gamma, method.m @ gamma, gamma
@@ -101,7 +103,8 @@ def test_robertson_s_reaction():
 
 @pytest.mark.parametrize("stiffness", [1.0, 1e3, 1e6])
 def test_inputs_that_change_with_time_enter_with_their_derivative(stiffness):
-    """Prothero and Robinson's problem, whose time is an input: without df/du u' the order falls to one."""
+    """Prothero and Robinson's problem, whose time is an input: without df/du u' the order falls to
+    one."""
     t = np.linspace(0, 2, 21)
     run = integrate(
         prothero_robinson.address, None, [0.0], [], clock(), [stiffness], duration=2.0, save_at=t, rtol=1e-8, atol=1e-10,

@@ -77,7 +77,8 @@ def test_step_underflow():
 
 
 def test_stiff():
-    """y' = -1e4 y with an explicit method: its steps come to the end of its interval of stability, where it is left."""
+    """y' = -1e4 y with an explicit method: its steps come to the end of its interval of stability,
+    where it is left."""
     run = integrate(decay.address, None, [1.0], [], [], duration=100.0, leave_stiff=True)
     assert run.status is Status.STIFF
     assert 1024 < run.steps < 1100

@@ -15,7 +15,8 @@ PAIRS = pytest.mark.parametrize(
 
 
 def elementary_weights(weights, a, c):
-    """Give (order, left side, right side) for all rooted trees to order 5 (Hairer et al., I, table II.2.2)."""
+    """Give (order, left side, right side) for all rooted trees to order 5 (Hairer et al., I, table
+    II.2.2)."""
     ac, ac2, ac3, aac = a @ c, a @ c**2, a @ c**3, a @ (a @ c)
     return [
         (1, weights.sum(), 1),
@@ -110,7 +111,8 @@ def elementary(tree, a):
 
 
 def defects(weights, a, order):
-    """Give how far weights are from the conditions of this order alone, for all rooted trees with so many vertices."""
+    """Give how far weights are from the conditions of this order alone, for all rooted trees with
+    so many vertices."""
     return [weights @ elementary(tree, a) - 1 / density(tree) for tree in trees(order)]
 
 

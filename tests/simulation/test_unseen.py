@@ -1,4 +1,5 @@
-"""No step passes over what its stages have not seen of its inputs: pulses of any width, on any background, by any method."""
+"""No step passes over what its stages have not seen of its inputs: pulses of any width, on any
+background, by any method."""
 
 from functools import cache
 
@@ -28,7 +29,8 @@ def hump(width, centre=CENTRE):
 
 
 def moved(values, at=DURATION):
-    """Return the displacement and the rate that a spline of forces gives to a mass at rest: integrals of the spline."""
+    """Return the displacement and the rate that a spline of forces gives to a mass at rest:
+    integrals of the spline."""
     spline = CubicSpline(TIMES, values)
     return np.array([spline.antiderivative(2)(at), spline.antiderivative()(at)]) / MASS
 

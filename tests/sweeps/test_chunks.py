@@ -1,4 +1,5 @@
-"""A chunk is a function of the study and its number, whatever was computed before it in the same process."""
+"""A chunk is a function of the study and its number, whatever was computed before it in the same
+process."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ GIVEN = Study(
 
 
 def test_members_that_change_charts_do_not_depend_on_others(monkeypatch):
-    """As in a sweep that is resumed: the last chunk after others, and as the first of all, bit for bit."""
+    """As in a sweep that is resumed: the last chunk after others, and as the first of all, bit for
+    bit."""
     taken, measured = [], chunks.measured
 
     def noted(bench, law, ensemble, *rest):

@@ -1,4 +1,5 @@
-"""Sweeps on a Dask cluster: a scheduler and two workers, each a process; workers and schedulers that are killed."""
+"""Sweeps on a Dask cluster: a scheduler and two workers, each a process; workers and schedulers
+that are killed."""
 
 from __future__ import annotations
 
@@ -140,7 +141,8 @@ def service(answer: bytes | None):
     [(None, "no answer in 0.5 s"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "something else answers")],
 )
 def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, why):
-    """Dask's own handshake waits for ever for an answer, and takes the first bytes of one for its length."""
+    """Dask's own handshake waits for ever for an answer, and takes the first bytes of one for its
+    length."""
     monkeypatch.setattr(runner, "PATIENCE", 0.5)
     with (
         service(answer) as address,

@@ -1,4 +1,5 @@
-"""Controllers of studies: linear-quadratic ones with weights that vary, sampled ones; closed forms on a cart."""
+"""Controllers of studies: linear-quadratic ones with weights that vary, sampled ones; closed forms
+on a cart."""
 
 from __future__ import annotations
 
@@ -187,7 +188,8 @@ def test_a_robot_without_a_tool_holds_where_it_starts():
 
 
 def test_gains_are_given_by_freedom_of_a_joint_that_has_several():
-    """A body that slides along an axis and turns about it: m x'' = u, J q'' = u, each with its own gains."""
+    """A body that slides along an axis and turns about it: m x'' = u, J q'' = u, each with its own
+    gains."""
     given = study(
         robot=lw.Mechanism(
             name="rod",
@@ -223,7 +225,8 @@ def test_gains_are_given_by_freedom_of_a_joint_that_has_several():
 
 @pytest.mark.parametrize(("delay", "quantise"), [(0.0, None), (0.02, None), (0.01, 0.001)])
 def test_a_sampled_controller_acts_in_steps(delay, quantise):
-    """Between two calls of a sampled controller the force on the cart is constant, and its motion known."""
+    """Between two calls of a sampled controller the force on the cart is constant, and its motion
+    known."""
     period, kp, kd = 0.01, 60.0, 4.0
     sampled = {"rate": 100, "delay": delay, "quantise": quantise}
     found = whole(

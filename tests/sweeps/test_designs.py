@@ -1,4 +1,5 @@
-"""Designs: distributions against SciPy's, sequences against SciPy's, members that do not depend on how they are chunked."""
+"""Designs: distributions against SciPy's, sequences against SciPy's, members that do not depend on
+how they are chunked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A sweep that is killed at any moment goes on from the chunks that are finished, and comes to what it comes to undisturbed."""
+"""A sweep that is killed at any moment goes on from the chunks that are finished, and comes to what
+it comes to undisturbed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Reactions as outputs: a cart whose rail bears what is known in closed form, and runs by `Robot.simulate`."""
+"""Reactions as outputs: a cart whose rail bears what is known in closed form, and runs by
+`Robot.simulate`."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ GEARED = lw.Mechanism(
 
 
 def test_what_a_rail_bears():
-    """Beside the force along the rail that drives it, the weight of the cart: its moment about the rail's origin is m g x."""
+    """Beside the force along the rail that drives it, the weight of the cart: its moment about the
+    rail's origin is m g x."""
     T, start = 0.5, 0.1
     found = whole(
         study(

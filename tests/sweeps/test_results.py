@@ -109,7 +109,8 @@ def test_drives_have_numbers_that_vary():
 
 
 def test_methods_of_fixed_steps():
-    """Euler's symplectic steps of a constant acceleration end at a h^2 N (N + 1) / 2, those of order 4 at a T^2 / 2."""
+    """Euler's symplectic steps of a constant acceleration end at a h^2 N (N + 1) / 2, those of
+    order 4 at a T^2 / 2."""
     outputs = {"end": "final joint_position.rail"}
     for method, exact in (("symplectic_euler", 0.01**2 * 50 * 51 / 2), ("rk4", 0.5**2 / 2)):
         found = whole(study(outputs=outputs, method=method, step=0.01))
@@ -199,7 +200,8 @@ def test_starts_out_of_reach_and_impossible_numbers_are_told():
 
 
 def test_members_start_on_the_branch_of_the_study_s_start():
-    """Poses behind the edge of the workspace, where Newton's method from the start alone ends with an elbow turned over."""
+    """Poses behind the edge of the workspace, where Newton's method from the start alone ends with
+    an elbow turned over."""
     robot = lw.Robot(lw.robots.five_bar())
     home = robot.tool_pose(robot.home)[:2]
     given = Study(

@@ -1,4 +1,5 @@
-"""The store: what xarray reads, what is resumed, what is refused, and what faults of the disk leave behind."""
+"""The store: what xarray reads, what is resumed, what is refused, and what faults of the disk leave
+behind."""
 
 from __future__ import annotations
 
@@ -106,7 +107,10 @@ def test_what_is_no_store_is_refused(tmp_path, content):
         (tmp_path / "results.zarr" / "zarr.json").write_text(content)
     with pytest.raises(
         StudyError,
-        match=r"results\.zarr (is no store of a study that can be read|holds the results of another)",
+        match=(
+            r"results\.zarr (is no store of a study that can be read|holds the results of "
+            r"another)"
+        ),
     ):
         sweep(study(), tmp_path)
 
@@ -115,7 +119,8 @@ def test_what_is_no_store_is_refused(tmp_path, content):
     "damage", ["emptied", "cut off", "gone", "array gone", "names damaged", "times gone"]
 )
 def test_damaged_descriptions_are_mended(tmp_path, damage):
-    """Each array can be read by itself again, besides through the description of the group that repeats its own."""
+    """Each array can be read by itself again, besides through the description of the group that
+    repeats its own."""
     sweep(study(outputs={"end": "final joint_position"}), tmp_path)
     before, store = results(tmp_path), tmp_path / "results.zarr"
     part = store / "end" / "zarr.json"
@@ -231,7 +236,8 @@ def test_the_report_reads_a_part_at_a_time_and_draws_a_bounded_number(tmp_path, 
 
 
 def test_memory_does_not_grow_with_the_number_of_members(tmp_path):
-    """Neither that of computing, with a trajectory of 1.6 kB for each member, nor that of reading for the report."""
+    """Neither that of computing, with a trajectory of 1.6 kB for each member, nor that of reading
+    for the report."""
 
     def peaks(members: int) -> np.ndarray:
         design = {"type": "random", "members": members}

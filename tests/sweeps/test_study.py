@@ -49,45 +49,98 @@ def test_without_a_word_chunks_are_as_long_as_memory_likes():
     [
         ("study: 1", "", "line 2: study: is missing; the first line should be 'study: 1'"),
         ("study: 1", "study: 2", "line 1: study: 2 is not a format version this program reads"),
-        ("robot: cart.yaml", "robot: prr4", "line 3: robot: there is no robot 'prr4' (did you mean prr3?)"),
+        ("robot: cart.yaml", "robot: prr4", (
+            "line 3: robot: there is no robot 'prr4' (did you mean prr3?)"
+        )),
         ("robot: cart.yaml", "robot: none.yaml", "line 3: robot: "),
-        ("duration: 0.5", "duration: -1", "line 4: duration: -1 is not above 0; expected length of each run [s]"),
-        ("duration: 0.5", "durations: 1", "line 4: durations: is not a known field (did you mean duration?)"),
-        ("{rail: 3}", "{rial: 3}", "line 5: forces.rial: there is no actuator 'rial'; there are rail"),
+        ("duration: 0.5", "duration: -1", (
+            "line 4: duration: -1 is not above 0; expected length of each run [s]"
+        )),
+        ("duration: 0.5", "durations: 1", (
+            "line 4: durations: is not a known field (did you mean duration?)"
+        )),
+        ("{rail: 3}", "{rial: 3}", (
+            "line 5: forces.rial: there is no actuator 'rial'; there are rail"
+        )),
         ("sobol", "sobl", "line 6: design.type: 'sobl' is not a type (did you mean sobol?)"),
         ("1024", "2.5", "line 6: design.members: 2.5 is not accepted"),
         ("sobol, members: 1024, seed: 2", "grid", "line 8: vary.cart.mass: is 'uniform', but a grid needs levels or values"),
-        ("cart.mass: {type: uniform, low: 1", "cart.mass: {type: levels, count: 3, low: 1", "but levels are for a grid"),
-        ("low: 1, high: 3", "low: 3, high: 1", "line 8: vary.cart.mass: low = 3 is not below high = 1"),
-        ("low: 1, high: 3", "low: -1, high: 3", "line 8: vary.cart.mass: reaches -1, which the robot may not have: "),
+        ("cart.mass: {type: uniform, low: "
+            "1", "cart.mass: {type: levels, count: 3, low: 1", "but levels are for a grid"),
+        ("low: 1, high: 3", "low: 3, high: 1", (
+            "line 8: vary.cart.mass: low = 3 is not below high = 1"
+        )),
+        ("low: 1, high: 3", "low: -1, high: 3", (
+            "line 8: vary.cart.mass: reaches -1, which the robot may not have: "
+        )),
         ("type: uniform, low: 1, high: 3", "type: normal, mean: 1, deviation: 0.5", "vary.cart.mass: reaches -1.9989"),
-        ("type: uniform, low: 1, high: 3", "type: normal, mean: 1, deviation: 0", "deviation: 0 is not above 0"),
-        ("type: uniform, low: 1, high: 3", "type: gamma", "line 8: vary.cart.mass.type: 'gamma' is not a type"),
-        ("cart.mass", "cart.mas", "line 8: vary.cart.mas: 'cart.mas' leads to no number: bodies.cart has no 'mas'"),
-        ("cart.mass", "rail.axis.x", "line 8: vary.rail.axis.x: 'rail.axis.x' is part of a direction and cannot be free"),
-        ("start.rates.rail", "start.rates.rial", "line 9: vary.start.rates.rial: is nothing that can vary; there are start."),
+        ("type: uniform, low: 1, high: "
+            "3", "type: normal, mean: 1, deviation: 0", "deviation: 0 is not above 0"),
+        ("type: uniform, low: 1, high: "
+            "3", "type: gamma", "line 8: vary.cart.mass.type: 'gamma' is not a type"),
+        ("cart.mass", "cart.mas", (
+            "line 8: vary.cart.mas: 'cart.mas' leads to no number: bodies.cart has no 'mas'"
+        )),
+        ("cart.mass", "rail.axis.x", (
+            "line 8: vary.rail.axis.x: 'rail.axis.x' is part of a direction and cannot be free"
+        )),
+        ("start.rates.rail", "start.rates.rial", (
+            "line 9: vary.start.rates.rial: is nothing that can vary; there are start."
+        )),
         ("start.rates.rail", "start.tool.x", "line 9: vary.start.tool.x: is nothing that can vary"),
-        ("start.rates.rail", "drives.rail.gear", "line 9: vary.drives.rail.gear: is nothing that can vary; there are none"),
-        ("start.rates.rail", "bodies.cart.mass", "line 7: vary: 'cart.mass' and 'bodies.cart.mass' are the same number"),
-        ("final joint_position.rail", "last joint_position", "line 11: outputs.end: 'last' is no reduction"),
+        ("start.rates.rail", "drives.rail.gear", (
+            "line 9: vary.drives.rail.gear: is nothing that can vary; there are none"
+        )),
+        ("start.rates.rail", "bodies.cart.mass", (
+            "line 7: vary: 'cart.mass' and 'bodies.cart.mass' are the same number"
+        )),
+        ("final joint_position.rail", "last joint_position", (
+            "line 11: outputs.end: 'last' is no reduction"
+        )),
         ("final joint_position.rail", "final joint_positions", "did you mean joint_position?"),
-        ("final joint_position.rail", "final", "line 11: outputs.end: 'final' is no output; give a reduction and a quantity"),
-        ("joint_position.rail", "joint_position.x", "line 11: outputs.end: joint_position has no component 'x'; there"),
-        ("joint_position.rail", "tracking_error", "line 11: outputs.end: 'tracking_error' is not defined here"),
+        ("final joint_position.rail", "final", (
+            "line 11: outputs.end: 'final' is no output; give a reduction and a quantity"
+        )),
+        ("joint_position.rail", "joint_position.x", (
+            "line 11: outputs.end: joint_position has no component 'x'; there"
+        )),
+        ("joint_position.rail", "tracking_error", (
+            "line 11: outputs.end: 'tracking_error' is not defined here"
+        )),
         ("  end:", "  status:", "line 11: outputs.status: is the name of something else"),
-        ("chunk: 16", "trajectories: [tool_poses]", "line 12: trajectories.0: 'tool_poses' is no quantity (did you"),
+        ("chunk: 16", "trajectories: [tool_poses]", (
+            "line 12: trajectories.0: 'tool_poses' is no quantity (did you"
+        )),
         ("chunk: 16", PD, "line 5: forces: and controllers are both given; keep one of them"),
-        ("forces: {rail: 3}", PD.replace("pd,", "pdd,"), "controllers.soft.type: 'pdd' is not a type (did you mean pd?)"),
-        ("forces: {rail: 3}", PD.replace("rail", "rial"), "line 5: controllers.soft.goal: there is no joint 'rial'"),
+        ("forces: {rail: 3}", PD.replace("pd,", "pdd,"), (
+            "controllers.soft.type: 'pdd' is not a type (did you mean pd?)"
+        )),
+        ("forces: {rail: 3}", PD.replace("rail", "rial"), (
+            "line 5: controllers.soft.goal: there is no joint 'rial'"
+        )),
         ("forces: {rail: 3}", PD.replace("kd: 4, ", ""), "line 5: controllers.soft.kd: is missing"),
-        ("chunk: 16", "drives: {rail: {type: lag}}", "line 12: drives.rail.time_constant: is missing"),
-        ("chunk: 16", "drives: {rail: {type: lag, time_constant: 0}}", "line 12: drives.rail: time_constant of Lag is 0"),
-        ("chunk: 16", "drives: {rial: {type: lag, time_constant: 1}}", "line 12: drives.rial: there is no actuator 'rial'"),
-        ("chunk: 16", "method: rk5", "line 12: method: there is no method 'rk5'; there are sharp_smart"),
+        ("chunk: 16", "drives: {rail: {type: lag}}", (
+            "line 12: drives.rail.time_constant: is missing"
+        )),
+        ("chunk: 16", (
+            "drives: {rail: {type: lag, time_constant: "
+            "0}}"
+        ), "line 12: drives.rail: time_constant of Lag is 0"),
+        ("chunk: 16", (
+            "drives: {rial: {type: lag, time_constant: "
+            "1}}"
+        ), "line 12: drives.rial: there is no actuator 'rial'"),
+        ("chunk: 16", "method: rk5", (
+            "line 12: method: there is no method 'rk5'; there are sharp_smart"
+        )),
         ("chunk: 16", "method: rk4", "step: rk4 needs a step [s]"),
-        ("chunk: 16", "step: 0.01", "line 12: step: a step of 0.01 s needs a method that keeps to it"),
+        ("chunk: 16", "step: 0.01", (
+            "line 12: step: a step of 0.01 s needs a method that keeps to it"
+        )),
         ("chunk: 16", "chunk: 0", "line 12: chunk: 0 is below 1"),
-        ("chunk: 16", "start: {tool: [0, 1, 0]}", "line 12: start: the mechanism cannot be assembled with the tool at"),
+        ("chunk: 16", "start: {tool: [0, 1, 0]}", (
+            "line 12: start: the mechanism cannot be assembled with the tool at"
+        )),
     ],
 )  # fmt: skip
 def test_refusals_name_line_and_element(tmp_path, old, new, sentence):

@@ -17,14 +17,16 @@ FLAGS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox
 
 
 def launch(playwright):
-    """Start Chromium: one that is installed, else playwright's own; without either the test is skipped, and says so."""
+    """Start Chromium: one that is installed, else playwright's own; without either the test is
+    skipped, and says so."""
     found = (
         next(filter(None, map(shutil.which, INSTALLED)), None)
         or playwright.chromium.executable_path
     )
     if not Path(found).exists():
         pytest.skip(
-            f"no Chromium: none of {', '.join(INSTALLED)} is installed; 'playwright install chromium' gets one"
+            f"no Chromium: none of {', '.join(INSTALLED)} is installed; 'playwright install "
+            "chromium' gets one"
         )
     return playwright.chromium.launch(executable_path=found, args=list(FLAGS))
 

@@ -1,4 +1,5 @@
-"""Arrows: their power is that of what they show, their lengths are in proportion, moments turn the right way round."""
+"""Arrows: their power is that of what they show, their lengths are in proportion, moments turn the
+right way round."""
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from linkwork.viewer.arrows import ArrowField, Arrows, arc_about, drawn
 
 
 def on_a(joint, *actuators: str) -> Robot:
-    """Return a body on one joint with these rates actuated, a little away from where its axes coincide."""
+    """Return a body on one joint with these rates actuated, a little away from where its axes
+    coincide."""
     body = Body(mass=1.0, centre_of_mass=(0.1, 0.2, 0.3), inertia=Inertia(xx=0.1, yy=0.1, zz=0.1))
     names = joint.coordinates("joint")
     reference = dict(
@@ -59,7 +61,8 @@ def test_actuators_work_on_their_joints_as_the_actuated_rates_do(name):
 
 
 def require_power(robot: Robot) -> None:
-    """Sum over the actuators of f . (v of the outer body - v of the inner one), or m . (omega - omega), is u . q'."""
+    """Sum over the actuators of f . (v of the outer body - v of the inner one), or m .
+    (omega - omega), is u . q'."""
     field = ArrowField.of(robot, 1.0)
     random = np.random.default_rng(4)
     state = robot.home.with_rates(random.standard_normal(robot.mobility))

@@ -1,4 +1,5 @@
-"""Conditioning against numerical differences, against a robot known to be isotropic, and at a singular pose."""
+"""Conditioning against numerical differences, against a robot known to be isotropic, and at a
+singular pose."""
 
 import numpy as np
 import pytest

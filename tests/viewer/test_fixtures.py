@@ -1,4 +1,5 @@
-"""Parts of all robots of the catalogue: fixed in their bodies, stretched between the right points, in every pose."""
+"""Parts of all robots of the catalogue: fixed in their bodies, stretched between the right points,
+in every pose."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The viewer in a real headless Chromium: it loads, is dragged, plays, and bears two browsers and one that vanishes."""
+"""The viewer in a real headless Chromium: it loads, is dragged, plays, and bears two browsers and
+one that vanishes."""
 
 from __future__ import annotations
 
@@ -70,7 +71,8 @@ class Browser:
         return x, y
 
     def settled(self) -> tuple[float, float]:
-        """Return where the handle is to be grabbed once the page is laid out and the canvas lies open there."""
+        """Return where the handle is to be grabbed once the page is laid out and the canvas lies
+        open there."""
         here = "([x, y]) => document.elementFromPoint(x, y)?.tagName"
         until(lambda: self.page.evaluate(here, list(self.pixel(0.8))) == "CANVAS")
         last = None

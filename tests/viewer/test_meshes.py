@@ -11,7 +11,8 @@ FOUR = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Tell whether each edge (by its ends' places) is passed as often in one direction as in the other."""
+    """Tell whether each edge (by its ends' places) is passed as often in one direction as in the
+    other."""
     corners = np.round(mesh.vertices, 9) + 0.0
     passed: dict[tuple, int] = {}
     for face in mesh.faces:

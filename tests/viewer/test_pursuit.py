@@ -1,4 +1,5 @@
-"""Posing by hand: it arrives where assembling does, keeps loops closed, stops at edges and limits, and says why."""
+"""Posing by hand: it arrives where assembling does, keeps loops closed, stops at edges and limits,
+and says why."""
 
 import numpy as np
 import pytest

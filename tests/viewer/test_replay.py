@@ -1,4 +1,5 @@
-"""Runs as they are shown: closed at every instant, true to the motion, refused where they are another robot's."""
+"""Runs as they are shown: closed at every instant, true to the motion, refused where they are
+another robot's."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The server of the viewer without a browser: ports, addresses, wishes of many hands, work beside the scene, the command."""
+"""The server of the viewer without a browser: ports, addresses, wishes of many hands, work beside
+the scene, the command."""
 
 import signal
 import socket

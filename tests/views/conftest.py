@@ -87,7 +87,8 @@ def spatial():
 
 @pytest.fixture(scope="session")
 def zoo():
-    """Return a mechanism with every joint type, a gear and a spring to ground, its joints named by their types."""
+    """Return a mechanism with every joint type, a gear and a spring to ground, its joints named by
+    their types."""
     body = Body(mass=1.0, inertia=Inertia(xx=0.02, yy=0.02, zz=0.02))
     chain = {
         "screw": ScrewJoint(connects=("ground", "a"), pitch=0.05),

@@ -1,4 +1,5 @@
-"""Pictures of mechanisms: everything is in them, equal axes with units, poses the paler the longer ago."""
+"""Pictures of mechanisms: everything is in them, equal axes with units, poses the paler the longer
+ago."""
 
 import numpy as np
 import pytest

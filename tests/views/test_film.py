@@ -125,7 +125,8 @@ def test_a_browser_plays_the_film(tmp_path):
 
 
 def test_shapes_of_bodies_are_filmed_where_the_bodies_are():
-    """A ball on the end of a pendulum: the corners that the page computes lie on the ball, wherever it swings."""
+    """A ball on the end of a pendulum: the corners that the page computes lie on the ball, wherever
+    it swings."""
     plain = lw.robots.pendulum()
     (name, body), *_ = plain.bodies.items()
     ball = Sphere(radius=0.1, frame=lw.Frame(position=(1.0, 0, 0)))

@@ -1,4 +1,5 @@
-"""Maps of the workspace: the numbers in their places, lines where they belong, colours that part at zero."""
+"""Maps of the workspace: the numbers in their places, lines where they belong, colours that part at
+zero."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from tests.catalogue import built
 
 @pytest.fixture(scope="module")
 def mapped():
-    """Return the workspace of the 3-PRR robot at one angle, on a grid with more columns than rows."""
+    """Return the workspace of the 3-PRR robot at one angle, on a grid with more columns than
+    rows."""
     grid = {"y": np.linspace(0, 0.5, 26), "x": np.linspace(0.2, 0.8, 41), "angle": np.pi / 2}
     return analysis.workspace(built("prr3"), grid)
 

@@ -1,4 +1,5 @@
-"""Pictures of motions: poses at equal distances, paths of tools, phase portraits; and what is refused."""
+"""Pictures of motions: poses at equal distances, paths of tools, phase portraits; and what is
+refused."""
 
 import numpy as np
 import pytest

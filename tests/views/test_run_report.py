@@ -1,4 +1,5 @@
-"""The report of a run: complete, self-contained, escaped, right in its numbers; also of runs that hold little."""
+"""The report of a run: complete, self-contained, escaped, right in its numbers; also of runs that
+hold little."""
 
 import re
 
@@ -53,7 +54,8 @@ def test_the_page_tells_whose_run_it_is_how_it_went_and_how_it_was_computed(html
 
 
 def test_peaks_are_those_of_the_motion():
-    """A point on a massless rod of 1 m falls from the horizontal: at the lowest point its rate is sqrt(2 g / l)."""
+    """A point on a massless rod of 1 m falls from the horizontal: at the lowest point its rate is
+    sqrt(2 g / l)."""
     robot = built("pendulum")
     run = robot.simulate(robot.state([0.0]), duration=2.0, save_at=np.linspace(0, 2, 2001))
     table = peaks_table(run.dataset, "joint_rate")
@@ -68,7 +70,8 @@ def test_peaks_are_those_of_the_motion():
 
 
 def test_the_units_of_the_bodies_table_are_those_by_which_its_numbers_grow():
-    """Of a body ten times as long and three times as heavy, a number in [kg^a m^b] is 3^a 10^b times as large."""
+    """Of a body ten times as long and three times as heavy, a number in [kg^a m^b] is 3^a 10^b
+    times as large."""
     exponents = {"kg": (1, 0), "m": (0, 1), "kg m²": (1, 2)}
 
     def numbers(mass, length):

@@ -113,7 +113,8 @@ def test_the_governors_balls_are_shown_near_the_ends_of_its_rods():
     robot = built("flyball_governor")
     drawn = skeleton(robot, robot.home)
     assert set(drawn.masses) == {"rod_1", "rod_2"}
-    # 0.3 kg of rod and a ball of 5 kg: their common centre is (0.15 + 5) / 5.3 of the rod from its hinge
+    # 0.3 kg of rod and a ball of 5 kg: their common centre is (0.15 + 5) / 5.3 of the rod from its
+    # hinge
     hinge = next(joint.far for joint in drawn.joints if joint.name == "hinge_1")
     assert np.linalg.norm(drawn.masses["rod_1"] - hinge) == pytest.approx(5.15 / 5.3)
 

@@ -1,4 +1,5 @@
-"""Shapes as faces: their volumes, how they are seen and lit, and that pictures show them where their bodies are."""
+"""Shapes as faces: their volumes, how they are seen and lit, and that pictures show them where
+their bodies are."""
 
 from math import pi
 

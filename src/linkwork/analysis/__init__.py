@@ -1,4 +1,5 @@
-"""Study a robot: its branches, singularities and workspace, small motions, parameters from measurements, statics."""
+"""Study a robot: its branches, singularities and workspace, small motions, parameters from
+measurements, statics."""
 
 from linkwork.analysis._assembly_modes import Modes, assembly_modes, working_modes
 from linkwork.analysis._base_parameters import Base, base_parameters

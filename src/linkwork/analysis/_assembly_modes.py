@@ -1,13 +1,15 @@
 """Assembly modes and working modes: all real solutions of the direct and of the inverse kinematics.
 
-Newton's method runs from very many random configurations (`newton`). What they end in is gathered by where the tool is
-(direct kinematics) or where the actuated joints are (inverse kinematics). How often each solution was found tells how
-sure the count is: with f_1 of them found once and f_2 found twice, about
+Newton's method runs from very many random configurations (`newton`). What they end in is gathered
+by where the tool is (direct kinematics) or where the actuated joints are (inverse kinematics). How
+often each solution was found tells how sure the count is: with f_1 of them found once and f_2 found
+twice, about
 
     f_1 (f_1 - 1) / (2 (f_2 + 1))
 
-are missing. The search goes on until each solution was found several times, and nothing new for as long as it took.
-Source: Chao, Scandinavian J. Statistics 11 (1984) 265-270, bias-corrected (the number of unseen classes).
+are missing. The search goes on until each solution was found several times, and nothing new for as
+long as it took. Source: Chao, Scandinavian J. Statistics 11 (1984) 265-270, bias-corrected
+(the number of unseen classes).
 """
 
 from __future__ import annotations
@@ -35,10 +37,11 @@ MOST = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Hold the real solutions of a direct or inverse kinematic problem, and how sure their number is.
+    """Hold the real solutions of a direct or inverse kinematic problem, and how sure their number
+    is.
 
-    what, asked: names and values [m, rad] of what was asked for: joint coordinates, or the tool's pose
-    states: the solutions, at rest, stacked, those nearest to the reference first
+    what, asked: names and values [m, rad] of what was asked for: joint coordinates, or the tool's
+    pose states: the solutions, at rest, stacked, those nearest to the reference first
     hits: how many starts ended in each; first: the number of the start that found it first
     starts: how many there were; converged: how many of them ended in a solution
     signs: (modes, stages) of the determinants of the system's stages, relative to the reference
@@ -71,7 +74,8 @@ class Modes:
 
     @property
     def sure(self) -> bool:
-        """Tell whether each solution was found several times, and none in the second half of the starts."""
+        """Tell whether each solution was found several times, and none in the second half of the
+        starts."""
         return (
             bool(len(self))
             and self.hits.min() >= SURE
@@ -80,19 +84,25 @@ class Modes:
 
     def __repr__(self) -> str:
         rarest = f", the rarest {self.hits.min()} times" if len(self) else ""
-        return f"Modes({len(self)} found from {self.starts} starts{rarest}; about {self.missing:.2g} missing)"
+        return (
+            f"Modes({len(self)} found from {self.starts} starts{rarest}; about "
+            f"{self.missing:.2g} missing)"
+        )
 
 
 def assembly_modes(
     robot: Robot, joints: Mapping[str, float] | None = None, *, starts: int = 400_000, seed: int = 0
 ) -> Modes:
-    """Find the assembly modes: all real solutions of the direct kinematics, told apart by the tool's pose.
+    """Find the assembly modes: all real solutions of the direct kinematics, told apart by the
+    tool's pose.
 
-    Without a tool they are told apart by the poses of all bodies that do not just spin about themselves.
+    Without a tool they are told apart by the poses of all bodies that do not just spin about
+    themselves.
 
     Args:
         robot: its closed loops are solved.
-        joints: as many joint coordinates as the mobility, by name [m, rad]; the actuated ones at home if left out.
+        joints: as many joint coordinates as the mobility, by name [m, rad]; the actuated ones at
+            home if left out.
         starts: most random starts to try; the search ends earlier once the count is sure.
         seed: of the random starts.
 
@@ -100,13 +110,15 @@ def assembly_modes(
         `Modes`; none where the joint coordinates cannot be reached.
 
     Raises:
-        LinkworkError: unknown names, wrong count, coordinates that do not determine the motion, a continuum of solutions.
+        LinkworkError: unknown names, wrong count, coordinates that do not determine the motion, a
+            continuum of solutions.
     """
     if joints is None:
         joints = {name: float(robot.home[name]) for name in actuated(robot)}
     if not isinstance(joints, Mapping):
         raise LinkworkError(
-            f"the joints are {joints!r}; give coordinates by name, such as {{'{robot.coordinates[0]}': 0.1}}"
+            f"the joints are {joints!r}; give coordinates by name, such as "
+            f"{{'{robot.coordinates[0]}': 0.1}}"
         )
     square = of_joints(robot, tuple(joints))
     asked = np.array([checks.number(value, f"joint {name!r}") for name, value in joints.items()])
@@ -121,18 +133,19 @@ def working_modes(
     starts: int = 400_000,
     seed: int = 0,
 ) -> Modes:
-    """Find the working modes: all real solutions of the inverse kinematics, told apart by the actuated joints.
+    """Find the working modes: all real solutions of the inverse kinematics, told apart by the
+    actuated joints.
 
     Args:
         robot: its closed loops are solved.
         tool: the tool's pose in the coordinates `what` [m, rad]; that at home if left out.
-        what: coordinates of the pose, of x, y, angle in the plane, x, y, z, rx, ry, rz (rotation vector) in space; as
-            many as the tool can be led in if left out.
+        what: coordinates of the pose, of x, y, angle in the plane, x, y, z, rx, ry, rz
+            (rotation vector) in space; as many as the tool can be led in if left out.
         starts, seed: as in `assembly_modes`.
 
     Raises:
-        LinkworkError: no tool, a pose of another size, coordinates that do not determine the motion, a continuum of
-            solutions.
+        LinkworkError: no tool, a pose of another size, coordinates that do not determine the
+            motion, a continuum of solutions.
     """
     square = of_tool(robot, what)
     if tool is None:
@@ -142,7 +155,8 @@ def working_modes(
         asked = checks.vector(tool, "the tool's pose", square.what, "tool coordinate")
         if asked.ndim != 1:
             raise LinkworkError(
-                f"the tool's pose has the shape {asked.shape}; give one pose: {', '.join(square.what)}"
+                f"the tool's pose has the shape {asked.shape}; give one pose: "
+                f"{', '.join(square.what)}"
             )
         asked = checks.finite(asked, "the tool's pose")
     return search(square, asked, by_actuators if robot.actuators else by_bodies, starts, seed)
@@ -152,8 +166,8 @@ def actuated(robot: Robot) -> tuple[str, ...]:
     """Return the actuated coordinates, of which there have to be as many as the mobility."""
     if len(robot.actuators) != robot.mobility - len(robot.spins):
         raise LinkworkError(
-            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; say which "
-            f"{robot.mobility - len(robot.spins)} joint coordinates are given"
+            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; "
+            f"say which {robot.mobility - len(robot.spins)} joint coordinates are given"
         )
     return robot.actuators
 
@@ -174,7 +188,8 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
         tried += count
         if len(gathered.q) > MOST:
             raise LinkworkError(
-                f"more than {MOST} solutions are found: {', '.join(square.what)} leave a continuum of them"
+                f"more than {MOST} solutions are found: {', '.join(square.what)} leave a "
+                "continuum of them"
             )
         if (
             len(gathered.q)
@@ -224,7 +239,8 @@ class Gathered:
         return cls(np.empty((0, nq)), np.empty((0, size)), np.empty(0, int), np.empty(0, int))
 
     def with_more(self, q: np.ndarray, key: np.ndarray, number: np.ndarray) -> Gathered:
-        """Return the solutions with more of them: those that are known are counted, the others added.
+        """Return the solutions with more of them: those that are known are counted, the others
+        added.
 
         Args:
             q, key: of the new ones (N, nq), (N, d); number: of their starts (N), increasing.
@@ -255,12 +271,14 @@ class Gathered:
 
 
 def groups(key: np.ndarray) -> np.ndarray:
-    """Return a number for each point (N, d) that those within a small distance, directly or by others, share (N)."""
+    """Return a number for each point (N, d) that those within a small distance, directly or by
+    others, share (N)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
-    # Equal points are joined first: pairs among thousands of hits of one solution would be too many.
+    # Equal points are joined first: pairs among thousands of hits of one solution would be too
+    # many.
     rounded, inverse = np.unique(np.round(key / SAME), axis=0, return_inverse=True)
     pairs = KDTree(rounded).query_pairs(2.0, output_type="ndarray")
     links = coo_array(
@@ -270,7 +288,8 @@ def groups(key: np.ndarray) -> np.ndarray:
 
 
 def by_tool(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the tool's position, in own lengths, and orientation (N, 12); equal poses have equal numbers."""
+    """Return the tool's position, in own lengths, and orientation (N, 12); equal poses have equal
+    numbers."""
     position, orientation = tool_kernel(square.robot)(q)
     return np.concatenate([position / square.equations.tree.length, orientation], axis=1)
 
@@ -299,7 +318,8 @@ def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
 
 
 def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the positions and orientations of all bodies but those that may spin about themselves (N, 12 r)."""
+    """Return the positions and orientations of all bodies but those that may spin about themselves
+    (N, 12 r)."""
     robot = square.robot
     spinning = {body for member in square.equations.spins.values() for body in member}
     fixed = [k for k, body in enumerate(robot.bodies) if body not in spinning]

@@ -1,12 +1,13 @@
-"""Base parameters: the combinations of masses, moments, friction and rotors that a robot's motions can tell.
+"""Base parameters: the combinations of masses, moments, friction and rotors that a robot's motions
+can tell.
 
-    M v' + C v + G - f = Y(q, v, v') pi + r = Y_b beta + known,    beta = pi_b + B pi_d,    Y_d = Y_b B
+    M v' + C v + G - f = Y(q, v, v') pi + r = Y_b beta + known,   beta = pi_b + B pi_d,  Y_d = Y_b B
 
-Y is the regressor of the equations of motion (`linkwork.equations.regressor`). On random motions its columns are taken in
-order: each that is no combination of the columns before it belongs to a base parameter, and the others are added to
-those that they cannot be told from. Parameters that are not asked for are known, as are springs (r).
-Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, ch. 12; Gautier, J. Robotic Systems 8 (1991)
-485-506 (base parameters by QR).
+Y is the regressor of the equations of motion (`linkwork.equations.regressor`). On random motions
+its columns are taken in order: each that is no combination of the columns before it belongs to a
+base parameter, and the others are added to those that they cannot be told from. Parameters that are
+not asked for are known, as are springs (r). Source: Khalil & Dombre 2002, Modeling, Identification
+and Control of Robots, ch. 12; Gautier, J. Robotic Systems 8 (1991) 485-506 (base parameters by QR).
 """
 
 from __future__ import annotations
@@ -34,9 +35,10 @@ ROUNDS = 30
 class Regressor:
     """Evaluate Y for the parameters that are asked for, and what is known besides.
 
-    names: of pi (k): "link.mass" [kg], "link.first_moment.x" .. [kg m] and "link.inertia_at_origin.xx" .. [kg m^2] about
-        the origin of the body's frame, "joint.friction.viscous" [N s/m, N m s/rad], "joint.friction.coulomb" [N, N m],
-        "joint.rotor_inertia" [kg, kg m^2]
+    names: of pi (k): "link.mass" [kg], "link.first_moment.x" .. [kg m] and
+    "link.inertia_at_origin.xx" .. [kg m^2] about
+        the origin of the body's frame, "joint.friction.viscous" [N s/m, N m s/rad],
+        "joint.friction.coulomb" [N, N m], "joint.rotor_inertia" [kg, kg m^2]
     described: values in the description (k); places: among all parameters of the robot (k)
     """
 
@@ -65,11 +67,12 @@ class Regressor:
 
 
 def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
-    """Return the regressor for the masses and moments of all bodies, and for named effects of joints.
+    """Return the regressor for the masses and moments of all bodies, and for named effects of
+    joints.
 
     Args:
-        effects: friction and rotors to identify, named as in the description: "slide_1.friction.viscous",
-            "slide_1.friction.coulomb", "slide_1.rotor_inertia".
+        effects: friction and rotors to identify, named as in the description:
+            "slide_1.friction.viscous", "slide_1.friction.coulomb", "slide_1.rotor_inertia".
 
     Raises:
         LinkworkError: unknown names.
@@ -86,7 +89,8 @@ def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
 class Base:
     """Hold the base parameters beta = combination pi (r x k).
 
-    columns: the places of pi_b in pi (r); names: the combinations, written out; described: beta of the description (r)
+    columns: the places of pi_b in pi (r); names: the combinations, written out; described: beta of
+    the description (r)
     """
 
     regressor: Regressor
@@ -105,11 +109,13 @@ class Base:
 def base_parameters(
     robot: Robot, effects: Sequence[str] = (), *, samples: int = 200, seed: int = 0
 ) -> Base:
-    """Find the combinations of parameters that motions can tell: by the rank of Y on random motions.
+    """Find the combinations of parameters that motions can tell: by the rank of Y on random
+    motions.
 
     Args:
         effects: as in `regressor_of`.
-        samples: number of random closed configurations near the reference, rates and accelerations; seed: of these.
+        samples: number of random closed configurations near the reference, rates and accelerations;
+            seed: of these.
 
     Raises:
         LinkworkError: unknown names; a mechanism that nothing moves in.
@@ -136,7 +142,8 @@ def base_parameters(
 
 
 def independent(columns: np.ndarray) -> list[int]:
-    """Return the columns, in order, that are no combination of the columns before them (Gram-Schmidt, twice)."""
+    """Return the columns, in order, that are no combination of the columns before them
+    (Gram-Schmidt, twice)."""
     kept: list[int] = []
     basis = np.empty((len(columns), 0))
     for k, column in enumerate(columns.T):
@@ -149,7 +156,8 @@ def independent(columns: np.ndarray) -> list[int]:
 
 
 def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.ndarray]:
-    """Return random closed states near the reference (N) with random rates, and accelerations (N, n)."""
+    """Return random closed states near the reference (N) with random rates, and accelerations
+    (N, n)."""
     random, tree = np.random.default_rng(seed), robot.equations.tree
     q = robot.equations.reference + SPREAD * tree.units * random.standard_normal(
         (samples, tree.units.size)
@@ -164,7 +172,8 @@ def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.nda
 
 
 def pace(robot: Robot) -> float:
-    """Return the rate [1/s] of motions in which weight and inertia count alike; 1 where there is no weight."""
+    """Return the rate [1/s] of motions in which weight and inertia count alike; 1 where there is no
+    weight."""
     return (
         float(np.linalg.norm(robot.mechanism.gravity) / robot.equations.tree.length) ** 0.5 or 1.0
     )

@@ -1,17 +1,20 @@
-"""Static equilibrium: where a robot stays at rest under constant actuator forces, and the forces that hold it.
+"""Static equilibrium: where a robot stays at rest under constant actuator forces, and the forces
+that hold it.
 
     S' u - G + f = 0,    f: springs
 
-is solved for the configuration by Newton's method along the constraint manifold, with the exact stiffness K
-(`linearisation`). Where K is not positive, the step goes downhill along -r of the eigenvectors' stiffnesses |k_i|, so
-that from a rough guess the potential energy falls and a stable equilibrium is found; unstable ones are found from near.
+is solved for the configuration by Newton's method along the constraint manifold, with the exact
+stiffness K (`linearisation`). Where K is not positive, the step goes downhill along -r of the
+eigenvectors' stiffnesses |k_i|, so that from a rough guess the potential energy falls and a stable
+equilibrium is found; unstable ones are found from near.
 
-Redundant actuators share what is needed: of all u with S' u = f_needed within bounds, that of least sum w_i u_i^2:
+Redundant actuators share what is needed: of all u with S' u = f_needed within bounds, that of least
+sum w_i u_i^2:
 
     u = u_0 + N z,    min |z|,    lower <= u_0 + N z <= upper
 
-with u_0 the unbounded solution and N orthonormal internal forces (in sqrt(w) u): a least distance problem, which a
-non-negative least-squares problem solves exactly, or shows to be without solution.
+with u_0 the unbounded solution and N orthonormal internal forces (in sqrt(w) u): a least distance
+problem, which a non-negative least-squares problem solves exactly, or shows to be without solution.
 Source: Lawson & Hanson 1974, Solving Least Squares Problems, ch. 23.
 """
 
@@ -75,7 +78,8 @@ def equilibrium(
     Args:
         forces: u (actuators) [N, N m], or by name (others zero); zero if left out.
         guess: where to start; `home` if left out.
-        stable: look for a stable equilibrium, downhill from the guess; if not, for the nearest one of any kind.
+        stable: look for a stable equilibrium, downhill from the guess; if not, for the nearest one
+            of any kind.
 
     Raises:
         LinkworkError: no equilibrium is found from this guess.
@@ -95,8 +99,9 @@ def equilibrium(
             state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
     worst = int(np.argmax(np.abs(r)))
     raise LinkworkError(
-        f"no {'stable ' if stable else ''}equilibrium is found from this guess: {abs(force[worst]):.3g} stays unbalanced on "
-        f"{state.independent[worst]}; choose another guess, or other forces"
+        f"no {'stable ' if stable else ''}equilibrium is found from this guess: "
+        f"{abs(force[worst]):.3g} stays unbalanced on {state.independent[worst]}; choose another "
+        "guess, or other forces"
     )
 
 
@@ -110,7 +115,8 @@ def equilibria(
     """Find equilibria under constant actuator forces from random configurations, stable ones first.
 
     Args:
-        starts: number of random configurations of the independent joints, each on the branch that is found first.
+        starts: number of random configurations of the independent joints, each on the branch that
+            is found first.
         seed: of the random configurations.
     """
     u = actuator_forces(robot, forces)
@@ -134,7 +140,8 @@ def equilibria(
 
 
 def in_good_rates(robot: Robot, state: State) -> State:
-    """Return the state in independent rates that determine the motion well there: in its own, or in others."""
+    """Return the state in independent rates that determine the motion well there: in its own, or in
+    others."""
     if abs(robot.chart_of(state).pivot(state.q)) > WEAK:
         return state
     return robot.in_chart(state, robot.chart.better(state.q, ()).independent)
@@ -160,7 +167,8 @@ def unbalanced(robot: Robot, state: State, u: np.ndarray) -> tuple[np.ndarray, n
 
 
 def scale(robot: Robot, state: State, u: np.ndarray, K: np.ndarray) -> float:
-    """Return the size [J] of what balances each other in the mechanism's own units, K: the stiffness in these [J]."""
+    """Return the size [J] of what balances each other in the mechanism's own units, K: the
+    stiffness in these [J]."""
     units = own_rates(robot, state)
     driven = u * [
         robot.equations.tree.length if robot.unit(name) == "m" else 1.0 for name in robot.actuators
@@ -170,7 +178,8 @@ def scale(robot: Robot, state: State, u: np.ndarray, K: np.ndarray) -> float:
 
 
 def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
-    """Return the shift xi that balances r: K xi = r; downhill with the absolute values of the eigenvalues of K.
+    """Return the shift xi that balances r: K xi = r; downhill with the absolute values of the
+    eigenvalues of K.
 
     All are in the mechanism's own units; E is the size of what balances each other [J].
     Directions without stiffness are left alone where nothing pushes along them.
@@ -189,7 +198,8 @@ def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
 def moved(
     robot: Robot, state: State, u: np.ndarray, xi: np.ndarray, E: float, downhill: bool
 ) -> State:
-    """Return the state after a shift, shortened until it closes and, downhill, the potential energy falls."""
+    """Return the state after a shift, shortened until it closes and, downhill, the potential energy
+    falls."""
     xi = xi * min(1.0, LONGEST / max(largest(xi / own_rates(robot, state)), 1e-300))
     before = potential(robot, state, u)
     for _ in range(40):
@@ -212,7 +222,8 @@ def potential(robot: Robot, state: State, u: np.ndarray) -> float:
 
 
 def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:
-    """Return the closed state at a shift of the independent joints; None where it does not close nearby."""
+    """Return the closed state at a shift of the independent joints; None where it does not close
+    nearby."""
     chart = robot.chart_of(state)
     w = chart.tree_rates(state.q, xi)
     q = robot.assembler.moved(state.q, w)
@@ -255,21 +266,24 @@ def distributed_forces(
 
     Args:
         state: one state; accelerations: v' (n) [m/s^2, rad/s^2] in the order of its `independent`.
-        lower, upper: bounds of the forces [N, N m]: one number, one each, or by name; cables pull only: lower=0.
+        lower, upper: bounds of the forces [N, N m]: one number, one each, or by name; cables pull
+            only: lower=0.
         weights: of the actuators (positive), in their order or by name; all 1 if left out.
 
     Returns:
         u (actuators) [N, N m] with S' u = M v' + C v + G - f and lower <= u <= upper.
 
     Raises:
-        LinkworkError: bounds within which no forces give these accelerations; directions that no actuator drives.
+        LinkworkError: bounds within which no forces give these accelerations; directions that no
+            actuator drives.
     """
     one_state(robot, state)
     low, high = bound(robot, lower, "the lower bounds"), bound(robot, upper, "the upper bounds")
     if not (low <= high).all():
         k = int(np.argmax(~(low <= high)))
         raise LinkworkError(
-            f"the bounds of {robot.actuators[k]!r} are {low[k]:g} and {high[k]:g}; the lower one is not below"
+            f"the bounds of {robot.actuators[k]!r} are {low[k]:g} and {high[k]:g}; the lower one "
+            "is not below"
         )
     u = np.asarray(robot.inverse_dynamics(state, accelerations, weights=weights))
     if ((u >= low) & (u <= high)).all():
@@ -282,14 +296,15 @@ def distributed_forces(
     if z is None:
         worst = int(np.argmax(np.maximum(low - u, u - high)))
         raise LinkworkError(
-            f"no forces within the bounds give these accelerations: without bounds {robot.actuators[worst]!r} needs "
-            f"{u[worst]:.6g}; ask for less, or widen the bounds"
+            "no forces within the bounds give these accelerations: without bounds "
+            f"{robot.actuators[worst]!r} needs {u[worst]:.6g}; ask for less, or widen the bounds"
         )
     return np.clip(u + internal @ z, low, high)
 
 
 def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:
-    """Return the shortest z with G z >= h, None where there is none (Lawson & Hanson 1974, algorithm LDP)."""
+    """Return the shortest z with G z >= h, None where there is none (Lawson & Hanson 1974,
+    algorithm LDP)."""
     from scipy.optimize import nnls
 
     if not G.size:

@@ -1,16 +1,19 @@
-"""Input-output Jacobians: how the actuated rates q' and the tool's velocity x' depend on each other.
+"""Input-output Jacobians: how the actuated rates q' and the tool's velocity x' depend on each
+other.
 
-    A x' = B q'        K = B^-1 A:  q' = K x'        J = A^-1 B:  x' = J q'        u = J' f (forces, without motion)
+    A x' = B q'    K = B^-1 A:  q' = K x'  J = A^-1 B:  x' = J q'  u = J' f (forces, without motion)
 
-K and J follow from the two square systems of a robot, [Phi; J_x] (inverse kinematics) and [Phi; J_q] (direct): their
-determinants are det B and det A up to a common factor, so that the one vanishes where a leg is stretched out or folded
-(kind I), the other where the tool can move with the actuators locked (kind II).
+K and J follow from the two square systems of a robot, [Phi; J_x] (inverse kinematics) and
+[Phi; J_q] (direct): their determinants are det B and det A up to a common factor, so that the one
+vanishes where a leg is stretched out or folded (kind I), the other where the tool can move with the
+actuators locked (kind II).
 
-What mixes lengths and angles has no condition number. Turns are therefore measured by the way of a point at the
-characteristic length l: omega l and moments over l, and so are the turns of actuators where others slide.
+What mixes lengths and angles has no condition number. Turns are therefore measured by the way of a
+point at the characteristic length l: omega l and moments over l, and so are the turns of actuators
+where others slide.
 
-Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Angeles 2014, sec. 5.8 (characteristic
-length).
+Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Angeles 2014, sec.
+5.8 (characteristic length).
 """
 
 from __future__ import annotations
@@ -70,7 +73,8 @@ class Jacobians:
         return compile_function(function).given(self.robot.p)
 
     def __call__(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return K (..., n, n), J (..., n, n), det B (...) and det A (...) for configurations q (..., nq)."""
+        """Return K (..., n, n), J (..., n, n), det B (...) and det A (...) for configurations q
+        (..., nq)."""
         K, J, det_B, det_A = self.kernel(q)
         n, batch = len(self.what), q.shape[:-1]
         K, J = (np.swapaxes(part.reshape(*batch, n, n), -1, -2) for part in (K, J))
@@ -89,9 +93,11 @@ class Jacobians:
 
     @cached_property
     def characteristic_length(self) -> float:
-        """Length l [m] that makes the columns of K for turns and for shifts equally long, in the mean, at the reference.
+        """Length l [m] that makes the columns of K for turns and for shifts equally long, in the
+        mean, at the reference.
 
-        1 m where the tool only turns or only shifts; the mechanism's largest length where turns hardly move the actuators.
+        1 m where the tool only turns or only shifts; the mechanism's largest length where turns
+        hardly move the actuators.
         """
         K = self(self.inverse.base)[0]
         turns, shifts = K[:, self.turning], K[:, ~self.turning]
@@ -112,17 +118,21 @@ class Jacobians:
 
 
 def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
-    """Return the input-output Jacobians of a robot that has as many actuators as freedoms, and a tool.
+    """Return the input-output Jacobians of a robot that has as many actuators as freedoms, and a
+    tool.
 
     Args:
-        what: coordinates of the tool, as in `square.of_tool`; if left out those that it is led in at the reference.
+        what: coordinates of the tool, as in `square.of_tool`; if left out those that it is led in
+            at the reference.
 
     Raises:
-        LinkworkError: no tool, more or fewer actuators than freedoms, a reference around which all is singular.
+        LinkworkError: no tool, more or fewer actuators than freedoms, a reference around which all
+            is singular.
     """
     if not isinstance(robot, Robot):
         raise LinkworkError(
-            f"the Jacobians are those of a robot, not of {type(robot).__name__}; give a linkwork.Robot"
+            f"the Jacobians are those of a robot, not of {type(robot).__name__}; give a "
+            "linkwork.Robot"
         )
     robot.require_tool()
     if not (
@@ -130,18 +140,20 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
         or (isinstance(what, tuple | list) and all(isinstance(name, str) for name in what))
     ):
         raise LinkworkError(
-            f"the coordinates of the tool are {what!r}; give their names, or call what jacobians(robot) returns with state.q"
+            f"the coordinates of the tool are {what!r}; give their names, or call what "
+            "jacobians(robot) returns with state.q"
         )
     led = tool_coordinates(robot, near=False) if what is None else what
     return Jacobians(of_tool(robot, led), of_actuators(robot))
 
 
 def of_actuators(robot: Robot) -> Square:
-    """Return the system that asks for the actuated joints, of which there have to be as many as freedoms."""
+    """Return the system that asks for the actuated joints, of which there have to be as many as
+    freedoms."""
     if len(robot.actuators) != robot.mobility - len(robot.spins):
         raise LinkworkError(
-            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; input-output Jacobians "
-            "need as many actuators as freedoms"
+            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; "
+            "input-output Jacobians need as many actuators as freedoms"
         )
     return of_joints(robot, robot.actuators)
 
@@ -149,10 +161,12 @@ def of_actuators(robot: Robot) -> Square:
 def input_output(
     robot: Robot, state: State, what: tuple[str, ...] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and B (..., n, n) with A x' = B q' at states, each row of one actuator and of unit length.
+    """Return A and B (..., n, n) with A x' = B q' at states, each row of one actuator and of unit
+    length.
 
-    Row i is the relation between x' and the rate q_i' of actuator i alone, so that B is diagonal: the vector of
-    [Phi; J_x; J_q,i]'s left null space with the largest part in q_i'. It stays finite where B or A is singular.
+    Row i is the relation between x' and the rate q_i' of actuator i alone, so that B is diagonal:
+    the vector of [Phi; J_x; J_q,i]'s left null space with the largest part in q_i'. It stays finite
+    where B or A is singular.
 
     Args:
         state: closed configurations; their rates do not matter.
@@ -182,7 +196,8 @@ def input_output(
 
 
 def widest_relation(rows: np.ndarray) -> np.ndarray:
-    """Return the vector y with y' rows = 0, of length 1, whose last component is the largest positive."""
+    """Return the vector y with y' rows = 0, of length 1, whose last component is the largest
+    positive."""
     U, sigma, _ = np.linalg.svd(rows)
     rank = int(np.sum(sigma > 1e-12 * sigma[0]))
     null = U[:, rank:]

@@ -1,18 +1,21 @@
-"""Workspace: which poses of a grid the tool can reach, on one working mode, and how well the robot works there.
+"""Workspace: which poses of a grid the tool can reach, on one working mode, and how well the robot
+works there.
 
-All poses are solved at a time by Newton's method (`newton`), first from one configuration of the working mode, then,
-wave by wave, from neighbours that are solved. A solution counts where it is on the working mode: where the
-determinants of the inverse problem's stages have the signs that they have at the guess (`square`). So the boundary is
-drawn by the determinants, not by where Newton's method happens to end. Legs that are coupled make one stage: of two
-modes whose determinants have equal signs (an arm's elbow and shoulder both turned over) the nearer one is taken.
+All poses are solved at a time by Newton's method (`newton`), first from one configuration of the
+working mode, then, wave by wave, from neighbours that are solved. A solution counts where it is on
+the working mode: where the determinants of the inverse problem's stages have the signs that they
+have at the guess (`square`). So the boundary is drawn by the determinants, not by where Newton's
+method happens to end. Legs that are coupled make one stage: of two modes whose determinants have
+equal signs (an arm's elbow and shoulder both turned over) the nearer one is taken.
 
-    conditioning         1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
-    isotropic velocity   min_i rate_i / |row i of K|        what the tool reaches in every direction, without turning
-    isotropic force      min_i force_i / |column i of J|    what it bears in every direction, without moment
+    conditioning        1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
+    isotropic velocity  min_i rate_i / |row i of K|        what the tool reaches in every direction, without turning
+    isotropic force     min_i force_i / |column i of J|    what it bears in every direction, without moment
 
-A constant-orientation workspace is a grid with the angle constant; the reachable one is `reachable.any("angle")` of a
-grid over angles, too, the dexterous one `reachable.all("angle")`.
-Source: Merlet 2006, Parallel Robots, ch. 7 (workspaces); Gosselin & Angeles 1991, J. Mech. Design 113 (conditioning).
+A constant-orientation workspace is a grid with the angle constant; the reachable one is
+`reachable.any("angle")` of a grid over angles, too, the dexterous one `reachable.all("angle")`.
+Source: Merlet 2006, Parallel Robots, ch. 7 (workspaces); Gosselin & Angeles 1991, J. Mech. Design
+113 (conditioning).
 """
 
 from __future__ import annotations
@@ -63,23 +66,27 @@ def workspace(
 
     Args:
         robot: with as many actuators as freedoms, and a tool.
-        grid: coordinates of the pose by name, as many as freedoms: of x, y, angle in the plane, of x, y, z, rx, ry, rz
-            (rotation vector) in space [m, rad]; each an increasing or decreasing sequence, or one number.
+        grid: coordinates of the pose by name, as many as freedoms: of x, y, angle in the plane, of
+            x, y, z, rx, ry, rz (rotation vector) in space [m, rad]; each an increasing or
+            decreasing sequence, or one number.
         guess: a state on the working mode; `home` if left out.
-        limits: lower and upper bounds of joint coordinates by name [m, rad], beside those in the description.
+        limits: lower and upper bounds of joint coordinates by name [m, rad], beside those in the
+            description.
         rates: largest actuator rates [m/s, rad/s], for the isotropic velocity.
         forces: largest actuator forces [N, N m], for the isotropic force.
         length: characteristic length l [m]; that of `Jacobians.characteristic_length` if left out.
 
     Returns:
-        A dataset over the coordinates that are sequences: reachable; actuator_position [m, rad], angles within half a turn
-        of home's; conditioning; det_A, det_B over their values at the reference; isotropic_velocity [m/s],
-        isotropic_turn_rate [rad/s], isotropic_force [N], isotropic_moment [N m] where rates and forces are given. What is
-        out of reach is NaN. Its attrs say what was computed, in `message` how much is reached.
+        A dataset over the coordinates that are sequences: reachable; actuator_position [m, rad],
+            angles within half a turn
+        of home's; conditioning; det_A, det_B over their values at the reference; isotropic_velocity
+        [m/s], isotropic_turn_rate [rad/s], isotropic_force [N], isotropic_moment [N m] where rates
+        and forces are given. What is out of reach is NaN. Its attrs say what was computed, in
+        `message` how much is reached.
 
     Raises:
-        LinkworkError: unknown coordinates or joints, another number of them than freedoms, sequences that are no grid, a guess
-            that is leg-singular.
+        LinkworkError: unknown coordinates or joints, another number of them than freedoms,
+            sequences that are no grid, a guess that is leg-singular.
     """
     axes = read_grid(robot, grid)
     J = jacobians(robot, tuple(axes))
@@ -127,20 +134,23 @@ def read_grid(robot: Robot, grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarr
     """Return the axes of a grid: finite numbers, sequences strictly monotonic."""
     if not isinstance(grid, Mapping):
         raise LinkworkError(
-            f"the grid is {grid!r}; give the tool's coordinates by name, such as {{'x': numbers, 'y': 0.2}}"
+            f"the grid is {grid!r}; give the tool's coordinates by name, such as {{'x': numbers, "
+            f"'y': 0.2}}"
         )
     axes = {str(name): checks.finite(values, f"the grid's {name}") for name, values in grid.items()}
     for name, axis in axes.items():
         steps = np.diff(axis) if axis.ndim == 1 else np.zeros(0)
         if axis.ndim > 1 or not axis.size or not ((steps > 0).all() or (steps < 0).all()):
             raise LinkworkError(
-                f"the grid's {name} is no sequence of increasing or decreasing numbers, nor one number"
+                f"the grid's {name} is no sequence of increasing or decreasing numbers, nor one "
+                "number"
             )
     return axes
 
 
 def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return configurations (N, nq) at the poses, and which of these are reached on the working mode of the start (N)."""
+    """Return configurations (N, nq) at the poses, and which of these are reached on the working
+    mode of the start (N)."""
     determinants = problem.verdict(start, poses.values[0])[1]
     if np.abs(determinants).min(initial=np.inf) < SINGULAR:
         raise LinkworkError(
@@ -163,7 +173,8 @@ def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray,
 def neighbours(
     shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the targets that have a source beside them on the grid, and one such source for each (indices)."""
+    """Return the targets that have a source beside them on the grid, and one such source for each
+    (indices)."""
     index, source = np.arange(sources.size).reshape(shape), np.full(shape, -1)
     sources, targets = sources.reshape(shape), targets.reshape(shape)
     for axis in range(len(shape)):
@@ -289,7 +300,10 @@ def message(good: np.ndarray, poses: Poses) -> str:
     ranges = ", ".join(
         f"{name} from {axis.min():g} to {axis.max():g}" for name, axis in poses.axes.items()
     )
-    return f"none of {good.size} poses is reached on this working mode ({ranges}); choose others, or another guess"
+    return (
+        f"none of {good.size} poses is reached on this working mode ({ranges}); choose others, "
+        "or another guess"
+    )
 
 
 def measured(
@@ -343,10 +357,12 @@ def largest_ball(rows: np.ndarray, bound: np.ndarray) -> np.ndarray:
 
 
 def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[str, float], float]:
-    """Return the centre and radius of the largest circle or sphere of reached poses, to the accuracy of the grid.
+    """Return the centre and radius of the largest circle or sphere of reached poses, to the
+    accuracy of the grid.
 
     Args:
-        mapped: a workspace over two or three lengths, equally spaced each; other coordinates constant.
+        mapped: a workspace over two or three lengths, equally spaced each; other coordinates
+            constant.
         at_least: least conditioning that counts.
 
     Returns:
@@ -380,7 +396,8 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
 
 
 def content(mapped: xarray.Dataset) -> float:
-    """Return the area or volume of the reached poses [m, rad to the number of axes], to the accuracy of the grid."""
+    """Return the area or volume of the reached poses [m, rad to the number of axes], to the
+    accuracy of the grid."""
     share = mapped["reachable"]
     for name in share.dims:
         share = share.astype(float).integrate(name)

@@ -1,11 +1,13 @@
-"""Exciting trajectories: periodic motions of the actuators that tell the base parameters apart as well as possible.
+"""Exciting trajectories: periodic motions of the actuators that tell the base parameters apart as
+well as possible.
 
     q_i(t) = c_i + sum_k (a_ik / (omega k)) sin(omega k t) - (b_ik / (omega k)) cos(omega k t)
 
-Each actuator's series is stretched until it meets its first bound (range, rate or acceleration), so that every trial
-keeps them; of very many trials the best is improved by a search without derivatives. What is made small is the
-condition number of the stacked regressor, its columns measured by what random motions within the same bounds bring.
-Source: Swevers et al., IEEE Trans. Robotics and Automation 13 (1997) 730-740.
+Each actuator's series is stretched until it meets its first bound (range, rate or acceleration), so
+that every trial keeps them; of very many trials the best is improved by a search without
+derivatives. What is made small is the condition number of the stacked regressor, its columns
+measured by what random motions within the same bounds bring. Source: Swevers et al., IEEE Trans.
+Robotics and Automation 13 (1997) 730-740.
 """
 
 from __future__ import annotations
@@ -33,9 +35,10 @@ IMPOSSIBLE = 1e12
 class Excitation:
     """Hold a periodic motion of the actuators.
 
-    actuators: names; period [s]; coefficients: (1 + 2 harmonics, n) [m, rad], of 1, then of cos(k w t), then of
-    sin(k w t), k = 1 .. harmonics, w = 2 pi / period
-    condition: of the stacked regressor, its columns measured by those of random motions within the bounds
+    actuators: names; period [s]; coefficients: (1 + 2 harmonics, n) [m, rad], of 1, then of cos(k w
+    t), then of sin(k w t), k = 1 .. harmonics, w = 2 pi / period
+    condition: of the stacked regressor, its columns measured by those of random motions within the
+    bounds
     """
 
     actuators: tuple[str, ...]
@@ -51,7 +54,8 @@ class Excitation:
         return q, v, dv
 
     def motion(self, robot: Robot, samples: int = 201) -> Motion:
-        """Return the motion of the whole robot over one period, to simulate with or to take forces from."""
+        """Return the motion of the whole robot over one period, to simulate with or to take forces
+        from."""
         time = np.linspace(0, self.period, samples)
         q, v, dv = self.sample(time)
         states = robot.make_state(tracked(robot, q, robot.home.q), v)
@@ -79,7 +83,8 @@ class Search:
     def coefficients(self, shape: np.ndarray) -> np.ndarray:
         """Return coefficients (1 + 2 harmonics, n) of a trial's shape: stretched to the bounds.
 
-        The first n numbers of the shape move the middle of each motion within its range, for as much less amplitude.
+        The first n numbers of the shape move the middle of each motion within its range, for as
+        much less amplitude.
         """
         n = self.middle.size
         offset = np.tanh(shape[:n])
@@ -100,7 +105,8 @@ class Search:
         return series
 
     def stacked(self, shape: np.ndarray) -> np.ndarray | None:
-        """Return the stacked regressor of the base parameters (rows, r) of a trial, None where it leaves the workspace."""
+        """Return the stacked regressor of the base parameters (rows, r) of a trial, None where it
+        leaves the workspace."""
         time = np.linspace(0, self.period, SAMPLES, endpoint=False)
         trial = Excitation(self.problem.square.what, self.period, self.coefficients(shape), np.inf)
         q_a, v, dv = trial.sample(time)
@@ -137,15 +143,19 @@ def exciting_trajectory(
     trials: int = 200,
     seed: int = 0,
 ) -> Excitation:
-    """Find a periodic motion of the actuators from which the base parameters can be identified well.
+    """Find a periodic motion of the actuators from which the base parameters can be identified
+    well.
 
     Args:
         robot: with as many actuators as freedoms, whose rates are the independent ones.
         period: [s]; harmonics: of the Fourier series.
-        ranges: lower and upper bound of each actuated coordinate, by name [m, rad], around home's assembly mode.
-        rates, accelerations: largest ones of the actuators: one number, one each, or by name [m/s, rad/s; per s].
+        ranges: lower and upper bound of each actuated coordinate, by name [m, rad], around home's
+            assembly mode.
+        rates, accelerations: largest ones of the actuators: one number, one each, or by name
+            [m/s, rad/s; per s].
         effects: joint effects to identify, as in `identify`.
-        trials: number of random trials; the best of them is improved by as many evaluations again; seed: of these.
+        trials: number of random trials; the best of them is improved by as many evaluations again;
+            seed: of these.
 
     Raises:
         LinkworkError: bounds that do not fit, ranges of which no trial stays in the workspace.
@@ -182,7 +192,8 @@ def exciting_trajectory(
     stacks = [(shape, Y) for shape in shapes if (Y := search.stacked(shape)) is not None]
     if not stacks:
         raise LinkworkError(
-            f"none of {trials} trials stays in the workspace on this assembly mode; narrow the ranges"
+            f"none of {trials} trials stays in the workspace on this assembly mode; narrow the "
+            "ranges"
         )
     sizes = np.sqrt(np.mean([np.sum(Y**2, axis=0) for _, Y in stacks], axis=0))
     best = min((shape for shape, _ in stacks), key=lambda shape: search.condition(shape, sizes))

@@ -2,15 +2,16 @@
 
     S' u - known = Y_b(q, v, v') beta + noise
 
-stacked over all samples, rows weighted by the size of their noise. With W the weighted stack and r what remains,
+stacked over all samples, rows weighted by the size of their noise. With W the weighted stack and r
+what remains,
 
     beta = W^+ s,    sigma^2 = |r|^2 / (rows - r),    cov beta = sigma^2 (W' W)^-1
 
-A periodic motion is measured best by fitting a Fourier series to it, whose derivatives need no differences. Its
-coordinates are those of the actuators; the other joints follow by the direct kinematics, and so no sensors but the
-motors' are needed.
-Source: Khalil & Dombre 2002, ch. 12; Swevers, Ganseman, Tukel, De Schutter & Van Brussel, IEEE Trans. Robotics and
-Automation 13 (1997) 730-740 (periodic excitation).
+A periodic motion is measured best by fitting a Fourier series to it, whose derivatives need no
+differences. Its coordinates are those of the actuators; the other joints follow by the direct
+kinematics, and so no sensors but the motors' are needed.
+Source: Khalil & Dombre 2002, ch. 12; Swevers, Ganseman, Tukel, De Schutter & Van Brussel, IEEE
+Trans. Robotics and Automation 13 (1997) 730-740 (periodic excitation).
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ REWEIGHTED = 3
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Hold measured motion and forces: states (N), accelerations of the independent rates (N, n), forces u (N, actuators)."""
+    """Hold measured motion and forces: states (N), accelerations of the independent rates (N, n),
+    forces u (N, actuators)."""
 
     states: State
     accelerations: np.ndarray
@@ -45,9 +47,11 @@ class Measured:
 class Identification:
     """Hold identified base parameters.
 
-    base: what they stand for; values, deviations: beta and its standard deviation (r), in the unit of the first of the
+    base: what they stand for; values, deviations: beta and its standard deviation (r), in the unit
+    of the first of the
         parameters in each
-    condition: of the stacked regressor, its columns brought to equal length; residual: root mean square of what remains of
+    condition: of the stacked regressor, its columns brought to equal length; residual: root mean
+    square of what remains of
         the forces, by independent rate (n) [N, N m]
     """
 
@@ -68,7 +72,8 @@ class Identification:
         return self.base.described
 
     def forces(self, states: State, accelerations: np.ndarray) -> np.ndarray:
-        """Return what the identified parameters foretell for the forces on the independent rates (..., n) [N, N m]."""
+        """Return what the identified parameters foretell for the forces on the independent rates
+        (..., n) [N, N m]."""
         Y, known = self.base.regressor.with_known(states, accelerations)
         return Y[..., self.base.columns] @ self.values + known
 
@@ -99,7 +104,8 @@ def identify(
     rows = np.swapaxes(own[:, None] * Y[..., base.columns], 0, 1).reshape(right.size, -1)
     if right.size <= rows.shape[1]:
         raise LinkworkError(
-            f"{right.size} measured forces do not give {rows.shape[1]} parameters; measure more samples"
+            f"{right.size} measured forces do not give {rows.shape[1]} parameters; measure more "
+            "samples"
         )
     lengths = np.linalg.norm(rows, axis=0)
     even = rows / np.where(lengths > 0, lengths, 1.0)
@@ -107,8 +113,8 @@ def identify(
     if not sigma[-1] > 1e-10 * sigma[0]:
         weakest = base.names[int(np.argmin(lengths))]
         raise LinkworkError(
-            f"the motion does not tell the {rows.shape[1]} base parameters apart (least seen: {weakest}); use a richer one, "
-            "such as analysis.exciting_trajectory gives"
+            f"the motion does not tell the {rows.shape[1]} base parameters apart (least seen: "
+            f"{weakest}); use a richer one, such as analysis.exciting_trajectory gives"
         )
     beta, weights = np.zeros(rows.shape[1]), np.ones(n)
     for _ in range(REWEIGHTED):
@@ -148,7 +154,8 @@ def periodic(
     harmonics: int,
     guess: State | None = None,
 ) -> Measured:
-    """Return a measured periodic motion, its positions smoothed and differentiated by a Fourier series.
+    """Return a measured periodic motion, its positions smoothed and differentiated by a Fourier
+    series.
 
     Args:
         robot: with as many actuators as freedoms, whose rates are the independent ones.
@@ -157,7 +164,8 @@ def periodic(
         guess: a state on the assembly mode of the motion, near its start; `home` if left out.
 
     Raises:
-        LinkworkError: wrong shapes, fewer samples than coefficients; UnreachableError where the loops do not close.
+        LinkworkError: wrong shapes, fewer samples than coefficients; UnreachableError where the
+            loops do not close.
     """
     n = len(robot.actuators)
     if robot.independent != robot.actuators:
@@ -170,12 +178,14 @@ def periodic(
     )
     if t.ndim != 1 or q_a.shape != (t.size, n) or u.shape != (t.size, n):
         raise LinkworkError(
-            f"time, positions and forces have the shapes {t.shape}, {q_a.shape}, {u.shape}; give (N,), (N, {n})"
+            f"time, positions and forces have the shapes {t.shape}, {q_a.shape}, {u.shape}; give "
+            f"(N,), (N, {n})"
         )
     checks.positive(period, "the period")
     if not isinstance(harmonics, int) or harmonics < 1 or t.size <= 2 * harmonics + 1:
         raise LinkworkError(
-            f"harmonics is {harmonics!r} for {t.size} samples; give a number from 1 to less than half of these"
+            f"harmonics is {harmonics!r} for {t.size} samples; give a number from 1 to less than "
+            "half of these"
         )
     series = [fourier(t, 2 * np.pi / period, harmonics, order) for order in range(3)]
     coefficients = np.linalg.lstsq(series[0], q_a, rcond=None)[0]
@@ -185,7 +195,8 @@ def periodic(
 
 
 def fourier(t: np.ndarray, omega: float, harmonics: int, order: int) -> np.ndarray:
-    """Return the basis (N, 1 + 2 harmonics) 1, cos, sin of a Fourier series at times, or its time derivative of an order."""
+    """Return the basis (N, 1 + 2 harmonics) 1, cos, sin of a Fourier series at times, or its time
+    derivative of an order."""
     k = omega * np.arange(1, harmonics + 1)
     phase = np.multiply.outer(t, k) + order * np.pi / 2
     constant = np.ones((t.size, 1)) if order == 0 else np.zeros((t.size, 1))

@@ -1,8 +1,10 @@
-"""Linearisation: how a robot moves near a state, exact along the constraint manifold (`linkwork.equations.linear`).
+"""Linearisation: how a robot moves near a state, exact along the constraint manifold
+(`linkwork.equations.linear`).
 
     xi' = Gamma xi + dv,     dv' = f_q S xi + f_v dv + f_u du
 
-xi are small shifts of the independent joints. At rest, with v' = 0, the same derivatives give stiffness and natural modes:
+xi are small shifts of the independent joints. At rest, with v' = 0, the same derivatives give
+stiffness and natural modes:
 
     K = -d(S' u - G + f)/d xi        M phi omega^2 = K phi
 
@@ -43,8 +45,9 @@ INDIFFERENT = 1e-12  # square of a frequency, relative to the largest, and to th
 class LinearModel:
     """Hold x' = A x + B u, y = C x + D u for deviations x = (xi, dv) from a state, u from a force.
 
-    states: names of x: independent coordinates [m, rad], then their rates; inputs: the actuators; outputs: names of y
-    units: the mechanism's own of x and of u, but for time and mass: its length or 1 rad of x, the reciprocal of u
+    states: names of x: independent coordinates [m, rad], then their rates; inputs: the actuators;
+    outputs: names of y units: the mechanism's own of x and of u, but for time and mass: its length
+    or 1 rad of x, the reciprocal of u
     """
 
     A: np.ndarray
@@ -67,7 +70,8 @@ class LinearModel:
 
     @property
     def controllable(self) -> bool:
-        """Tell whether the actuators reach every mode: no left eigenvector of A is perpendicular to B (Hautus)."""
+        """Tell whether the actuators reach every mode: no left eigenvector of A is perpendicular to
+        B (Hautus)."""
         x, u = self.units
         A, B, n = self.A * x / x[:, None], self.B * u / x[:, None], len(x) // 2
         pace = max(largest(A[:n, :n]), largest(A[n:, n:]), largest(A[n:, :n]) ** 0.5) or 1.0  # 1/s
@@ -101,16 +105,18 @@ def linearise(
 ) -> LinearModel:
     """Linearise the equations of motion about a state and actuator forces.
 
-    The state need not be an equilibrium: deviations are then those from the motion through it, at this instant.
+    The state need not be an equilibrium: deviations are then those from the motion through it, at
+    this instant.
 
     Args:
         state: one state, moving or at rest.
         forces: u of the actuators (actuators) [N, N m], or by name (others zero); zero if left out.
-        outputs: names of joint coordinates and rates: "slide_1" for the coordinate, "slide_1 rate" for its rate; the
-            independent coordinates and rates if left out.
+        outputs: names of joint coordinates and rates: "slide_1" for the coordinate, "slide_1 rate"
+            for its rate; the independent coordinates and rates if left out.
 
     Raises:
-        LinkworkError: a stack of states, unknown names, forces of wrong size, a singular configuration.
+        LinkworkError: a stack of states, unknown names, forces of wrong size, a singular
+            configuration.
     """
     u = actuator_forces(robot, forces)
     values, n = evaluated(robot, state, u), robot.mobility
@@ -138,9 +144,9 @@ def output_row(robot: Robot, values: Mapping[str, np.ndarray], name: str, n: int
 class NaturalModes:
     """Hold the small undamped vibrations about an equilibrium.
 
-    frequencies: omega / 2 pi [Hz], lowest first; imaginary parts of unstable directions are given as negative numbers
-    shapes: (n, modes) of the independent coordinates, of unit modal mass, phi' M phi = 1
-    joints: (m, modes) the same in the rates of all joints, in the order of `rates`
+    frequencies: omega / 2 pi [Hz], lowest first; imaginary parts of unstable directions are given
+    as negative numbers shapes: (n, modes) of the independent coordinates, of unit modal mass, phi'
+    M phi = 1 joints: (m, modes) the same in the rates of all joints, in the order of `rates`
     M, K: inertia and stiffness in the independent coordinates
     independent, rates: names
     """
@@ -175,11 +181,12 @@ class NaturalModes:
 def natural_modes(
     robot: Robot, state: State, forces: ArrayLike | Mapping[str, float] | None = None
 ) -> NaturalModes:
-    """Return natural frequencies and mode shapes about an equilibrium: K phi = omega^2 M phi, dampers left out.
+    """Return natural frequencies and mode shapes about an equilibrium: K phi = omega^2 M phi,
+    dampers left out.
 
     Args:
-        state: one state at rest; forces: the actuator forces that hold it; the least ones that do if left out, none without
-            actuators.
+        state: one state at rest; forces: the actuator forces that hold it; the least ones that do
+            if left out, none without actuators.
 
     Raises:
         LinkworkError: a state that moves, or that the forces do not hold.
@@ -198,13 +205,15 @@ def natural_modes(
     usual = max(fall, largest(parts), largest(squares))
     if largest(state.rates / units) > AT_REST * np.sqrt(usual):
         raise LinkworkError(
-            "natural modes are those about an equilibrium, but the state moves; set its rates to zero"
+            "natural modes are those about an equilibrium, but the state moves; set its rates "
+            "to zero"
         )
     residual = robot.forward_dynamics(state, u)
     if largest(residual / units) > BALANCED * usual:
         raise LinkworkError(
-            f"the state is no equilibrium under these forces: it accelerates by {largest(residual):.3g}; find one by "
-            "analysis.equilibrium, or give the forces that hold it"
+            "the state is no equilibrium under these forces: it accelerates by "
+            f"{largest(residual):.3g}; find one by analysis.equilibrium, or give the forces that "
+            "hold it"
         )
     squares = np.where(np.abs(squares) < INDIFFERENT * max(fall, largest(squares)), 0.0, squares)
     frequencies = np.sign(squares) * np.sqrt(np.abs(squares)) / (2 * np.pi)
@@ -215,7 +224,8 @@ def natural_modes(
 def stiffness_matrix(
     robot: Robot, state: State, forces: ArrayLike | Mapping[str, float] | None = None
 ) -> np.ndarray:
-    """Return K (n x n) = -d(S' u - G + f)/d xi of a state at rest: springs, weight and constant actuator forces.
+    """Return K (n x n) = -d(S' u - G + f)/d xi of a state at rest: springs, weight and constant
+    actuator forces.
 
     It is symmetric where the forces are in equilibrium.
     """
@@ -231,17 +241,19 @@ def tool_stiffness(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the stiffness and the compliance at the tool that the stiffnesses of joints give.
 
-        C_x = T (L' k L + K)^-1 T',     K_x = C_x^-1 where the tool can be moved in all its directions
+        C_x = T (L' k L + K)^-1 T',   K_x = C_x^-1 where the tool can be moved in all its directions
 
     Args:
-        stiffness: k of joint rates by name [N/m, N m/rad], of actuators or any other joints; the others are rigid only
-            where the loops make them so.
-        forces: actuator forces, to add what weight, springs and these forces themselves do (K); left out: K = 0.
+        stiffness: k of joint rates by name [N/m, N m/rad], of actuators or any other joints; the
+            others are rigid only where the loops make them so.
+        forces: actuator forces, to add what weight, springs and these forces themselves do (K);
+            left out: K = 0.
 
     Returns:
-        K_x and C_x (6 x 6), for (rotation, translation) of the tool and wrenches (moment, force) about it, in the ground's
-        axes [N m/rad, N, N/m and their inverses]. K_x is the pseudo-inverse of C_x in the mechanism's own length: stiffness
-        in directions in which the tool cannot move is not told.
+        K_x and C_x (6 x 6), for (rotation, translation) of the tool and wrenches (moment, force)
+        about it, in the ground's axes [N m/rad, N, N/m and their inverses]. K_x is the
+        pseudo-inverse of C_x in the mechanism's own length: stiffness in directions in which the
+        tool cannot move is not told.
 
     Raises:
         LinkworkError: unknown joints, negative stiffness, joints that leave the robot loose.
@@ -261,7 +273,8 @@ def tool_stiffness(
     sigma = np.linalg.svd(K * units * units[:, None], compute_uv=False)
     if not sigma[-1] > 1e-12 * max(sigma[0], 1e-300):
         raise LinkworkError(
-            f"the stiffnesses of {', '.join(stiffness) or 'no joint'} leave the robot loose; give more"
+            f"the stiffnesses of {', '.join(stiffness) or 'no joint'} leave the robot loose; "
+            "give more"
         )
     T = values["T_tool"]
     compliance = T @ np.linalg.solve(K, T.T)

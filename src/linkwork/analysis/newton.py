@@ -1,9 +1,11 @@
-"""Newton's method on many starts at a time: closed configurations with asked joint coordinates or tool poses.
+"""Newton's method on many starts at a time: closed configurations with asked joint coordinates or
+tool poses.
 
     q_next = q + N w s,    [Phi; J] w = -[phi; error],    s = min(1, 1 / largest of |w_k| / limit_k)
 
-Steps are limited, so that an almost singular Jacobian throws no start far away. States are worked off in chunks that
-fit the processor's cache, over threads; those that have converged leave their chunk.
+Steps are limited, so that an almost singular Jacobian throws no start far away. States are worked
+off in chunks that fit the processor's cache, over threads; those that have converged leave their
+chunk.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ class Solver:
 
     @cached_property
     def step(self) -> Kernel:
-        """(q, y) -> q after a step, and the largest of |phi| and |error| before it, in the mechanism's own units."""
+        """(q, y) -> q after a step, and the largest of |phi| and |error| before it, in the
+        mechanism's own units."""
         square, tree = self.square, self.square.equations.tree
         w = square.newton
         limits = np.where(sliding(square), SLIDE * self.length, TURN)
@@ -77,7 +80,8 @@ class Solver:
         )
 
     def signs(self, q: np.ndarray) -> np.ndarray:
-        """Return the signs of the stages' determinants (..., stages), relative to those at the reference."""
+        """Return the signs of the stages' determinants (..., stages), relative to those at the
+        reference."""
         return np.sign(self.verdict(q, np.zeros(len(self.square.what)))[1])
 
     def solve(
@@ -88,10 +92,12 @@ class Solver:
         Args:
             q: starts (N, nq) or (nq); y: what is asked (N, rows) or (rows).
             iterations: most steps to take.
-            mode: signs of the stages' determinants (stages) that solutions have to have; any if left out.
+            mode: signs of the stages' determinants (stages) that solutions have to have; any if
+                left out.
 
         Returns:
-            q (N, nq), and which of them have converged, in the mode and with the joints' frames facing the right way (N).
+            q (N, nq), and which of them have converged, in the mode and with the joints' frames
+            facing the right way (N).
         """
         count = max(len(part) for part in (q, y) if part.ndim == 2)
         q, y = (np.broadcast_to(part, (count, part.shape[-1])) for part in (q, y))
@@ -136,7 +142,8 @@ def solver(square: Square) -> Solver:
 
 
 def extent(square: Square) -> float:
-    """Return the mechanism's largest length at its reference [m], or else its own: joint frames, slides, bodies."""
+    """Return the mechanism's largest length at its reference [m], or else its own: joint frames,
+    slides, bodies."""
     robot = square.robot
     frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
     lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
@@ -164,7 +171,8 @@ Result = TypeVar("Result")
 
 
 def in_threads(work: Callable[[slice], Result], parts: Sequence[slice]) -> list[Result]:
-    """Do the parts of a job in as many threads as there are processors; compiled code runs side by side."""
+    """Do the parts of a job in as many threads as there are processors; compiled code runs side by
+    side."""
     if len(parts) <= 1:
         return [work(part) for part in parts]
     with ThreadPoolExecutor(min(len(parts), usable_processors())) as pool:
@@ -174,7 +182,8 @@ def in_threads(work: Callable[[slice], Result], parts: Sequence[slice]) -> list[
 def random_configurations(
     square: Square, length: float, count: int, random: np.random.Generator
 ) -> np.ndarray:
-    """Return random configurations (count, nq): angles and orientations uniform, slides within a length of home.
+    """Return random configurations (count, nq): angles and orientations uniform, slides within a
+    length of home.
 
     Their loops are open. Coordinates that are asked for are set by the caller.
     """

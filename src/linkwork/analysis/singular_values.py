@@ -1,11 +1,13 @@
 """Singular values of very many small matrices, by one-sided Jacobi rotations in compiled code.
 
-Columns a_i, a_j of A are turned until they are perpendicular; their lengths are then the singular values:
+Columns a_i, a_j of A are turned until they are perpendicular; their lengths are then the singular
+values:
 
     tan 2t = 2 a_i.a_j / (a_i.a_i - a_j.a_j)        |a_i.a_j| <= eps |a_i| |a_j|
 
 Small values are found to high relative accuracy, which the eigenvalues of A' A are not.
-Source: Golub & Van Loan, Matrix Computations, 4th ed., sec. 8.6.3; Demmel & Veselic, SIAM J. Matrix Anal. 13 (1992).
+Source: Golub & Van Loan, Matrix Computations, 4th ed., sec. 8.6.3; Demmel & Veselic, SIAM J. Matrix
+Anal. 13 (1992).
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ _ROWS = types.Array(types.float64, 2, "C")
 
 @compiled_once("singular values", types.void(_STACK, _ROWS))
 def _singular_values(A, values):
-    """Overwrite `values` (N, n) with the singular values of A (N, n, m) by rows, largest first; A is used up."""
+    """Overwrite `values` (N, n) with the singular values of A (N, n, m) by rows, largest first; A
+    is used up."""
     count, n, m = A.shape
     for s in range(count):
         for _ in range(SWEEPS):
@@ -66,10 +69,12 @@ def singular_values(matrices: np.ndarray) -> np.ndarray:
     """Return the singular values, largest first, of a stack of matrices.
 
     Args:
-        matrices: A (..., m, n), m >= n, finite; entries neither near overflow nor underflow when squared.
+        matrices: A (..., m, n), m >= n, finite; entries neither near overflow nor underflow when
+            squared.
 
     Returns:
-        sigma (..., n), to a relative accuracy of a few units in the last place of the largest one or better.
+        sigma (..., n), to a relative accuracy of a few units in the last place of the largest one
+        or better.
     """
     *leading, m, n = matrices.shape
     columns = np.array(np.swapaxes(matrices, -1, -2).reshape(-1, n, m), order="C")

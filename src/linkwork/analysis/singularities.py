@@ -6,13 +6,14 @@
     kind III   both
     constraint  rank Phi < its rank elsewhere: the loops themselves let go of a freedom
 
-At one state the kinds are told by singular values: of the rows of the tool and of the actuators on the motions that the
-loops allow, and of Phi. Over a workspace or along a motion the signed determinants are smooth functions of q, whose zeros
-are the loci. The way to a locus is |det| / |d det / ds|, to first order: kind II by the way s of the tool (turns times the
-characteristic length), kind I by that of the actuators, in which the determinants change regularly.
+At one state the kinds are told by singular values: of the rows of the tool and of the actuators on
+the motions that the loops allow, and of Phi. Over a workspace or along a motion the signed
+determinants are smooth functions of q, whose zeros are the loci. The way to a locus is |det| / |d
+det / ds|, to first order: kind II by the way s of the tool (turns times the characteristic length),
+kind I by that of the actuators, in which the determinants change regularly.
 
-Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Zlatanov, Bonev & Gosselin, ICRA 2002
-(constraint singularities).
+Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Zlatanov, Bonev &
+Gosselin, ICRA 2002 (constraint singularities).
 """
 
 from __future__ import annotations
@@ -39,11 +40,16 @@ if TYPE_CHECKING:
     import xarray
 
 BOUND = 1e-6
-VANISHING = 1e-9  # of what the rows measure on all motions: what they measure on those that the loops allow is rounding
+VANISHING = 1e-9
+"""Of what the rows measure on all motions: what they measure on those that the loops allow is
+rounding."""
 SENTENCES = {
     "I": "leg-singular: joints can move with {held} held still",
     "II": "actuator-singular: the tool can move with the actuators locked",
-    "III": "leg-singular and actuator-singular at once: joints can move with {held} held still, and with the actuators locked",
+    "III": (
+        "leg-singular and actuator-singular at once: joints can move with {held} held still, and "
+        "with the actuators locked"
+    ),
     "constraint": "the loops let go of a freedom more than elsewhere",
 }
 
@@ -53,10 +59,11 @@ class Singularity:
     """Hold what is singular at a state.
 
     kinds: of "I", "II", "III" and "constraint"; empty where the state is regular
-    leg, actuator, constraint: smallest over largest singular value of the tool's rows and the actuators' rows on the
+    leg, actuator, constraint: smallest over largest singular value of the tool's rows and the
+    actuators' rows on the
         motions that the loops allow, and of the loops' rows; free of units, 0 singular
-    tool: for kind II the tool's motion with the actuators locked, by coordinate [m/s, rad/s], its largest 1; else empty
-    held: what of the tool kind I was judged by
+    tool: for kind II the tool's motion with the actuators locked, by coordinate [m/s, rad/s], its
+    largest 1; else empty held: what of the tool kind I was judged by
     """
 
     kinds: tuple[str, ...]
@@ -79,8 +86,9 @@ def singularity(
     Args:
         robot: with as many actuators as freedoms, and a tool.
         state: one closed configuration.
-        what: coordinates of the tool that count, of x, y, angle or x, y, z, rx, ry, rz; if left out those that it is led in:
-            all, the position, or the orientation, or the whole pose where none of these is led alone.
+        what: coordinates of the tool that count, of x, y, angle or x, y, z, rx, ry, rz; if left out
+            those that it is led in: all, the position, or the orientation, or the whole pose where
+                none of these is led alone.
         bound: ratio of singular values below which a matrix counts as singular.
 
     Raises:
@@ -138,7 +146,8 @@ class Watched:
 
 
 def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
-    """Return what is watched of a robot: the coordinates asked for, or those that the tool is led in, or the whole pose."""
+    """Return what is watched of a robot: the coordinates asked for, or those that the tool is led
+    in, or the whole pose."""
     robot.require_tool()
     led = led_coordinates(robot, near=False) if what is None else tuple(what)
     if led is not None:
@@ -158,7 +167,8 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
 
 
 def null_space(A: np.ndarray, rank: int, bound: float) -> np.ndarray:
-    """Return an orthonormal basis of the null space of a matrix (by columns), of at most the given rank."""
+    """Return an orthonormal basis of the null space of a matrix (by columns), of at most the given
+    rank."""
     if not A.size:
         return np.eye(A.shape[1])
     _, sigma, V = np.linalg.svd(A)
@@ -166,7 +176,8 @@ def null_space(A: np.ndarray, rank: int, bound: float) -> np.ndarray:
 
 
 def ratio(A: np.ndarray, n: int, rows: np.ndarray) -> float:
-    """Return the singular value number n of a matrix over the largest; where A vanishes beside its rows, about 0."""
+    """Return the singular value number n of a matrix over the largest; where A vanishes beside its
+    rows, about 0."""
     sigma = np.linalg.svd(A, compute_uv=False)
     return float(sigma[n - 1] / max(sigma[0], VANISHING * float(np.linalg.norm(rows)), 1e-300))
 
@@ -195,7 +206,8 @@ class Distance:
         return compile_function(function).given(made.robot.p)
 
     def __call__(self, q: np.ndarray, length: float | None) -> dict[str, np.ndarray]:
-        """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations (N, nq)."""
+        """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations
+        (N, nq)."""
         K, _, det_B, det_A = self.made(q)
         sigma = singular_values(self.made.homogeneous(K, length))
         slope_A, slope_B = self.kernel(q)
@@ -225,9 +237,11 @@ def along(
         length: characteristic length [m]; that of `Jacobians.characteristic_length` if left out.
 
     Returns:
-        A dataset over time (or over `sample`): det_A and det_B over their values at the reference, conditioning,
-        tool_distance [m] to an actuator-singular and actuator_distance [m, rad] to a leg-singular configuration, to
-        first order. `crossings` and `leg_crossings` are the times at which det A and det B are zero or change sign.
+        A dataset over time (or over `sample`): det_A and det_B over their values at the reference,
+            conditioning,
+        tool_distance [m] to an actuator-singular and actuator_distance [m, rad] to a leg-singular
+        configuration, to first order. `crossings` and `leg_crossings` are the times at which det A
+        and det B are zero or change sign.
     """
     import xarray
 
@@ -257,25 +271,28 @@ def samples(robot: Robot, motion: Motion | Run | State) -> tuple[str, np.ndarray
     q = robot.own(motion).q
     if q.ndim != 2:
         raise LinkworkError(
-            f"the states have the leading shape {q.shape[:-1]}; give a stack of one leading dimension"
+            f"the states have the leading shape {q.shape[:-1]}; give a stack of one leading "
+            "dimension"
         )
     return "sample", np.arange(len(q)), q
 
 
 def zeros(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return where y (N) is zero over x, or changes sign between two samples, by linear interpolation."""
+    """Return where y (N) is zero over x, or changes sign between two samples, by linear
+    interpolation."""
     k = np.flatnonzero(np.sign(y[1:]) * np.sign(y[:-1]) < 0)
     between = x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1])
     return np.sort(np.concatenate([x[y == 0], between]))
 
 
 def loci(mapped: xarray.Dataset, name: str = "det_A", level: float = 0.0) -> list[np.ndarray]:
-    """Return the lines on which a quantity of a workspace over two axes has a value: the singularity loci for det_A, 0.
+    """Return the lines on which a quantity of a workspace over two axes has a value: the
+    singularity loci for det_A, 0.
 
     Args:
         mapped: a workspace over two axes.
-        name: det_A for kind II; `reachable` at the level 0.5 for the edge of the workspace (kind I, or joint limits);
-            or any quantity.
+        name: det_A for kind II; `reachable` at the level 0.5 for the edge of the workspace
+            (kind I, or joint limits); or any quantity.
 
     Returns:
         lines (K, 2), in the order of the dataset's axes [m, rad].

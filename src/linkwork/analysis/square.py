@@ -2,13 +2,14 @@
 
     [Phi; J] w = [0; y']        J: rows of what is asked: joint rates, or the tool's twist
 
-Such a system decides the direct (J: the actuators' rates) and the inverse kinematics (J: the tool's). It is solved as
-the equations of motion are: an order of elimination chosen once, traced as straight-line code, evaluated many states
-at a time. Rates that the rows leave undetermined (spins) are held. The determinant of each stage of the
-block triangular form vanishes where the system is singular and nowhere else: between its zeros its sign tells
-working modes and assembly modes apart.
-Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290 (the two Jacobians); Chablat & Wenger,
-ICRA 1998 (working modes by the signs of the inverse problem's determinant).
+Such a system decides the direct (J: the actuators' rates) and the inverse kinematics
+(J: the tool's). It is solved as the equations of motion are: an order of elimination chosen once,
+traced as straight-line code, evaluated many states at a time. Rates that the rows leave
+undetermined (spins) are held. The determinant of each stage of the block triangular form vanishes
+where the system is singular and nowhere else: between its zeros its sign tells working modes and
+assembly modes apart. Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990)
+281-290 (the two Jacobians); Chablat & Wenger, ICRA 1998 (working modes by the signs of the inverse
+problem's determinant).
 """
 
 from __future__ import annotations
@@ -36,10 +37,12 @@ SPREAD = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Square:
-    """Hold the rows of what is asked of a robot, and the elimination that solves them together with the loops.
+    """Hold the rows of what is asked of a robot, and the elimination that solves them together with
+    the loops.
 
-    what: names of the rows; J: rows x nv; target: y (rows); error: value - target (rows), angles the short way round
-    heights: units of the rows: the mechanism's own length of lengths, 1 of angles
+    what: names of the rows; J: rows x nv; target: y (rows); error: value - target (rows), angles
+    the short way round heights: units of the rows: the mechanism's own length of lengths, 1 of
+    angles
     """
 
     robot: Robot
@@ -60,7 +63,8 @@ class Square:
 
     @property
     def base(self) -> np.ndarray:
-        """Configuration (nq) at which it was chosen: the reference, or one near it where that itself is singular."""
+        """Configuration (nq) at which it was chosen: the reference, or one near it where that
+        itself is singular."""
         return self._chosen[1]
 
     @cached_property
@@ -86,7 +90,8 @@ class Square:
 
     @cached_property
     def solution(self) -> ca.SX:
-        """W (nv x rows): the rates w = W y' for which the loops stay closed, at closed configurations."""
+        """W (nv x rows): the rates w = W y' for which the loops stay closed, at closed
+        configurations."""
         count = self.J.shape[0]
         return self._solve(
             self.equations.rows.Phi, SX.zeros(len(self.equations.rows.names), count), SX.eye(count)
@@ -130,13 +135,15 @@ def product(factors: Sequence[ca.SX]) -> ca.SX:
 
 
 def of_joints(robot: Robot, names: Sequence[str]) -> Square:
-    """Return the system that asks for joint coordinates: the direct kinematics where they are the actuated ones.
+    """Return the system that asks for joint coordinates: the direct kinematics where they are the
+    actuated ones.
 
     Args:
         names: joint coordinates that have a rate of their own.
 
     Raises:
-        LinkworkError: names that are unknown or part of a quaternion; coordinates that do not determine the motion.
+        LinkworkError: names that are unknown or part of a quaternion; coordinates that do not
+            determine the motion.
     """
     checks.known(names, robot.coordinates, "joint")
     for name in names:
@@ -164,8 +171,8 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
     """Return the system that asks for coordinates of the tool's pose: the inverse kinematics.
 
     Args:
-        what: some of x, y, angle in the plane; of x, y, z, rx, ry, rz (rotation vector, all three or none) in space; as
-            many as the tool can follow if left out.
+        what: some of x, y, angle in the plane; of x, y, z, rx, ry, rz (rotation vector, all three
+            or none) in space; as many as the tool can follow if left out.
 
     Raises:
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
@@ -215,24 +222,29 @@ def pose_names(robot: Robot) -> tuple[str, ...]:
 
 
 def tool_coordinates(robot: Robot, near: bool = True) -> tuple[str, ...]:
-    """Return the coordinates of the tool's pose that the robot can lead (`led_coordinates`); refuse where there are none."""
+    """Return the coordinates of the tool's pose that the robot can lead (`led_coordinates`); refuse
+    where there are none."""
     led = led_coordinates(robot, near)
     if led is None:
         names = pose_names(robot)
         raise LinkworkError(
-            f"the tool's pose has {len(names)} coordinates and the robot {robot.mobility - len(robot.spins)} freedoms; name "
-            f"the coordinates that the tool is led in, of {', '.join(names)}"
+            f"the tool's pose has {len(names)} coordinates and the robot "
+            f"{robot.mobility - len(robot.spins)} freedoms; name the coordinates that the tool "
+            f"is led in, of {', '.join(names)}"
         )
     return led
 
 
 def led_coordinates(robot: Robot, near: bool) -> tuple[str, ...] | None:
-    """Return the coordinates of the tool's pose that the robot can lead: all, the position, or the orientation.
+    """Return the coordinates of the tool's pose that the robot can lead: all, the position, or the
+    orientation.
 
     They have to be independent at the reference or near it.
 
-    near: whether that is enough. If not, a part of the pose may lack one direction at the reference, where a leg or an arm
-        is stretched, but not more: a tool that shifts only as it tilts lacks two when it is level, and is not led in them.
+    near: whether that is enough. If not, a part of the pose may lack one direction at the
+    reference, where a leg or an arm
+        is stretched, but not more: a tool that shifts only as it tilts lacks two when it is level,
+        and is not led in them.
     """
     names, freedoms = pose_names(robot), robot.mobility - len(robot.spins)
     maps = np.array(twist_maps(robot)) / np.repeat([1.0, robot.equations.tree.length], 3)[:, None]
@@ -283,14 +295,15 @@ def square(
     if len(what) != freedoms:
         besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(
-            f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the mobility is {freedoms}{besides}; "
-            "give as many"
+            f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the "
+            f"mobility is {freedoms}{besides}; give as many"
         )
     return Square(robot, what, J, target, error, heights)
 
 
 def around(robot: Robot) -> list[np.ndarray]:
-    """Return the reference and configurations near it (fixed seed), whose loops are open by a little."""
+    """Return the reference and configurations near it (fixed seed), whose loops are open by a
+    little."""
     random = np.random.default_rng(1990)
     q = robot.equations.reference
     return [

@@ -1,4 +1,5 @@
-"""`linkwork analyse ROBOT SUBJECT`: the subjects and their options; what each does is in `studies`."""
+"""`linkwork analyse ROBOT SUBJECT`: the subjects and their options; what each does is in
+`studies`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +35,10 @@ Reference = Annotated[
     str | None,
     typer.Option(
         metavar="VALUES",
-        help="Close the loops from 'slide_1=0.2,...', m or rad, in place of the model's own reference.",
+        help=(
+            "Close the loops from 'slide_1=0.2,...', m or rad, in place of the model's own "
+            "reference."
+        ),
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
@@ -63,7 +67,8 @@ def modes(
     starts: Annotated[int, typer.Option(help="Most random starts to try.")] = 400_000,
     seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
 ) -> None:
-    """Find all assembly modes (for --joints; the actuated ones at home if left out), or all working modes (for --tool)."""
+    """Find all assembly modes (for --joints; the actuated ones at home if left out), or all working
+    modes (for --tool)."""
     from linkwork.cli import studies
 
     studies.modes(context.obj, joints, tool, starts, seed)
@@ -112,7 +117,8 @@ def workspace(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Map what the tool reaches, and how well, on the working mode of --tool or --joints (home if left out)."""
+    """Map what the tool reaches, and how well, on the working mode of --tool or --joints
+    (home if left out)."""
     from linkwork.cli import studies
 
     asked = studies.Map(grid, limits, rates, forces, quantity, out, picture, overwrite)
@@ -123,7 +129,8 @@ def workspace(
 def linearise(
     context: typer.Context, joints: Joints = None, tool: ToolPose = None, forces: Forces = None
 ) -> None:
-    """Show how the robot moves near a configuration at rest: poles, natural frequencies and shapes, controllability.
+    """Show how the robot moves near a configuration at rest: poles, natural frequencies and shapes,
+    controllability.
 
     Where --forces is left out, the actuators hold the configuration.
     """
@@ -160,7 +167,8 @@ def equilibrium(
         bool, typer.Option("--all", help="Look for all equilibria, from random configurations.")
     ] = False,
 ) -> None:
-    """Find where the robot rests under its weight, springs and constant actuator forces (none if left out)."""
+    """Find where the robot rests under its weight, springs and constant actuator forces
+    (none if left out)."""
     from linkwork.cli import studies
 
     studies.equilibrium(context.obj, joints, tool, forces, every)

@@ -36,7 +36,8 @@ def about(mechanism: Mechanism, source: Source) -> Mechanism:
 
 
 def named(name: str) -> Mechanism:
-    """Return the robot of the catalogue with that name, or the mechanism of that file; print the notes on the file.
+    """Return the robot of the catalogue with that name, or the mechanism of that file; print the
+    notes on the file.
 
     Raises:
         LinkworkError: there is neither, or the file is refused.
@@ -50,19 +51,22 @@ def named(name: str) -> Mechanism:
     if Path(name).is_file():
         return Mechanism.load(name)
     raise LinkworkError(
-        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or a mechanism file "
+        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or "
+        "a mechanism file "
         f"({', '.join((formats.NATIVE[0], *(form.suffixes[0] for form in formats.FORMATS)))})"
     )
 
 
 def show() -> None:
-    """Print the catalogue: each robot's name and what its function describes, by the first line of its docstring."""
+    """Print the catalogue: each robot's name and what its function describes, by the first line of
+    its docstring."""
     rows = [(name, subject(getattr(robots, name).__doc__)) for name in robots.__all__]
     console().print(table(("robot", "description"), rows))
 
 
 def subject(text: str | None) -> str:
-    """Return the first line without its "Describe": "Describe a planar four-bar." gives "A planar four-bar."."""
+    """Return the first line without its "Describe": "Describe a planar four-bar." gives "A planar
+    four-bar."."""
     line = (text or "").strip().partition("\n")[0].removeprefix("Describe ")
     return line[:1].upper() + line[1:]
 

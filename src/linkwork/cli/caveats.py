@@ -1,4 +1,5 @@
-"""What is said of a model that is not read whole: its caveats as warnings on stderr, or a refusal by --strict."""
+"""What is said of a model that is not read whole: its caveats as warnings on stderr, or a refusal
+by --strict."""
 
 from __future__ import annotations
 

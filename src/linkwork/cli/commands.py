@@ -1,6 +1,8 @@
-"""The commands and their options; what each does is in the module of its name, imported when it is called.
+"""The commands and their options; what each does is in the module of its name, imported when it is
+called.
 
-Exit status: 0 done; 1 a run that ended early; 2 a refused input, in one sentence on stderr; 130 interrupted.
+Exit status: 0 done; 1 a run that ended early; 2 a refused input, in one sentence on stderr; 130
+interrupted.
 """
 
 import sys
@@ -125,7 +127,8 @@ def info(
     json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
     reference: Reference = None,
 ) -> None:
-    """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled functions."""
+    """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
+    functions."""
     from linkwork.cli.info import show
 
     show(Source(robot, reference), json)
@@ -208,21 +211,30 @@ def simulate(
         str | None,
         typer.Option(
             metavar="VALUES",
-            help="Start at 'slide_1=0.2,cylinder.angle=1,...', m or rad; with --tool they choose the branch.",
+            help=(
+                "Start at 'slide_1=0.2,cylinder.angle=1,...', m or rad; with --tool they choose "
+                "the branch."
+            ),
         ),
     ] = None,
     rates: Annotated[
         str | None,
         typer.Option(
             metavar="VALUES",
-            help="Rates at the start, m/s or rad/s: 'slide_1=0.1' of independent ones (others zero), or as many of others.",
+            help=(
+                "Rates at the start, m/s or rad/s: 'slide_1=0.1' of independent ones (others "
+                "zero), or as many of others."
+            ),
         ),
     ] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the local error.")] = 1e-8,
     atol: Annotated[
         float,
         typer.Option(
-            help="Absolute tolerance of the local error: rad; of lengths parts of the robot's own length."
+            help=(
+                "Absolute tolerance of the local error: rad; of lengths parts of the robot's "
+                "own length."
+            )
         ),
     ] = 1e-10,
     samples: Annotated[int, typer.Option(help="Number of equally spaced times to save.")] = 101,
@@ -238,7 +250,8 @@ def simulate(
 ) -> None:
     """Integrate the equations of motion from a pose under actuator forces.
 
-    The run starts at the robot's reference pose, at rest, without forces, where nothing else is said.
+    The run starts at the robot's reference pose, at rest, without forces, where nothing else is
+    said.
     """
     from linkwork.cli import simulate as command
 
@@ -259,7 +272,8 @@ def reproduce(
 ) -> None:
     """Reproduce the paper's study of the 3-PRR robot, checked by independent engines.
 
-    Writes DIR/report.html, DIR/reproduction.nc and the figures as DIR/*.svg, replacing those of an earlier call.
+    Writes DIR/report.html, DIR/reproduction.nc and the figures as DIR/*.svg, replacing those of an
+    earlier call.
     """
     from linkwork.cli.reproduce import reproduce
 
@@ -282,7 +296,8 @@ def report(
     reference: Reference = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write the report of a run: one page with pictures, a film, peaks, energy and closure, that needs no network."""
+    """Write the report of a run: one page with pictures, a film, peaks, energy and closure, that
+    needs no network."""
     from linkwork.cli.report import report
 
     report(run, out, of, reference, overwrite)
@@ -309,7 +324,8 @@ def sweep(
         int | None, typer.Option(help="Threads to use here; left out, all processors.")
     ] = None,
 ) -> None:
-    """Simulate a robot over a design of parameters, starts and controllers: DIR/results.zarr, table.csv, plots.svg.
+    """Simulate a robot over a design of parameters, starts and controllers: DIR/results.zarr,
+    table.csv, plots.svg.
 
     Called again after an interruption of any kind, it goes on with what is not finished.
     """

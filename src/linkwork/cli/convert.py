@@ -12,7 +12,8 @@ from linkwork.mechanism import Mechanism
 
 
 def convert(source: Source, target: Path, overwrite: bool) -> None:
-    """Read a robot of the catalogue or a model file, write it in another format, and say what was left out."""
+    """Read a robot of the catalogue or a model file, write it in another format, and say what was
+    left out."""
     refuse_existing(target, overwrite)
     imported = read(source)
     with patience("closing the loops"):

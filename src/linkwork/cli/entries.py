@@ -23,14 +23,16 @@ def by_name(text: str, names: Sequence[str], option: str) -> dict[str, float]:
     """Return the values of "slide_1=5,slide_2=1" by name, or of "5,1,0" in the order of all names.
 
     Raises:
-        LinkworkError: not a number, a name that is unknown or given twice, another count of numbers.
+        LinkworkError: not a number, a name that is unknown or given twice, another count of
+            numbers.
     """
     parts = text.split(",")
     if not any("=" in part for part in parts):
         values = numbers(text, option)
         if len(values) != len(names):
             raise LinkworkError(
-                f"{option} holds {len(values)} numbers; give {len(names)}, one each for {', '.join(names)}, or name=value"
+                f"{option} holds {len(values)} numbers; give {len(names)}, one each for "
+                f"{', '.join(names)}, or name=value"
             )
         return dict(zip(names, values, strict=True))
     found: dict[str, float] = {}
@@ -60,7 +62,8 @@ def number(text: str, place: str) -> float:
 
 
 def read_columns(path: Path, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Read samples over time from a CSV file: a column `time` [s] and one for each name, in any order.
+    """Read samples over time from a CSV file: a column `time` [s] and one for each name, in any
+    order.
 
     Lines that begin with # and empty lines are passed over.
 
@@ -68,8 +71,8 @@ def read_columns(path: Path, names: Sequence[str]) -> tuple[np.ndarray, np.ndarr
         times (N,) and values (N, len(names)) in the order of the names.
 
     Raises:
-        LinkworkError: the file cannot be read, columns are missing, unknown or double, an entry is no number, a time
-            does not increase; the line in the file is named.
+        LinkworkError: the file cannot be read, columns are missing, unknown or double, an entry is
+            no number, a time does not increase; the line in the file is named.
     """
     rows = list(_rows(path))
     if not rows:
@@ -89,8 +92,8 @@ def read_columns(path: Path, names: Sequence[str]) -> tuple[np.ndarray, np.ndarr
     if late.size:
         k = int(late[0]) + 1
         raise LinkworkError(
-            f"{path}, line {rows[k + 1][0]}: the time {values[k, 0]:g} s does not come after {values[k - 1, 0]:g} s in the "
-            "row before; times must increase"
+            f"{path}, line {rows[k + 1][0]}: the time {values[k, 0]:g} s does not come after "
+            f"{values[k - 1, 0]:g} s in the row before; times must increase"
         )
     return values[:, 0], values[:, 1:]
 
@@ -132,7 +135,8 @@ def _check_header(path: Path, header: list[str], names: Sequence[str]) -> None:
 def _entries(path: Path, line: int, row: list[str], header: list[str]) -> list[float]:
     if len(row) != len(header):
         raise LinkworkError(
-            f"{path}, line {line}: holds {len(row)} entries; give {len(header)}: {', '.join(header)}"
+            f"{path}, line {line}: holds {len(row)} entries; give {len(header)}: "
+            f"{', '.join(header)}"
         )
     return [
         number(entry, f"{path}, line {line}, column {title!r}")

@@ -29,7 +29,8 @@ def show(source: Source, as_json: bool) -> None:
 def gather(robot: Robot) -> dict[str, Any]:
     """Return the facts as plain data: those of `structure`, and the kernels.
 
-    kernels: name, inputs, outputs, operations, instructions of the machine code that evaluates `lanes` states at a time.
+    kernels: name, inputs, outputs, operations, instructions of the machine code that evaluates
+    `lanes` states at a time.
     """
     return structure(robot) | {"kernels": [kernel_facts(robot, name) for name in KERNELS]}
 
@@ -37,10 +38,11 @@ def gather(robot: Robot) -> dict[str, Any]:
 def structure(robot: Robot) -> dict[str, Any]:
     """Return the facts that are known before anything is compiled, as plain data.
 
-    Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators, bodies, joints (name, type,
-    connects two bodies, couples coordinates by ratios, role "tree", "cut" or "gear", actuated rates, limits, spring
-    stiffness by freedom), springs (between points: name, connects, stiffness), loops, redundant (rows that depend on
-    others), idle (freedoms that move one member only), chart (independent rates, kept rows, elimination).
+    Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators,
+    bodies, joints (name, type, connects two bodies, couples coordinates by ratios, role "tree",
+    "cut" or "gear", actuated rates, limits, spring stiffness by freedom), springs (between points:
+    name, connects, stiffness), loops, redundant (rows that depend on others), idle (freedoms that
+    move one member only), chart (independent rates, kept rows, elimination).
     """
     equations, mechanism = robot.equations, robot.mechanism
     return {
@@ -178,13 +180,19 @@ def limits(joints: list[dict[str, Any]]) -> Iterator[str]:
                 for word, bound in (("from", lower), ("to", upper))
                 if bound is not None
             ]
-            yield f"{freedom_name(joint, freedom)} {' '.join(bounds)} {'m' if freedom in SLIDES else 'rad'}"
+            yield (
+                f"{freedom_name(joint, freedom)} {' '.join(bounds)} "
+                f"{'m' if freedom in SLIDES else 'rad'}"
+            )
 
 
 def springs(found: dict[str, Any]) -> Iterator[str]:
     for joint in found["joints"]:
         for freedom, stiffness in joint["stiffness"].items():
-            yield f"{freedom_name(joint, freedom)} {stiffness:g} {'N/m' if freedom in SLIDES else 'N m/rad'}"
+            yield (
+                f"{freedom_name(joint, freedom)} {stiffness:g} "
+                f"{'N/m' if freedom in SLIDES else 'N m/rad'}"
+            )
     for spring in found["springs"]:
         yield f"{spring['name']} ({' - '.join(spring['connects'])}) {spring['stiffness']:g} N/m"
 

@@ -24,15 +24,18 @@ def read(file: str) -> Run:
 
 
 def robot_of(run: Run, file: str, of: str | None, reference: str | None = None) -> Robot:
-    """Return the robot of a run: the one that is named, the one it holds, or the one of the catalogue of that name.
+    """Return the robot of a run: the one that is named, the one it holds, or the one of the
+    catalogue of that name.
 
-    reference: joint coordinates in place of those of the reference of the one that is named, as text
+    reference: joint coordinates in place of those of the reference of the one that is named, as
+    text
     """
     if of is not None:
         return Robot(find(Source(of, reference)))
     if reference is not None:
         raise LinkworkError(
-            "--reference says where the loops of the robot of --robot are closed from; without that a run's own robot is taken"
+            "--reference says where the loops of the robot of --robot are closed from; without "
+            "that a run's own robot is taken"
         )
     if run.description:
         mechanism = Mechanism.parse(run.description)
@@ -44,6 +47,6 @@ def robot_of(run: Run, file: str, of: str | None, reference: str | None = None) 
         if mechanism.name == wanted:
             return Robot(mechanism)
     raise LinkworkError(
-        f"{file} does not hold its mechanism, and {wanted!r} is not in the catalogue; say whose run it is by --robot, a "
-        "mechanism file"
+        f"{file} does not hold its mechanism, and {wanted!r} is not in the catalogue; say whose "
+        "run it is by --robot, a mechanism file"
     )

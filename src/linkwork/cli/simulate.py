@@ -26,14 +26,16 @@ FEW = 12  # joint coordinates that are all printed; of more those of the actuate
 
 @dataclass(frozen=True)
 class Start:
-    """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given), rates of joints."""
+    """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given),
+    rates of joints."""
 
     tool: str | None
     joints: str | None
     rates: str | None
 
     def state(self, robot: Robot) -> State:
-        """Return the state [m, rad, m/s, rad/s]; the robot's reference pose at rest where nothing is said."""
+        """Return the state [m, rad, m/s, rad/s]; the robot's reference pose at rest where nothing
+        is said."""
         state = robot.home
         if self.joints is not None:
             state = robot.assemble(by_name(self.joints, robot.coordinates, "--joints"))
@@ -44,7 +46,8 @@ class Start:
         return state
 
     def started(self, robot: Robot, text: str) -> dict[str, float]:
-        """Return rates by name: the independent ones, those left out at zero, or as many of other joints."""
+        """Return rates by name: the independent ones, those left out at zero, or as many of other
+        joints."""
         names = robot.rates if "=" in text else robot.independent
         rates = by_name(text, names, "--rates")
         rest = dict.fromkeys(robot.independent, 0.0)
@@ -53,7 +56,8 @@ class Start:
 
 @dataclass(frozen=True)
 class Load:
-    """Say what drives a run: constant forces, or a file of forces over time and how it is read between its times."""
+    """Say what drives a run: constant forces, or a file of forces over time and how it is read
+    between its times."""
 
     constant: str | None
     file: Path | None
@@ -86,7 +90,8 @@ class Target:
             return
         if self.file.suffix.lower() not in FORMATS:
             raise LinkworkError(
-                f"--out {self.file}: a run is written as {' or '.join(FORMATS)}, not {self.file.suffix!r}"
+                f"--out {self.file}: a run is written as {' or '.join(FORMATS)}, not "
+                f"{self.file.suffix!r}"
             )
         if not self.file.parent.is_dir():
             raise LinkworkError(f"--out {self.file}: there is no folder '{self.file.parent}'")
@@ -113,7 +118,8 @@ def settings(duration: float, rtol: float, atol: float, samples: int, on_singula
 
 
 def simulate(source: Source, start: Start, load: Load, how: Settings, target: Target) -> bool:
-    """Simulate, print how it went, write what was computed; return whether the run reached its end."""
+    """Simulate, print how it went, write what was computed; return whether the run reached its
+    end."""
     with patience("preparing the run"):
         robot = built(source)
         state, forces = start.state(robot), load.forces(robot)

@@ -1,4 +1,5 @@
-"""What `linkwork analyse` does: each subject computes by `linkwork.analysis`, and prints tables that fit 80 columns."""
+"""What `linkwork analyse` does: each subject computes by `linkwork.analysis`, and prints tables
+that fit 80 columns."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ class Map:
                 continue
             if file.suffix.lower() not in suffixes:
                 raise LinkworkError(
-                    f"{option} {file}: give a name that ends in {' or '.join(suffixes)}, not {file.suffix!r}"
+                    f"{option} {file}: give a name that ends in {' or '.join(suffixes)}, not "
+                    f"{file.suffix!r}"
                 )
             if not file.parent.is_dir():
                 raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
@@ -57,7 +59,8 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
     """Print all assembly modes or working modes, and how sure their number is."""
     if joints is not None and tool is not None:
         raise LinkworkError(
-            "--joints and --tool are both given; the one asks for assembly modes, the other for working modes"
+            "--joints and --tool are both given; the one asks for assembly modes, the other for "
+            "working modes"
         )
     robot = made(source)
     with patience("looking for all solutions"):
@@ -127,12 +130,18 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
             ),
             (
                 "conditioning",
-                f"{float(near.conditioning):.4g}  1 / cond, l = {near.attrs['characteristic_length']:.4g} m",
+                (
+                    f"{float(near.conditioning):.4g}  1 / cond, l = "
+                    f"{near.attrs['characteristic_length']:.4g} m"
+                ),
             ),
             ("way to kind II", f"{float(near.tool_distance):.4g} m of the tool, to first order"),
             (
                 "way to kind I",
-                f"{float(near.actuator_distance):.4g} {near.actuator_distance.attrs['units']} of the actuators",
+                (
+                    f"{float(near.actuator_distance):.4g} "
+                    f"{near.actuator_distance.attrs['units']} of the actuators"
+                ),
             ),
         ]
     console().print(facts(rows))
@@ -237,7 +246,8 @@ def stiffness(source: Source, joints: str | None, tool: str | None, given: str) 
     named = by_name(given, robot.rates, "--joint-stiffness") if "=" in given else None
     if named is None:
         raise LinkworkError(
-            "--joint-stiffness: give name=value for each stiff joint, such as 'slide_1=1e5,slide_2=1e5'"
+            "--joint-stiffness: give name=value for each stiff joint, such as "
+            "'slide_1=1e5,slide_2=1e5'"
         )
     K, _ = analysis.tool_stiffness(robot, state, named)
     labels = ("rx", "ry", "rz", "x", "y", "z")
@@ -404,11 +414,15 @@ def ball(mapped) -> str:
         centre, radius = analysis.inscribed(mapped)
     except LinkworkError:
         return "none: an axis is an angle, or not equally spaced"
-    return f"radius {radius:.4g} m about {', '.join(f'{label} {value:.4g}' for label, value in centre.items())}"
+    return (
+        f"radius {radius:.4g} m about "
+        f"{', '.join(f'{label} {value:.4g}' for label, value in centre.items())}"
+    )
 
 
 def pose_of(robot: Robot, state: State) -> str:
-    """Return a configuration in words: the tool's pose where there is a tool, else joint coordinates."""
+    """Return a configuration in words: the tool's pose where there is a tool, else joint
+    coordinates."""
     labels: Sequence[str] = pose_names(robot) if robot.mechanism.tools else robot.coordinates[:FEW]
     values = robot.tool_pose(state) if robot.mechanism.tools else state.positions[: len(labels)]
     return ", ".join(f"{label} {value:.5g}" for label, value in zip(labels, values, strict=True))

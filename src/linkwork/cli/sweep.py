@@ -28,7 +28,8 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
         raise LinkworkError(f"--threads {threads}: give at least 1")
     if threads is not None and scheduler is not None:
         raise LinkworkError(
-            "--threads and --scheduler are both given; the workers of a cluster have their own threads"
+            "--threads and --scheduler are both given; the workers of a cluster have their own "
+            "threads"
         )
     with patience("preparing the study"):
         from linkwork import sweeps

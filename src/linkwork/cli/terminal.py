@@ -1,4 +1,5 @@
-"""What the commands print: tables that fit 80 columns, and a sign of life where something takes long."""
+"""What the commands print: tables that fit 80 columns, and a sign of life where something takes
+long."""
 
 from __future__ import annotations
 

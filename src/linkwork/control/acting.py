@@ -1,9 +1,10 @@
-"""What acts on a robot in a run, independent of charts: command, drives, wrenches and events in one traced function.
+"""What acts on a robot in a run, independent of charts: command, drives, wrenches and events in one
+traced function.
 
     (t, r, h, z, p, quantities) -> command c, force u, z', wrenches, events g, next held inputs
 
-r are commands and references over time, h inputs that a sampled controller holds, z the extra states of drives and
-controller, p the parameters of both.
+r are commands and references over time, h inputs that a sampled controller holds, z the extra
+states of drives and controller, p the parameters of both.
 """
 
 from __future__ import annotations
@@ -41,9 +42,10 @@ class Acting:
 
     function: (t, references, held, extras, parameters, *quantities) -> `OUTPUTS`
     quantities: what it reads of the robot; timed: whether it reads the time
-    references: signals over time, after the commands where no controller gives these; extras: extra states
-    parameters: values by name
-    followed: coordinates that have states of their own, behind the extras, which tell their turns (`continued`)
+    references: signals over time, after the commands where no controller gives these; extras: extra
+    states parameters: values by name
+    followed: coordinates that have states of their own, behind the extras, which tell their turns
+    (`continued`)
     """
 
     names: Names
@@ -70,7 +72,8 @@ class Acting:
         return self.function.numel_in("held")
 
     def require(self, name: str, values: np.ndarray) -> None:
-        """Refuse values of a parameter, one or many, that the drive which it belongs to may not have."""
+        """Refuse values of a parameter, one or many, that the drive which it belongs to may not
+        have."""
         for actuator, drive in zip(self.names.actuators, self.drives, strict=True):
             number = name.removeprefix(f"{actuator}.")
             if name != number and number in drive.numbers and values.size:
@@ -133,7 +136,8 @@ class Acting:
         parameters: np.ndarray,
         span: tuple[float, float],
     ) -> Watch | None:
-        """Return what no step may pass over within a span [s] beside the integrator's inputs, if there is anything.
+        """Return what no step may pass over within a span [s] beside the integrator's inputs, if
+        there is anything.
 
         kernel: of what is `timely`.
         """
@@ -149,7 +153,8 @@ class Acting:
         return Watch(stack(inputs, *([scanned] if scanned else []), read), strict + len(columns))
 
     def inputs(self, commands: Signal | None) -> Signal:
-        """Return the integrator's inputs over time: t where it is read, commands that no controller gives, references."""
+        """Return the integrator's inputs over time: t where it is read, commands that no controller
+        gives, references."""
         signals = [*([clock()] if self.timed else []), *([] if commands is None else [commands])]
         signals += [reference.signal for reference in self.references]
         return (
@@ -163,8 +168,8 @@ class Acting:
 
 @dataclass(frozen=True)
 class Command:
-    """Hold the commands of the actuators, the rates of the controller's states, and inputs: those that are given over
-    time, those that are held, now and next.
+    """Hold the commands of the actuators, the rates of the controller's states, and inputs: those
+    that are given over time, those that are held, now and next.
     """
 
     values: ca.SX
@@ -186,7 +191,8 @@ def act(
 
     Args:
         names: the robot's.
-        law: a controller, a function of (t, state) or one that is sampled; without one the commands are inputs over time.
+        law: a controller, a function of (t, state) or one that is sampled; without one the commands
+            are inputs over time.
         drives: by actuator; ideal where left out.
         wrenches, events: on bodies; to watch for.
         span: times of the run, at which traced functions are checked [s].
@@ -237,7 +243,8 @@ def act(
 
 
 def require_law(names: Names, law: Law | Sampler | None) -> None:
-    """Refuse a class in the place of a controller made by it, and a sampler of what the robot lacks."""
+    """Refuse a class in the place of a controller made by it, and a sampler of what the robot
+    lacks."""
     if isinstance(law, type):
         raise LinkworkError(
             f"{CONTROLLER} is the class {law.__name__}; make one of it, {law.__name__}(...)"
@@ -257,7 +264,8 @@ def require_drives(names: Names, drives: Mapping[str, Drive]) -> None:
             )
         if not isinstance(drive, Drive):
             raise LinkworkError(
-                f"the drive of {name!r} is {drive!r}; give one of linkwork.control, such as DCMotor(...)"
+                f"the drive of {name!r} is {drive!r}; give one of linkwork.control, such as "
+                "DCMotor(...)"
             )
 
 
@@ -272,14 +280,16 @@ def require_bodies(names: Names, wrenches: Sequence[Wrench]) -> None:
 
 
 def states_of(law: Law | Sampler | None, actuators: tuple[str, ...]) -> list[Extra]:
-    """Return the states of a controller: its `extras`, or what `extras` gives for the actuators that it drives."""
+    """Return the states of a controller: its `extras`, or what `extras` gives for the actuators
+    that it drives."""
     extras: Any = getattr(law, "extras", ())
     own: Any = extras(actuators) if callable(extras) else extras
     return [Extra(*extra) for extra in own]
 
 
 def commanded(tracer: Tracer, law: Law | Sampler | None, states: Sequence[str]) -> Command:
-    """Return commands that are given over time, those of a controller with the states named, or of a sampled one."""
+    """Return commands that are given over time, those of a controller with the states named, or of
+    a sampled one."""
     actuators, what = tracer.names.actuators, CONTROLLER
     if law is None:
         given = ca.SX.sym("command", len(actuators))
@@ -300,7 +310,8 @@ def commanded(tracer: Tracer, law: Law | Sampler | None, states: Sequence[str]) 
     def both(result: Any) -> ca.SX:
         if not (isinstance(result, tuple) and len(result) == 2):
             raise LinkworkError(
-                f"{what} returns {shown(result)}; give the forces, and the rates of {', '.join(states)}"
+                f"{what} returns {shown(result)}; give the forces, and the rates of "
+                f"{', '.join(states)}"
             )
         return ca.vertcat(
             column(result[0], actuators, what), column(result[1], states, f"{CONTROLLER}'s states")
@@ -348,7 +359,8 @@ def watched(tracer: Tracer, event: Event) -> ca.SX:
 def closed(
     tracer: Tracer, command: Command, outputs: tuple[ca.SX, ...]
 ) -> tuple[ca.Function, tuple[Quantity, ...], bool]:
-    """Return the function of the outputs, the quantities that they depend on, and whether they depend on time."""
+    """Return the function of the outputs, the quantities that they depend on, and whether they
+    depend on time."""
     found = {symbol.element_hash() for symbol in ca.symvar(ca.veccat(*outputs))}
 
     def used(symbols: ca.SX) -> bool:

@@ -1,14 +1,15 @@
-"""Continued: coordinates of joints that close loops, as what acts on a robot sees them, without jumps.
+"""Continued: coordinates of joints that close loops, as what acts on a robot sees them, without
+jumps.
 
-Their turns do not follow from the tree's coordinates (`linkwork.robot.labels`), so that where they are read each joint has
-states of its own in the run, z, which its rates move. An angle q read within half a turn, and a quaternion p read but for its
-sign, then are
+Their turns do not follow from the tree's coordinates (`linkwork.robot.labels`), so that where they
+are read each joint has states of its own in the run, z, which its rates move. An angle q read
+within half a turn, and a quaternion p read but for its sign, then are
 
     x = q + 2 pi floor((z - q) / 2 pi + 1/2),    z' = w + |w| (x - z)
     x = p sign(p . z),                           z' = (0, omega) x / 2 + |omega| (x - z)
 
-exact to rounding, for z only tells which turn it is. It is drawn to x, so that its errors, which no step is held to, do not
-grow however long a run lasts.
+exact to rounding, for z only tells which turn it is. It is drawn to x, so that its errors, which no
+step is held to, do not grow however long a run lasts.
 """
 
 from __future__ import annotations

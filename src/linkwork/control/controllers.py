@@ -1,14 +1,16 @@
-"""Ready controllers. Each is a function of (t, state) with its gains as free parameters, traced like any other.
+"""Ready controllers. Each is a function of (t, state) with its gains as free parameters, traced
+like any other.
 
 With the error e = x_d - x of the actuated joints' coordinates:
 
-    PD                u = kp e + kd e' (+ g(q))
-    PID               u = kp e + ki z + kd e' (+ g(q)),    z' = e
-    computed torque   u = M a + C v + G - f,    a = x_d'' + kd e' + kp e
-    sliding mode      the same with  a = x_d'' + slope e' + gain sat(s / boundary),    s = e' + slope e
+    PD               u = kp e + kd e' (+ g(q))
+    PID              u = kp e + ki z + kd e' (+ g(q)),    z' = e
+    computed torque  u = M a + C v + G - f,    a = x_d'' + kd e' + kp e
+    sliding mode     the same with  a = x_d'' + slope e' + gain sat(s / boundary),  s = e' + slope e
 
-Sources: Siciliano, Sciavicco, Villani & Oriolo, Robotics, sec. 8.5 (PD with gravity compensation, computed torque);
-Slotine & Li, Applied Nonlinear Control, ch. 7 and 9 (sliding mode with a boundary layer).
+Sources: Siciliano, Sciavicco, Villani & Oriolo, Robotics, sec. 8.5 (PD with gravity compensation,
+computed torque); Slotine & Li, Applied Nonlinear Control, ch. 7 and 9 (sliding mode with a boundary
+layer).
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class Form(NamedTuple):
     """Say how study files give a controller.
 
     type: its name there; said: what it does, in a line; title: its name in schemas
-    takes: its numbers in their order, and "model" if it has one; defaults: of numbers that may be left out
+    takes: its numbers in their order, and "model" if it has one; defaults: of numbers that may be
+    left out
     """
 
     type: str
@@ -75,7 +78,8 @@ class Controller(ActingPart, ABC):
 
 @dataclass(frozen=True, eq=False)
 class Follower(Controller):
-    """Lead the actuated joints to a goal: a state, a motion (`robot.follow`), coordinates by name, or a signal of them."""
+    """Lead the actuated joints to a goal: a state, a motion (`robot.follow`), coordinates by name,
+    or a signal of them."""
 
     goal: Goal
     _targets: dict[Names, DesiredMotion] = field(default_factory=dict, init=False, repr=False)
@@ -98,14 +102,16 @@ class Follower(Controller):
 
 
 def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
-    """Return a gain (na) as free parameters: one of its name, or name.actuator where it is given by actuator."""
+    """Return a gain (na) as free parameters: one of its name, or name.actuator where it is given by
+    actuator."""
     actuators = state.names.actuators
     if not isinstance(value, Mapping):
         return math.array([state.parameter(name, value)] * len(actuators))
     missing = [actuator for actuator in actuators if actuator not in value]
     if missing:
         raise LinkworkError(
-            f"the gain {name} lacks {missing[0]!r}; give one number, or one for each of {', '.join(actuators)}"
+            f"the gain {name} lacks {missing[0]!r}; give one number, or one for each of "
+            f"{', '.join(actuators)}"
         )
     return math.array(
         [state.parameter(f"{name}.{actuator}", value[actuator]) for actuator in actuators]
@@ -114,7 +120,8 @@ def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class PD(Follower):
-    """Pull each actuated joint to its goal: u = kp e + kd e', with a model plus what holds its weight and springs.
+    """Pull each actuated joint to its goal: u = kp e + kd e', with a model plus what holds its
+    weight and springs.
 
     model: a robot with the same joints, whose weight and springs at the present pose are added
     """
@@ -140,7 +147,8 @@ class PD(Follower):
         )
 
     def holding(self, state: Observation) -> Any:
-        """Return the forces (na) that hold the model still at the present pose; zero without a model."""
+        """Return the forces (na) that hold the model still at the present pose; zero without a
+        model."""
         if self._model is None:
             return np.zeros(len(state.names.actuators))
         return self._model.forces(state, np.zeros(len(state.names.actuators)), still=True)
@@ -154,7 +162,8 @@ class PD(Follower):
 class PID(PD):
     """Add the integral of the error to `PD`: u = kp e + ki z + kd e', z' = e.
 
-    joints: actuators whose errors are integrated, all if left out; the integrals are extra states "integral.joint"
+    joints: actuators whose errors are integrated, all if left out; the integrals are extra states
+    "integral.joint"
     """
 
     ki: Gain = number("", "N/(m s), N m/(rad s)", default=0.0, by=EACH)
@@ -192,7 +201,8 @@ class PID(PD):
 
 @dataclass(frozen=True, eq=False)
 class ComputedTorque(Follower):
-    """Linearise the motion by a model's inverse dynamics; with an exact model e'' + kd e' + kp e = 0.
+    """Linearise the motion by a model's inverse dynamics; with an exact model e'' + kd e' + kp e =
+    0.
 
     model: a robot with the same joints, which may be wrong
     """

@@ -1,13 +1,17 @@
-"""Fluid power: pneumatic and hydraulic cylinders as drives; the command opens the valve, from -1 to 1.
+"""Fluid power: pneumatic and hydraulic cylinders as drives; the command opens the valve, from -1 to
+1.
 
-Chamber A pushes towards larger joint coordinates, chamber B the other way. With the piston's travel s = x - retracted:
+Chamber A pushes towards larger joint coordinates, chamber B the other way. With the piston's travel
+s = x - retracted:
 
     V_a = dead_volume + A_a s,    V_b = dead_volume + A_b (stroke - s),    s within 0 and stroke
 
-A positive command leads the supply to A and B to the exhaust (or tank), a negative one the other way round. At both ends
-of its stroke the piston meets a stop that gives way by d at the rate d', and pushes back only, with the force
+A positive command leads the supply to A and B to the exhaust (or tank), a negative one the other
+way round. At both ends of its stroke the piston meets a stop that gives way by d at the rate d',
+and pushes back only, with the force
 
-    F = k d max(1 + d' / 0.1 m/s, 0),    k such that the supply presses the larger area `give` strokes deep.
+    F = k d max(1 + d' / 0.1 m/s, 0),  k such that the supply presses the larger area `give` strokes
+    deep.
 
 Source of the stop: Hunt & Crossley, J. Applied Mechanics 42 (1975) 440-445.
 """
@@ -23,7 +27,9 @@ from linkwork.control.records import number
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.record import Positive
 
-LAMINAR = 0.999  # pressure ratio from which a small pneumatic flow is taken as proportional to the pressure drop
+LAMINAR = 0.999
+"""Pressure ratio from which a small pneumatic flow is taken as proportional to the pressure
+drop."""
 DAMPED = 0.1  # rate at which a stop pushes back twice as hard as at rest [m/s]
 BEYOND = 0.05  # of the stroke by which a piston may lie outside of it at the start of a run
 NEAR_ZERO = 1e3  # pressure drop below which an orifice's flow is taken as proportional to it [Pa]
@@ -54,13 +60,14 @@ class FluidCylinder(Drive):
         travel = x - self.retracted
         if not -BEYOND * self.stroke <= travel <= (1 + BEYOND) * self.stroke:
             raise LinkworkError(
-                f"the joint coordinate {x:g} m lies outside of the stroke of {type(self).__name__}, which reaches from"
-                f" retracted = {self.retracted:g} m to {self.retracted + self.stroke:g} m; start within it, or give"
-                " another retracted"
+                f"the joint coordinate {x:g} m lies outside of the stroke of "
+                f"{type(self).__name__}, which reaches from retracted = {self.retracted:g} m to "
+                f"{self.retracted + self.stroke:g} m; start within it, or give another retracted"
             )
 
     def volumes(self, x: Any, w: Any) -> tuple[Any, Any, Any]:
-        """Return V_a and V_b [m^3] at a joint coordinate, and the rate at which the travel changes them [m/s]."""
+        """Return V_a and V_b [m^3] at a joint coordinate, and the rate at which the travel changes
+        them [m/s]."""
         travel = math.clip(x - self.retracted, 0, self.stroke)
         moving = w * (
             1
@@ -87,11 +94,13 @@ class FluidCylinder(Drive):
 class PneumaticCylinder(FluidCylinder):
     """Drive a slide by air through a proportional 5/3 valve.
 
-        p_i' = (n / V_i) (R T m_i' - p_i V_i'),    F = p_a A_a - p_b A_b - atmosphere (A_a - A_b) + stops
+        p_i' = (n / V_i) (R T m_i' - p_i V_i'),  F = p_a A_a - p_b A_b - atmosphere (A_a - A_b) +
+        stops
 
     with the mass flows of a valve opened by |command|, from the pressure p_1 to p_2 (ISO 6358):
 
-        m' = |command| C rho_0 p_1 sqrt(T_0 / T) psi(p_2 / p_1),    psi(r) = 1 for r <= b, else sqrt(1 - ((r - b) / (1 - b))^2),
+        m' = |command| C rho_0 p_1 sqrt(T_0 / T) psi(p_2 / p_1),  psi(r) = 1 for r <= b, else sqrt(1
+        - ((r - b) / (1 - b))^2),
 
     Sources: ISO 6358-1; Beater, Pneumatic Drives, ch. 4 and 5.
     """
@@ -129,7 +138,8 @@ class PneumaticCylinder(FluidCylinder):
         return force + self.stops(x, w), rates
 
     def flow(self, first: Any, second: Any) -> Any:
-        """Return the mass flow [kg/s] of the open valve from one pressure to another; backwards it is negative."""
+        """Return the mass flow [kg/s] of the open valve from one pressure to another; backwards it
+        is negative."""
         upstream, downstream = math.maximum(first, second), math.minimum(first, second)
         ratio, b = downstream / upstream, self.critical_ratio
         turbulent = math.sqrt(
@@ -148,9 +158,11 @@ class HydraulicCylinder(FluidCylinder):
         Q = flow command sqrt(dp / drop) over each metering edge,    F = p_a A_a - p_b A_b + stops
         1 / beta_i = 1 / beta + air p_0 / p_i^2,    p_0 = 100 kPa
 
-    The oil holds a little air, which expands where a chamber grows faster than oil can flow in: pressures stay above 0.
+    The oil holds a little air, which expands where a chamber grows faster than oil can flow in:
+    pressures stay above 0.
 
-    Sources: Merritt, Hydraulic Control Systems, ch. 1 (air), 5 and 6; Jelali & Kroll, Hydraulic Servo-systems, ch. 4.
+    Sources: Merritt, Hydraulic Control Systems, ch. 1 (air), 5 and 6; Jelali & Kroll, Hydraulic
+    Servo-systems, ch. 4.
     """
 
     flow: float = number("Q of an edge of the open valve at `drop`", "m^3/s", default=1e-3)
@@ -179,9 +191,11 @@ class HydraulicCylinder(FluidCylinder):
         return p_a * self.area_a - p_b * self.area_b + self.stops(x, w), rates
 
     def modulus(self, p: Any) -> Any:
-        """Return the bulk modulus [Pa] of oil with a little air at a pressure: beta p^2 / (p^2 + air p_0 beta)."""
+        """Return the bulk modulus [Pa] of oil with a little air at a pressure: beta p^2 /
+        (p^2 + air p_0 beta)."""
         return self.bulk_modulus * p**2 / (p**2 + self.air * self.air_pressure * self.bulk_modulus)
 
     def edge(self, dp: Any) -> Any:
-        """Return the flow [m^3/s] of an open metering edge under a pressure drop [Pa], smooth about zero."""
+        """Return the flow [m^3/s] of an open metering edge under a pressure drop [Pa], smooth about
+        zero."""
         return self.flow * dp / math.sqrt(self.drop * math.sqrt(dp**2 + NEAR_ZERO**2))

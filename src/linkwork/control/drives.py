@@ -1,9 +1,10 @@
 """Drives: what stands between a command and the force on an actuated joint.
 
-    F = F(command, x, w, z),    z' = f(command, x, w, z)            x, w: the joint's coordinate and rate
+    F = F(command, x, w, z),    z' = f(command, x, w, z)       x, w: the joint's coordinate and rate
 
-A drive is frozen data. Its numbers are free parameters of a run, named joint.number ("slide_1.resistance"), and its
-equations are written with its own fields: `equations` takes numbers and symbols alike.
+A drive is frozen data. Its numbers are free parameters of a run, named joint.number
+("slide_1.resistance"), and its equations are written with its own fields: `equations` takes numbers
+and symbols alike.
 """
 
 from __future__ import annotations
@@ -52,10 +53,12 @@ class Drive(ActingPart, ABC):
 
     @abstractmethod
     def equations(self, command: Any, x: Any, w: Any, z: Any) -> tuple[Any, tuple[Any, ...]]:
-        """Return the force and z' for a command, the joint's coordinate [m, rad] and rate, and z."""
+        """Return the force and z' for a command, the joint's coordinate [m, rad] and rate, and
+        z."""
 
     def require_start(self, x: float) -> None:
-        """Refuse the joint's coordinate [m, rad] at the start of a run if the drive cannot be there."""
+        """Refuse the joint's coordinate [m, rad] at the start of a run if the drive cannot be
+        there."""
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -108,7 +111,8 @@ class Lag(Drive):
 
 @dataclass(frozen=True)
 class DCMotor(Drive):
-    """Drive a joint by a permanent-magnet motor through a gear; the command is the armature's voltage [V].
+    """Drive a joint by a permanent-magnet motor through a gear; the command is the armature's
+    voltage [V].
 
         L i' = V - R i - K N w,    F = N K i
 

@@ -1,4 +1,5 @@
-"""Events: zeros of functions of (t, state) along a run, found on its dense output; ready ones for limits and singular poses."""
+"""Events: zeros of functions of (t, state) along a run, found on its dense output; ready ones for
+limits and singular poses."""
 
 from __future__ import annotations
 
@@ -16,12 +17,12 @@ from linkwork.mechanism.limits import limited
 class Event(ActingPart):
     """Watch for zeros of a traced function.
 
-    It happens when the function reaches zero, from either side: one that is zero at the start of a run happens when it
-    comes back to zero, and one that stays at zero does not happen.
+    It happens when the function reaches zero, from either side: one that is zero at the start of a
+    run happens when it comes back to zero, and one that stays at zero does not happen.
 
-    function: (t, state) -> a number that passes zero when the event happens; it is traced as controllers are
-    terminal: whether the run ends there; direction: 1 for zeros passed upwards only, -1 for downwards, 0 for both
-    name: to report it by
+    function: (t, state) -> a number that passes zero when the event happens; it is traced as
+    controllers are terminal: whether the run ends there; direction: 1 for zeros passed upwards
+    only, -1 for downwards, 0 for both name: to report it by
     """
 
     function: Law
@@ -46,9 +47,11 @@ class Event(ActingPart):
 
 
 def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
-    """Return an event for each limit of a joint coordinate: it happens where the coordinate leaves its range.
+    """Return an event for each limit of a joint coordinate: it happens where the coordinate leaves
+    its range.
 
-    A free turn is limited by the angle between its joint's frames, 2 acos |qw|: its event is a zero of |qw| - cos(limit / 2).
+    A free turn is limited by the angle between its joint's frames, 2 acos |qw|: its event is a zero
+    of |qw| - cos(limit / 2).
 
     Raises:
         LinkworkError: a robot whose joints have no limits.
@@ -72,16 +75,19 @@ def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 
 
 def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
-    """Return the event of an actuator-singular pose: the determinant of S, actuated from independent rates, passes zero.
+    """Return the event of an actuator-singular pose: the determinant of S, actuated from
+    independent rates, passes zero.
 
-    A run changes its independent rates near such a pose, and passes it if its motion is regular there.
+    A run changes its independent rates near such a pose, and passes it if its motion is regular
+    there.
     """
     return (Event(Regular(), terminal, name="actuator-singular pose"),)
 
 
 @dataclass(frozen=True)
 class Within(ActingPart):
-    """Tell how far a coordinate is inside of a bound [m, rad]; sign: 1 for a lower one, -1 for an upper one."""
+    """Tell how far a coordinate is inside of a bound [m, rad]; sign: 1 for a lower one, -1 for an
+    upper one."""
 
     label: str
     bound: float
@@ -93,7 +99,8 @@ class Within(ActingPart):
 
 @dataclass(frozen=True)
 class WithinTurn(ActingPart):
-    """Tell how far a free turn is inside of its bound, in cosines of half the angle; label: of qw."""
+    """Tell how far a free turn is inside of its bound, in cosines of half the angle; label: of
+    qw."""
 
     label: str
     bound: float

@@ -1,6 +1,8 @@
-"""Goals: what a controller leads the actuated joints to: a fixed configuration, a motion, or sampled coordinates.
+"""Goals: what a controller leads the actuated joints to: a fixed configuration, a motion, or
+sampled coordinates.
 
-x_d(t), x_d'(t), x_d''(t)        of a motion: one spline of its coordinates, and that spline's own derivatives
+x_d(t), x_d'(t), x_d''(t)  of a motion: one spline of its coordinates, and that spline's own
+derivatives
 """
 
 from __future__ import annotations
@@ -52,11 +54,13 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
     """Return what a goal asks of the actuated joints.
 
     Args:
-        goal: a `State`, a `Motion`, coordinates by name [m, rad], or a signal of the actuated coordinates in their order.
+        goal: a `State`, a `Motion`, coordinates by name [m, rad], or a signal of the actuated
+            coordinates in their order.
         names: of the robot.
 
     Raises:
-        LinkworkError: actuators without a coordinate of their own, missing coordinates, signals of another width.
+        LinkworkError: actuators without a coordinate of their own, missing coordinates, signals of
+            another width.
     """
     for name in names.actuators:
         if name not in names.coordinates:
@@ -84,6 +88,7 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
         values = [checks.number(goal[name], f"{name} of the goal") for name in names.actuators]  # pyright: ignore
     except (TypeError, AttributeError, IndexError):
         raise LinkworkError(
-            f"the goal is {goal!r}; give a state, a motion, coordinates by name, or a signal of {', '.join(names.actuators)}"
+            f"the goal is {goal!r}; give a state, a motion, coordinates by name, or a signal of "
+            f"{', '.join(names.actuators)}"
         ) from None
     return DesiredMotion(as_signal(values))

@@ -1,9 +1,11 @@
-"""Inverse dynamics of a robot inside a controller: of the robot that is controlled, or of a wrong model of it.
+"""Inverse dynamics of a robot inside a controller: of the robot that is controlled, or of a wrong
+model of it.
 
     S' u = M v' + C v + G - f            at the coordinates and rates that the controller sees
 
-All rates driven: u follows. More actuators than freedoms: u of least norm. Fewer: the rates y that nothing drives
-accelerate as the others make them,  M_yy y' = -(M_ya a + h_y)  (collocated partial feedback linearisation, Spong 1994).
+All rates driven: u follows. More actuators than freedoms: u of least norm. Fewer: the rates y that
+nothing drives accelerate as the others make them,  M_yy y' = -(M_ya a + h_y)  (collocated partial
+feedback linearisation, Spong 1994).
 """
 
 from __future__ import annotations
@@ -55,22 +57,23 @@ class InverseDynamics:
             u = ca.mtimes(S, solve_symmetric(ca.mtimes(S.T, S), ca.mtimes(M, a[places]) + h))
         else:
             raise LinkworkError(
-                f"the model's independent rates {', '.join(independent)} are not those of its actuators; a model in a "
-                "controller has to be driven by them"
+                f"the model's independent rates {', '.join(independent)} are not those of its "
+                "actuators; a model in a controller has to be driven by them"
             )
         inputs = [equations.tree.q, equations.v, a, equations.p]
         return ca.Function("model", inputs, [ca.densify(u)], {"cse": True})
 
     def forces(self, state: Observation, accelerations: Any, still: bool = False) -> np.ndarray:
-        """Return u (na) for accelerations (na) of the actuated rates, in the order of the actuators.
+        """Return u (na) for accelerations (na) of the actuated rates, in the order of the
+        actuators.
 
         state: what the controller sees; still: whether to leave its rates out
         """
         equations, robot = self.robot.equations, self.robot
         if robot.actuators != state.names.actuators:
             raise LinkworkError(
-                f"the model has the actuators {', '.join(robot.actuators)}, the robot {', '.join(state.names.actuators)}; they "
-                "have to be the same"
+                f"the model has the actuators {', '.join(robot.actuators)}, the robot "
+                f"{', '.join(state.names.actuators)}; they have to be the same"
             )
         q = [state[label] for label in equations.tree.coordinates]
         v = [0.0 if still else state.rate(label) for label in equations.independent]

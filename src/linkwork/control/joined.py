@@ -1,8 +1,10 @@
-"""The equations of motion in one chart, joined with what acts: the functions that a run is integrated with.
+"""The equations of motion in one chart, joined with what acts: the functions that a run is
+integrated with.
 
-    q' = N L v,    M v' = S' u + sum_i T_i' w_i - (C v + G - f),    z' = f_z          inputs (q, v, z, r, p)
+    q' = N L v,    M v' = S' u + sum_i T_i' w_i - (C v + G - f),    z' = f_z  inputs (q, v, z, r, p)
 
-u, w_i and z' are those of `Acting`, at the quantities of this chart. The integrator's inputs r are (t, references, held).
+u, w_i and z' are those of `Acting`, at the quantities of this chart. The integrator's inputs r are
+(t, references, held).
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ class Joined:
 
     @cached_property
     def outputs(self) -> dict[str, ca.SX]:
-        """What acts, by the names of `Acting`'s outputs, in this chart's symbols; wrenches in the ground's axes."""
+        """What acts, by the names of `Acting`'s outputs, in this chart's symbols; wrenches in the
+        ground's axes."""
         function, timed, (_, _, z, r, p) = (
             self.acting.function,
             int(self.acting.timed),
@@ -94,7 +97,8 @@ class Joined:
 
     @property
     def pivot(self) -> ca.SX:
-        """The weakest relative pivot; nan where a drive might hide that its command is no finite number."""
+        """The weakest relative pivot; nan where a drive might hide that its command is no finite
+        number."""
         commands = ca.vertsplit(self.outputs["command"])
         driven = [
             c
@@ -107,7 +111,8 @@ class Joined:
         )
 
     def motion(self) -> ca.Function:
-        """Return (q, v, z, r, p) -> y' and the weakest relative pivot, undefined where a command that is driven with is."""
+        """Return (q, v, z, r, p) -> y' and the weakest relative pivot, undefined where a command
+        that is driven with is."""
         return self._function("system", {"derivatives": self.derivatives, "pivot": self.pivot})
 
     def jacobian(self) -> ca.Function:
@@ -127,7 +132,8 @@ class Joined:
         return self._function("held", {"held": self.outputs["next_held"]})
 
     def recorded(self) -> ca.Function:
-        """Return (q, v, z, r, p) -> v', command, force and wrenches (moment, force) in the ground's axes."""
+        """Return (q, v, z, r, p) -> v', command, force and wrenches (moment, force) in the ground's
+        axes."""
         names = ("command", "force", "wrenches")
         return self._function(
             "recorded", {"dv": self.accelerations} | {name: self.outputs[name] for name in names}

@@ -1,9 +1,10 @@
-"""Kept traces: what acts on a robot is traced once where it is settled, made of numbers and of ready parts alone.
+"""Kept traces: what acts on a robot is traced once where it is settled, made of numbers and of
+ready parts alone.
 
-A Python function is traced in every run that it acts in, for what it reads beside its arguments, a captured value or a
-global, may have changed since. Ready-made controllers, drives and events, and wrenches of numbers or signals, are data
-(`linkwork.control.records`): they are told apart by all of their numbers as they are now, and what was traced for equal
-ones is taken again.
+A Python function is traced in every run that it acts in, for what it reads beside its arguments, a
+captured value or a global, may have changed since. Ready-made controllers, drives and events, and
+wrenches of numbers or signals, are data (`linkwork.control.records`): they are told apart by all of
+their numbers as they are now, and what was traced for equal ones is taken again.
 """
 
 from __future__ import annotations
@@ -63,9 +64,11 @@ def _kept(given: ToTrace) -> Acting:
 
 
 def value(part: Any) -> Any:
-    """Return what determines a part: numbers by value; signals, states and robots, which are frozen, by themselves.
+    """Return what determines a part: numbers by value; signals, states and robots, which are
+    frozen, by themselves.
 
-    A controller is told apart from others with equal numbers, too: it keeps the signals that it made of its goal.
+    A controller is told apart from others with equal numbers, too: it keeps the signals that it
+    made of its goal.
     """
     if isinstance(part, Mapping):
         return tuple((name, value(of)) for name, of in part.items())

@@ -1,9 +1,10 @@
 """Linear-quadratic control about a pose.
 
-    x = (c - c_0, v),    x' = A x + B (u - u_0),    u = u_0 - K x   minimises   integral of x' Q x + (u - u_0)' R (u - u_0)
+    x = (c - c_0, v),  x' = A x + B (u - u_0),  u = u_0 - K x  minimises  integral of x' Q x +
+    (u - u_0)' R (u - u_0)
 
-in the independent coordinates c and rates v = c' of a robot; A and B are exact (`linkwork.equations.linear`).
-Source: Anderson & Moore, Optimal Control, ch. 2 and 3.
+in the independent coordinates c and rates v = c' of a robot; A and B are exact
+(`linkwork.equations.linear`). Source: Anderson & Moore, Optimal Control, ch. 2 and 3.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ SQUARE = "weight of its square"
 class LQR(Controller):
     """Hold a robot at a pose by u = u_0 - K x; made by `LQR.about`.
 
-    independent: names of the coordinates c; positions: c_0 (n); forces: u_0 (na); gains: K (na x 2n)
+    independent: names of the coordinates c; positions: c_0 (n); forces: u_0 (na); gains: K
+    (na x 2n)
     """
 
     independent: tuple[str, ...]
@@ -75,8 +77,8 @@ class LQR(Controller):
             Q: weights of x, (2n) or (2n, 2n); R: weights of the forces, (na) or (na, na).
 
         Raises:
-            LinkworkError: rates that are no coordinates' (free turns), weights of other shapes, poses that no forces hold
-                or that cannot be stabilised.
+            LinkworkError: rates that are no coordinates' (free turns), weights of other shapes,
+                poses that no forces hold or that cannot be stabilised.
         """
         from scipy.linalg import LinAlgError, solve_continuous_are
 
@@ -87,7 +89,8 @@ class LQR(Controller):
         for name in robot.own(state).independent:
             if name not in robot.coordinates:
                 raise LinkworkError(
-                    f"the independent rate {name!r} is not that of a coordinate; choose others by robot.in_chart"
+                    f"the independent rate {name!r} is not that of a coordinate; choose others "
+                    "by robot.in_chart"
                 )
         still, forces = state.with_rates(0 * state.rates), robot.holding_forces(state)
         A, B = robot.linearised(still, forces)
@@ -139,10 +142,12 @@ def diagonal(what: str, given: float | Mapping[str, float], names: Sequence[str]
 
 
 def stable(A: np.ndarray) -> bool:
-    """Tell whether all poles of x' = A x lie left of the imaginary axis, and no rounding of A would bring one onto it.
+    """Tell whether all poles of x' = A x lie left of the imaginary axis, and no rounding of A would
+    bring one onto it.
 
-    The distance of A to a matrix with the pole i omega is the smallest singular value of A - i omega 1 (Van Loan, How near
-    is a stable matrix to an unstable matrix?, 1985); A is balanced first, for its rows have different units.
+    The distance of A to a matrix with the pole i omega is the smallest singular value of A - i
+    omega 1 (Van Loan, How near is a stable matrix to an unstable matrix?, 1985); A is balanced
+    first, for its rows have different units.
     """
     from scipy.linalg import matrix_balance
 
@@ -160,6 +165,7 @@ def weights(values: ArrayLike, size: int, name: str) -> np.ndarray:
     matrix = np.diag(array) if array.ndim == 1 else array
     if matrix.shape != (size, size):
         raise LinkworkError(
-            f"the weights {name} have the shape {array.shape}; give {size} numbers, or {size} x {size}"
+            f"the weights {name} have the shape {array.shape}; give {size} numbers, or {size} x "
+            f"{size}"
         )
     return matrix

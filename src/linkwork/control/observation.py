@@ -1,7 +1,9 @@
-"""Observation: what a controller sees of a robot, by name; the same class holds numbers, or symbols while tracing.
+"""Observation: what a controller sees of a robot, by name; the same class holds numbers, or symbols
+while tracing.
 
-A quantity is read when it is first asked for, from a source (`Readings`): of a state's numbers, or of fresh symbols.
-`expression` gives every quantity as a function of the tree's coordinates and independent rates of any chart.
+A quantity is read when it is first asked for, from a source (`Readings`): of a state's numbers, or
+of fresh symbols. `expression` gives every quantity as a function of the tree's coordinates and
+independent rates of any chart.
 """
 
 from __future__ import annotations
@@ -26,8 +28,8 @@ from linkwork.mechanism import Mechanism
 class Quantity(NamedTuple):
     """Name a measurable quantity: its kind, and which one of them.
 
-    kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R row by row, omega, v (18);
-    "actuation_determinant": det S (1)
+    kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R
+    row by row, omega, v (18); "actuation_determinant": det S (1)
     """
 
     kind: str
@@ -36,7 +38,8 @@ class Quantity(NamedTuple):
 
 @dataclass(frozen=True)
 class Names:
-    """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies and extra states.
+    """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies and
+    extra states.
 
     pose: number of components of the tool's pose, 0 without a tool
     """
@@ -70,9 +73,11 @@ class Names:
 
 @dataclass(frozen=True)
 class Readings:
-    """Say where quantities come from: each is a function that returns a vector of numbers or of symbols.
+    """Say where quantities come from: each is a function that returns a vector of numbers or of
+    symbols.
 
-    quantity: by `Quantity`; parameter: by name and default; extra: states of drives and controllers by name
+    quantity: by `Quantity`; parameter: by name and default; extra: states of drives and controllers
+    by name
     """
 
     quantity: Callable[[Quantity], np.ndarray]
@@ -84,8 +89,8 @@ class Readings:
 class FrameMotion:
     """Hold a body's frame and its motion, in the ground's axes.
 
-    position: p_0B (3) [m]; rotation: R_0B (3, 3); angular_velocity: omega (3) [rad/s]; velocity: of the frame's origin
-    (3) [m/s]
+    position: p_0B (3) [m]; rotation: R_0B (3, 3); angular_velocity: omega (3) [rad/s]; velocity: of
+    the frame's origin (3) [m/s]
     """
 
     position: np.ndarray
@@ -98,9 +103,10 @@ class FrameMotion:
 class Observation:
     """Show a robot's present state to a controller, by name.
 
-    state["slide_1"] is a joint coordinate [m, rad], state.rate("slide_1") its rate; `positions` and `rates` hold those
-    of all joints, in the order of the robot's `coordinates` and `rates`. All are numbers when the controller is called
-    with numbers, and symbols while it is traced: write it with `linkwork.math`, and without branches on values.
+    state["slide_1"] is a joint coordinate [m, rad], state.rate("slide_1") its rate; `positions` and
+    `rates` hold those of all joints, in the order of the robot's `coordinates` and `rates`. All are
+    numbers when the controller is called with numbers, and symbols while it is traced: write it
+    with `linkwork.math`, and without branches on values.
     """
 
     names: Names
@@ -134,15 +140,18 @@ class Observation:
 
     @cached_property
     def tool_velocity(self) -> np.ndarray:
-        """The tool's velocity: x', y', angular velocity in the plane; v (3), omega (3) in space, ground's axes [m/s, rad/s]."""
+        """The tool's velocity: x', y', angular velocity in the plane; v (3), omega (3) in space,
+        ground's axes [m/s, rad/s]."""
         self._require_tool()
         return self.source.quantity(Quantity("tool_velocity"))
 
     @property
     def actuation_determinant(self) -> Any:
-        """The determinant of S, which gives the actuated rates S v: zero where they do not determine the motion.
+        """The determinant of S, which gives the actuated rates S v: zero where they do not
+        determine the motion.
 
-        It is that of the rates v which are independent at the moment; where these are the actuated ones it is 1.
+        It is that of the rates v which are independent at the moment; where these are the actuated
+        ones it is 1.
         """
         return self.source.quantity(Quantity("actuation_determinant"))[0]
 
@@ -153,11 +162,13 @@ class Observation:
         return FrameMotion(values[:3], values[3:12].reshape(3, 3), values[12:15], values[15:])
 
     def parameter(self, name: str, default: float) -> Any:
-        """Return a free parameter: `default`, or what simulate(parameters={name: ...}) sets without compiling anew."""
+        """Return a free parameter: `default`, or what simulate(parameters={name: ...}) sets without
+        compiling anew."""
         return self.source.parameter(name, default)
 
     def extra(self, name: str) -> Any:
-        """Return an extra state of a drive ("slide_1.current") or of the controller itself, by name."""
+        """Return an extra state of a drive ("slide_1.current") or of the controller itself, by
+        name."""
         require(name, self.names.extras, "extra state")
         return self.source.extra(name)
 
@@ -178,12 +189,14 @@ def numbers(
     extras: np.ndarray,
     parameters: Mapping[str, float],
 ):
-    """Return an observation of numbers: quantities, extra states in the order of the names, parameters by name."""
+    """Return an observation of numbers: quantities, extra states in the order of the names,
+    parameters by name."""
 
     def quantity(key: Quantity) -> np.ndarray:
         if key not in values:
             raise LinkworkError(
-                f"the {key.kind.replace('_', ' ')} {key.name!r} was not read when the function was traced"
+                f"the {key.kind.replace('_', ' ')} {key.name!r} was not read when the function "
+                "was traced"
             )
         return values[key]
 
@@ -212,7 +225,8 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
         case "actuation_determinant":
             if len(mechanism.actuators) != equations.mobility:
                 raise LinkworkError(
-                    f"{len(mechanism.actuators)} actuators and {equations.mobility} freedoms have no actuator-singular poses"
+                    f"{len(mechanism.actuators)} actuators and {equations.mobility} freedoms "
+                    "have no actuator-singular poses"
                 )
             return ca.det(equations.actuation)
     tool = next(iter(mechanism.tools.values()))

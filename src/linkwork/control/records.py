@@ -1,7 +1,9 @@
-"""Records: the parts of what acts on a robot as frozen data; each number is described once, where it is held.
+"""Records: the parts of what acts on a robot as frozen data; each number is described once, where
+it is held.
 
-Laws, drives, events and wrenches are such parts. Those of this package are data throughout: what was traced for one is
-taken again for equal numbers. A function, or a class, of the user's own may read what changes from run to run.
+Laws, drives, events and wrenches are such parts. Those of this package are data throughout: what
+was traced for one is taken again for equal numbers. A function, or a class, of the user's own may
+read what changes from run to run.
 """
 
 from __future__ import annotations
@@ -21,9 +23,9 @@ BOUNDS = ((Amount, ", not below 0"), (Positive, ", above 0"))
 class Number(NamedTuple):
     """Describe a number.
 
-    what: its symbol or meaning, where its name does not tell; unit: of it, behind the meaning or where {unit} stands in it
-    kind: its bounds: `Real`, `Amount` or `Positive`, or what else it may be
-    by: what it may be given for each of, by name, instead of one number for all
+    what: its symbol or meaning, where its name does not tell; unit: of it, behind the meaning or
+    where {unit} stands in it kind: its bounds: `Real`, `Amount` or `Positive`, or what else it may
+    be by: what it may be given for each of, by name, instead of one number for all
     """
 
     what: str

@@ -1,9 +1,10 @@
 """Sampled control: a function called at a fixed rate, its result held in between (zero-order hold).
 
-    u(t) = f(t_k, what is measured at t_k)    for  t_k + delay <= t < t_(k+1) + delay,    t_k = k / rate
+    u(t) = f(t_k, what is measured at t_k)  for  t_k + delay <= t < t_(k+1) + delay,  t_k = k / rate
 
-What is measured may be quantised: a coordinate is read in whole steps, and its rate in whole steps per period, as a counter
-gives it over one; it is the present rate that is rounded, no difference of readings is kept.
+What is measured may be quantised: a coordinate is read in whole steps, and its rate in whole steps
+per period, as a counter gives it over one; it is the present rate that is rounded, no difference of
+readings is kept.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ ALL = ""  # the name under which a step of all coordinates stands
 class Sampler(ActingPart):
     """Call a function of (t, state) at a fixed rate, as a real controller is called.
 
-    function: (t, state) -> forces or commands, by name or in the order of the actuators; any Python code, it may branch
-    and keep memory
-    compiled: trace the function and run it as machine code; it may then neither branch nor keep memory
+    function: (t, state) -> forces or commands, by name or in the order of the actuators; any Python
+    code, it may branch and keep memory
+    compiled: trace the function and run it as machine code; it may then neither branch nor keep
+    memory
 
     The present rates of quantised coordinates are rounded to whole steps per period.
     """
@@ -53,15 +55,16 @@ class Sampler(ActingPart):
         periods = checks.number(self.delay, "the delay of a sampler") * self.rate
         if not (0 <= periods < 1000 and abs(periods - round(periods)) < 1e-6):
             raise LinkworkError(
-                f"the delay of a sampler is {self.delay} s, {periods:g} periods; give a whole number of periods, or a higher "
-                "rate"
+                f"the delay of a sampler is {self.delay} s, {periods:g} periods; give a whole "
+                "number of periods, or a higher rate"
             )
         for step in self._steps.values():
             checks.positive(step, "the step of a quantised coordinate", "m, rad")
 
     @property
     def settled(self) -> bool:
-        """Whether nothing that is traced is the user's own: a function that is not compiled is called."""
+        """Whether nothing that is traced is the user's own: a function that is not compiled is
+        called."""
         return super().settled and (not self.compiled or settled(self.function))
 
     @property

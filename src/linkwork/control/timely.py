@@ -1,9 +1,12 @@
-"""Timely: what depends on time alone in what acts on a robot, and does more than the stages of a step may see.
+"""Timely: what depends on time alone in what acts on a robot, and does more than the stages of a
+step may see.
 
-A traced function of time, a pulse say, has no knots that the integrator could step onto. In the graph of what acts the largest
-expressions in time and parameters alone are found once; before a run they are evaluated at LOOKS + 1 times, equally far apart.
-Those whose third differences bend more than twice over the run are watched like sampled signals (`simulation.bends`): no step
-passes over them unseen. So a pulse is found if three or four of these times fall on it: one of 10 ms in a run of 10 s.
+A traced function of time, a pulse say, has no knots that the integrator could step onto. In the
+graph of what acts the largest expressions in time and parameters alone are found once; before a run
+they are evaluated at LOOKS + 1 times, equally far apart. Those whose third differences bend more
+than twice over the run are watched like sampled signals (`simulation.bends`): no step passes over
+them unseen. So a pulse is found if three or four of these times fall on it: one of 10 ms in a run
+of 10 s.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ STILL, TIMELY, OTHER = range(3)  # depends on parameters at most, on time as wel
 
 @dataclass(frozen=True, eq=False)
 class Timely:
-    """Hold a function (t, parameters) -> expressions of time; the last `events` of them are read by event functions."""
+    """Hold a function (t, parameters) -> expressions of time; the last `events` of them are read by
+    event functions."""
 
     function: ca.Function
     events: int
@@ -32,7 +36,8 @@ class Timely:
     def scanned(
         self, kernel: Kernel, parameters: np.ndarray, span: tuple[float, float]
     ) -> tuple[Signal | None, int]:
-        """Return what varies within a span [s] as a signal, None if nothing does so often, and how many columns events read.
+        """Return what varies within a span [s] as a signal, None if nothing does so often, and how
+        many columns events read.
 
         kernel: of the function.
         """
@@ -40,7 +45,8 @@ class Timely:
 
 
 def timely(t: ca.SX, parameters: ca.SX, acting: ca.SX, events: ca.SX) -> Timely | None:
-    """Return the largest expressions of time alone in what acts and in event functions; None if there are none.
+    """Return the largest expressions of time alone in what acts and in event functions; None if
+    there are none.
 
     Args:
         t, parameters: symbols.
@@ -54,7 +60,8 @@ def timely(t: ca.SX, parameters: ca.SX, acting: ca.SX, events: ca.SX) -> Timely 
 
 
 def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
-    """Return the largest expressions of t and parameters alone in a column, but for t itself and those without it."""
+    """Return the largest expressions of t and parameters alone in a column, but for t itself and
+    those without it."""
     known = {symbol.element_hash() for symbol in (t, *ca.vertsplit(parameters))}
     symbols = [s for s in ca.symvar(column) if s.element_hash() not in known]
     function = ca.Function(
@@ -106,7 +113,8 @@ def _scanned(
 def through(times: np.ndarray, values: np.ndarray) -> Signal:
     """Return a signal through values (N, n) at times (N,) equally far apart.
 
-    A piece has the second difference at its start, so that third differences are the changes from piece to piece.
+    A piece has the second difference at its start, so that third differences are the changes from
+    piece to piece.
     """
     d = (times[-1] - times[0]) / (len(times) - 1)
     second = np.zeros_like(values)

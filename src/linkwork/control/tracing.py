@@ -1,8 +1,10 @@
-"""Tracing: call functions of (t, state) once with symbols, and check the result against calling them with numbers.
+"""Tracing: call functions of (t, state) once with symbols, and check the result against calling
+them with numbers.
 
-A `Tracer` hands out one symbol for every quantity, parameter and reference that the functions read. What they return is
-then an expression in these symbols, in whatever chart of a robot it is evaluated later. A reference over time (`Sampled`,
-`Signal`) that is called with the symbolic t becomes an input of the system; the integrator evaluates it.
+A `Tracer` hands out one symbol for every quantity, parameter and reference that the functions read.
+What they return is then an expression in these symbols, in whatever chart of a robot it is
+evaluated later. A reference over time (`Sampled`, `Signal`) that is called with the symbolic t
+becomes an input of the system; the integrator evaluates it.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class Traced:
-    """Hold a traced function: how to read a column from what it returns, the column of symbols, and how to name it."""
+    """Hold a traced function: how to read a column from what it returns, the column of symbols, and
+    how to name it."""
 
     function: Law
     read: Callable[[Any], ca.SX]
@@ -55,8 +58,8 @@ class Time(ca.SX):
 class Tracer:
     """Collect what traced functions read.
 
-    names: by which they read; quantities, references, parameters: symbols so far, with the signals and default values
-    traced: the functions so far
+    names: by which they read; quantities, references, parameters: symbols so far, with the signals
+    and default values traced: the functions so far
     """
 
     names: Names
@@ -89,7 +92,8 @@ class Tracer:
         value, symbol = self.parameters.setdefault(name, (default, ca.SX.sym(name)))
         if value != default:
             raise LinkworkError(
-                f"the parameter {name!r} is given twice, as {value:g} and as {default:g}; give two names"
+                f"the parameter {name!r} is given twice, as {value:g} and as {default:g}; give "
+                "two names"
             )
         return symbol
 
@@ -131,7 +135,8 @@ class Tracer:
         return traced.column
 
     def check(self, span: tuple[float, float]) -> None:
-        """Compare all traced functions with their own values at random states and times within a span [s].
+        """Compare all traced functions with their own values at random states and times within a
+        span [s].
 
         Raises:
             LinkworkError: values that differ: a function that branches on values or keeps memory.
@@ -169,20 +174,22 @@ def require_same(traced: Traced, found: np.ndarray, t: float, state: Observation
             result = traced.read(traced.function(t, state))
         except Exception as error:
             raise LinkworkError(
-                f"{traced.what} does other things with numbers than with symbols ({reason(error)}); {cure(traced.what)}"
+                f"{traced.what} does other things with numbers than with symbols "
+                f"({reason(error)}); {cure(traced.what)}"
             ) from error
     expected = np.array(ca.DM(ca.densify(result)), float).ravel()
     if found.shape != expected.shape or not np.allclose(
         found, expected, AGREE, AGREE, equal_nan=True
     ):
         raise LinkworkError(
-            f"{traced.what} returns other values with numbers than it did with symbols: it branches on values, or keeps "
-            f"memory from call to call; {cure(traced.what)}"
+            f"{traced.what} returns other values with numbers than it did with symbols: it "
+            f"branches on values, or keeps memory from call to call; {cure(traced.what)}"
         )
 
 
 def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
-    """Return numbers or symbols in the order of the names, from a sequence of all of them, or a mapping of some.
+    """Return numbers or symbols in the order of the names, from a sequence of all of them, or a
+    mapping of some.
 
     Raises:
         LinkworkError: another number of values, or names that are not among them.
@@ -206,7 +213,8 @@ def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
         raise LinkworkError(f"{what} returns {shown(values)}; give {count}: {', '.join(names)}")
     if array.size != len(names) or array.ndim > 2 or (not array.ndim and len(names) != 1):
         raise LinkworkError(
-            f"{what} returns {array.size} values; give {len(names)}: {', '.join(names) or 'none'}, in this order or by name"
+            f"{what} returns {array.size} values; give {len(names)}: "
+            f"{', '.join(names) or 'none'}, in this order or by name"
         )
     return array.ravel()
 
@@ -217,7 +225,8 @@ def column(values: Any, names: Sequence[str], what: str) -> ca.SX:
 
 
 def shown(values: Any) -> str:
-    """Show what a function returned in a sentence: text and numbers as such, all else by its kind."""
+    """Show what a function returned in a sentence: text and numbers as such, all else by its
+    kind."""
     if values is None or isinstance(values, str | int | float):
         return repr(values)
     kinds = (
@@ -229,13 +238,18 @@ def shown(values: Any) -> str:
 
 
 def cure(what: str) -> str:
-    """Return what to do about a function that cannot be traced; a controller alone may be sampled instead."""
+    """Return what to do about a function that cannot be traced; a controller alone may be sampled
+    instead."""
     sampled = ", or wrap it in a linkwork.control.Sampler" if what == CONTROLLER else ""
-    return f"write it with linkwork.math (where, minimum ...) as a function of its arguments alone{sampled}"
+    return (
+        "write it with linkwork.math (where, minimum ...) as a function of its arguments "
+        f"alone{sampled}"
+    )
 
 
 def reason(error: BaseException) -> str:
-    """Return an exception in a line: its kind, and the first line of its text that says something, if there is one."""
+    """Return an exception in a line: its kind, and the first line of its text that says something,
+    if there is one."""
     if "truth value of a CasADi" in str(error):
         return "it branches on the value of a symbol"
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]

@@ -1,4 +1,5 @@
-"""External wrenches: forces and moments from outside on a body, as generalised forces  Q = T' w  on the rates v."""
+"""External wrenches: forces and moments from outside on a body, as generalised forces  Q = T' w  on
+the rates v."""
 
 from __future__ import annotations
 
@@ -24,9 +25,9 @@ ZERO = (0.0, 0.0, 0.0)
 class Wrench(ActingPart):
     """Act on a body with a force [N] at a point and a moment [N m].
 
-    force, moment: three numbers, three numbers over time (`Sampled`, `Signal`), or a traced function (t, state) -> three
-    body: name of the body; point: where the force acts, in the body's frame [m]
-    frame: whether force and moment are given in the axes of the "ground" or of the "body"
+    force, moment: three numbers, three numbers over time (`Sampled`, `Signal`), or a traced
+    function (t, state) -> three body: name of the body; point: where the force acts, in the body's
+    frame [m] frame: whether force and moment are given in the axes of the "ground" or of the "body"
     """
 
     body: str
@@ -38,7 +39,8 @@ class Wrench(ActingPart):
     def __post_init__(self) -> None:
         if self.frame not in ("ground", "body"):
             raise LinkworkError(
-                f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or 'body'"
+                f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or "
+                "'body'"
             )
         for part, unit in (("point", "m"), ("force", "N"), ("moment", "N m")):
             value = getattr(self, part)
@@ -60,7 +62,8 @@ class Wrench(ActingPart):
         return ca.vertcat(ca.mtimes(R, wrench[:3]), ca.mtimes(R, wrench[3:]))
 
     def on_rates(self, equations: Equations, wrench: ca.SX) -> ca.SX:
-        """Return the generalised forces (n) of (moment, force) given in the ground's axes: L' J' w."""
+        """Return the generalised forces (n) of (moment, force) given in the ground's axes: L' J'
+        w."""
         node = equations.tree.node(self.body)
         J = measures.jacobian(equations.tree, node, near_offset(node, np.array(self.point, float)))
         return ca.mtimes(equations.elimination[0].T, ca.mtimes(J.T, wrench))

@@ -1,4 +1,5 @@
-"""Stage 2, derive: mechanism -> topology -> tree -> closure rows -> chart -> equations of motion (CasADi expressions)."""
+"""Stage 2, derive: mechanism -> topology -> tree -> closure rows -> chart -> equations of motion
+(CasADi expressions)."""
 
 from linkwork.equations import functions
 from linkwork.equations.choosing import chart_in, charts_at

@@ -1,10 +1,11 @@
 """Small vector algebra on CasADi expressions.
 
-Constants are kept exact: numbers that differ from 0, 1/2 or 1 by rounding only are snapped, so that what is zero by
-geometry is zero in the graph and everything built on it vanishes symbolically.
+Constants are kept exact: numbers that differ from 0, 1/2 or 1 by rounding only are snapped, so that
+what is zero by geometry is zero in the graph and everything built on it vanishes symbolically.
 
-A free number of the description is a symbol p_i in its place. A constant vector (`Vector`) is an array of numbers, or an
-expression where any of its numbers is free; a free number never counts as zero.
+A free number of the description is a symbol p_i in its place. A constant vector (`Vector`) is an
+array of numbers, or an expression where any of its numbers is free; a free number never counts as
+zero.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def snap(values: Vector, size: float | None = None) -> Vector: ...
 def snap(values: Vector, size: float | None = None) -> Vector:
     """Replace numbers within rounding of a multiple of 1/2 by that multiple.
 
-    size: of numbers that a zero may have come of; that of the largest one here, 1 at most, if left out
+    size: of numbers that a zero may have come of; that of the largest one here, 1 at most, if left
+    out
     """
     if isinstance(values, SX):
         entries = ca.vertsplit(ca.vec(values))
@@ -121,7 +123,8 @@ def spin(omega: ca.SX, r: ca.SX) -> ca.SX:
 
 
 def quaternion_matrix(p: ca.SX) -> ca.SX:
-    """Return R of a unit quaternion p = (w, x, y, z): R = 1 + 2 w [u x] + 2 [u x]^2, u = (x, y, z)."""
+    """Return R of a unit quaternion p = (w, x, y, z): R = 1 + 2 w [u x] + 2 [u x]^2, u =
+    (x, y, z)."""
     w, x, y, z = (p[i] for i in range(4))
     X, Y, Z = 2 * x, 2 * y, 2 * z
     xX, yY, zZ, xY, xZ, yZ, wX, wY, wZ = (
@@ -144,7 +147,8 @@ def quaternion_matrix(p: ca.SX) -> ca.SX:
 
 
 def quaternion_map(p: ca.SX) -> ca.SX:
-    """Return the map (4 x 3) with p' = (0, omega) p / 2 from omega, in the axes of the first frame, for p of R_12."""
+    """Return the map (4 x 3) with p' = (0, omega) p / 2 from omega, in the axes of the first frame,
+    for p of R_12."""
     w, x, y, z = (p[i] / 2 for i in range(4))
     rows = (-x, -y, -z), (w, z, -y), (-z, w, x), (y, -x, w)
     return ca.vertcat(*[ca.horzcat(*row) for row in rows])
@@ -153,7 +157,8 @@ def quaternion_map(p: ca.SX) -> ca.SX:
 def matrix_quaternion(R: ca.SX) -> ca.SX:
     """Return the unit quaternion (w, x, y, z), w >= 0, of a rotation matrix.
 
-    Every column of the symmetric matrix 4 p p', whose elements are linear in R, is along p; the longest is taken.
+    Every column of the symmetric matrix 4 p p', whose elements are linear in R, is along p; the
+    longest is taken.
     """
     d = [
         1 + R[0, 0] + R[1, 1] + R[2, 2],

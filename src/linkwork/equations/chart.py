@@ -3,13 +3,14 @@
     Phi w = 0,  w = (v, w_u):      Phi_u w_u = -Phi_a v               w = L v
     Phi w' + gamma = 0:            Phi_u w_u' = -Phi_a v' - gamma     w' = L v' + b
 
-The order of elimination is chosen once, on numbers, and then traced without a branch. Pivots that are constants
-(lengths) are taken first: they cannot become weak. What remains falls into coupled blocks; a block of up to three
-unknowns is solved by cofactors, which fail only where the block itself is singular, not where some pivot order is; of
-a larger block the strongest pivots are eliminated until three unknowns are left. The smallest relative pivot, a pivot
-or determinant over its value where the chart was chosen, is an output; its sign changes where one of them passes zero.
-It goes to zero where the independent rates do not determine the others any more.
-Source: the paper, Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold pivoting).
+The order of elimination is chosen once, on numbers, and then traced without a branch. Pivots that
+are constants (lengths) are taken first: they cannot become weak. What remains falls into coupled
+blocks; a block of up to three unknowns is solved by cofactors, which fail only where the block
+itself is singular, not where some pivot order is; of a larger block the strongest pivots are
+eliminated until three unknowns are left. The smallest relative pivot, a pivot or determinant over
+its value where the chart was chosen, is an output; its sign changes where one of them passes zero.
+It goes to zero where the independent rates do not determine the others any more. Source: the paper,
+Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold pivoting).
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
 
     Args:
         samples: Phi (rows x nv) at closed configurations, the reference configuration first.
-        count: number of rows, if known: those that are least dependent at the first sample are taken; if not, those of
-            the first sample at which the rank is largest.
+        count: number of rows, if known: those that are least dependent at the first sample are
+            taken; if not, those of the first sample at which the rank is largest.
     """
     if count is not None:
         every = count == len(samples[0])
@@ -52,7 +53,8 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
 
 
 def largest_rows(A: np.ndarray, count: int) -> list[int]:
-    """Return `count` rows of A, each the longest of what the ones before it leave of the rows (QR with pivoting)."""
+    """Return `count` rows of A, each the longest of what the ones before it leave of the rows
+    (QR with pivoting)."""
     rest, chosen = A.copy(), []
     for _ in range(count):
         lengths = np.linalg.norm(rest, axis=1)
@@ -66,12 +68,14 @@ def largest_rows(A: np.ndarray, count: int) -> list[int]:
 def choose_independent(
     Phi: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW
 ) -> tuple[int, ...]:
-    """Return n = nv - rank rates that determine the others: the preferred ones first, as far as they are independent.
+    """Return n = nv - rank rates that determine the others: the preferred ones first, as far as
+    they are independent.
 
     Args:
         Phi: kept rows of the constraint Jacobian (rows x nv), of full rank.
         preferred: rates in the order of preference.
-        share: least part of a preferred rate's motion that is no motion of the rates taken before it.
+        share: least part of a preferred rate's motion that is no motion of the rates taken before
+            it.
     """
     return tuple(choose_independents(reflect(Phi).null_space[None], preferred, share)[0].tolist())
 
@@ -112,7 +116,8 @@ def choose_independents(
 
 @dataclass(frozen=True)
 class Block:
-    """Solve the unknowns `columns` from the rows `rows` together; one row and column is an ordinary pivot."""
+    """Solve the unknowns `columns` from the rows `rows` together; one row and column is an ordinary
+    pivot."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
@@ -120,7 +125,8 @@ class Block:
 
 @dataclass(frozen=True)
 class Stage:
-    """Hold the blocks of one stage of the block triangular form, in the order of elimination, and their scales.
+    """Hold the blocks of one stage of the block triangular form, in the order of elimination, and
+    their scales.
 
     scales: value of each block's pivot (or determinant) where the chart was chosen
     """
@@ -139,7 +145,8 @@ class Stage:
 
 @dataclass(frozen=True)
 class Chart:
-    """Hold the independent and dependent rates, the kept rows of Phi and the stages of the elimination."""
+    """Hold the independent and dependent rates, the kept rows of Phi and the stages of the
+    elimination."""
 
     independent: tuple[int, ...]
     dependent: tuple[int, ...]
@@ -188,7 +195,8 @@ def choose_chart(
 
     Args:
         Phi: constraint Jacobian as an expression (all rows x nv).
-        samples: its values at closed configurations, the reference configuration first, in the mechanism's own units.
+        samples: its values at closed configurations, the reference configuration first, in the
+            mechanism's own units.
         rows: the kept rows, as many as there are dependent rates.
         independent: indices of the independent rates.
         units: those of the rows and of the rates; 1 if left out.
@@ -224,7 +232,8 @@ def chart_of(
 
 
 def constancy(Phi: ca.SX) -> dict[int, dict[int, bool]]:
-    """Return which elements of a matrix are not zero, by row and column, and whether they are constant."""
+    """Return which elements of a matrix are not zero, by row and column, and whether they are
+    constant."""
     return {
         r: {c: value.is_constant() for c, value in row.items()} for r, row in entries(Phi).items()
     }
@@ -242,12 +251,15 @@ def choose_orders(
     """Choose the order of elimination for each of G groups of configurations.
 
     Args:
-        pattern: the elements of the constraint Jacobian that are not zero, and whether they are constant.
-        Phi: its values in the mechanism's own units (G x samples x rows x nv); the order is good at all samples of a group.
+        pattern: the elements of the constraint Jacobian that are not zero, and whether they are
+            constant.
+        Phi: its values in the mechanism's own units (G x samples x rows x nv); the order is good at
+            all samples of a group.
         rows, independent: the kept rows and the independent rates.
 
     Returns:
-        (groups, stages, determinants) for each order: the groups that have it, its blocks stage by stage, and their
+        (groups, stages, determinants) for each order: the groups that have it, its blocks stage by
+            stage, and their
         determinants at the groups' first samples (groups x blocks).
     """
     columns_of = {r: tuple(c for c in pattern[r] if c not in independent) for r in rows}
@@ -275,7 +287,8 @@ def choose_orders(
 def stage_orders(
     values: Values, constant: set[tuple[int, int]], groups: int
 ) -> list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]]:
-    """Choose the order of elimination within a stage, on the numbers of its rows and columns, group by group."""
+    """Choose the order of elimination within a stage, on the numbers of its rows and columns, group
+    by group."""
     found: list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]] = []
     ways: list[tuple[np.ndarray, Values, set[tuple[int, int]], tuple[Block, ...], np.ndarray]] = [
         (np.arange(groups), values, constant, (), np.empty((groups, 0)))
@@ -317,9 +330,11 @@ def block_values(values: Values, block: Block, groups: int) -> np.ndarray:
 def triangular(
     pattern: Mapping[int, Iterable[int]],
 ) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
-    """Return the stages (rows, columns) of the block triangular form: each holds columns of its own and of stages before.
+    """Return the stages (rows, columns) of the block triangular form: each holds columns of its own
+    and of stages before.
 
-    Rows are matched with columns; a row leads to the rows matched with its columns; what leads back is one stage.
+    Rows are matched with columns; a row leads to the rows matched with its columns; what leads back
+    is one stage.
 
     Args:
         pattern: the columns that each row holds.
@@ -350,7 +365,8 @@ def _triangular(
 def next_blocks(
     values: Values, constant: set[tuple[int, int]], groups: int
 ) -> Iterator[tuple[Block, np.ndarray]]:
-    """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else a strong entry.
+    """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else
+    a strong entry.
 
     Yields the blocks that any of the groups take, and these groups.
     """
@@ -389,7 +405,8 @@ def next_blocks(
 
 
 def strength(values: Values, r: int, c: int) -> np.ndarray:
-    """Return the smallest ratio, over the samples, of an entry to the largest entry of its row (groups)."""
+    """Return the smallest ratio, over the samples, of an entry to the largest entry of its row
+    (groups)."""
     largest = np.max([np.abs(value) for value in values[r].values()], axis=0)
     return np.min(np.abs(values[r][c]) / np.maximum(largest, 1e-300), axis=1)
 
@@ -428,7 +445,8 @@ def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], lis
 
     Args:
         chart: the order of elimination.
-        Phi: constraint Jacobian (all rows x nv); only the chart's rows and dependent columns are read.
+        Phi: constraint Jacobian (all rows x nv); only the chart's rows and dependent columns are
+            read.
         right: right sides (all rows x any number).
 
     Returns:
@@ -454,7 +472,8 @@ def solve(chart: Chart, Phi: ca.SX, right: ca.SX) -> tuple[dict[int, ca.SX], lis
 def solve_stage(
     stage: Stage, rows: Entries, rhs: dict[int, ca.SX], X: dict[int, ca.SX], pivots: list[ca.SX]
 ) -> None:
-    """Solve a stage by elimination and back substitution; add its unknowns to X and its relative pivots."""
+    """Solve a stage by elimination and back substitution; add its unknowns to X and its relative
+    pivots."""
     order: list[tuple[Block, Entries]] = []
     for block, scale in zip(stage.blocks, stage.scales, strict=True):
         taken = {r: rows.pop(r) for r in block.rows}
@@ -484,7 +503,8 @@ def solve_stage(
 
 
 def weakest(pivots: Sequence[ca.SX]) -> ca.SX:
-    """Return the smallest magnitude of relative pivots, negative where any of them is; 1 where all are constant."""
+    """Return the smallest magnitude of relative pivots, negative where any of them is; 1 where all
+    are constant."""
     varying = [pivot for pivot in pivots if not pivot.is_constant()]
     if not varying:
         return SX(1)

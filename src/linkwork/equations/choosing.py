@@ -1,9 +1,10 @@
 """Choosing: charts that are good where a mechanism is, at many configurations at a time.
 
-At each configuration alone: the rows that depend least on each other, the preferred rates as far as they determine the
-motion well, an order of elimination, and the scale of each pivot: the usual size, that of its rows and columns at the
-reference, or where the pivot is small a power of FALL less. So what is chosen is a matter of the configuration, not of
-what was chosen before, and configurations that are not far from each other share a chart.
+At each configuration alone: the rows that depend least on each other, the preferred rates as far as
+they determine the motion well, an order of elimination, and the scale of each pivot: the usual
+size, that of its rows and columns at the reference, or where the pivot is small a power of FALL
+less. So what is chosen is a matter of the configuration, not of what was chosen before, and
+configurations that are not far from each other share a chart.
 """
 
 from __future__ import annotations
@@ -29,8 +30,11 @@ from linkwork.equations.equations import Equations, smallest_singular
 WELL = (
     0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
 )
-DETERMINED = 1e-4  # least singular value of what rates are to solve for, over the smallest one at the reference
-NOISE = 1e-11  # determinants that are rounding errors, over the product of the sizes of their rows and columns
+DETERMINED = 1e-4
+"""Least singular value of what rates are to solve for, over the smallest one at the reference."""
+NOISE = 1e-11
+"""Determinants that are rounding errors, over the product of the sizes of their rows and
+columns."""
 LEAST, FALL = (
     0.125,
     16.0,
@@ -40,15 +44,16 @@ LEAST, FALL = (
 def charts_at(
     equations: Equations, Phi: np.ndarray, preferred: Sequence[int] = ()
 ) -> list[tuple[np.ndarray, Chart]]:
-    """Return charts that are good at configurations: rows, independent rates and elimination chosen at each.
+    """Return charts that are good at configurations: rows, independent rates and elimination chosen
+    at each.
 
     Args:
         Phi: the constraint Jacobian there (G x all rows x nv).
         preferred: rates that should be independent, as far as the configuration allows it well.
 
     Returns:
-        The charts, each with the numbers of the configurations at which it is chosen; none where every choice would divide
-        by a rounding error.
+        The charts, each with the numbers of the configurations at which it is chosen; none where
+        every choice would divide by a rounding error.
     """
     units, count = equations.scaled(Phi), len(equations.chart.rows)
     kept = np.array([independent_rows([one], count) for one in units], int).reshape(
@@ -70,7 +75,8 @@ def charts_at(
 
 
 def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray:
-    """Return the weakest pivot that a chart's elimination comes upon, free of units, at configurations (G).
+    """Return the weakest pivot that a chart's elimination comes upon, free of units, at
+    configurations (G).
 
     Of a block it is the least singular value, so that charts compare whose blocks differ in size.
 
@@ -97,12 +103,14 @@ def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray
 def chart_in(
     equations: Equations, Phi: np.ndarray, independent: Sequence[int], least: float = DETERMINED
 ) -> Chart | None:
-    """Return the chart in given independent rates that is good at one configuration; None where they determine no motion.
+    """Return the chart in given independent rates that is good at one configuration; None where
+    they determine no motion.
 
     Args:
         Phi: the constraint Jacobian there (all rows x nv).
         independent: n different rates.
-        least: singular value from which on they determine the motion, over the smallest one at the reference.
+        least: singular value from which on they determine the motion, over the smallest one at the
+            reference.
     """
     unit, count = equations.scaled(Phi), len(equations.chart.rows)
     rows = independent_rows([unit], count)
@@ -123,7 +131,8 @@ def chart_in(
 def orders(
     equations: Equations, Phi: np.ndarray, rows: Sequence[int], independent: Sequence[int]
 ) -> Iterator[tuple[np.ndarray, list[tuple[Block, ...]], np.ndarray, np.ndarray]]:
-    """Yield the orders of elimination for configurations: which, blocks, their determinants there and their usual sizes."""
+    """Yield the orders of elimination for configurations: which, blocks, their determinants there
+    and their usual sizes."""
     units = equations.rows.units, equations.tree.rate_units
     for groups, stages, found in choose_orders(
         equations.rows.pattern, equations.natural(Phi)[:, None], rows, independent
@@ -134,7 +143,8 @@ def orders(
 
 
 def null_spaces(Phi: np.ndarray) -> np.ndarray:
-    """Return orthonormal bases (G x nv x n) of what matrices (G x rows x nv) of full rank leave free."""
+    """Return orthonormal bases (G x nv x n) of what matrices (G x rows x nv) of full rank leave
+    free."""
     groups, rows, width = Phi.shape
     if not rows:
         return np.broadcast_to(np.eye(width), (groups, width, width))

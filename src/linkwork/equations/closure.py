@@ -1,13 +1,14 @@
 """Closure: the rows that a cut joint's type brings, their Jacobian and their bias.
 
-For a cut joint with frames F1, F2 the rows of its kind hold one frame's point and directions in the other. They are
-written in the axes of the side whose chain is shorter ("this" side, the other is "that"): there the last joints'
-columns are constants or near it, so that eliminating them costs little and divides by lengths, not by sines.
+For a cut joint with frames F1, F2 the rows of its kind hold one frame's point and directions in the
+other. They are written in the axes of the side whose chain is shorter ("this" side, the other is
+"that"): there the last joints' columns are constants or near it, so that eliminating them costs
+little and divides by lengths, not by sines.
 
-    position row    phi = e . g,  g = p_that - p_this            Phi w = e . v,  v = v_that - v_this - omega_this x g
-    direction row   phi = e . f                                  Phi w = (f x e) . omega,  omega = omega_that - omega_this
-    screw row       phi = h sin(e . g / h - angle)               Phi w = e . v - h e . omega
-    distance row    phi = (g . g - l^2) / (2 l)                  Phi w = g . (v_that - v_this) / l
+    position row   phi = e . g,  g = p_that - p_this  Phi w = e . v,  v = v_that - v_this - omega_this x g
+    direction row  phi = e . f                        Phi w = (f x e) . omega,  omega = omega_that - omega_this
+    screw row      phi = h sin(e . g / h - angle)     Phi w = e . v - h e . omega
+    distance row   phi = (g . g - l^2) / (2 l)        Phi w = g . (v_that - v_this) / l
 
 and with w' = 0 the second derivative of phi leaves the bias gamma, so that  Phi w' + gamma = 0.
 Source: the paper, Eqs. (1), (2); Nikravesh 1988, ch. 6 (constraints by vectors).
@@ -42,8 +43,8 @@ from linkwork.mechanism import Frame, PairJoint
 class Side:
     """Hold one side of a cut joint.
 
-    node: the body's; arm, R_F: joint frame from the node's origin, constant in the body's axes; P, R: the same in the
-    ground's.
+    node: the body's; arm, R_F: joint frame from the node's origin, constant in the body's axes; P,
+    R: the same in the ground's.
     """
 
     node: Node
@@ -127,7 +128,8 @@ def residuals(cut: Cut) -> list[ca.SX]:
 
 
 def shared(tree: Tree, cut: Cut) -> set[int]:
-    """Return the rates inward of both sides: they move the loop as a whole and enter none of its rows."""
+    """Return the rates inward of both sides: they move the loop as a whole and enter none of its
+    rows."""
     chains = [
         {column.rate for node in tree.path(side.node) for column in node.columns}
         for side in cut.sides
@@ -138,10 +140,11 @@ def shared(tree: Tree, cut: Cut) -> set[int]:
 def reaches(
     tree: Tree, cut: Cut, parted: bool = False
 ) -> Iterator[tuple[int, Column, Node, ca.SX]]:
-    """Yield what moves in the loop: sign of the side, column, its node, vector to the joint's point in its `column_axes`.
+    """Yield what moves in the loop: sign of the side, column, its node, vector to the joint's point
+    in its `column_axes`.
 
-    Where the joint's origins part, or are `parted` in an open loop, both sides take the point of that side, as if they were
-    one body's.
+    Where the joint's origins part, or are `parted` in an open loop, both sides take the point of
+    that side, as if they were one body's.
     """
     common = shared(tree, cut)
     slip = (
@@ -157,7 +160,8 @@ def reaches(
 
 
 def moving(column: Column, node: Node, d: ca.SX) -> ca.SX:
-    """Return the velocity z x d + s of a point at d from the node's origin, for a unit rate, in its `column_axes`."""
+    """Return the velocity z x d + s of a point at d from the node's origin, for a unit rate, in its
+    `column_axes`."""
     turn = cross(column.z, d) if node.turns else zero()
     return turn + column.s if node.slides else turn
 
@@ -180,7 +184,8 @@ def jacobian(tree: Tree, cut: Cut) -> ca.SX:
 
 
 def open_jacobian(tree: Tree, cut: Cut) -> ca.SX:
-    """Return the derivative of phi along the rates (rows x nv) also where the joint is open (a thread's: to first order)."""
+    """Return the derivative of phi along the rates (rows x nv) also where the joint is open
+    (a thread's: to first order)."""
     J = SX(len(cut.rows), len(tree.rates))
     rows = [replace(row, crossing=row.f is not None) for row in cut.rows]
     lines = [line(cut, row) for row in rows]
@@ -192,7 +197,8 @@ def open_jacobian(tree: Tree, cut: Cut) -> ca.SX:
 
 
 def line(cut: Cut, row: Row) -> ca.SX:
-    """Return the direction in which a row allows no motion: f x e where it holds a direction, else e, in this side's axes."""
+    """Return the direction in which a row allows no motion: f x e where it holds a direction, else
+    e, in this side's axes."""
     if row.crossing:
         return crossed(cut, row)[2]
     return in_axes(cut.this.R, row.e if row.f is None else row.moment)
@@ -215,9 +221,11 @@ def effect(cut: Cut, row: Row, line: ca.SX, column: Column, node: Node, velocity
 
 
 def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
-    """Return, for the last nodes of this side that differ by constant rotations and slides only, C and d by index.
+    """Return, for the last nodes of this side that differ by constant rotations and slides only, C
+    and d by index.
 
-    C: from the node's frame to that of this side's body; d: from the node's origin to the joint, in the latter.
+    C: from the node's frame to that of this side's body; d: from the node's origin to the joint, in
+    the latter.
     """
     this, found = cut.this.node, {}
     d, near_r = SX(cut.this.arm), zero()
@@ -238,7 +246,8 @@ def near_enough(cut: Cut, row: Row, column: Column, node: Node) -> bool:
 
 
 def near_effect(cut: Cut, row: Row, column: Column, node: Node, C: np.ndarray, d: ca.SX) -> ca.SX:
-    """Return `effect` in the frame of this side's body, where the row's directions and the column are constant."""
+    """Return `effect` in the frame of this side's body, where the row's directions and the column
+    are constant."""
     R_F = cut.this.R_F
     z, s = (SX(snap(C @ part)) for part in (column.local_z, column.local_s))
     if row.f is not None:
@@ -248,16 +257,19 @@ def near_effect(cut: Cut, row: Row, column: Column, node: Node, C: np.ndarray, d
 
 
 def crossed(cut: Cut, row: Row) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return e, f and f x e of a crossing row in this side's axes: e is fixed in this side alone, f in that."""
+    """Return e, f and f x e of a crossing row in this side's axes: e is fixed in this side alone, f
+    in that."""
     e, f_that = in_axes(cut.this.R, row.e), in_axes(cut.that.R, np.array(row.f))
     f = convert(f_that, cut.that.node.axes, cut.this.node.axes)
     return e, f, cross(f, e)
 
 
 def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
-    """Return gamma of each row: the second derivative of phi at w' = 0, for rates w that keep the loop closed.
+    """Return gamma of each row: the second derivative of phi at w' = 0, for rates w that keep the
+    loop closed.
 
-    What moves the loop as a whole does not enter, and is held still here. All is written in this side's axes.
+    What moves the loop as a whole does not enter, and is held still here. All is written in this
+    side's axes.
     """
     free = {column.rate for _, column, *_ in reaches(tree, cut)}
     rates = rates * SX(np.isin(np.arange(rates.numel()), list(free)).astype(float))
@@ -320,7 +332,8 @@ def open_bias(
     a_that: ca.SX,
     turning: ca.SX,
 ) -> ca.SX:
-    """Return gamma of a row of a joint whose origins part: omega to a of this side's node, v_that and a_that of that point."""
+    """Return gamma of a row of a joint whose origins part: omega to a of this side's node, v_that
+    and a_that of that point."""
     this = cut.this
     gap = ca.mtimes(this.node.axes.matrix.T, cut.that.P - this.P)
     d = in_axes(this.node.R, this.arm)
@@ -336,10 +349,11 @@ def open_bias(
 
 
 def alignment(cut: Cut) -> ca.SX:
-    """Return a number that is positive where the two frames agree and negative where a direction is flipped by pi.
+    """Return a number that is positive where the two frames agree and negative where a direction is
+    flipped by pi.
 
-    Rows that hold a direction or a thread vanish for a flipped frame too, so Newton's method may end there; this tells
-    the two apart.
+    Rows that hold a direction or a thread vanish for a flipped frame too, so Newton's method may
+    end there; this tells the two apart.
     """
     products = [SX(1)]
     for row in cut.rows:

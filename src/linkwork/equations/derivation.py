@@ -1,6 +1,7 @@
 """Derive: from a mechanism to its equations, stage by stage.
 
-Mechanism -> Topology -> Tree -> closure rows -> reference configuration -> kept rows -> Chart -> Equations
+Mechanism -> Topology -> Tree -> closure rows -> reference configuration -> kept rows -> Chart ->
+Equations
 """
 
 from __future__ import annotations
@@ -50,19 +51,24 @@ TURNS_OUT = 1e-9
 SHOWN = 6  # coordinates in a note
 REGULAR = 1e-3  # least singular value at a bent reference, in own units
 ROUNDED = 1e-6  # gap of redundant rows, over the loop's extents, that rounded numbers explain
-ROUNDED_RANK = 1e-5  # singular value over the largest, and what is left of a row over the longest, that rounded numbers make
+ROUNDED_RANK = 1e-5
+"""Singular value over the largest, and what is left of a row over the longest, that rounded numbers
+make."""
 NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
-    "branches of motion meet at the given reference, as where a linkage lies in a line; home is bent to {}; give a "
+    "branches of motion meet at the given reference, as where a linkage lies in a line; home is "
+    "bent to {}; give a "
     "reference on the branch that is meant"
 )
 UNHELD = (
-    "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and rad), as rounded numbers "
+    "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and "
+    "rad), as rounded numbers "
     "leave them: {}; the other rows are closed exactly, these are not held"
 )
 FLIPPED = (
-    "the loops close near the reference configuration only with a joint's frames facing opposite ways; give joint "
-    "coordinates nearer to the intended configuration, or turn one of the frames"
+    "the loops close near the reference configuration only with a joint's frames facing "
+    "opposite ways; give joint coordinates nearer to the intended configuration, or turn one of "
+    "the frames"
 )
 
 
@@ -71,15 +77,18 @@ def derive(
 ) -> Equations:
     """Derive the equations of motion of a mechanism.
 
-    Every choice that needs numbers is made at the description's; a free number never counts as zero.
+    Every choice that needs numbers is made at the description's; a free number never counts as
+    zero.
 
     Args:
-        independent: names of the rates that should be the independent ones, as far as they can; then the actuated ones.
+        independent: names of the rates that should be the independent ones, as far as they can;
+            then the actuated ones.
         free: paths of the numbers of the description that stay symbols (`mechanism.numbers`).
 
     Raises:
-        MechanismError: loops that do not close at the reference configuration, a mechanism without motion, bodies whose
-            inertia is given for planar motion but that leave their plane, paths that lead to no number that can be free.
+        MechanismError: loops that do not close at the reference configuration, a mechanism without
+            motion, bodies whose inertia is given for planar motion but that leave their plane,
+            paths that lead to no number that can be free.
     """
     parameters, length = free_numbers(mechanism, free), own_length(mechanism)
     freed = replaced(mechanism, {path: symbol(path) for path in parameters})
@@ -147,9 +156,11 @@ def closure_rows(
     of_gears: Mapping[str, float],
     of_loops: Mapping[str, tuple[float, float]],
 ) -> Rows:
-    """Gather the rows of all cut joints and gears; those that vanish symbolically (out of a plane) are left out.
+    """Gather the rows of all cut joints and gears; those that vanish symbolically (out of a plane)
+    are left out.
 
-    of_gears: units of the gears' residuals, by name; of_loops: length over the own one and number of joints, by cut joint
+    of_gears: units of the gears' residuals, by name; of_loops: length over the own one and number
+    of joints, by cut joint
     """
     rates = SX.sym("rates", len(tree.rates))
     names, phi, Phi, open_Phi, gamma, units, extents = [], [], [], [], [], [], []
@@ -215,8 +226,8 @@ def refuse_open(row: str, residual: float, unit: float) -> None:
     if abs(residual) > STAYS_OPEN * unit:
         joint, _, what = row.partition(": ")
         raise MechanismError(
-            f"the loop cannot close: {what} stays open by {abs(residual):.3g} in every configuration; "
-            "place the joint's two frames so that they can meet",
+            f"the loop cannot close: {what} stays open by {abs(residual):.3g} in every "
+            "configuration; place the joint's two frames so that they can meet",
             ("joints", joint),
         )
 
@@ -227,10 +238,11 @@ Samples = tuple[Rows, list[np.ndarray], list[np.ndarray], tuple[str, ...]]
 def closed_samples(
     joints: JointMap, rows: Rows, start: np.ndarray, starts: Callable[[], Iterable[np.ndarray]]
 ) -> Samples:
-    """Return the rows, the closed reference configuration and closed ones near it, Phi there in own units, notes.
+    """Return the rows, the closed reference configuration and closed ones near it, Phi there in own
+    units, notes.
 
-    Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at the reference, or at a
-    start that leads to none, another one is looked for beside it.
+    Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at
+    the reference, or at a start that leads to none, another one is looked for beside it.
     """
     tree = joints.tree
     try:
@@ -261,9 +273,11 @@ def closed_samples(
 
 
 def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
-    """Return the rows without redundant ones that rounded numbers leave open; None where that is not what does.
+    """Return the rows without redundant ones that rounded numbers leave open; None where that is
+    not what does.
 
-    They may close where the numbers were rounded, as at zero angles, and open where the mechanism moves.
+    They may close where the numbers were rounded, as at zero angles, and open where the mechanism
+    moves.
     """
     system = closing(tree, replace(rows, units=rows.units * rows.extents))
     for start in starts if rows.unheld is None else ():
@@ -284,12 +298,14 @@ def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
 
 
 def nearly_dependent(Phi: np.ndarray) -> bool:
-    """Tell whether some rows depend on others but for rounded numbers: where such rows close, it is far off by chance."""
+    """Tell whether some rows depend on others but for rounded numbers: where such rows close, it is
+    far off by chance."""
     return len(reflect(Phi, STAYS_OPEN).rows) > len(reflect(Phi, ROUNDED_RANK).rows)
 
 
 def unheld_notes(tree: Tree, rows: Rows, configurations: Sequence[np.ndarray]) -> tuple[str, ...]:
-    """Return a note on the rows that are not held, if there are any, with their gap at configurations near home."""
+    """Return a note on the rows that are not held, if there are any, with their gap at
+    configurations near home."""
     if rows.unheld is None:
         return ()
     gaps = tree.evaluated("unheld", [rows.unheld_gap])
@@ -300,7 +316,8 @@ def unheld_notes(tree: Tree, rows: Rows, configurations: Sequence[np.ndarray]) -
 def about(
     tree: Tree, rows: Rows, reference: np.ndarray
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own units."""
+    """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own
+    units."""
     configurations = [reference, *neighbours(closing(tree, rows), tree, reference)]
     return configurations, jacobians(tree, rows, configurations)
 
@@ -316,7 +333,8 @@ def singular_start(tree: Tree, rows: Rows, start: np.ndarray) -> bool:
 
 
 def bent(tree: Tree, rows: Rows, reference: np.ndarray, rank: int) -> np.ndarray | None:
-    """Return the closed configuration beside a singular one at which the rows are farthest from losing rank, if any is."""
+    """Return the closed configuration beside a singular one at which the rows are farthest from
+    losing rank, if any is."""
     found = []
     for start in islice(bends(tree, reference), NEAR):
         with suppress(MechanismError):
@@ -332,7 +350,8 @@ def jacobians(tree: Tree, rows: Rows, configurations: Iterable[np.ndarray]) -> l
 
 
 def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
-    """Return the system that `close` solves, in the mechanism's own units, at p or at the description's numbers."""
+    """Return the system that `close` solves, in the mechanism's own units, at p or at the
+    description's numbers."""
     D_r, D_c = ca.diag(ca.DM(1 / rows.units)), ca.diag(ca.DM(tree.rate_units))
     scaled_Phi = ca.mtimes(ca.mtimes(D_r, rows.open_Phi), D_c)
     exact = tree.evaluated(
@@ -353,7 +372,8 @@ def home(
     starts: Iterable[np.ndarray],
     p: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the closed configuration nearest to the reference, from the first start that leads to a closed one.
+    """Return the closed configuration nearest to the reference, from the first start that leads to
+    a closed one.
 
     start: q (nq) of the reference; p: values of the free parameters; the description's if left out
     """
@@ -391,7 +411,8 @@ def closed_reference(
 def open_unheld(
     tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None
 ) -> MechanismError | None:
-    """Return the refusal of a row that is not held and open by more than rounded numbers explain, if there is one."""
+    """Return the refusal of a row that is not held and open by more than rounded numbers explain,
+    if there is one."""
     if rows.unheld is None:
         return None
     gaps = np.abs(np.array(closing(tree, rows.unheld, p)(q)[0]))
@@ -404,14 +425,16 @@ def open_unheld(
 
 
 def too_large(tree: Tree, q: np.ndarray) -> MechanismError | None:
-    """Return the refusal of a coordinate that is so large that its rounding leaves loops open, if there is one."""
+    """Return the refusal of a coordinate that is so large that its rounding leaves loops open, if
+    there is one."""
     spacings = np.spacing(np.abs(q)) / tree.units
     if not spacings.max(initial=0.0) > OPEN:
         return None
     worst = int(np.argmax(spacings))
     return MechanismError(
-        f"{tree.coordinates[worst]!r} is {q[worst]:.3g}, which a computer keeps to {np.spacing(abs(q[worst])):.1g} only, so "
-        "that no loop closes; give it without whole turns, or nearer to the mechanism",
+        f"{tree.coordinates[worst]!r} is {q[worst]:.3g}, which a computer keeps to "
+        f"{np.spacing(abs(q[worst])):.1g} only, so that no loop closes; give it without whole "
+        "turns, or nearer to the mechanism",
         ("reference",),
     )
 
@@ -419,8 +442,9 @@ def too_large(tree: Tree, q: np.ndarray) -> MechanismError | None:
 def open_near_reference(row: str, gap: float) -> MechanismError:
     joint, _, what = row.partition(": ")
     return MechanismError(
-        f"the loops do not close near the reference configuration: {what} of joint {joint!r} stays open by "
-        f"{gap:.3g}; check the joints' frames, or give joint coordinates nearer to a closed configuration",
+        f"the loops do not close near the reference configuration: {what} of joint {joint!r} "
+        f"stays open by {gap:.3g}; check the joints' frames, or give joint coordinates nearer to "
+        "a closed configuration",
         ("reference",),
     )
 
@@ -428,7 +452,8 @@ def open_near_reference(row: str, gap: float) -> MechanismError:
 def refuse_out_of_plane(
     mechanism: Mechanism, tree: Tree, configurations: list[np.ndarray], samples: list[np.ndarray]
 ) -> None:
-    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own z."""
+    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own
+    z."""
     rates = SX.sym("rates", len(tree.rates))
     omega = tree.angular_velocities(rates)
     for name, body in mechanism.bodies.items():
@@ -443,6 +468,7 @@ def refuse_out_of_plane(
             motions = tree.rate_units[:, None] * mobility.free_motions(Phi)
             if np.abs(np.array(turning(q, motions)[0])).max(initial=0.0) > TURNS_OUT:
                 raise MechanismError(
-                    "gives only zz, but the mechanism can turn the body about other axes than its z; give xx, yy and zz",
+                    "gives only zz, but the mechanism can turn the body about other axes than "
+                    "its z; give xx, yy and zz",
                     ("bodies", name, "inertia"),
                 )

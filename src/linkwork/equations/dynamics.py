@@ -1,11 +1,13 @@
-"""Inertia forces of the tree: composite inertias and Newton-Euler, with the moments regrouped by `moments`.
+"""Inertia forces of the tree: composite inertias and Newton-Euler, with the moments regrouped by
+`moments`.
 
-    H(q)            generalised inertia of the tree, by composite moments
-    h(q, w, w')     H w' + velocity terms + weight - applied wrenches, by one outward and one inward pass
+    H(q)         generalised inertia of the tree, by composite moments
+    h(q, w, w')  H w' + velocity terms + weight - applied wrenches, by one outward and one inward
+    pass
 
-H is K' Mtot K and h(q, w, 0) is K' (Mtot K' w + Omega Mtot K w - w_g) of the paper for the tree's rates, organised so
-that neither K nor Mtot is ever formed. Both are written about the nodes' origins, in the nodes' axes.
-Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
+H is K' Mtot K and h(q, w, 0) is K' (Mtot K' w + Omega Mtot K w - w_g) of the paper for the tree's
+rates, organised so that neither K nor Mtot is ever formed. Both are written about the nodes'
+origins, in the nodes' axes. Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ def near_moments(node: Node) -> tuple[Number, ca.SX, ca.SX]:
 def near_inertia(node: Node) -> ca.SX:
     """Return R I_local R' from the principal moments: I_b 1 + (I_a - I_b) a a' + (I_c - I_b) c c'.
 
-    a, c are two principal axes in the node's axes; where two moments are equal one of them is not needed. Where a number
-    of I_local is free the product is formed as it stands.
+    a, c are two principal axes in the node's axes; where two moments are equal one of them is not
+    needed. Where a number of I_local is free the product is formed as it stands.
     """
     inertia = node.moments.I
     if not present(inertia):
@@ -54,9 +56,10 @@ def near_inertia(node: Node) -> ca.SX:
 def generalised_inertia(tree: Tree) -> ca.SX:
     """Return H (nv x nv).
 
-    Outward to inward, composite moments (m, h, I) gather each node's own and its children's, shifted by r: h += m r,
-    I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A unit acceleration of a rate needs the
-    wrench  F = z x h + m s,  N = I z + h x s  about O; H_ij projects it on the columns inward.
+    Outward to inward, composite moments (m, h, I) gather each node's own and its children's,
+    shifted by r: h += m r, I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A
+    unit acceleration of a rate needs the wrench  F = z x h + m s,  N = I z + h x s  about O; H_ij
+    projects it on the columns inward.
     """
     moments = [near_moments(node) for node in tree.nodes]
     H = SX.zeros(len(tree.rates), len(tree.rates))
@@ -75,7 +78,8 @@ def generalised_inertia(tree: Tree) -> ca.SX:
 
 
 def project_inward(tree: Tree, node: Node, m: Number, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
-    """Fill rows and columns of H of a node's rates, up to the rates inward of it and those of its own."""
+    """Fill rows and columns of H of a node's rates, up to the rates inward of it and those of its
+    own."""
     axes = node.column_axes
     h = convert(h, node.axes, axes)
     inertia = convert(convert(inertia, node.axes, axes).T, node.axes, axes)
@@ -100,7 +104,8 @@ def project_inward(tree: Tree, node: Node, m: Number, h: ca.SX, inertia: ca.SX, 
 
 
 def along(node: Node, column: Column, N: ca.SX, F: ca.SX) -> ca.SX:
-    """Return the force conjugate to a rate, z . N + s . F, of a wrench about the node's origin in its column axes."""
+    """Return the force conjugate to a rate, z . N + s . F, of a wrench about the node's origin in
+    its column axes."""
     turn = dot(column.z, N) if node.turns else SX(0)
     return turn + dot(column.s, F) if node.slides else turn
 
@@ -108,10 +113,11 @@ def along(node: Node, column: Column, N: ca.SX, F: ca.SX) -> ca.SX:
 def inertia_forces(
     tree: Tree, rates: ca.SX, accelerations: ca.SX, gravity: ca.SX, applied: Wrenches | None = None
 ) -> ca.SX:
-    """Return h(q, w, w') (nv x 1): the joint forces that the motion, the weight and applied wrenches need.
+    """Return h(q, w, w') (nv x 1): the joint forces that the motion, the weight and applied
+    wrenches need.
 
-    applied: (moment about the node's origin, force) on nodes by index, in the nodes' axes. Ground is given the
-    acceleration -g. With A = alpha x + omega x (omega x), inward:
+    applied: (moment about the node's origin, force) on nodes by index, in the nodes' axes. Ground
+    is given the acceleration -g. With A = alpha x + omega x (omega x), inward:
     F = m a_O + A h,  N = I alpha + omega x (I omega) + h x a_O  about O.
     """
     omega = tree.angular_velocities(rates)

@@ -1,7 +1,9 @@
-"""What acts besides actuators and weight: friction, springs and rotors in joints, springs between points.
+"""What acts besides actuators and weight: friction, springs and rotors in joints, springs between
+points.
 
-A freedom of a joint has a displacement x and rates w; for a turn or slide both are one number, for a free turn x is the
-rotation vector of R_12 (the short way) and w the relative angular velocity, both in F1's axes:
+A freedom of a joint has a displacement x and rates w; for a turn or slide both are one number, for
+a free turn x is the rotation vector of R_12 (the short way) and w the relative angular velocity,
+both in F1's axes:
 
     force      -k (x - rest) - d w - (viscous + coulomb / sqrt(w . w + r^2)) w
     potential  k (x - rest) . (x - rest) / 2
@@ -28,7 +30,8 @@ from linkwork.mechanism.joints import TURN
 
 @dataclass(frozen=True)
 class Freedom:
-    """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J w_tree, and what acts.
+    """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J
+    w_tree, and what acts.
 
     rates: names of w
     """
@@ -85,7 +88,8 @@ def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
 
 
 def rotation_vector(p: ca.SX) -> ca.SX:
-    """Return the rotation vector of a unit quaternion (w, x, y, z), of length at most pi: 2 atan2(|u|, w) u / |u|."""
+    """Return the rotation vector of a unit quaternion (w, x, y, z), of length at most pi: 2
+    atan2(|u|, w) u / |u|."""
     w, u = p[0], p[1:]
     length = ca.sqrt(ca.sumsqr(u) + 1e-300)
     return 2 * ca.atan2(length, ca.fabs(w)) / length * ca.if_else(w < 0, -u, u)
@@ -120,7 +124,8 @@ def rotor_forces(
 
 @dataclass(frozen=True)
 class Pull:
-    """Hold a spring between two points: nodes, vectors from their origins in their axes, gap and length.
+    """Hold a spring between two points: nodes, vectors from their origins in their axes, gap and
+    length.
 
     gap: from the first to the second point, in the ground's axes
     """
@@ -143,7 +148,8 @@ class Pull:
     def force(self, apart: ca.SX) -> ca.SX:
         """Return the force on the first point, for the relative velocity of the second.
 
-        A spring without rest length and damping pulls by its gap, which needs no direction where the ends meet.
+        A spring without rest length and damping pulls by its gap, which needs no direction where
+        the ends meet.
         """
         spring = self.spring
         if not self.needs_direction:
@@ -169,7 +175,8 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
 def point_wrenches(
     mechanism: Mechanism, tree: Tree, rates: ca.SX
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
-    """Return the wrenches (moment about the node's origin, force) of springs between points, by node in its axes."""
+    """Return the wrenches (moment about the node's origin, force) of springs between points, by
+    node in its axes."""
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     omega = tree.angular_velocities(rates) if mechanism.springs else []
     v = tree.velocities(omega, rates) if mechanism.springs else []

@@ -1,9 +1,11 @@
 """The equations of motion of a mechanism, as expressions.
 
-    M v' + C v + G = S' u + f,    M = L' H L,    C v + G - f = L' (h(q, w) + H b),    w = L v,    w' = L v' + b
+    M v' + C v + G = S' u + f,  M = L' H L,  C v + G - f = L' (h(q, w) + H b),  w = L v,  w' = L v'
+    + b
 
-in independent rates v; H and h are the tree's (`dynamics`), L and b the chart's (`chart`), f the forces of springs and
-friction (`effects`). S gives the actuated rates, S v; it is the unit matrix where these are the independent ones.
+in independent rates v; H and h are the tree's (`dynamics`), L and b the chart's (`chart`), f the
+forces of springs and friction (`effects`). S gives the actuated rates, S v; it is the unit matrix
+where these are the independent ones.
 """
 
 from __future__ import annotations
@@ -26,13 +28,15 @@ from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
 
-# Smallest singular value, over that at the reference, from which a configuration is not near a singular one; and of one.
+# Smallest singular value, over that at the reference, from which a configuration is not near a
+# singular one; and of one.
 REGULAR, LOST = 0.2, 0.01
 
 
 VANISHING = 1e-6  # length at the reference that counts as zero, over that nearby
 ROUNDING = 1e-11  # length that is a rounding error, over the largest one
-GAPING = 1e-4  # gap of a row that is not held, in own units, that rounded numbers do not explain anywhere
+GAPING = 1e-4
+"""Gap of a row that is not held, in own units, that rounded numbers do not explain anywhere."""
 HIDDEN = 1e-13  # part of a product that rounding hides
 
 
@@ -40,13 +44,15 @@ HIDDEN = 1e-13  # part of a product that rounding hides
 class Rows:
     """Hold the closure rows that do not vanish symbolically.
 
-    names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nv; gamma: bias for the rates w
-    open_Phi: the derivative of phi along the rates where the loops are open, too
-    alignment: positive where the frames of every cut joint agree, negative where a direction is flipped
-    units: of phi (rows): the own length of positions, 1 of directions, the largest term's of gears
-    extents: what errors of the description's numbers add up to in phi, over units (rows): the loop's length over the own
+    names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nv;
+    gamma: bias for the rates w open_Phi: the derivative of phi along the rates where the loops are
+    open, too alignment: positive where the frames of every cut joint agree, negative where a
+    direction is flipped units: of phi (rows): the own length of positions, 1 of directions, the
+    largest term's of gears extents: what errors of the description's numbers add up to in phi, over
+    units (rows): the loop's length over the own
         one of positions, its number of joints of directions
-    unheld: redundant rows that rounded numbers leave open, if there are any: no row of these, but watched
+    unheld: redundant rows that rounded numbers leave open, if there are any: no row of these, but
+    watched
     """
 
     names: tuple[str, ...]
@@ -85,25 +91,28 @@ class Rows:
 
     @property
     def excess(self) -> ca.SX:
-        """How far rows that are not held are open beyond what rounded numbers explain; empty where all are held."""
+        """How far rows that are not held are open beyond what rounded numbers explain; empty where
+        all are held."""
         return ca.fmax(self.unheld_gap - GAPING, 0) if self.unheld else SX(0, 1)
 
     @cached_property
     def pattern(self) -> dict[int, dict[int, bool]]:
-        """Tell which elements of Phi are not zero, by row and column, and whether they are constant."""
+        """Tell which elements of Phi are not zero, by row and column, and whether they are
+        constant."""
         return constancy(self.Phi)
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Hold the derivation of a mechanism: its tree, closure rows and chart, and the expressions that follow from them.
+    """Hold the derivation of a mechanism: its tree, closure rows and chart, and the expressions
+    that follow from them.
 
     reference: closed reference configuration of the tree's coordinates (nq)
-    sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), or near it where they vanish there
-    smallest: smallest singular value of Phi there over its sizes
-    redundant: names of the rows that depend on the others; they are left out of the elimination and watched
-    spins: freedoms that turn a member about the line through its two joints and move nothing else: its bodies, by name
-    idle: names of those of them that nothing acts on
+    sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), or near it where
+    they vanish there smallest: smallest singular value of Phi there over its sizes
+    redundant: names of the rows that depend on the others; they are left out of the elimination and
+    watched spins: freedoms that turn a member about the line through its two joints and move
+    nothing else: its bodies, by name idle: names of those of them that nothing acts on
     notes: sentences on what was decided about the reference that the description does not say
     """
 
@@ -154,7 +163,8 @@ class Equations:
 
     @property
     def constrained(self) -> bool:
-        """Tell whether the coordinates have conditions to keep to: closed loops or unit quaternions."""
+        """Tell whether the coordinates have conditions to keep to: closed loops or unit
+        quaternions."""
         return bool(self.rows.names or self.tree.quaternions)
 
     def natural(self, Phi: np.ndarray) -> np.ndarray:
@@ -162,15 +172,18 @@ class Equations:
         return Phi * self.tree.rate_units / self.rows.units[:, None]
 
     def scaled(self, Phi: np.ndarray) -> np.ndarray:
-        """Return Phi (..., rows x nv) over the sizes of its columns and rows at the reference: free of units."""
+        """Return Phi (..., rows x nv) over the sizes of its columns and rows at the reference: free
+        of units."""
         return scaled(Phi, self.sizes)
 
     def regular(self, Phi: np.ndarray) -> np.ndarray:
-        """Tell whether configurations (...) are far from losing rank, compared with the reference."""
+        """Tell whether configurations (...) are far from losing rank, compared with the
+        reference."""
         return smallest_singular(self.scaled(Phi), len(self.chart.rows)) > REGULAR * self.smallest
 
     def lost(self, Phi: np.ndarray) -> np.ndarray:
-        """Tell where rank is lost (...), or all but lost: there branches of motion meet, or it ends."""
+        """Tell where rank is lost (...), or all but lost: there branches of motion meet, or it
+        ends."""
         return smallest_singular(self.scaled(Phi), len(self.chart.rows)) <= LOST * self.smallest
 
     def in_chart(self, chart: Chart) -> Equations:
@@ -178,7 +191,8 @@ class Equations:
         return replace(self, chart=chart)
 
     def about(self, reference: np.ndarray) -> Equations:
-        """Return the same equations, and all that was derived of them, about another closed reference configuration."""
+        """Return the same equations, and all that was derived of them, about another closed
+        reference configuration."""
         equations = copy(self)
         object.__setattr__(equations, "reference", reference)
         return equations
@@ -216,9 +230,11 @@ class Equations:
 
     @cached_property
     def inertia(self) -> tuple[ca.SX, ca.SX]:
-        """Return M = L' H L (n x n), Eq. (10), and H_d L (k x n), the rows of H L that belong to dependent rates.
+        """Return M = L' H L (n x n), Eq. (10), and H_d L (k x n), the rows of H L that belong to
+        dependent rates.
 
-        With L = [1; L_d]:  M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).  M's lower triangle repeats the upper one.
+        With L = [1; L_d]:  M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).  M's lower triangle
+        repeats the upper one.
         """
         L = self.elimination[0]
         H = dynamics.generalised_inertia(self.tree) + effects.rotor_inertia(self.freedoms, self.nv)
@@ -231,14 +247,16 @@ class Equations:
         return ca.triu2symm(ca.triu(ca.densify(M))), coupling
 
     def tree_forces(self, accelerations: ca.SX, gravity: ca.SX, passive: bool = True) -> ca.SX:
-        """Return h (nv): the forces on the tree's rates that w' and the weight need beside springs and friction."""
+        """Return h (nv): the forces on the tree's rates that w' and the weight need beside springs
+        and friction."""
         wrenches = effects.point_wrenches(self.mechanism, self.tree, self.rates) if passive else {}
         h = dynamics.inertia_forces(self.tree, self.rates, accelerations, gravity, wrenches)
         h += effects.rotor_forces(self.freedoms, self.tree, self.rates, accelerations)
         return h - effects.joint_forces(self.freedoms, self.rates) if passive else h
 
     def bias_forces(self, gravity: ca.SX, passive: bool = True) -> ca.SX:
-        """Return C v + G - f (n) under a given gravity, Eqs. (11), (12): L' (h + H b), where b is zero but for b_d."""
+        """Return C v + G - f (n) under a given gravity, Eqs. (11), (12): L' (h + H b), where b is
+        zero but for b_d."""
         L, b, _ = self.elimination
         forces = ca.mtimes(L.T, self.tree_forces(SX.zeros(self.nv), gravity, passive))
         dependent = list(self.chart.dependent)
@@ -246,7 +264,8 @@ class Equations:
 
     @cached_property
     def actuation(self) -> ca.SX:
-        """Return S (actuators x n), the actuated rates S v; forces u of the actuators are S' u on the rates v."""
+        """Return S (actuators x n), the actuated rates S v; forces u of the actuators are S' u on
+        the rates v."""
         return ca.mtimes(self.joints.rate_rows(self.mechanism.actuators), self.elimination[0])
 
     @property
@@ -257,8 +276,9 @@ class Equations:
 def sizes(samples: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the lengths of Phi's columns, and those of its rows over these.
 
-    samples: Phi at the reference, where lengths are taken, and near it: where they vanish at the reference their largest
-    ones there, and 1 where they are zero everywhere, up to the rounding of CAD (a ball on a hinge's axis)
+    samples: Phi at the reference, where lengths are taken, and near it: where they vanish at the
+    reference their largest ones there, and 1 where they are zero everywhere, up to the rounding of
+    CAD (a ball on a hinge's axis)
     """
     columns = lengths(samples, 0)
     return columns, lengths([Phi / columns for Phi in samples], 1)
@@ -286,9 +306,10 @@ def smallest_singular(Phi: np.ndarray, rank: int) -> np.ndarray:
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
     """Solve A x = b for a symmetric positive A.
 
-    Up to three unknowns by cofactors, A^-1 = adj A / det A: one division, and short chains of operations. More by
-    A = U' D U without square roots, U unit upper triangular. Where A is singular but for rounding x is not finite: by
-    Hadamard's inequality det A <= prod A_ii, of which less than HIDDEN is left, and likewise 1 / D_i <= A_ii.
+    Up to three unknowns by cofactors, A^-1 = adj A / det A: one division, and short chains of
+    operations. More by A = U' D U without square roots, U unit upper triangular. Where A is
+    singular but for rounding x is not finite: by Hadamard's inequality det A <= prod A_ii, of which
+    less than HIDDEN is left, and likewise 1 / D_i <= A_ii.
     """
     n = A.shape[0]
     if n <= COFACTOR_SIZE:

@@ -1,7 +1,8 @@
-"""The functions that are compiled: each a few expressions of `Equations` with named inputs and outputs.
+"""The functions that are compiled: each a few expressions of `Equations` with named inputs and
+outputs.
 
-`q` are the tree's coordinates (nq), `v` the independent rates (n) of the chart, `u` the actuators' forces. The last
-input of each is `p`, the free parameters (np, most often none).
+`q` are the tree's coordinates (nq), `v` the independent rates (n) of the chart, `u` the actuators'
+forces. The last input of each is `p`, the free parameters (np, most often none).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from linkwork.equations.joint_map import derivative
 def function(
     name: str, equations: Equations, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]
 ) -> ca.Function:
-    """Make a CasADi function of inputs and p, with dense outputs and no expression computed twice."""
+    """Make a CasADi function of inputs and p, with dense outputs and no expression computed
+    twice."""
     inputs = inputs | {"p": equations.p}
     dense = [ca.densify(value) for value in outputs.values()]
     return ca.Function(
@@ -45,7 +47,8 @@ def motion(equations: Equations) -> ca.Function:
 
 
 def inverse_dynamics(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> the forces on the independent rates, M v' + C v + G - f, and the weakest relative pivot."""
+    """Return (q, v, v') -> the forces on the independent rates, M v' + C v + G - f, and the weakest
+    relative pivot."""
     dv = SX.sym("dv", equations.mobility)
     L, b, pivot = equations.elimination
     h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
@@ -62,7 +65,8 @@ def actuation(equations: Equations) -> ca.Function:
 
 
 def terms(equations: Equations) -> ca.Function:
-    """Return (q, v) -> M, C v, G, the forces f of springs and friction, and the weakest relative pivot, Eqs. (10)-(12)."""
+    """Return (q, v) -> M, C v, G, the forces f of springs and friction, and the weakest relative
+    pivot, Eqs. (10)-(12)."""
     still = SX.zeros(3)
     velocity = equations.bias_forces(still, passive=False)
     at_rest = ca.substitute(
@@ -81,7 +85,8 @@ def terms(equations: Equations) -> ca.Function:
 
 
 def closure_step(equations: Equations) -> ca.Function:
-    """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi| before it in own units.
+    """Return q -> q after one Newton step of the dependent coordinates, and the largest |phi|
+    before it in own units.
 
     Rows that are not held count as far as they are open beyond what rounded numbers explain.
     A quaternion is scaled by (3 - p . p) / 2, a Newton step towards length 1.
@@ -106,13 +111,15 @@ def unheld_gap(equations: Equations) -> ca.Function:
 
 
 def tree_rates(equations: Equations) -> ca.Function:
-    """Return (q, v) -> the rates w = L v of the whole tree, and the weakest relative pivot, Eq. (7)."""
+    """Return (q, v) -> the rates w = L v of the whole tree, and the weakest relative pivot, Eq.
+    (7)."""
     outputs = {"w": equations.rates, "pivot": equations.elimination[2]}
     return function("tree_rates", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
 
 
 def motion_energy(equations: Equations) -> ca.Function:
-    """Return (q, w) -> the kinetic energy w' H w / 2 [J] of rates w of the whole tree: the same in all charts."""
+    """Return (q, w) -> the kinetic energy w' H w / 2 [J] of rates w of the whole tree: the same in
+    all charts."""
     tree, w = equations.tree, equations.rows.rates
     H = dynamics.generalised_inertia(tree) + effects.rotor_inertia(equations.freedoms, equations.nv)
     return function(
@@ -124,7 +131,8 @@ def motion_energy(equations: Equations) -> ca.Function:
 
 
 def maps(equations: Equations) -> ca.Function:
-    """Return q -> L for all joints' rates (m x n), T (6r x n) and the weakest relative pivot, Eqs. (6), (7)."""
+    """Return q -> L for all joints' rates (m x n), T (6r x n) and the weakest relative pivot, Eqs.
+    (6), (7)."""
     L, _, pivot = equations.elimination
     T = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), L)
     outputs = {"L": ca.mtimes(equations.joints.rate_rows(), L), "T": T, "pivot": pivot}
@@ -139,7 +147,8 @@ def positions(equations: Equations) -> ca.Function:
 
 
 def joints_motion(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> positions, rates and accelerations of all joints, and the weakest relative pivot."""
+    """Return (q, v, v') -> positions, rates and accelerations of all joints, and the weakest
+    relative pivot."""
     dv = SX.sym("dv", equations.mobility)
     L, b, pivot = equations.elimination
     J = equations.joints.rate_rows()
@@ -156,8 +165,8 @@ def joints_motion(equations: Equations) -> ca.Function:
 
 
 def bodies_motion(equations: Equations) -> ca.Function:
-    """Return (q, v) -> origins (3r), orientations (9r, row by row), twists (6r) of the bodies in the ground's axes, and the
-    weakest relative pivot.
+    """Return (q, v) -> origins (3r), orientations (9r, row by row), twists (6r) of the bodies in
+    the ground's axes, and the weakest relative pivot.
     """
     origins, orientations = measures.body_poses(equations.mechanism, equations.tree)
     twists = ca.mtimes(
@@ -187,12 +196,13 @@ def pivots(equations: Equations) -> ca.Function:
 
 
 def assembly(equations: Equations) -> ca.Function:
-    """Return (q, w) -> what closes and places the mechanism, with Jacobians in the rates and biases at w' = 0.
+    """Return (q, w) -> what closes and places the mechanism, with Jacobians in the rates and biases
+    at w' = 0.
 
-    Outputs: how far rows that are not held, if there are any, are open beyond what rounded numbers explain; phi, its
-    derivative along the rates, gamma; alignment; the map from w to q'; coordinates of all joints and the rows of their
-    rates; of the first tool the position (3), the orientation (9, row by row), the angle (where planar), the Jacobian
-    (6 x nv) and the bias (6).
+    Outputs: how far rows that are not held, if there are any, are open beyond what rounded numbers
+    explain; phi, its derivative along the rates, gamma; alignment; the map from w to q';
+    coordinates of all joints and the rows of their rates; of the first tool the position (3), the
+    orientation (9, row by row), the angle (where planar), the Jacobian (6 x nv) and the bias (6).
     """
     tree, rates = equations.tree, equations.rows.rates
     tool = next(iter(equations.mechanism.tools.values()), None)
@@ -220,7 +230,8 @@ def assembly(equations: Equations) -> ca.Function:
 
 
 def regressor(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> Y (n x k), r (n) and the weakest relative pivot: M v' + C v + G - f = Y pi + r.
+    """Return (q, v, v') -> Y (n x k), r (n) and the weakest relative pivot: M v' + C v + G - f = Y
+    pi + r.
 
     pi: what `regressor.names` names; r: what springs take.
     """
@@ -233,7 +244,8 @@ def regressor(equations: Equations) -> ca.Function:
 
 
 def energy(equations: Equations) -> ca.Function:
-    """Return (q, v) -> kinetic energy v' M v / 2, potential energy of weight and springs [J], weakest relative pivot."""
+    """Return (q, v) -> kinetic energy v' M v / 2, potential energy of weight and springs [J],
+    weakest relative pivot."""
     tree, v, mechanism = equations.tree, equations.v, equations.mechanism
     kinetic = ca.mtimes(v.T, ca.mtimes(equations.inertia[0], v)) / 2
     potential = sum((freedom.potential for freedom in equations.freedoms), SX(0))

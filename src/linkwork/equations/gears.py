@@ -1,6 +1,7 @@
 """Gears: rows that couple joint coordinates linearly,  phi = sum ratio_i q_i - offset.
 
-    Phi = sum ratio_i J_i,  J_i the row that gives coordinate i's rate;    gamma = (d/dt Phi) w  at w' = 0
+    Phi = sum ratio_i J_i,  J_i the row that gives coordinate i's rate;  gamma = (d/dt Phi) w  at w'
+    = 0
 
 A coordinate of the tree is its own; that of a cut joint is read off the poses (`joint_map`).
 """
@@ -25,7 +26,8 @@ def row(gear: GearJoint, joints: JointMap) -> tuple[ca.SX, ca.SX]:
 
 
 def units(mechanism: Mechanism, length: float) -> dict[str, float]:
-    """Return the unit of each gear's phi, the largest of its terms': slides count in the mechanism's own length."""
+    """Return the unit of each gear's phi, the largest of its terms': slides count in the
+    mechanism's own length."""
     slide = slides(mechanism)
     return {
         name: max(

@@ -1,6 +1,7 @@
 """The joints' own coordinates and rates, as functions of the tree's.
 
-Those of the tree are its symbols and unit rows; those of a joint that closes a loop are read off the poses (`readings`).
+Those of the tree are its symbols and unit rows; those of a joint that closes a loop are read off
+the poses (`readings`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from linkwork.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class JointMap:
-    """Give the coordinates of all joints, and the rows (1 x nv) that give their rates from the tree's, by name.
+    """Give the coordinates of all joints, and the rows (1 x nv) that give their rates from the
+    tree's, by name.
 
     What a cut joint needs is derived when it is first asked for.
 
@@ -64,7 +66,8 @@ class JointMap:
         )
 
     def rate_rows(self, labels: Sequence[str] | None = None) -> ca.SX:
-        """Return the matrix (m x nv) of joint rates: those named, or all in the order of `mechanism.rates`."""
+        """Return the matrix (m x nv) of joint rates: those named, or all in the order of
+        `mechanism.rates`."""
         rows = [
             self.rate_row(label) for label in (self.mechanism.rates if labels is None else labels)
         ]
@@ -82,7 +85,8 @@ class JointMap:
 
 
 def counted(joints: JointMap, q: np.ndarray, values: Mapping[str, float]) -> JointMap:
-    """Return the map with the whole turns of cut joints' angles counted so that they are nearest to given values at q."""
+    """Return the map with the whole turns of cut joints' angles counted so that they are nearest to
+    given values at q."""
     described = joints.mechanism.joints
     labels = [label for cut in joints.cuts for label in described[cut.joint].angles(cut.joint)]
     labels = [label for label in labels if label not in joints.tree.coordinates]
@@ -96,7 +100,8 @@ def counted(joints: JointMap, q: np.ndarray, values: Mapping[str, float]) -> Joi
 
 
 def derivative(matrix: ca.SX, tree: Tree, rates: ca.SX) -> ca.SX:
-    """Return the time derivative of a matrix of q for the rates w, entry by entry; w itself is held."""
+    """Return the time derivative of a matrix of q for the rates w, entry by entry; w itself is
+    held."""
     dq = SX.sym("dq", len(tree.coordinates))
     along = ca.reshape(ca.jtimes(ca.vec(ca.densify(matrix)), tree.q, dq), *matrix.shape)
     return ca.substitute(along, dq, tree.derivatives(rates))

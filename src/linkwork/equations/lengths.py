@@ -1,7 +1,9 @@
-"""The mechanism's own length, in which thresholds are told: none depends on the unit that a description is written in.
+"""The mechanism's own length, in which thresholds are told: none depends on the unit that a
+description is written in.
 
-It is the largest extent of what a body holds, its joints and its mass centre, or a rod's length. Where these vanish it is
-the radius of gyration, then the largest slide of the reference; a mechanism without any length has 1 m.
+It is the largest extent of what a body holds, its joints and its mass centre, or a rod's length.
+Where these vanish it is the radius of gyration, then the largest slide of the reference; a
+mechanism without any length has 1 m.
 """
 
 from __future__ import annotations
@@ -13,11 +15,13 @@ import numpy as np
 from linkwork.mechanism import Mechanism, RodJoint
 from linkwork.mechanism.joints import SLIDES, PairJoint
 
-ROUNDING = 1e-9  # part of the largest coordinate, and of the radius of gyration, below which an extent is none
+ROUNDING = 1e-9
+"""Part of the largest coordinate, and of the radius of gyration, below which an extent is none."""
 
 
 def own_length(mechanism: Mechanism) -> float:
-    """Return the length [m] that is characteristic of a mechanism, all of whose numbers are given."""
+    """Return the length [m] that is characteristic of a mechanism, all of whose numbers are
+    given."""
     points = held_points(mechanism).values()
     extents = [float(np.linalg.norm(np.ptp(own, axis=0))) for own in points]
     extents += [joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)]
@@ -31,7 +35,8 @@ def own_length(mechanism: Mechanism) -> float:
 
 
 def loop_length(mechanism: Mechanism, loop: Collection[str]) -> float:
-    """Return the way [m] along the bodies of a loop of joints from one joint's frame to the next, rods included."""
+    """Return the way [m] along the bodies of a loop of joints from one joint's frame to the next,
+    rods included."""
     points: dict[str, list[tuple[float, float, float]]] = {}
     joints = [joint for name in loop if isinstance(joint := mechanism.joints.get(name), PairJoint)]
     for joint in joints:
@@ -42,7 +47,8 @@ def loop_length(mechanism: Mechanism, loop: Collection[str]) -> float:
 
 
 def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:
-    """Return the origins of the joints' frames on each body that joints hold, and its mass centre, in its own frame."""
+    """Return the origins of the joints' frames on each body that joints hold, and its mass centre,
+    in its own frame."""
     points: dict[str, list[tuple[float, float, float]]] = {}
     for joint in mechanism.pairs.values():
         for body, frame in zip(joint.connects, joint.frames, strict=True):
@@ -60,7 +66,8 @@ def radius_of_gyration(mechanism: Mechanism) -> float:
 
 
 def slides(mechanism: Mechanism) -> dict[str, bool]:
-    """Tell of every joint coordinate and rate, by name, whether it is a length; else it is an angle or a quaternion's."""
+    """Tell of every joint coordinate and rate, by name, whether it is a length; else it is an angle
+    or a quaternion's."""
     told = {}
     for name, joint in mechanism.pairs.items():
         alone = len(joint.freedoms) == 1

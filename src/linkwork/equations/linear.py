@@ -1,13 +1,16 @@
-"""Linear: derivatives of the equations of motion along the constraint manifold, exact by automatic differentiation.
+"""Linear: derivatives of the equations of motion along the constraint manifold, exact by automatic
+differentiation.
 
-A configuration near q is reached by small shifts xi of the independent joints: dq = S xi, S = N L (nq x n), whose columns
-are tangent to phi(q) = 0. With f(q, v, u) = v' the motion near a state and force is
+A configuration near q is reached by small shifts xi of the independent joints: dq = S xi, S = N L
+(nq x n), whose columns are tangent to phi(q) = 0. With f(q, v, u) = v' the motion near a state and
+force is
 
     xi' = Gamma xi + dv,     dv' = f_q S xi + f_v dv + f_u du,      Gamma = S^+ ((S v)_q S - S')
 
-S^+ reads xi off dq, and S' = dS/dt along the motion. Gamma is zero where the independent rates are rates of coordinates,
-and wherever the robot is at rest; it is not for the angular velocity of a free body.
-Source: Negrut & Ortiz, J. Comput. Nonlinear Dynam. 1 (2006) 230-239 (linearisation in the independent coordinates).
+S^+ reads xi off dq, and S' = dS/dt along the motion. Gamma is zero where the independent rates are
+rates of coordinates, and wherever the robot is at rest; it is not for the angular velocity of a
+free body. Source: Negrut & Ortiz, J. Comput. Nonlinear Dynam. 1 (2006) 230-239 (linearisation in
+the independent coordinates).
 """
 
 from __future__ import annotations
@@ -20,10 +23,11 @@ from linkwork.equations.equations import Equations, solve_symmetric
 
 
 def derivatives(equations: Equations) -> ca.Function:
-    """Return (q, v, u, p) -> Gamma, f_xi, f_v, f_u, accelerations, force, K, L, L_xi, T_tool, pivot; too rare to compile.
+    """Return (q, v, u, p) -> Gamma, f_xi, f_v, f_u, accelerations, force, K, L, L_xi, T_tool,
+    pivot; too rare to compile.
 
-    force = S' u - C v - G + f (n) and K = -d force/d xi; L (m x n) gives the rates of all joints, L_xi (m x n) is
-    d(L v)/d xi; T_tool (6 x n) gives the tool's twist.
+    force = S' u - C v - G + f (n) and K = -d force/d xi; L (m x n) gives the rates of all joints,
+    L_xi (m x n) is d(L v)/d xi; T_tool (6 x n) gives the tool's twist.
     """
     tree, v = equations.tree, equations.v
     u = SX.sym("u", len(equations.mechanism.actuators))
@@ -59,7 +63,8 @@ def shifted(matrix: ca.SX, q: ca.SX, dq: ca.SX) -> ca.SX:
 
 
 def reading(equations: Equations) -> ca.SX:
-    """Return S^+ (n x nq), the rows that read xi off dq: w = N^+ dq at the independent rates; N^+ = 4 N' for quaternions."""
+    """Return S^+ (n x nq), the rows that read xi off dq: w = N^+ dq at the independent rates; N^+ =
+    4 N' for quaternions."""
     tree = equations.tree
     inverse = SX(equations.nv, equations.nq)
     for place, k in tree.single:

@@ -1,7 +1,7 @@
 """What is read off a configuration: poses and twists of bodies and tools.
 
-K maps the tree's rates to the bodies' twists t_i = [omega_i; v_i], v_i of the mass centre, in the ground's axes (paper,
-Eqs. (3), (4)).
+K maps the tree's rates to the bodies' twists t_i = [omega_i; v_i], v_i of the mass centre, in the
+ground's axes (paper, Eqs. (3), (4)).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from linkwork.mechanism import Mechanism, Tool
 
 
 def jacobian(tree: Tree, node: Node, d: ca.SX) -> ca.SX:
-    """Return the 6 x nv map from rates to [omega; v of a point of the node's body], in the ground's axes.
+    """Return the 6 x nv map from rates to [omega; v of a point of the node's body], in the ground's
+    axes.
 
     d: the vector from the node's origin to the point, in the node's axes
     """
@@ -40,14 +41,16 @@ def body_jacobians(mechanism: Mechanism, tree: Tree) -> ca.SX:
 
 
 def body_poses(mechanism: Mechanism, tree: Tree) -> tuple[ca.SX, ca.SX]:
-    """Return the origins p_0B (3r) [m] and the matrices R_0B, row by row (9r), of the bodies' frames."""
+    """Return the origins p_0B (3r) [m] and the matrices R_0B, row by row (9r), of the bodies'
+    frames."""
     nodes = [tree.node(name) for name in mechanism.bodies]
     origins = [node.O + offset(node, np.zeros(3)) for node in nodes]
     return ca.vertcat(*origins), ca.vertcat(*[ca.vec(node.R.matrix.T) for node in nodes])
 
 
 def is_planar(tree: Tree) -> bool:
-    """Tell whether every body moves parallel to the ground's xy plane, by the directions of all joint axes."""
+    """Tell whether every body moves parallel to the ground's xy plane, by the directions of all
+    joint axes."""
     for node in tree.nodes:
         A = node.column_axes.matrix
         for column in node.columns:
@@ -64,7 +67,8 @@ def vanishes(expression: ca.SX) -> bool:
 
 
 def tool_pose(tree: Tree, tool: Tool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return a tool's position p_0T (3) [m], matrix R_0T row by row (9), and its angle about z [rad] where planar (else 0)."""
+    """Return a tool's position p_0T (3) [m], matrix R_0T row by row (9), and its angle about z
+    [rad] where planar (else 0)."""
     node = tree.node(tool.body)
     p = node.O + offset(node, vector(tool.frame.position))
     R = node.R.then_constant(rotation_matrix(tool.frame.rotation))

@@ -1,8 +1,8 @@
 """Moments of mass of order 0, 1 and 2 about a node's origin, and their regrouping along a tree.
 
-A body that turns on its parent acts on it through its mass only as a point mass at the joint, so this mass is moved into
-the parent once and for all, and the recursions carry first and second moments alone; a body fixed to its
-parent is moved into it whole.
+A body that turns on its parent acts on it through its mass only as a point mass at the joint, so
+this mass is moved into the parent once and for all, and the recursions carry first and second
+moments alone; a body fixed to its parent is moved into it whole.
 Source: Khalil & Dombre 2002, ch. 9 (regrouping).
 """
 
@@ -19,7 +19,8 @@ from linkwork.mechanism import Body, Inertia
 
 @dataclass(frozen=True)
 class Moments:
-    """Hold mass m, first moment h = m c and inertia I about a node's origin, constant in the node's axes."""
+    """Hold mass m, first moment h = m c and inertia I about a node's origin, constant in the node's
+    axes."""
 
     m: Number
     h: Vector
@@ -31,7 +32,8 @@ class Moments:
 
     @classmethod
     def of_body(cls, body: Body, origin: Vector) -> Moments:
-        """Refer a body's inertia to a point of it (body's frame and axes): I_O = I_C + m (c.c 1 - c c')."""
+        """Refer a body's inertia to a point of it (body's frame and axes): I_O = I_C + m
+        (c.c 1 - c c')."""
         c = vector(body.centre_of_mass) - origin
         return cls(body.mass, body.mass * c, tensor(body.inertia) + body.mass * steiner(c))
 
@@ -65,9 +67,11 @@ Link = tuple[Moments, int, Vector | None, np.ndarray | None]
 
 
 def regrouped(links: Sequence[Link]) -> list[Moments]:
-    """Move masses into parents: a turning link's as a point at the joint, a fixed link's moments whole.
+    """Move masses into parents: a turning link's as a point at the joint, a fixed link's moments
+    whole.
 
-    links: moments, index of the parent (-1: ground), position in the parent where constant, orientation where fixed
+    links: moments, index of the parent (-1: ground), position in the parent where constant,
+    orientation where fixed
     """
     moments = [own for own, *_ in links]
     for index in reversed(range(len(links))):

@@ -1,16 +1,20 @@
-"""The closed configuration that is nearest to a rough reference, whichever joints the spanning tree holds.
+"""The closed configuration that is nearest to a rough reference, whichever joints the spanning tree
+holds.
 
-Joint coordinates that the reference names are x_0, those of a configuration x(q), lengths over the mechanism's own. With
+Joint coordinates that the reference names are x_0, those of a configuration x(q), lengths over the
+mechanism's own. With
 
-    r = x(q) - x_0,    angles the short way round, the rotation vector of R R_0' of a free turn,    J w = r'
+    r = x(q) - x_0,  angles the short way round, the rotation vector of R R_0' of a free turn,  J w
+    = r'
 
-the configuration looked for is the closed one of least  r . r / 2:  with the multipliers l of the closure rows
+the configuration looked for is the closed one of least  r . r / 2:  with the multipliers l of the
+closure rows
 
     g(q) = J' r + Phi' l = 0,    phi(q) = 0.
 
-Newton's steps are taken in the basis Z of what Phi leaves free,  Z' (dg/dq N) Z s = -Z' g  at fixed l, and closed.
-Where that leaves freedoms undetermined, the coordinates that the reference leaves out decide them, as they are at
-zero. A start from which no step leads nearer is kept.
+Newton's steps are taken in the basis Z of what Phi leaves free,  Z' (dg/dq N) Z s = -Z' g  at fixed
+l, and closed. Where that leaves freedoms undetermined, the coordinates that the reference leaves
+out decide them, as they are at zero. A start from which no step leads nearer is kept.
 Source: Nocedal & Wright 2006, sec. 18.1 (reduced Hessians).
 """
 
@@ -47,7 +51,8 @@ def nearest(
     closed: np.ndarray,
     p: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the closed configuration nearest to the reference, as far as descent from a closed one leads.
+    """Return the closed configuration nearest to the reference, as far as descent from a closed one
+    leads.
 
     Args:
         system: as `reference.close` solves it.
@@ -163,7 +168,8 @@ def holding(system: System, read: Reading, q: np.ndarray) -> System:
 
 
 def approached(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return the closed q of least r . r that descent leads to, and whether every freedom is determined there."""
+    """Return the closed q of least r . r that descent leads to, and whether every freedom is
+    determined there."""
     determined = False
     for _ in range(STEPS):
         step, determined = newton_step(system, read, tree, q)
@@ -179,7 +185,8 @@ def approached(system: System, read: Reading, tree: Tree, q: np.ndarray) -> tupl
 def newton_step(
     system: System, read: Reading, tree: Tree, q: np.ndarray
 ) -> tuple[np.ndarray, bool]:
-    """Return a step of q downhill, Newton's near a least distance, and whether every freedom bends the distance."""
+    """Return a step of q downhill, Newton's near a least distance, and whether every freedom bends
+    the distance."""
     _, Phi, N = system(q)
     r, J = read(q)
     Z = free_motions(dense(ca.DM(Phi)))
@@ -205,7 +212,8 @@ def newton_step(
 def nearer(
     system: System, read: Reading, tree: Tree, q: np.ndarray, step: np.ndarray
 ) -> np.ndarray | None:
-    """Return the closed configuration after a step, or a part of it, that is not farther off; None if there is none."""
+    """Return the closed configuration after a step, or a part of it, that is not farther off; None
+    if there is none."""
     far = np.linalg.norm(read(q)[0])
     for part in 0.5 ** np.arange(HALVINGS):
         try:

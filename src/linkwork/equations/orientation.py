@@ -4,10 +4,11 @@ Every orientation is kept in the form
 
     R_0B = A . Rot(axis, angle) . right
 
-with a constant unit axis and a constant right factor; A turns components in the node's `Axes` into the ground's. A
-further turn about a parallel axis only adds to the angle; in a planar mechanism every body then costs one sine and one
-cosine, and all vectors are written in the ground's axes. A turn about any other axis starts new axes, those of the body
-before it: there its own axis is constant, and what hangs on it again moves as in a plane.
+with a constant unit axis and a constant right factor; A turns components in the node's `Axes` into
+the ground's. A further turn about a parallel axis only adds to the angle; in a planar mechanism
+every body then costs one sine and one cosine, and all vectors are written in the ground's axes. A
+turn about any other axis starts new axes, those of the body before it: there its own axis is
+constant, and what hangs on it again moves as in a plane.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ PARALLEL = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """Hold axes in which vectors are written: `turn` (3 x 3) leads from components in them to the parent's."""
+    """Hold axes in which vectors are written: `turn` (3 x 3) leads from components in them to the
+    parent's."""
 
     parent: Axes | None
     turn: ca.SX
@@ -59,7 +61,8 @@ def convert(x: ca.SX, source: Axes, target: Axes) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class Orientation:
-    """Represent R_0B = A Rot(axis, angle) right: axes A, axis and right constant, angle [rad] an expression."""
+    """Represent R_0B = A Rot(axis, angle) right: axes A, axis and right constant, angle [rad] an
+    expression."""
 
     axes: Axes
     axis: np.ndarray
@@ -72,7 +75,8 @@ class Orientation:
 
     @cached_property
     def near(self) -> ca.SX:
-        """Rot(axis, angle) right: the body's axes to `axes`, with Rot = a a' + cos (1 - a a') + sin [a x]."""
+        """Rot(axis, angle) right: the body's axes to `axes`, with Rot = a a' + cos (1 - a a') + sin
+        [a x]."""
         if not self.axis.any():
             return SX(self.right)
         along = snap(np.outer(self.axis, self.axis))
@@ -104,18 +108,21 @@ class Orientation:
         return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
 
     def then_matrix(self, rotation: ca.SX) -> Orientation:
-        """Return R_0B rotation for a rotation given as an expression: the start of new axes, those of the result."""
+        """Return R_0B rotation for a rotation given as an expression: the start of new axes, those
+        of the result."""
         return Orientation(
             Axes(self.axes, ca.mtimes(self.near, rotation)), np.zeros(3), SX(0), np.eye(3)
         )
 
     def turns_with(self, other: Orientation) -> bool:
-        """Tell whether this orientation differs from another by a constant rotation, R_other' R = right_other' right."""
+        """Tell whether this orientation differs from another by a constant rotation, R_other' R =
+        right_other' right."""
         same = self.axes is other.axes and np.allclose(self.axis, other.axis, atol=PARALLEL)
         return same and ca.is_equal(self.angle, other.angle, 10)
 
     def angle_from(self, other: Orientation) -> ca.SX | None:
-        """Return the angle of this orientation relative to another, where both turn about one axis; else None.
+        """Return the angle of this orientation relative to another, where both turn about one axis;
+        else None.
 
         With equal axes and right factors, R_other' R = right' Rot(axis, angle - angle_other) right.
         """
@@ -126,7 +133,8 @@ class Orientation:
 
 
 def angle_about(axis: np.ndarray, rotation: np.ndarray) -> float:
-    """Return the angle [rad] of a rotation matrix whose axis is known: tan = axis . vee(R - R') / (trace - 1)."""
+    """Return the angle [rad] of a rotation matrix whose axis is known: tan = axis . vee(R - R') /
+    (trace - 1)."""
     vee = np.array(
         [
             rotation[2, 1] - rotation[1, 2],

@@ -1,6 +1,6 @@
 """Powers: what actuators, friction and dampers bring into the mechanism, force times rate.
 
-actuator  u w        friction and damper in a joint  f(w) . w <= 0        damper between points  -d l'^2
+actuator  u w        friction and damper in a joint  f(w) . w <= 0    damper between points  -d l'^2
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from linkwork.equations.functions import function
 
 
 def powers(equations: Equations) -> ca.Function:
-    """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m) and of the damper of each
-    spring between points [W], and the weakest relative pivot.
+    """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m) and of
+    the damper of each spring between points [W], and the weakest relative pivot.
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
     friction = SX.zeros(len(mechanism.rates))

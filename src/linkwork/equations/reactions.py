@@ -1,10 +1,13 @@
-"""What the wrenches in the joints follow from: what every body and every joint's freedoms need, and where the joints are.
+"""What the wrenches in the joints follow from: what every body and every joint's freedoms need, and
+where the joints are.
 
 Newton and Euler for each body about its mass centre, in the ground's axes; the joints bring
 
-    moment = I alpha + omega x I omega - moments of point springs,    force = m (a - g) - forces of point springs
+    moment = I alpha + omega x I omega - moments of point springs,  force = m (a - g) - forces of
+    point springs
 
-and along its own freedoms a joint brings a known force for each rate w: that of friction, spring and rotor J,
+and along its own freedoms a joint brings a known force for each rate w: that of friction, spring
+and rotor J,
 
     f = -k (x - rest) - d w - friction - J w'        beside the actuator's and those of gears.
 
@@ -31,11 +34,12 @@ from linkwork.mechanism import PairJoint
 
 
 def joint_loads(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> what the joints have to bring, where they are, and the weakest relative pivot.
+    """Return (q, v, v') -> what the joints have to bring, where they are, and the weakest relative
+    pivot.
 
-    Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body (6r), `centres` (3r); of
-    every joint that connects two bodies the `origins` of F1 and F2 (6J); of every rate the `twists` s (6m) and the known
-    forces f (m).
+    Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body
+    (6r), `centres` (3r); of every joint that connects two bodies the `origins` of F1 and F2 (6J);
+    of every rate the `twists` s (6m) and the known forces f (m).
     """
     dv = SX.sym("dv", equations.mobility)
     L, b, pivot = equations.elimination
@@ -58,7 +62,8 @@ def joint_loads(equations: Equations) -> ca.Function:
 
 
 def joint_axes(equations: Equations) -> ca.Function:
-    """Return q -> the axes R_1, R_2 of every joint that connects two bodies, row by row (18J), in the ground's axes."""
+    """Return q -> the axes R_1, R_2 of every joint that connects two bodies, row by row (18J), in
+    the ground's axes."""
     sides = (
         frame for joint in equations.mechanism.pairs.values() for frame in frames(equations, joint)
     )
@@ -67,7 +72,8 @@ def joint_axes(equations: Equations) -> ca.Function:
 
 
 def bodies_need(equations: Equations, accelerations: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return [moment about the mass centre; force] that the joints bring to each body, and the mass centres."""
+    """Return [moment about the mass centre; force] that the joints bring to each body, and the mass
+    centres."""
     tree, w, mechanism = equations.tree, equations.rates, equations.mechanism
     omega = tree.angular_velocities(w)
     alpha, a = tree.accelerations(omega, w, accelerations, -equations.gravity)
@@ -96,7 +102,8 @@ def frames(equations: Equations, joint: PairJoint) -> tuple[Side, Side]:
 
 
 def joint_twists(joint: PairJoint, first: Side, second: Side) -> Iterator[ca.SX]:
-    """Yield s of each rate of a joint; the second axis of two turns (a universal joint) is fixed in F2."""
+    """Yield s of each rate of a joint; the second axis of two turns (a universal joint) is fixed in
+    F2."""
     motions = KINDS[joint.type].motions(joint)
     crossed = sum(motion.turns for motion in motions) == 2
     for motion in motions:
@@ -108,7 +115,8 @@ def joint_twists(joint: PairJoint, first: Side, second: Side) -> Iterator[ca.SX]
 
 
 def known_forces(equations: Equations, accelerations: ca.SX) -> ca.SX:
-    """Return f (m) of friction, springs and rotors for the rates of all joints, in the mechanism's order."""
+    """Return f (m) of friction, springs and rotors for the rates of all joints, in the mechanism's
+    order."""
     labels, w = equations.mechanism.rates, equations.rates
     f = SX.zeros(len(labels))
     for freedom in equations.freedoms:

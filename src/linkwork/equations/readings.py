@@ -1,14 +1,16 @@
-"""Readings: the coordinates and rates of a joint that closes a loop, read off the poses of its two sides.
+"""Readings: the coordinates and rates of a joint that closes a loop, read off the poses of its two
+sides.
 
-With F1, F2 the joint's frames, g = p_2 - p_1, omega = omega_2 - omega_1 and v = v_2 - v_1 - omega_1 x g:
+With F1, F2 the joint's frames, g = p_2 - p_1, omega = omega_2 - omega_1 and v = v_2 - v_1 - omega_1
+x g:
 
     slide along a      q = a . g                        w = a . v
     turn about a       q = angle of F2 in F1 about a    w = a . omega
     free turn          p = quaternion of R_12           w = omega in F1's axes
 
-A universal joint turns about a in F1 and about b in F2: its first angle is that of b about a, its second that of a
-about b, and its rates are a . omega and b . omega, for a and b are perpendicular. A screw's angle is its advance over
-its pitch.
+A universal joint turns about a in F1 and about b in F2: its first angle is that of b about a, its
+second that of a about b, and its rates are a . omega and b . omega, for a and b are perpendicular.
+A screw's angle is its advance over its pitch.
 """
 
 from __future__ import annotations
@@ -54,7 +56,8 @@ def positions(cut: Cut) -> list[ca.SX]:
 
 
 def turned(first: Side, second: Side, axis: np.ndarray) -> ca.SX:
-    """Return the angle of F2 in F1 about an axis of both, without a jump where the two turn about one axis in space."""
+    """Return the angle of F2 in F1 about an axis of both, without a jump where the two turn about
+    one axis in space."""
     difference = second.R.angle_from(first.R)
     if difference is not None:
         along = float(np.dot(first.R.right @ axis, first.R.axis))
@@ -64,7 +67,8 @@ def turned(first: Side, second: Side, axis: np.ndarray) -> ca.SX:
 
 
 def angle(side: Side, axis: np.ndarray, start: np.ndarray, other: Side, end: np.ndarray) -> ca.SX:
-    """Return the angle about an axis of one side from a direction `start` of it to a direction `end` of the other."""
+    """Return the angle about an axis of one side from a direction `start` of it to a direction
+    `end` of the other."""
     f = in_base(other.R, end)
     return ca.atan2(dot(in_base(side.R, np.cross(axis, start)), f), dot(in_base(side.R, start), f))
 

@@ -1,7 +1,9 @@
-"""The reference configuration: close the loops from the description's rough guess, and look around it.
+"""The reference configuration: close the loops from the description's rough guess, and look around
+it.
 
-Choices that need numbers (which rows are redundant, in which order to eliminate) are made at the closed reference
-configuration and at a few closed configurations near it, so that an accident of one configuration decides nothing.
+Choices that need numbers (which rows are redundant, in which order to eliminate) are made at the
+closed reference configuration and at a few closed configurations near it, so that an accident of
+one configuration decides nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ BENDS = (
     1.6,
 )  # how far coordinates are moved out of a singular start, each several times
 OPEN = 1e-9  # gap that rounding of large coordinates never excuses
-DAMPING = 1e-6  # over the largest number of Phi: far above the rounding of inconsistent rows, far below what matters
+DAMPING = 1e-6
+"""Over the largest number of Phi: far above the rounding of inconsistent rows, far below what
+matters."""
 ROUNDED_DAMPING = 1e-3  # the same where rounded numbers of the description make rows inconsistent
 
 Matrix = np.ndarray | ca.DM
@@ -40,7 +44,8 @@ Pose = tuple[np.ndarray, np.ndarray]
 
 
 class OpenLoopsError(ArithmeticError):
-    """Report that Newton's method does not close the loops; `worst` is the index of the row that stays most open."""
+    """Report that Newton's method does not close the loops; `worst` is the index of the row that
+    stays most open."""
 
     def __init__(self, residual: np.ndarray):
         self.worst = int(np.argmax(np.abs(residual)))
@@ -59,16 +64,19 @@ def close(
     """Solve phi(q) = 0 by damped Gauss-Newton steps of least length in the rates.
 
     Args:
-        system: returns phi (rows), its derivative along the rates (rows x nv), and the map from rates to q' (nq x nv),
-            the matrices dense or sparse; phi and the rates are in the mechanism's own units, lengths over its own.
+        system: returns phi (rows), its derivative along the rates (rows x nv), and the map from
+            rates to q' (nq x nv), the matrices dense or sparse; phi and the rates are in the
+            mechanism's own units, lengths over its own.
         tree: says where unit quaternions are.
         q: start.
         steps: most steps to take.
         gap: that is small enough; no step is taken from there.
-        damping: over the largest number of Phi; above the singular values that inconsistent rows have beyond their rank.
+        damping: over the largest number of Phi; above the singular values that inconsistent rows
+            have beyond their rank.
 
     Returns:
-        q with max |phi| <= 1e-12 in the mechanism's own units, or gap; more only as far as the rounding of large q asks.
+        q with max |phi| <= 1e-12 in the mechanism's own units, or gap; more only as far as the
+        rounding of large q asks.
 
     Raises:
         OpenLoopsError: where no step reduces the residual further.
@@ -101,7 +109,8 @@ def close(
 def least_step(Phi: Matrix, phi: np.ndarray, damping: float = DAMPING) -> np.ndarray:
     """Return the shortest s (nv) of least |Phi s + phi|.
 
-    For a sparse Phi by one sparse factorisation:  d s + Phi' r = 0,  Phi s - d r = -phi,  with a small damping d.
+    For a sparse Phi by one sparse factorisation:  d s + Phi' r = 0,  Phi s - d r = -phi,  with a
+    small damping d.
     """
     if isinstance(Phi, np.ndarray):
         return -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
@@ -122,7 +131,8 @@ def unit(tree: Tree, q: np.ndarray) -> np.ndarray:
 def neighbours(
     system: System, tree: Tree, q: np.ndarray, gap: float = 0.0, damping: float = DAMPING
 ) -> list[np.ndarray]:
-    """Return configurations near q (fixed seed), closed but for a gap, as many of the attempts as close."""
+    """Return configurations near q (fixed seed), closed but for a gap, as many of the attempts as
+    close."""
     random = np.random.default_rng(20100)
     found = []
     for _ in range(NEIGHBOURS):
@@ -135,7 +145,8 @@ def neighbours(
 
 
 def bends(tree: Tree, q: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield starts farther and farther from a singular one, such as a linkage that lies in a line (fixed seed)."""
+    """Yield starts farther and farther from a singular one, such as a linkage that lies in a line
+    (fixed seed)."""
     random = np.random.default_rng(1687)
     for spread in BENDS:
         for _ in range(NEIGHBOURS):
@@ -150,9 +161,11 @@ def guess(mechanism: Mechanism, topology: Topology, tree: Tree) -> np.ndarray:
 def starts(
     mechanism: Mechanism, topology: Topology, tree: Tree, first: np.ndarray
 ) -> Iterator[np.ndarray]:
-    """Yield starts q (nq) for closing the loops: the guess, then others in the poses of bodies that only rods reach.
+    """Yield starts q (nq) for closing the loops: the guess, then others in the poses of bodies that
+    only rods reach.
 
-    Nothing in the description says where these are; positions and orientations are tried at random (fixed seed).
+    Nothing in the description says where these are; positions and orientations are tried at random
+    (fixed seed).
     """
     yield first
     reached = body_poses(mechanism, described(mechanism))
@@ -175,7 +188,8 @@ def starts(
 def tree_coordinates(
     mechanism: Mechanism, topology: Topology, tree: Tree, values: Mapping[str, float]
 ) -> np.ndarray:
-    """Return q (nq) from the coordinates of all joints; free joints that the description lacks follow from the others."""
+    """Return q (nq) from the coordinates of all joints; free joints that the description lacks
+    follow from the others."""
     values = dict(values)
     if topology.added:
         from scipy.spatial.transform import Rotation
@@ -190,7 +204,8 @@ def tree_coordinates(
 
 
 def described(mechanism: Mechanism) -> dict[str, float]:
-    """Return all joint coordinates of the reference, by name: zero where left out, quaternions at length 1."""
+    """Return all joint coordinates of the reference, by name: zero where left out, quaternions at
+    length 1."""
     values = {label: mechanism.reference.get(label, 0.0) for label in mechanism.coordinates}
     for name, joint in mechanism.joints.items():
         if TURN not in joint.freedoms:
@@ -210,7 +225,8 @@ def described(mechanism: Mechanism) -> dict[str, float]:
 
 
 def body_poses(mechanism: Mechanism, values: dict[str, float]) -> dict[str, Pose]:
-    """Return p_0B, R_0B of the bodies that joints other than rods reach from ground, for joint coordinates by name."""
+    """Return p_0B, R_0B of the bodies that joints other than rods reach from ground, for joint
+    coordinates by name."""
     graph = nx.MultiGraph(mechanism.graph())
     for name, joint in mechanism.pairs.items():
         if isinstance(joint, RodJoint):

@@ -1,11 +1,13 @@
-"""Rows made orthogonal by reflections: which of them are independent, and the motions that they leave free.
+"""Rows made orthogonal by reflections: which of them are independent, and the motions that they
+leave free.
 
     x' H = (0 .. +-|x| .. 0),    H = 1 - 2 v v',   |v| = 1
 
-takes what the rows before leave of a row to a single column, its pivot; a row of which nothing is left depends on them.
-The columns that are no pivots span, reflected back, the null space: N = H_1 H_2 ... E, with orthonormal columns. The rows
-of a constraint Jacobian touch few columns each; pivots that few later rows touch keep the reflections as small.
-Source: Golub & Van Loan 2013, sec. 5.1, 5.2 (Householder reflections); George & Heath 1980 (sparse rows).
+takes what the rows before leave of a row to a single column, its pivot; a row of which nothing is
+left depends on them. The columns that are no pivots span, reflected back, the null space: N = H_1
+H_2 ... E, with orthonormal columns. The rows of a constraint Jacobian touch few columns each;
+pivots that few later rows touch keep the reflections as small. Source: Golub & Van Loan 2013, sec.
+5.1, 5.2 (Householder reflections); George & Heath 1980 (sparse rows).
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ class Reflections:
 
 
 def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
-    """Return the reflections that make the rows of A (rows x columns) orthogonal, one after the other.
+    """Return the reflections that make the rows of A (rows x columns) orthogonal, one after the
+    other.
 
     dependent: what is left of a dependent row, over the longest row
     """

@@ -2,9 +2,10 @@
 
     M v' + C v + G - f = Y(q, v, v') pi + r(q, v)
 
-pi are, of every body, m, m c and the inertia I_O about the origin of its frame, in its axes, and of every freedom of a
-joint the coefficients of viscous friction (a damper's included), Coulomb friction and rotor inertia; r is what springs
-take. In a body's axes, with the acceleration a of its origin less gravity, and [x] the matrix of x cross,
+pi are, of every body, m, m c and the inertia I_O about the origin of its frame, in its axes, and of
+every freedom of a joint the coefficients of viscous friction (a damper's included), Coulomb
+friction and rotor inertia; r is what springs take. In a body's axes, with the acceleration a of its
+origin less gravity, and [x] the matrix of x cross,
 
     F = m a + ([alpha] + [omega][omega]) m c,      N = m c x a + I_O alpha + omega x I_O omega.
 
@@ -36,7 +37,8 @@ OF_BODIES = (
 
 
 def names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Name the parameters pi: "platform.mass", "platform.first_moment.x", "slide_1.friction.viscous" ..."""
+    """Name the parameters pi: "platform.mass", "platform.first_moment.x",
+    "slide_1.friction.viscous" ..."""
     return (
         *(f"{body}.{name}" for body in mechanism.bodies for name in OF_BODIES),
         *of_freedoms(mechanism),
@@ -44,7 +46,8 @@ def names(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def values(mechanism: Mechanism) -> np.ndarray:
-    """Return the parameters pi (k) of a description, in the order of `names` [kg, kg m, kg m^2, N s/m, N ...]."""
+    """Return the parameters pi (k) of a description, in the order of `names` [kg, kg m, kg m^2, N
+    s/m, N ...]."""
     pi: list[float] = []
     for body in mechanism.bodies.values():
         moments = Moments.of_body(body, np.zeros(3))
@@ -56,7 +59,8 @@ def values(mechanism: Mechanism) -> np.ndarray:
 
 
 def sizes(mechanism: Mechanism, length: float, pace: float) -> np.ndarray:
-    """Return the energies [J] (k) that a unit of each parameter takes on motions by a length [m], or 1 rad, at a pace [1/s]."""
+    """Return the energies [J] (k) that a unit of each parameter takes on motions by a length [m],
+    or 1 rad, at a pace [1/s]."""
     found: list[float] = []
     for _ in mechanism.bodies:
         found += [length**2 * pace**2] + 3 * [length * pace**2] + len(ELEMENTS) * [pace**2]
@@ -90,7 +94,8 @@ def regressor(equations: Equations, dv: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
-    """Return the forces (nv x 10 r) on the tree's rates that a unit of each body's parameters takes."""
+    """Return the forces (nv x 10 r) on the tree's rates that a unit of each body's parameters
+    takes."""
     tree, mechanism = equations.tree, equations.mechanism
     omega = tree.angular_velocities(w)
     alpha, a = tree.accelerations(omega, w, dw, -equations.gravity)
@@ -109,7 +114,8 @@ def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
 
 
 def unit_wrenches(omega: ca.SX, alpha: ca.SX, a: ca.SX) -> Iterator[ca.SX]:
-    """Yield the wrench [N; F] that a unit of m, of each element of m c and of each element of I_O takes, in the body's axes."""
+    """Yield the wrench [N; F] that a unit of m, of each element of m c and of each element of I_O
+    takes, in the body's axes."""
     yield ca.vertcat(zero(), a)
     for e in np.eye(3):
         e = SX(e)
@@ -121,7 +127,8 @@ def unit_wrenches(omega: ca.SX, alpha: ca.SX, a: ca.SX) -> Iterator[ca.SX]:
 
 
 def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
-    """Return the forces (nv x 3 per freedom) on the tree's rates that a unit of friction and rotor inertia takes."""
+    """Return the forces (nv x 3 per freedom) on the tree's rates that a unit of friction and rotor
+    inertia takes."""
     blocks = [SX(len(equations.tree.rates), 0)]
     for freedom in effects.freedoms(equations.joints, every=True):
         J, rate = freedom.J, ca.mtimes(freedom.J, w)
@@ -132,7 +139,8 @@ def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
 
 
 def spring_forces(equations: Equations) -> ca.SX:
-    """Return the forces (nv) on the tree's rates that springs take, dampers between points included."""
+    """Return the forces (nv) on the tree's rates that springs take, dampers between points
+    included."""
     tree, mechanism = equations.tree, equations.mechanism
     total = SX.zeros(len(tree.rates))
     for freedom in equations.freedoms:

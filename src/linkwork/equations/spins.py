@@ -1,9 +1,10 @@
 """Spins: freedoms that turn a member about the line through its two joints and move nothing else.
 
-A member is a chain of bodies between joints to two others; its own joints stay still while it spins. It has to spin at
-all closed configurations around the reference, for in a single one other joints may happen to be in line, and the
-mechanism has to have other freedoms beside its spins. What an actuator drives is no spin. A spin is idle where no
-friction, spring, rotor or limit acts on it either: it may then be left to itself.
+A member is a chain of bodies between joints to two others; its own joints stay still while it
+spins. It has to spin at all closed configurations around the reference, for in a single one other
+joints may happen to be in line, and the mechanism has to have other freedoms beside its spins. What
+an actuator drives is no spin. A spin is idle where no friction, spring, rotor or limit acts on it
+either: it may then be left to itself.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ def spins(
     """Return the spins by name, the bodies of each, and the names of those that are idle.
 
     Args:
-        configurations: closed ones around the reference (nq each); samples: Phi at each, in own units.
+        configurations: closed ones around the reference (nq each); samples: Phi at each, in own
+            units.
     """
     named = members(joints.mechanism)
     if not named:
@@ -52,7 +54,8 @@ def spins(
 
 
 def members(mechanism: Mechanism) -> dict[Member, str]:
-    """Return the chains of bodies between joints to two others, short ones first, and the names of their spins.
+    """Return the chains of bodies between joints to two others, short ones first, and the names of
+    their spins.
 
     None is ground, a branching body, or a tool's.
     """
@@ -85,7 +88,8 @@ def spinning(
     configurations: Sequence[np.ndarray],
     samples: Sequence[np.ndarray],
 ) -> tuple[dict[Member, list[np.ndarray]], int]:
-    """Return the rates (nv) in which each chain spins alone at each configuration, and how many motions there are."""
+    """Return the rates (nv) in which each chain spins alone at each configuration, and how many
+    motions there are."""
     order, twists = list(mechanism.bodies).index, body_twists(mechanism, tree)
     found, motions = {chain: [] for chain in chains}, 0
     for q, Phi in zip(configurations, samples, strict=True):
@@ -102,7 +106,8 @@ def spinning(
 
 
 def body_twists(mechanism: Mechanism, tree: Tree) -> Callable[..., Sequence[ca.DM]]:
-    """Return the function (q, rates) -> [omega; v] (6r) of all bodies about the ground's origin, in the ground's axes."""
+    """Return the function (q, rates) -> [omega; v] (6r) of all bodies about the ground's origin, in
+    the ground's axes."""
     rates = SX.sym("rates", len(tree.rates))
     omega = tree.angular_velocities(rates)
     v = tree.velocities(omega, rates)
@@ -117,7 +122,8 @@ def twist(node: Node, omega: list[ca.SX], v: list[ca.SX]) -> ca.SX:
 
 
 def alone(twists: np.ndarray, own: list[int]) -> np.ndarray | None:
-    """Return the motion (n) in which some bodies turn as one and all others stay still; None unless there is one alone.
+    """Return the motion (n) in which some bodies turn as one and all others stay still; None unless
+    there is one alone.
 
     Args:
         twists: of all bodies (r x 6 x n) in n motions; own: places of the bodies that turn.
@@ -136,7 +142,8 @@ def alone(twists: np.ndarray, own: list[int]) -> np.ndarray | None:
 def moves(
     tree: Tree, rows: ca.SX, configurations: Sequence[np.ndarray]
 ) -> Callable[[list[np.ndarray]], bool]:
-    """Return the test whether rates (nv) at the configurations, one for each, move any of the rows (rows x nv)."""
+    """Return the test whether rates (nv) at the configurations, one for each, move any of the rows
+    (rows x nv)."""
     read = tree.evaluated("rows", [rows])
     matrices = [np.array(read(q)[0]) for q in configurations]
     return lambda rates: any(
@@ -157,7 +164,8 @@ def loaded_rows(joints: JointMap) -> ca.SX:
 
 
 def rate_rows(joints: JointMap, labels: Sequence[str]) -> ca.SX:
-    """Return the rows (rates x nv) of joint rates, those of slides over the mechanism's own length."""
+    """Return the rows (rates x nv) of joint rates, those of slides over the mechanism's own
+    length."""
     slide = slides(joints.mechanism)
     units = np.array([joints.tree.length if slide[label] else 1.0 for label in labels], float)
     return ca.mtimes(ca.diag(ca.DM(1 / units)), joints.rate_rows(labels))

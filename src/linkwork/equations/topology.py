@@ -1,16 +1,19 @@
 """Topology: a spanning tree of the mechanism's graph and the joints that close its loops.
 
-The tree grows from ground by the cheapest joint at its rim (Prim): actuated joints first, so that their rates are tree
-rates; then joints whose coordinates something else needs (a gear, a spring, a thread); then joints of few freedoms, so
-that the cut joints have many and bring few rows; then those near ground, so that chains are short; then in the order of
-the description. The result is the same on every machine.
+The tree grows from ground by the cheapest joint at its rim (Prim): actuated joints first, so that
+their rates are tree rates; then joints whose coordinates something else needs (a gear, a spring, a
+thread); then joints of few freedoms, so that the cut joints have many and bring few rows; then
+those near ground, so that chains are short; then in the order of the description. The result is the
+same on every machine.
 
-A body may also hang on ground by a free joint that the description need not have, and all its joints are then cut: a
-body that only rods reach, and a platform on three or more ball joints, whose legs then meet in it without being coupled
-to each other. The free joint brings six rates and no condition, so the mechanism stays what it is.
+A body may also hang on ground by a free joint that the description need not have, and all its
+joints are then cut: a body that only rods reach, and a platform on three or more ball joints, whose
+legs then meet in it without being coupled to each other. The free joint brings six rates and no
+condition, so the mechanism stays what it is.
 
-A joint that closes a loop is read off the poses of its two bodies, and its angle in space then forgets whole turns.
-Where these count it goes into the tree, to a massless end of its own, and a fixed joint closes the loop (`ended`).
+A joint that closes a loop is read off the poses of its two bodies, and its angle in space then
+forgets whole turns. Where these count it goes into the tree, to a massless end of its own, and a
+fixed joint closes the loop (`ended`).
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ from linkwork.mechanism import (
 
 @dataclass(frozen=True)
 class Branch:
-    """Hold a joint of the tree, directed away from ground; `reversed` where the description's second body is the parent."""
+    """Hold a joint of the tree, directed away from ground; `reversed` where the description's
+    second body is the parent."""
 
     joint: str
     parent: str
@@ -44,10 +48,11 @@ class Branch:
 
 @dataclass(frozen=True)
 class Topology:
-    """Split the joints into the tree's branches, parents before children, and the joints that close loops.
+    """Split the joints into the tree's branches, parents before children, and the joints that close
+    loops.
 
-    joints: those of the branches by name, in the order of the description; closing: those that close loops, by name
-    added: names of the branches' free joints that are not in the description
+    joints: those of the branches by name, in the order of the description; closing: those that
+    close loops, by name added: names of the branches' free joints that are not in the description
     """
 
     branches: tuple[Branch, ...]
@@ -119,7 +124,8 @@ def span(mechanism: Mechanism) -> Topology:
 
 
 def counting(mechanism: Mechanism) -> set[str]:
-    """Return the joints whose whole turns count: those of gears, of threads, and those with springs."""
+    """Return the joints whose whole turns count: those of gears, of threads, and those with
+    springs."""
     geared = {label.partition(".")[0] for gear in mechanism.gears.values() for label in gear.ratios}
     sprung = {
         name
@@ -131,9 +137,11 @@ def counting(mechanism: Mechanism) -> set[str]:
 
 
 def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Topology:
-    """Return the topology with some of the loop-closing joints in the tree, each ending in a massless body of its own.
+    """Return the topology with some of the loop-closing joints in the tree, each ending in a
+    massless body of its own.
 
-    That body is then fixed to the one that the joint leads to: the joint's coordinates are the tree's, and count turns.
+    That body is then fixed to the one that the joint leads to: the joint's coordinates are the
+    tree's, and count turns.
     """
     branches, joints, closing = (
         list(topology.branches),
@@ -164,7 +172,8 @@ def joins(joint: PairJoint, body: str) -> bool:
 
 
 def platforms(mechanism: Mechanism) -> list[str]:
-    """Return the bodies that three or more ball joints hold, and no joint of another type but rods and free joints."""
+    """Return the bodies that three or more ball joints hold, and no joint of another type but rods
+    and free joints."""
     held: dict[str, list[str]] = {body: [] for body in mechanism.bodies}
     for joint in mechanism.pairs.values():
         for body in joint.connects:

@@ -1,17 +1,20 @@
 """The spanning tree as a chain of elementary motions, and its kinematics.
 
-Vectors of a node are written in the node's axes (`orientation`): the ground's in a planar mechanism.
+Vectors of a node are written in the node's axes (`orientation`): the ground's in a planar
+mechanism.
 
-Every joint of the tree is a sequence of motions; each leads from a node to the next. A node has an origin O (a point of
-the motion's axis), an orientation R and, if it is a body, the body's inertia. Each rate w_k of a node turns it about
-z_k and slides it along s_k, both fixed in the parent; with r = O - O_p:
+Every joint of the tree is a sequence of motions; each leads from a node to the next. A node has an
+origin O (a point of the motion's axis), an orientation R and, if it is a body, the body's inertia.
+Each rate w_k of a node turns it about z_k and slides it along s_k, both fixed in the parent; with r
+= O - O_p:
 
     omega = omega_p + sum z_k w_k                       v = v_p + omega_p x r + sum s_k w_k
     alpha = alpha_p + sum z_k w_k' + omega_p x sum z_k w_k
     a = a_p + alpha_p x r + omega_p x (omega_p x r) + sum s_k w_k' + 2 omega_p x sum s_k w_k
 
-A free turn has three rates, the angular velocity omega_12 in the axes of the joint's first frame, and the unit
-quaternion p of R_12 for coordinates, with  p' = (0, omega_12) p / 2; all other coordinates have their own rates.
+A free turn has three rates, the angular velocity omega_12 in the axes of the joint's first frame,
+and the unit quaternion p of R_12 for coordinates, with  p' = (0, omega_12) p / 2; all other
+coordinates have their own rates.
 
 Source: Featherstone 2008, ch. 4-6 (recursions).
 """
@@ -49,9 +52,11 @@ from linkwork.mechanism import GROUND, Body, Mechanism, PairJoint
 
 @dataclass(frozen=True)
 class Column:
-    """Say what one rate does to a node: it turns about z and slides along s, both fixed in the parent.
+    """Say what one rate does to a node: it turns about z and slides along s, both fixed in the
+    parent.
 
-    z, s: in the node's `column_axes`; local_z, local_s: in the node's own frame where they are constant there, else None
+    z, s: in the node's `column_axes`; local_z, local_s: in the node's own frame where they are
+    constant there, else None
     """
 
     rate: int
@@ -65,13 +70,14 @@ class Column:
 class Node:
     """Hold one elementary motion and the frame behind it.
 
-    index, parent: position in the tree's list, -1 for ground; joint, body: names (body None between the motions of a
-    joint)
+    index, parent: position in the tree's list, -1 for ground; joint, body: names (body None between
+    the motions of a joint)
     motion: None if nothing moves; columns: one for each of its rates, in `column_axes`
     R: orientation; axes: in which its vectors are written; before: its parent's axes
-    O: origin, in the ground's axes; r: O - O_parent in the parent's axes (`before`), near_r: in the parent's own frame
-    arm: near_r where constant, else None; weld: R in the parent's frame where nothing moves, else None
-    frame_origin: origin O in the body's own frame; moments: regrouped inertia in the node's frame
+    O: origin, in the ground's axes; r: O - O_parent in the parent's axes (`before`), near_r: in the
+    parent's own frame arm: near_r where constant, else None; weld: R in the parent's frame where
+    nothing moves, else None frame_origin: origin O in the body's own frame; moments: regrouped
+    inertia in the node's frame
     """
 
     index: int
@@ -129,8 +135,8 @@ GROUND_NODE = Node(
 class Tree:
     """Hold the nodes, parents before children, and the coordinates q (nq x 1) they are written in.
 
-    coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's place in q by name
-    quaternions: the places in q and in w of each free turn
+    coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's
+    place in q by name quaternions: the places in q and in w of each free turn
     parameters: values in the description of its free numbers p (np), by path
     length: the mechanism's own (`lengths`) [m]
     """
@@ -207,11 +213,12 @@ class Tree:
         return tuple(reversed(path))
 
     def reaches(self, node: Node, d: ca.SX) -> Iterator[tuple[Node, ca.SX]]:
-        """Yield the nodes from a node inward to ground, each with the vector from its origin to a point.
+        """Yield the nodes from a node inward to ground, each with the vector from its origin to a
+        point.
 
-        d: the vector from the first node's origin to the point, in the node's axes; the yielded ones are in the nodes'
-        `column_axes`. Lengths are added along the chain, so that what lies before an origin neither costs an operation
-        nor adds rounding.
+        d: the vector from the first node's origin to the point, in the node's axes; the yielded
+        ones are in the nodes' `column_axes`. Lengths are added along the chain, so that what lies
+        before an origin neither costs an operation nor adds rounding.
         """
         for inner in reversed(self.path(node)):
             yield inner, convert(d, inner.axes, inner.column_axes)
@@ -235,7 +242,8 @@ class Tree:
 
     @cached_property
     def derivative_map(self) -> ca.SX:
-        """N (nq x nv, sparse) with q' = N w: unit rows, but p' = (0, omega) p / 2 of quaternions."""
+        """N (nq x nv, sparse) with q' = N w: unit rows, but p' = (0, omega) p / 2 of
+        quaternions."""
         N = SX(len(self.coordinates), len(self.rates))
         for place, k in self.single:
             N[place, k] = 1
@@ -252,7 +260,8 @@ class Tree:
         return [(ca.sumsqr(self.q[list(places)]) - 1) / 2 for places, _ in self.quaternions]
 
     def angular_velocities(self, rates: ca.SX, nodes: Sequence[Node] | None = None) -> list[ca.SX]:
-        """Return omega of every node for the rates w, in its axes; the last is ground's. Given nodes, the others rest."""
+        """Return omega of every node for the rates w, in its axes; the last is ground's. Given
+        nodes, the others rest."""
         omega = [zero()] * (len(self.nodes) + 1)
         for node in self.nodes if nodes is None else nodes:
             turn = (
@@ -264,7 +273,8 @@ class Tree:
     def velocities(
         self, omega: list[ca.SX], rates: ca.SX, nodes: Sequence[Node] | None = None
     ) -> list[ca.SX]:
-        """Return v_O of every node for the rates w, in its axes; the last is ground's. Given nodes, the others rest."""
+        """Return v_O of every node for the rates w, in its axes; the last is ground's. Given nodes,
+        the others rest."""
         v = [zero()] * (len(self.nodes) + 1)
         for node in self.nodes if nodes is None else nodes:
             carried = v[node.parent] + cross(omega[node.parent], node.r)
@@ -284,7 +294,8 @@ class Tree:
         base: ca.SX,
         nodes: Sequence[Node] | None = None,
     ) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Return alpha and a_O of every node for w', in its axes, with the acceleration `base` of ground.
+        """Return alpha and a_O of every node for w', in its axes, with the acceleration `base` of
+        ground.
 
         The last elements are ground's. Given nodes, only those and the ones inward of them move.
         """
@@ -312,19 +323,22 @@ def sliding(node: Node, rates: ca.SX) -> ca.SX:
 
 
 def offset(node: Node, position: Vector) -> ca.SX:
-    """Return the vector from a node's origin to a point given in the body's own frame, in the ground's axes."""
+    """Return the vector from a node's origin to a point given in the body's own frame, in the
+    ground's axes."""
     return in_base(node.R, position - node.frame_origin)
 
 
 def near_offset(node: Node, position: Vector) -> ca.SX:
-    """Return the vector from a node's origin to a point given in the body's own frame, in the node's axes."""
+    """Return the vector from a node's origin to a point given in the body's own frame, in the
+    node's axes."""
     return in_axes(node.R, position - node.frame_origin)
 
 
 def grow(
     mechanism: Mechanism, topology: Topology, parameters: Mapping[str, float], length: float = 1.0
 ) -> Tree:
-    """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the joints.
+    """Build the tree's nodes from the mechanism's numbers and the symbols q, in the order of the
+    joints.
 
     parameters: values of the mechanism's free numbers, by path; length: its own [m]
     """
@@ -364,7 +378,8 @@ def grow(
 def branch_nodes(
     joint: PairJoint, body: Body, tree: Tree, branch: Branch, start: int, rate: int
 ) -> Iterator[Node]:
-    """Yield the nodes that one joint adds, the last one being the body; a joint without motion adds one all the same.
+    """Yield the nodes that one joint adds, the last one being the body; a joint without motion adds
+    one all the same.
 
     start, rate: places of the joint's first coordinate in q and first rate in w
     """
@@ -441,7 +456,8 @@ def columns(
     backwards: bool,
     own: np.ndarray,
 ) -> tuple[Column, ...]:
-    """Return what each rate of a motion does: a ball's are the angular velocity in the axes of the first frame.
+    """Return what each rate of a motion does: a ball's are the angular velocity in the axes of the
+    first frame.
 
     own: the body's frame in the frame behind the motion
     """

@@ -20,7 +20,8 @@ NOISE = 1e-12  # of a moment of inertia, relative to the greatest
 
 @dataclass(frozen=True)
 class Solid:
-    """Hold mass [kg], mass centre (3,) [m] and inertia about it (3, 3) [kg m^2] in the axes of some frame."""
+    """Hold mass [kg], mass centre (3,) [m] and inertia about it (3, 3) [kg m^2] in the axes of some
+    frame."""
 
     mass: float
     centre: np.ndarray
@@ -59,7 +60,8 @@ class Solid:
 
 
 def without_noise(inertia: np.ndarray, least: float) -> np.ndarray:
-    """Return an inertia tensor whose moments below zero are zero where they are rounding: not below -`least`."""
+    """Return an inertia tensor whose moments below zero are zero where they are rounding: not below
+    -`least`."""
     moments, axes = np.linalg.eigh(inertia)
     if moments[0] >= 0 or moments[0] < -max(least, NOISE * moments[-1]):
         return inertia
@@ -83,7 +85,8 @@ def together(solids: Iterable[Solid]) -> Solid:
 
 
 def volume(kind: str, size: np.ndarray) -> float:
-    """Return the volume [m^3] of a sphere (radius), capsule or cylinder (radius, half length), ellipsoid or box (half axes)."""
+    """Return the volume [m^3] of a sphere (radius), capsule or cylinder (radius, half length),
+    ellipsoid or box (half axes)."""
     match kind:
         case "sphere":
             return 4 / 3 * pi * size[0] ** 3
@@ -98,7 +101,8 @@ def volume(kind: str, size: np.ndarray) -> float:
 
 
 def principal(kind: str, size: np.ndarray, mass: float) -> np.ndarray:
-    """Return the principal moments of inertia (3,) [kg m^2] of a uniform solid; `size` as for `volume`."""
+    """Return the principal moments of inertia (3,) [kg m^2] of a uniform solid; `size` as for
+    `volume`."""
     match kind:
         case "sphere":
             return np.full(3, 0.4 * mass * size[0] ** 2)

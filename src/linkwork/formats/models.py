@@ -24,7 +24,8 @@ class Format:
         name: what it is called.
         suffixes: of its files.
         root: its root element, by which it is known.
-        module: the module that has `read(root, notes)` and, where files are written, `write(mechanism, path)`.
+        module: the module that has `read(root, notes)` and, where files are written,
+            `write(mechanism, path)`.
         unwritten: why no files are written, and what to do instead.
     """
 
@@ -57,9 +58,11 @@ WRITTEN = (*NATIVE, *(suffix for form in FORMATS if not form.unwritten for suffi
 
 @dataclass(frozen=True)
 class Imported:
-    """Hold a mechanism read from a file, and sentences on what was left out, taken otherwise or decided.
+    """Hold a mechanism read from a file, and sentences on what was left out, taken otherwise or
+    decided.
 
-    Those by which it moves otherwise than the file says are also the mechanism's `caveats`, and stay with it.
+    Those by which it moves otherwise than the file says are also the mechanism's `caveats`, and
+    stay with it.
     """
 
     mechanism: Mechanism
@@ -70,16 +73,19 @@ def load(path: str | Path, reference: Mapping[str, float] | None = None) -> Impo
     """Read a mechanism from a model file.
 
     Args:
-        path: .yaml or .yml, the native format; .xml, .mjcf or .urdf, MJCF or URDF as the root element says.
-        reference: joint coordinates [m, rad] from which the loops are closed, by name, in place of the file's own; URDF
-            has none, so that a linkage that is drawn in a line needs them.
+        path: .yaml or .yml, the native format; .xml, .mjcf or .urdf, MJCF or URDF as the root
+            element says.
+        reference: joint coordinates [m, rad] from which the loops are closed, by name, in place of
+            the file's own; URDF has none, so that a linkage that is drawn in a line needs them.
 
     Returns:
-        The mechanism, and notes: sentences, each with its place, on what the mechanism does not hold of the file.
+        The mechanism, and notes: sentences, each with its place, on what the mechanism does not
+            hold of the file.
 
     Raises:
-        MechanismError: one sentence that names file, line and element; also for XML with a document type or entities,
-            files larger than 20 MB, and files that include others from outside their folder.
+        MechanismError: one sentence that names file, line and element; also for XML with a document
+            type or entities, files larger than 20 MB, and files that include others from outside
+            their folder.
 
     Warns:
         ModelWarning: each of the mechanism's caveats.
@@ -132,7 +138,8 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
         Notes: sentences on what the file does not hold or MuJoCo takes otherwise.
 
     Raises:
-        MechanismError: the suffix is another, the format cannot hold the mechanism, or the file cannot be written.
+        MechanismError: the suffix is another, the format cannot hold the mechanism, or the file
+            cannot be written.
     """
     path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()

@@ -16,7 +16,8 @@ class FreeNames:
         self._tried: Counter[str] = Counter()  # numbers that were put behind a name
 
     def give(self, wanted: str, element: Element | None = None) -> str:
-        """Return the wanted name, or the nearest to it that is free; a name of the file that changes is noted."""
+        """Return the wanted name, or the nearest to it that is free; a name of the file that
+        changes is noted."""
         clean = (
             "".join(c if c.isprintable() else "_" for c in wanted.replace(".", "_")).strip() or "_"
         )

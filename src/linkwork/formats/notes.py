@@ -1,4 +1,5 @@
-"""Notes: sentences on what a reader or a writer left out, took otherwise, or decided, each with its place.
+"""Notes: sentences on what a reader or a writer left out, took otherwise, or decided, each with its
+place.
 
 Those by which the mechanism moves otherwise than the file says are its caveats.
 """
@@ -11,7 +12,8 @@ SHOWN = 4  # names of elements in one sentence
 
 
 class Notes:
-    """Gather sentences; elements of one tag share one where the same remark alters the motion of all of them, or of none."""
+    """Gather sentences; elements of one tag share one where the same remark alters the motion of
+    all of them, or of none."""
 
     def __init__(self) -> None:
         self._groups: dict[tuple[str, str, bool], list[Element]] = {}
@@ -24,7 +26,8 @@ class Notes:
         self._alters[sentence] = alters or self._alters.get(sentence, False)
 
     def on(self, element: Element, remark: str, alters: bool = False) -> None:
-        """Add a remark on an element, such as "is left out: a contact is no joint"; `alters` as for `say`."""
+        """Add a remark on an element, such as "is left out: a contact is no joint"; `alters` as for
+        `say`."""
         key = element.tag, remark, alters
         self._alters[key] = alters
         self._groups.setdefault(key, []).append(element)

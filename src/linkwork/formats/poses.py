@@ -1,4 +1,5 @@
-"""Poses as 4 x 4 matrices X_AB: what the files' ways to write a position and an orientation come to.
+"""Poses as 4 x 4 matrices X_AB: what the files' ways to write a position and an orientation come
+to.
 
 A point with components p in B has components X_AB p in A; X_AC = X_AB X_BC.
 """
@@ -100,7 +101,8 @@ def across(z, near) -> np.ndarray:
 
 
 def completed(columns: dict[int, np.ndarray]) -> np.ndarray | None:
-    """Return the rotation matrix that has some given unit columns; None where no rotation has them."""
+    """Return the rotation matrix that has some given unit columns; None where no rotation has
+    them."""
     R = np.zeros((3, 3))
     for index, column in columns.items():
         R[:, index] = column
@@ -118,7 +120,8 @@ def completed(columns: dict[int, np.ndarray]) -> np.ndarray | None:
 
 
 def from_quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
-    """Return the rotation matrix of a quaternion, which is normalised; one without length is no rotation, as in MuJoCo."""
+    """Return the rotation matrix of a quaternion, which is normalised; one without length is no
+    rotation, as in MuJoCo."""
     if np.max(np.abs([w, x, y, z])) < TINY:
         return np.eye(3)
     w, x, y, z = unit([w, x, y, z])

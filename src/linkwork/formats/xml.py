@@ -1,7 +1,8 @@
-"""XML read safely: a plain tree of elements that know their file and line, and refuse what they cannot make sense of.
+"""XML read safely: a plain tree of elements that know their file and line, and refuse what they
+cannot make sense of.
 
-A document type with its entities ("billion laughs"), a file that is too large, too deep or has too many elements is
-refused while it is read; nothing outside the file is ever opened.
+A document type with its entities ("billion laughs"), a file that is too large, too deep or has too
+many elements is refused while it is read; nothing outside the file is ever opened.
 """
 
 from __future__ import annotations
@@ -90,7 +91,8 @@ class Element:
         default: tuple[float, ...] | None = None,
         most: float = HUGE,
     ) -> tuple[float, ...]:
-        """Return the numbers of an attribute; another count than those allowed, or a number that is not finite, is refused.
+        """Return the numbers of an attribute; another count than those allowed, or a number that is
+        not finite, is refused.
 
         most: the largest number of either sign
         """
@@ -148,9 +150,9 @@ def read(path: Path) -> Element:
     """Read an XML file as a tree of elements.
 
     Raises:
-        MechanismError: the file cannot be read, is larger than 20 MB, nested deeper than 250 elements, has more than
-            400 000 elements, an element with more than 200 attributes, or a document type, or is not well-formed (the
-            line is named).
+        MechanismError: the file cannot be read, is larger than 20 MB, nested deeper than 250
+            elements, has more than 400 000 elements, an element with more than 200 attributes, or a
+            document type, or is not well-formed (the line is named).
     """
     parser, building = expat.ParserCreate(), _Building(path)
     parser.buffer_text = True
@@ -176,7 +178,8 @@ def read(path: Path) -> Element:
 
 
 def contents(path: Path) -> bytes:
-    """Return the bytes of a file; one that is no file, cannot be read or is larger than 20 MB is refused."""
+    """Return the bytes of a file; one that is no file, cannot be read or is larger than 20 MB is
+    refused."""
     try:
         if path.exists() and not path.is_file():
             raise MechanismError(f"{path}: is not a file; name a model file")
@@ -194,7 +197,8 @@ def contents(path: Path) -> bytes:
 
 
 class _Building:
-    """Build the tree from the parser's events; `open` holds the elements that are not closed yet."""
+    """Build the tree from the parser's events; `open` holds the elements that are not closed
+    yet."""
 
     def __init__(self, path: Path):
         self.path, self.count = path, 0
@@ -204,11 +208,13 @@ class _Building:
         self.count += 1
         if self.count > MOST:
             raise MechanismError(
-                f"{self.path}: line {line}: holds more than {MOST} elements; a mechanism's file does not"
+                f"{self.path}: line {line}: holds more than {MOST} elements; a mechanism's file "
+                "does not"
             )
         if len(self.open) > DEEPEST:
             raise MechanismError(
-                f"{self.path}: line {line}: elements are nested deeper than {DEEPEST}; that is refused"
+                f"{self.path}: line {line}: elements are nested deeper than {DEEPEST}; that is "
+                "refused"
             )
         element = Element(tag, attributes, self.path, line)
         if len(attributes) > ATTRIBUTES:
@@ -223,5 +229,6 @@ class _Building:
 
     def refuse_entities(self, *declaration: Any) -> None:
         raise MechanismError(
-            f"{self.path}: declares a document type or entities, which are not read; remove <!DOCTYPE ...>"
+            f"{self.path}: declares a document type or entities, which are not read; remove "
+            "<!DOCTYPE ...>"
         )

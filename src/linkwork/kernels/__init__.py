@@ -1,9 +1,10 @@
 """CasADi functions compiled to straight-line machine code that evaluates several states at a time.
 
-    casadi.Function --trace--> Program --simplify--> Program --emit--> LLVM instructions --compile--> machine code
+    casadi.Function --trace--> Program --simplify--> Program --emit--> LLVM instructions
+    --compile--> machine code
 
-The kernel that `compile_function` returns does it when it is first needed, for one state and for many at a time apart, and
-keeps the machine code on disk. Nothing here knows of robots.
+The kernel that `compile_function` returns does it when it is first needed, for one state and for
+many at a time apart, and keeps the machine code on disk. Nothing here knows of robots.
 """
 
 from linkwork.kernels.kernel import Kernel, compile_function

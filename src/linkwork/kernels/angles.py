@@ -2,9 +2,10 @@
 
     void sines_and_cosines(int64_t vectors, const double* angles, double* sines, double* cosines)
 
-The code of `elementary` holds for angles up to a bound, so the squares of all angles are added up on the way; if the sum of a
-lane exceeds the bound squared (or is not a number) the C library computes those beyond the bound anew. A few angles are
-computed in place, by the same instructions, and only if one of them may be too large the function is called.
+The code of `elementary` holds for angles up to a bound, so the squares of all angles are added up
+on the way; if the sum of a lane exceeds the bound squared (or is not a number) the C library
+computes those beyond the bound anew. A few angles are computed in place, by the same instructions,
+and only if one of them may be too large the function is called.
 """
 
 from functools import reduce
@@ -22,8 +23,8 @@ def in_place(
 ) -> list[tuple[str, str]]:
     """Append the sines and cosines of a few vectors of angles and return their names.
 
-    lines: of vectors.  memory: pointer to vectors, of which those from `first` on are for the case that an angle is too large:
-    all angles, their sines and their cosines.
+    lines: of vectors.  memory: pointer to vectors, of which those from `first` on are for the case
+    that an angle is too large: all angles, their sines and their cosines.
     """
     near = [elementary.sine_and_cosine(lines, angle, machine.has_fma) for angle in angles]
     total = reduce(
@@ -32,7 +33,8 @@ def in_place(
     )
     start, mark, n = lines.block, len(lines.text), len(angles)
     lines.do(
-        f"br i1 {_too_large(lines, total, machine)}, label %far.{mark}, label %near.{mark}, {UNLIKELY}"
+        f"br i1 {_too_large(lines, total, machine)}, label %far.{mark}, label %near.{mark}, "
+        f"{UNLIKELY}"
     )
     lines.label(f"far.{mark}")
     for k, angle in enumerate(angles):
@@ -53,7 +55,8 @@ def in_place(
 
 
 def by_call(lines: Lines, n: int, memory: str, first: int) -> None:
-    """Append the call of the function for n vectors of angles in memory, from `first` on; their sines and cosines follow."""
+    """Append the call of the function for n vectors of angles in memory, from `first` on; their
+    sines and cosines follow."""
     pointers = ", ".join(f"ptr {lines.at(memory, first + k * n)}" for k in range(3))
     lines.do(f"call void @{FUNCTION}(i64 {n}, {pointers})")
 
@@ -106,7 +109,8 @@ def _again(lines: Lines, bound: float) -> None:
 
 
 def _too_large(lines: Lines, total: str, machine: Machine) -> str:
-    """Append the test whether an angle may be beyond the bound, from the sums of squares of all lanes."""
+    """Append the test whether an angle may be beyond the bound, from the sums of squares of all
+    lanes."""
     beyond = lines.compare("ugt", total, lines.constant(_bound(machine) ** 2))
     mask = lines.let(f"bitcast {lines.truth} {beyond} to i{lines.width}")
     return lines.let(f"icmp ne i{lines.width} {mask}, 0")

@@ -29,10 +29,11 @@ _LOGICAL = {"and": "and", "or": "or"}
 
 
 class Body:
-    """The code of sections, which reads %in and writes %out: values by position, as numbers or as truths, made when needed.
+    """The code of sections, which reads %in and writes %out: values by position, as numbers or as
+    truths, made when needed.
 
-    What other sections compute is read from the slots at `source`; what they need is written to the slots at `target`.
-    So many vectors lie `abreast` in a row of %in and of %out.
+    What other sections compute is read from the slots at `source`; what they need is written to the
+    slots at `target`. So many vectors lie `abreast` in a row of %in and of %out.
     """
 
     def __init__(

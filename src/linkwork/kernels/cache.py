@@ -1,9 +1,9 @@
 """Object code kept on disk, so that a function is compiled once per machine.
 
-An entry is one file, named by the hash of all that its content depends on: the function, the machine, the version of LLVM
-and the source of this package. It holds a line that marks the format, the hash of the rest, and the rest; a file that does
-not agree with its own hash is not used. Files are written under another name and renamed, so that a reader never sees half
-of one.
+An entry is one file, named by the hash of all that its content depends on: the function, the
+machine, the version of LLVM and the source of this package. It holds a line that marks the format,
+the hash of the rest, and the rest; a file that does not agree with its own hash is not used. Files
+are written under another name and renamed, so that a reader never sees half of one.
 """
 
 import hashlib
@@ -21,7 +21,8 @@ _HASH_BYTES = hashlib.sha256().digest_size
 
 
 def folder() -> Path:
-    """Return the folder of the entries: LINKWORK_CACHE_DIR, or the user's cache folder of this system."""
+    """Return the folder of the entries: LINKWORK_CACHE_DIR, or the user's cache folder of this
+    system."""
     return Path(os.environ.get("LINKWORK_CACHE_DIR") or platformdirs.user_cache_dir("linkwork"))
 
 
@@ -35,7 +36,8 @@ def key(*parts: str) -> str:
 
 
 def read(name: str) -> bytes | None:
-    """Return the content of an entry, or None where there is none or it is damaged (with a warning)."""
+    """Return the content of an entry, or None where there is none or it is damaged
+    (with a warning)."""
     path = _path(name)
     try:
         data = path.read_bytes()

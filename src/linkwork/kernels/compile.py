@@ -25,11 +25,13 @@ def assembly(text: str, machine: Machine) -> str:
 
 
 class Code:
-    """Object code in memory: the addresses of its functions by name, which hold as long as this object lives."""
+    """Object code in memory: the addresses of its functions by name, which hold as long as this
+    object lives."""
 
     def __init__(self, object_code: bytes, functions: tuple[str, ...]):
         _initialize()
-        # This linker keeps code and constants in one piece of memory, so that they always reach each other.
+        # This linker keeps code and constants in one piece of memory, so that they always reach
+        # each other.
         self._engine = llvm.create_lljit_compiler(use_jit_link=True)
         library = llvm.JITLibraryBuilder().add_object_img(object_code)
         for name in functions:

@@ -1,17 +1,20 @@
 """Sine and cosine of one angle together, as straight-line code.
 
-The angle is reduced by Cody and Waite's method and both functions of the rest come from polynomials:
+The angle is reduced by Cody and Waite's method and both functions of the rest come from
+polynomials:
 
     x = k pi/2 + r,  |r| <= pi/4,    sin r = r + r z S(z),    cos r = 1 + z C(z),    z = r^2.
 
-k is the integer nearest to x 2/pi. Adding 1.5 * 2^52 rounds to it and leaves it in the low bits of the sum, where its parity
-says which of the two is the sine and its second bit the sign. pi/2 is subtracted in parts, each step exact where digits cancel,
-so that r is right to the last place even for the angles nearest to a multiple of pi/2. S and C are minimax polynomials (Remez
-exchange in 60 digits, coefficients rounded one after the other), good to 2^-57.9 and 2^-53.9 relative; the results are within
-2 units in the last place for |x| <= LARGEST_ANGLE, and within 2.5 on a machine without fused multiply-add
-(tests/kernels/test_elementary.py measures them).
+k is the integer nearest to x 2/pi. Adding 1.5 * 2^52 rounds to it and leaves it in the low bits of
+the sum, where its parity says which of the two is the sine and its second bit the sign. pi/2 is
+subtracted in parts, each step exact where digits cancel, so that r is right to the last place even
+for the angles nearest to a multiple of pi/2. S and C are minimax polynomials (Remez exchange in 60
+digits, coefficients rounded one after the other), good to 2^-57.9 and 2^-53.9 relative; the results
+are within 2 units in the last place for |x| <= LARGEST_ANGLE, and within 2.5 on a machine without
+fused multiply-add (tests/kernels/test_elementary.py measures them).
 
-Cody and Waite, Software Manual for the Elementary Functions, 1980, ch. 8; Muller, Elementary Functions, 2016, sec. 11.2.
+Cody and Waite, Software Manual for the Elementary Functions, 1980, ch. 8; Muller, Elementary
+Functions, 2016, sec. 11.2.
 """
 
 from collections.abc import Callable
@@ -60,8 +63,8 @@ _ProductPlus = Callable[[Lines, str, str, str], str]  # appends a * b + c
 def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     """Append the code for sin x and cos x, x in radians, and return the names of the two values.
 
-    Right for |x| <= LARGEST_ANGLE (LARGEST_ANGLE_WITHOUT_FMA where the machine has no fused multiply-add); NaN for inf and NaN;
-    sin(-0) is 0.
+    Right for |x| <= LARGEST_ANGLE (LARGEST_ANGLE_WITHOUT_FMA where the machine has no fused
+    multiply-add); NaN for inf and NaN; sin(-0) is 0.
     """
     product_plus = _fused if has_fma else _separate
     shifted = product_plus(lines, x, lines.constant(_TWO_OVER_PI), lines.constant(_ROUND))

@@ -1,15 +1,19 @@
-"""A program written as LLVM instructions: a module for one state, one for blocks of them, and one for states side by side.
+"""A program written as LLVM instructions: a module for one state, one for blocks of them, and one
+for states side by side.
 
     void one(const double* in, double* out)
-    void batch(int64_t blocks, const double* in, double* out)    in[block][n_in][lanes], out[block][n_out][lanes]
-    void wide(const double* in, double* out)                     in[n_in][ABREAST * lanes], out[n_out][ABREAST * lanes]
+    void batch(int64_t blocks, const double* in, double* out)  in[block][n_in][lanes],
+    out[block][n_out][lanes]
+    void wide(const double* in, double* out)                   in[n_in][ABREAST * lanes], out[n_out][ABREAST * lanes]
 
-All come from the same walk over the program's sections, for double and for <lanes x double>: straight-line code, but for the
-sines and cosines at the sections' ends (`angles`). The sections of a large program are functions of their own. Functions that
-are not inlined are calls of the C library, lane by lane. The second module holds `rows` as well, which uses `batch`.
+All come from the same walk over the program's sections, for double and for <lanes x double>:
+straight-line code, but for the sines and cosines at the sections' ends (`angles`). The sections of
+a large program are functions of their own. Functions that are not inlined are calls of the C
+library, lane by lane. The second module holds `rows` as well, which uses `batch`.
 
-`wide` does one vector of states after the other, as `batch` does: the processor begins the next one while it waits for the
-last results of the one before. A loop that needs all results before it can go on gains by that.
+`wide` does one vector of states after the other, as `batch` does: the processor begins the next one
+while it waits for the last results of the one before. A loop that needs all results before it can
+go on gains by that.
 """
 
 from typing import Literal
@@ -64,7 +68,8 @@ def _one(program: Program, machine: Machine) -> list[str]:
 
 
 def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
-    """Return `batch`, whose blocks lie one after the other, or `wide`, whose rows hold the vectors side by side."""
+    """Return `batch`, whose blocks lie one after the other, or `wide`, whose rows hold the vectors
+    side by side."""
     wide = kind == "wide"
     count, abreast, steps = (
         (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
@@ -94,7 +99,8 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
 def _evaluation(
     name: str, lines: Lines, program: Program, machine: Machine, abreast: int
 ) -> list[str]:
-    """Append the evaluation of a program, from %in to %out, to a function; return the definitions that this needs besides.
+    """Append the evaluation of a program, from %in to %out, to a function; return the definitions
+    that this needs besides.
 
     abreast: the vectors that lie side by side in %in and %out, of which the first is meant.
     """
@@ -138,7 +144,8 @@ def _in_functions(
 
 
 def _keep_angles(body: Body, section: Section, machine: Machine) -> None:
-    """Append the code that writes a section's angles to their slots, and zeros that fill up the last vector."""
+    """Append the code that writes a section's angles to their slots, and zeros that fill up the
+    last vector."""
     in_vector = machine.lanes // body.lines.width
     for k in range(section.vectors * in_vector):
         angle = (
@@ -148,7 +155,8 @@ def _keep_angles(body: Body, section: Section, machine: Machine) -> None:
 
 
 def _turn(body: Body, section: Section, wide: Lines, machine: Machine) -> None:
-    """Append the sines and cosines of a section's few angles; for one state, several angles share a vector."""
+    """Append the sines and cosines of a section's few angles; for one state, several angles share a
+    vector."""
     numbers = [body.number(k) for k in section.angles]
     if wide is body.lines:
         pairs = angles.in_place(wide, numbers, body.target, section.first, machine)

@@ -24,17 +24,19 @@ _ALIGNMENT = 64
 
 
 def compile_function(f: ca.Function) -> "Kernel":
-    """Return the kernel of a CasADi function of SX: machine code, compiled or taken from the cache when it is first needed.
+    """Return the kernel of a CasADi function of SX: machine code, compiled or taken from the cache
+    when it is first needed.
 
-    Inputs and outputs of any number and shape, dense or sparse, become flat vectors: each dense and column-major, one after the
-    other. Every operation of SX graphs is compiled but for `erfinv`, `printme` and calls of functions that are not inlined.
-    The code for one state, for blocks of states and for states side by side is separate: a process that needs one kind does not
-    wait for the others.
+    Inputs and outputs of any number and shape, dense or sparse, become flat vectors: each dense and
+    column-major, one after the other. Every operation of SX graphs is compiled but for `erfinv`,
+    `printme` and calls of functions that are not inlined. The code for one state, for blocks of
+    states and for states side by side is separate: a process that needs one kind does not wait for
+    the others.
 
     f: the function; it has no free variables.
     Returns the kernel.  Raises KernelError naming what cannot be compiled.
-    The kernel warns once where the cache's folder cannot be written, and where an entry of the cache is damaged; it is right
-    all the same.
+    The kernel warns once where the cache's folder cannot be written, and where an entry of the
+    cache is damaged; it is right all the same.
     """
     return Kernel(f)
 
@@ -42,20 +44,21 @@ def compile_function(f: ca.Function) -> "Kernel":
 class Kernel:
     """A function compiled to machine code, for one state and for many at a time.
 
-    name: the function's.  inputs, outputs: (name, number of doubles) of each argument and result, in order.
-    n_in, n_out: number of doubles of all inputs and of all outputs.
-    operations: number of arithmetic operations of one evaluation, each +, -, *, /, sqrt, sin, ... counting one.
-    lanes: states in one vector register.  abreast: vector registers of states that the code for a loop evaluates together.
-    address: of void(const double* in, double* out), which evaluates one state.
-    batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of `lanes` states, laid out
-    `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned to 64 bytes.
-    wide_address: of void(const double* in, double* out), which evaluates `abreast` x `lanes` states, laid out
-    `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned to 64 bytes: for loops whose next states need
-    the results of these.
-    from_cache: whether all machine code so far was found in the cache.  compile_seconds: the time it took to get it, in s.
+    name: the function's.  inputs, outputs: (name, number of doubles) of each argument and result,
+    in order. n_in, n_out: number of doubles of all inputs and of all outputs.
+    operations: number of arithmetic operations of one evaluation, each +, -, *, /, sqrt, sin, ...
+    counting one. lanes: states in one vector register.  abreast: vector registers of states that
+    the code for a loop evaluates together. address: of void(const double* in, double* out), which
+    evaluates one state. batch_address: of void(int64_t blocks, const double* in, double* out),
+    which evaluates blocks of `lanes` states, laid out `in[block][n_in][lanes]` and
+    `out[block][n_out][lanes]` and aligned to 64 bytes. wide_address: of void(const double* in,
+    double* out), which evaluates `abreast` x `lanes` states, laid out `in[n_in][abreast * lanes]`
+    and `out[n_out][abreast * lanes]` and aligned to 64 bytes: for loops whose next states need the
+    results of these. from_cache: whether all machine code so far was found in the cache.
+    compile_seconds: the time it took to get it, in s.
 
-    `in` and `out` may not overlap. The functions hold no state and may be called by any number of threads at a time; they are
-    valid as long as the kernel lives.
+    `in` and `out` may not overlap. The functions hold no state and may be called by any number of
+    threads at a time; they are valid as long as the kernel lives.
     """
 
     def __init__(self, f: ca.Function):
@@ -73,7 +76,8 @@ class Kernel:
         self._last: NDArray[np.float64] | None = None
 
     def given(self, last: ArrayLike) -> "Kernel":
-        """Return this kernel, with values for its last input that calls take where they leave it out.
+        """Return this kernel, with values for its last input that calls take where they leave it
+        out.
 
         last: of shape (..., size).
         """
@@ -118,14 +122,16 @@ class Kernel:
     def __call__(self, *arrays: ArrayLike) -> tuple[NDArray[np.float64], ...]:
         """Evaluate one state or a batch of them.
 
-        arrays: one for each input, of shape (..., size); the leading dimensions are broadcast against each other.
-        Returns one array for each output, of shape (..., size).  Raises KernelError where a number or a shape does not fit.
+        arrays: one for each input, of shape (..., size); the leading dimensions are broadcast
+        against each other. Returns one array for each output, of shape (..., size).  Raises
+        KernelError where a number or a shape does not fit.
         """
         if self._last is not None and len(arrays) == len(self.inputs) - 1:
             arrays = (*arrays, self._last)
         if len(arrays) != len(self.inputs):
             raise KernelError(
-                f"Kernel '{self.name}' takes {len(self.inputs)} arrays ({self._names()}), not {len(arrays)}."
+                f"Kernel '{self.name}' takes {len(self.inputs)} arrays ({self._names()}), not "
+                f"{len(arrays)}."
             )
         (_, x_address, x_parts), (_, y_address, y_parts) = self._buffers.one
         for part, array, shape in zip(x_parts, arrays, self._shapes, strict=True):
@@ -139,7 +145,8 @@ class Kernel:
     def flat(self, *parts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Evaluate one state; return all outputs as one vector (n_out,).
 
-        parts: vectors that are, one after the other, all inputs (n_in,).  Raises KernelError where their length does not fit.
+        parts: vectors that are, one after the other, all inputs (n_in,).  Raises KernelError where
+        their length does not fit.
         """
         (x, x_address, _), (y, y_address, _) = self._buffers.one
         try:
@@ -153,7 +160,8 @@ class Kernel:
         return y.copy()
 
     def assembly(self, kind: Kind) -> str:
-        """Return the assembly of the function for one state, for blocks of states, or for states side by side."""
+        """Return the assembly of the function for one state, for blocks of states, or for states
+        side by side."""
         return listing(self._program, this_machine(), kind)
 
     def instruction_count(self, kind: Kind) -> int:
@@ -212,7 +220,8 @@ class Kernel:
         for value, (name, size) in zip(values, self.inputs, strict=True):
             if value.ndim == 0 or value.shape[-1] != size:
                 raise KernelError(
-                    f"Input '{name}' of kernel '{self.name}' has the shape {value.shape}; its last dimension has to be {size}."
+                    f"Input '{name}' of kernel '{self.name}' has the shape {value.shape}; its "
+                    f"last dimension has to be {size}."
                 )
         leading = [value.shape[:-1] for value in values]
         different = set(leading) - {()}
@@ -269,7 +278,8 @@ def _aligned(size: int) -> NDArray[np.float64]:
 
 
 def _contiguous_rows(value: NDArray[np.float64], leading: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return the rows of an input for a batch, without gaps, or its only row where all states share it."""
+    """Return the rows of an input for a batch, without gaps, or its only row where all states share
+    it."""
     if value.ndim == 1 or value.shape[:-1] == leading:
         return np.ascontiguousarray(value)
     return np.ascontiguousarray(np.broadcast_to(value, (*leading, value.shape[-1])))

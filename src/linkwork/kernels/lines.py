@@ -1,4 +1,5 @@
-"""LLVM instructions written down for one number or for a vector of them: the same text with another type."""
+"""LLVM instructions written down for one number or for a vector of them: the same text with another
+type."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from linkwork.kernels.machine import Machine
 
 @dataclass(frozen=True)
 class Table:
-    """Say where a function reads its constants: a table's name, and whether an entry is one number for all lanes."""
+    """Say where a function reads its constants: a table's name, and whether an entry is one number
+    for all lanes."""
 
     name: str
     single: bool
@@ -26,8 +28,9 @@ class Table:
 class Lines:
     """Instructions of one function body whose numbers are `width` doubles wide.
 
-    number, integer, truth: the LLVM types of a value, of its bits, and of a comparison.  text: the instructions so far.
-    block: the label of the block they are in.  table: that constants are read from, if they are (see `constant`).
+    number, integer, truth: the LLVM types of a value, of its bits, and of a comparison.  text: the
+    instructions so far. block: the label of the block they are in.  table: that constants are read
+    from, if they are (see `constant`).
     """
 
     def __init__(self, width: int, table: Table | None = None):
@@ -68,8 +71,8 @@ class Lines:
     def constant(self, value: float) -> str:
         """Return a constant for all lanes.
 
-        With a table it is an entry of its own for each use, which the instruction that uses it can take from memory; an entry
-        of several uses would occupy a register.
+        With a table it is an entry of its own for each use, which the instruction that uses it can
+        take from memory; an entry of several uses would occupy a register.
         """
         single = "0x" + struct.pack(">d", value).hex()
         if self.table is None:
@@ -94,7 +97,10 @@ class Lines:
             return ""
         number = "double" if self.table.single else self.number
         kind = f"[{len(self._entries)} x {number}]"
-        return f"@{self.table.name} = internal constant {kind} [{', '.join(self._entries)}], align 64\n\n"
+        return (
+            f"@{self.table.name} = internal constant {kind} [{', '.join(self._entries)}], align "
+            "64\n\n"
+        )
 
     def whole(self, value: int) -> str:
         """Return a constant integer for all lanes."""

@@ -9,7 +9,8 @@ import llvmlite.binding as llvm
 
 @dataclass(frozen=True)
 class Machine:
-    """A processor, by LLVM's names for its triple, its model and its features ("+avx2,-avx512f,...")."""
+    """A processor, by LLVM's names for its triple, its model and its features
+    ("+avx2,-avx512f,...")."""
 
     triple: str
     cpu: str
@@ -27,7 +28,8 @@ class Machine:
 
     @property
     def has_memory_operands(self) -> bool:
-        """Whether arithmetic takes an operand from memory, as on x86, so that a constant needs no instruction of its own."""
+        """Whether arithmetic takes an operand from memory, as on x86, so that a constant needs no
+        instruction of its own."""
         return self.triple.startswith("x86")
 
     @property
@@ -39,8 +41,9 @@ class Machine:
     def attributes(self) -> str:
         """Attributes of every LLVM function.
 
-        LLVM is to use the whole width of AVX-512, not half of it as by default, and to align the stack to a vector register
-        before it spills any there: by default it aligns to 16 bytes, and longer vectors would cross cache lines.
+        LLVM is to use the whole width of AVX-512, not half of it as by default, and to align the
+        stack to a vector register before it spills any there: by default it aligns to 16 bytes, and
+        longer vectors would cross cache lines.
         """
         wide = (
             ' "prefer-vector-width"="512" "min-legal-vector-width"="512"' if self.lanes == 8 else ""

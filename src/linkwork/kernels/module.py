@@ -1,5 +1,5 @@
-"""The code of a kernel for one state, for blocks of states, or for states side by side: from the cache, or compiled and
-written there.
+"""The code of a kernel for one state, for blocks of states, or for states side by side: from the
+cache, or compiled and written there.
 """
 
 import struct
@@ -22,8 +22,9 @@ _OPERATIONS = struct.Struct("<q")
 class Module:
     """Loaded machine code.
 
-    addresses: of its functions, by name, which hold as long as this object lives.  operations: of the program.
-    from_cache: whether the code was found in the cache.  seconds: the time it took to get it.
+    addresses: of its functions, by name, which hold as long as this object lives.  operations: of
+    the program. from_cache: whether the code was found in the cache.  seconds: the time it took to
+    get it.
     """
 
     code: Code

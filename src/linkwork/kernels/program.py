@@ -1,12 +1,13 @@
 """A CasADi function as a straight-line program in static single assignment.
 
-CasADi evaluates an SX function as a list of instructions on a work vector whose slots are reused. `trace` walks that list
-once and names every intermediate value by its position instead:
+CasADi evaluates an SX function as a list of instructions on a work vector whose slots are reused.
+`trace` walks that list once and names every intermediate value by its position instead:
 
     node k:  op_k(node i, node j),   i, j < k
 
-so that a program is a tuple of nodes and the positions of its results. Inputs and outputs are dense, column-major, and
-concatenated in order; a structural zero of a sparse output is the constant 0.
+so that a program is a tuple of nodes and the positions of its results. Inputs and outputs are
+dense, column-major, and concatenated in order; a structural zero of a sparse output is the constant
+0.
 """
 
 from collections.abc import Callable
@@ -19,13 +20,15 @@ from linkwork.errors import LinkworkError
 
 
 class KernelError(LinkworkError):
-    """Refuse a function that cannot be compiled, or an argument that does not fit, in one sentence."""
+    """Refuse a function that cannot be compiled, or an argument that does not fit, in one
+    sentence."""
 
 
 class Node(NamedTuple):
     """One value of a program: `op` applied to the values at the positions `args`.
 
-    `value` is the number of a "const" and the position in the flat input vector of an "input"; 0 otherwise.
+    `value` is the number of a "const" and the position in the flat input vector of an "input"; 0
+    otherwise.
     """
 
     op: str
@@ -38,7 +41,8 @@ class Program:
     """A straight-line program.
 
     inputs, outputs: (name, number of doubles) of each argument and result, in order.
-    nodes: the values, each after its operands.  results: position in `nodes` of each entry of the flat output vector.
+    nodes: the values, each after its operands.  results: position in `nodes` of each entry of the
+    flat output vector.
     """
 
     name: str
@@ -63,10 +67,12 @@ class Program:
         return sum(node.op not in ("input", "const") for node in self.nodes)
 
 
-# CasADi operations that are nodes of the same meaning, by name; the number of operands is CasADi's own.
+# CasADi operations that are nodes of the same meaning, by name; the number of operands is CasADi's
+# own.
 _SAME = (
-    "add sub mul div neg sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp log log1p expm1 pow "
-    "fabs sign floor ceil fmin fmax fmod remainder hypot erf lt le eq ne and or not if_else_zero copysign"
+    "add sub mul div neg sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh "
+    "exp log log1p expm1 pow fabs sign floor ceil fmin fmax fmod remainder hypot erf lt le eq "
+    "ne and or not if_else_zero copysign"
 )
 _NAMES = {getattr(ca, "OP_" + name.upper()): name for name in _SAME.split()} | {
     ca.OP_CONSTPOW: "pow"
@@ -86,8 +92,8 @@ _KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_NAMES, *_SPELLED}
 def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]:
     """Return (name, number of doubles) of every input and of every output of `f`.
 
-    Raises KernelError where `f` is not a CasADi function of SX without free variables, or uses an operation that cannot be
-    compiled.
+    Raises KernelError where `f` is not a CasADi function of SX without free variables, or uses an
+    operation that cannot be compiled.
     """
     if not isinstance(f, ca.Function):
         raise KernelError(
@@ -95,7 +101,8 @@ def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[
         )
     if not f.is_a("SXFunction"):
         raise KernelError(
-            f"Function '{f.name()}' is a {f.class_name()}; only functions of SX are compiled (try expand())."
+            f"Function '{f.name()}' is a {f.class_name()}; only functions of SX are compiled "
+            "(try expand())."
         )
     if f.has_free():
         free = ", ".join(f.get_free())
@@ -151,7 +158,8 @@ def trace(f: ca.Function) -> Program:
 
 
 def _dense_slots(sparsities: list[ca.Sparsity]) -> list[list[int]]:
-    """Return, for each argument, the position in the flat dense vector of each of its structural nonzeros."""
+    """Return, for each argument, the position in the flat dense vector of each of its structural
+    nonzeros."""
     slots, start = [], 0
     for sparsity in sparsities:
         slots.append([start + k for k in sparsity.find()])

@@ -1,10 +1,12 @@
 """The function that evaluates states stored one a row, by the function for blocks of them.
 
-    void rows(int64_t states, const double** in, const int64_t* strides, double** out, double* x, double* y)
+    void rows(int64_t states, const double** in, const int64_t* strides, double** out, double* x,
+    double* y)
 
-in[i] is the first row of input i, strides[i] the doubles from one row to the next (0: the same row for all states); out[i]
-is the first row of output i, rows without gaps. x and y have room for one block. The last state fills up the last block, so
-that its row is written several times with the same numbers.
+in[i] is the first row of input i, strides[i] the doubles from one row to the next (0: the same row
+for all states); out[i] is the first row of output i, rows without gaps. x and y have room for one
+block. The last state fills up the last block, so that its row is written several times with the
+same numbers.
 """
 
 from linkwork.kernels.lines import Lines, function_text
@@ -42,7 +44,8 @@ def rows_text(program: Program, machine: Machine) -> str:
 def _moves(
     lines: Lines, move: str, arrays: str, block: str, sizes: list[tuple[int, int | None]]
 ) -> None:
-    """Append the moves between the rows of all arrays and a block; sizes: of a row, and its stride if that is known."""
+    """Append the moves between the rows of all arrays and a block; sizes: of a row, and its stride
+    if that is known."""
     start = 0
     for k, (size, stride) in enumerate(sizes):
         rows = lines.let(f"getelementptr inbounds ptr, ptr {arrays}, i64 {k}")
@@ -54,13 +57,15 @@ def _moves(
             )
         place = lines.at(block, start)
         lines.do(
-            f"call void @{move}(i64 {size}, ptr {first}, i64 {step}, i64 %first, i64 %last, ptr {place})"
+            f"call void @{move}(i64 {size}, ptr {first}, i64 {step}, i64 %first, i64 %last, ptr "
+            f"{place})"
         )
         start += size
 
 
 def _move_text(name: str, machine: Machine) -> str:
-    """Return the function that gathers as many rows as there are lanes, or the last one, into vectors, or scatters these."""
+    """Return the function that gathers as many rows as there are lanes, or the last one, into
+    vectors, or scatters these."""
     lines = Lines(machine.lanes)
     rows = [_row(lines, lane) for lane in range(machine.lanes)]
     lines.do("%some = icmp sgt i64 %n, 0")
@@ -82,7 +87,10 @@ def _move_text(name: str, machine: Machine) -> str:
     lines.do("br i1 %more, label %number, label %done")
     lines.label("done")
     lines.do("ret void")
-    head = f"internal void @{name}(i64 %n, ptr %rows, i64 %stride, i64 %first, i64 %last, ptr %block) noinline"
+    head = (
+        f"internal void @{name}(i64 %n, ptr %rows, i64 %stride, i64 %first, i64 %last, ptr "
+        "%block) noinline"
+    )
     return function_text(f"{head} {machine.attributes}", lines.text)
 
 

@@ -1,13 +1,16 @@
-"""A program cut into sections: sines and cosines come between them, and each is short enough to be compiled quickly.
+"""A program cut into sections: sines and cosines come between them, and each is short enough to be
+compiled quickly.
 
-The sines and cosines of all angles that are known at a time are computed together. Level 0 are the angles that no sine or
-cosine goes into, level 1 those that sines and cosines of level 0 go into, ...: for each level a section computes what its
-angles need and ends with them; the last section is the rest of the program.
+The sines and cosines of all angles that are known at a time are computed together. Level 0 are the
+angles that no sine or cosine goes into, level 1 those that sines and cosines of level 0 go into,
+...: for each level a section computes what its angles need and ends with them; the last section is
+the rest of the program.
 
-The sections of a small program are code of one function. Where there are many angles they become functions between the calls
-that compute sines and cosines, and LLVM's time grows with the square of a function's length: the sections of a large program
-are cut further, where `simplify` begins a new stretch, and are functions too. What later ones need is handed over in memory;
-a slot is used again by the sections after the last one that needs its value.
+The sections of a small program are code of one function. Where there are many angles they become
+functions between the calls that compute sines and cosines, and LLVM's time grows with the square of
+a function's length: the sections of a large program are cut further, where `simplify` begins a new
+stretch, and are functions too. What later ones need is handed over in memory; a slot is used again
+by the sections after the last one that needs its value.
 """
 
 from collections import defaultdict
@@ -26,10 +29,10 @@ FETCHED = frozenset(("input", "const", "sin", "cos"))
 class Section:
     """Part of a program.
 
-    nodes: positions of the values to compute, in order, and of inputs, constants, sines and cosines that are results.
-    angles: positions of the values whose sines and cosines are computed at the end.
-    vectors: number of vectors that the angles fill; the slots hold them, their sines and their cosines, that many vectors each.
-    first: number of vectors before those in the slots.
+    nodes: positions of the values to compute, in order, and of inputs, constants, sines and cosines
+    that are results. angles: positions of the values whose sines and cosines are computed at the
+    end. vectors: number of vectors that the angles fill; the slots hold them, their sines and their
+    cosines, that many vectors each. first: number of vectors before those in the slots.
     """
 
     nodes: tuple[int, ...]
@@ -43,8 +46,9 @@ class Plan:
     """A program as sections, and the memory they need, in slots of one number each.
 
     apart: whether the sections are functions of their own.
-    kept: the slot of each value that a later section needs, where they are.  sines, cosines: slots by the angle's position.
-    slots: number of slots.  places: in the flat output vector, by the value's position.
+    kept: the slot of each value that a later section needs, where they are.  sines, cosines: slots
+    by the angle's position. slots: number of slots.  places: in the flat output vector, by the
+    value's position.
     """
 
     sections: tuple[Section, ...]
@@ -115,7 +119,8 @@ def _angles(nodes: tuple[Node, ...]) -> list[tuple[int, ...]]:
 
 
 def _needed(nodes: tuple[Node, ...], roots: Iterable[int], done: set[int]) -> list[int]:
-    """Return the positions of the values that the roots depend on, themselves included, but for those that are done."""
+    """Return the positions of the values that the roots depend on, themselves included, but for
+    those that are done."""
     found: set[int] = set()
     waiting = list(roots)
     while waiting:
@@ -127,7 +132,8 @@ def _needed(nodes: tuple[Node, ...], roots: Iterable[int], done: set[int]) -> li
 
 
 def _stretches(positions: list[int]) -> list[tuple[int, ...]]:
-    """Cut between stretches, so that a piece has as many whole ones as have STRETCH of the positions at most."""
+    """Cut between stretches, so that a piece has as many whole ones as have STRETCH of the
+    positions at most."""
     stretches = defaultdict(list)
     for k in positions:
         stretches[k // STRETCH].append(k)

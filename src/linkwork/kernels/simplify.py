@@ -2,15 +2,18 @@
 
 One pass carries, for every value, the pair (sign, position): the value is sign * node. With that,
 
-- negations travel to where they are free: (-a) b = -(a b), a + (-b) = a - b, sin(-a) = -sin a, cos(-a) = cos a;
+- negations travel to where they are free: (-a) b = -(a b), a + (-b) = a - b, sin(-a) = -sin a,
+  cos(-a) = cos a;
 - equal values are found whatever their sign and the order of commuting operands (value numbering);
-- constants are folded, x + 0, x * 1, x / 1 disappear, c (d x) becomes (c d) x, and x / c becomes x * (1/c) where that is exact;
+- constants are folded, x + 0, x * 1, x / 1 disappear, c (d x) becomes (c d) x, and x / c becomes x
+  * (1/c) where that is exact;
 - (c ? x : 0) + (not c ? y : 0) becomes one choice;
 - tan a = sin a / cos a, since the sine and the cosine of one angle are emitted together.
 
-A second pass shares the reciprocals, x/d, y/d -> r = 1/d, x r, y r, and what no result needs is dropped. Each rule keeps the
-value but for the sign of a zero and, for c (d x), x r and tan, one more rounding; no product with 0 and no difference of
-equals is folded, since the value may not be finite.
+A second pass shares the reciprocals, x/d, y/d -> r = 1/d, x r, y r, and what no result needs is
+dropped. Each rule keeps the value but for the sign of a zero and, for c (d x), x r and tan, one
+more rounding; no product with 0 and no difference of equals is folded, since the value may not be
+finite.
 """
 
 import math
@@ -38,9 +41,9 @@ def simplify(program: Program) -> Program:
 def _ordered(program: Program) -> Program:
     """Drop the nodes that no result needs and put the rest in an order that is quick to execute.
 
-    Depth first, the operand with the longest chain of operations before the others, so that a value is computed near its use;
-    then, within each stretch of STRETCH nodes, by the length of that chain, so that operations that do not wait for each
-    other are neighbours.
+    Depth first, the operand with the longest chain of operations before the others, so that a value
+    is computed near its use; then, within each stretch of STRETCH nodes, by the length of that
+    chain, so that operations that do not wait for each other are neighbours.
     """
     depths: list[int] = []
     for node in program.nodes:
@@ -90,7 +93,8 @@ class _Signed(NamedTuple):
 
 
 def _rewrite(program: Program, shared: frozenset[int]) -> Program:
-    """Build the program anew by the rules; values divided by one in `shared` are multiplied by its reciprocal."""
+    """Build the program anew by the rules; values divided by one in `shared` are multiplied by its
+    reciprocal."""
     builder = _Builder()
     values: list[_Signed] = []
     for node in program.nodes:
@@ -104,7 +108,8 @@ def _rewrite(program: Program, shared: frozenset[int]) -> Program:
 
 
 class _Builder:
-    """The nodes made so far, each once, and a method for each operation that has rules of its own."""
+    """The nodes made so far, each once, and a method for each operation that has rules of its
+    own."""
 
     def __init__(self):
         self.nodes: list[Node] = []
@@ -128,7 +133,8 @@ class _Builder:
     def position(self, x: _Signed) -> int:
         """Return the position of a node whose value is x, sign and all.
 
-        A minus sign reverses a difference and changes a constant factor; only then it costs an operation of its own.
+        A minus sign reverses a difference and changes a constant factor; only then it costs an
+        operation of its own.
         """
         if x.sign > 0:
             return x.node
@@ -242,7 +248,8 @@ class _Builder:
 
 
 def _key(op: str, args: tuple[int, ...], value: float = 0) -> tuple:
-    """Return what two equal nodes share; constants are compared bit by bit, so that -0 is not 0 and NaN is NaN."""
+    """Return what two equal nodes share; constants are compared bit by bit, so that -0 is not 0 and
+    NaN is NaN."""
     return op, args, struct.pack("<d", value)
 
 

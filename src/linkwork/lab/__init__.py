@@ -1,9 +1,11 @@
-"""The laboratory beside the library: other engines, the paper's own matrices, comparisons, and the paper's study again.
+"""The laboratory beside the library: other engines, the paper's own matrices, comparisons, and the
+paper's study again.
 
-What stands here checks Linkwork or is compared with it; nothing of it is needed to describe, derive, compile or run. It
-asks the library, never the other way round (`tests/test_house.py`); the command line alone has an entry to it. It is a
-package of the same distribution and the same name, so that one version of the library and of its checks is installed,
-and one search finds both; the engines themselves are the extra `linkwork[engines]`.
+What stands here checks Linkwork or is compared with it; nothing of it is needed to describe,
+derive, compile or run. It asks the library, never the other way round (`tests/test_house.py`); the
+command line alone has an entry to it. It is a package of the same distribution and the same name,
+so that one version of the library and of its checks is installed, and one search finds both; the
+engines themselves are the extra `linkwork[engines]`.
 
     engines        the same mechanism in Pinocchio, MuJoCo and Exudyn
     textbook       the paper's formulation line by line, in plain NumPy

@@ -1,9 +1,11 @@
-"""The same motion by several ways: prescribed, computed by Linkwork from the forces, and by independent engines.
+"""The same motion by several ways: prescribed, computed by Linkwork from the forces, and by
+independent engines.
 
     motion --inverse dynamics--> forces u(t) --forward dynamics--> motion again
 
-Inverse dynamics gives the forces at the motion's samples; a spline through every second of them drives all forward
-simulations, and the samples in between measure how well the spline holds the forces.
+Inverse dynamics gives the forces at the motion's samples; a spline through every second of them
+drives all forward simulations, and the samples in between measure how well the spline holds the
+forces.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ class Curve:
         accelerations: of the actuated joints (K, n) [m/s^2, rad/s^2].
         tool: pose of the tool (K, 3 planar or 6 spatial) [m, rad].
         closure_error: largest gap of a loop over the run [m]; none for the prescribed motion.
-        steps: number of steps taken; seconds: wall time of the run [s]; none for the prescribed motion.
+        steps: number of steps taken; seconds: wall time of the run [s]; none for the prescribed
+            motion.
     """
 
     source: str
@@ -60,9 +63,11 @@ class Comparison:
     """Hold a motion by all sources, and the forces that drove them.
 
     Attributes:
-        robot: a robot with a tool; time: the common times (K,) [s]; forces: of the actuators (K, n) [N, N m].
+        robot: a robot with a tool; time: the common times (K,) [s]; forces: of the actuators (K, n)
+            [N, N m].
         curves: the prescribed motion first, then Linkwork's, then the engines'.
-        spline_error: largest error of the forces' spline between its knots, per actuator (n,) [N, N m].
+        spline_error: largest error of the forces' spline between its knots, per actuator (n,)
+            [N, N m].
         failures: why an engine that was asked gave no motion, by its name.
     """
 
@@ -83,7 +88,8 @@ class Comparison:
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """Return all curves as an `xarray.Dataset` over source, time, coordinate, actuator and pose."""
+        """Return all curves as an `xarray.Dataset` over source, time, coordinate, actuator and
+        pose."""
         return as_dataset(self)
 
 
@@ -92,12 +98,15 @@ def compare(robot: Robot, motion: Motion, asked: Sequence[str], step: float = 5e
 
     Args:
         robot: the robot.
-        motion: the prescribed motion with an odd number of samples, 2 K - 1; the common times are every second of them.
+        motion: the prescribed motion with an odd number of samples, 2 K - 1; the common times are
+            every second of them.
         asked: names of engines (`linkwork.lab.engines.available`).
-        step: of the engines, all of which take fixed steps [s]; the common times are made of whole steps.
+        step: of the engines, all of which take fixed steps [s]; the common times are made of whole
+            steps.
 
     Raises:
-        LinkworkError: an even number of samples, steps that do not fit, or a run of Linkwork that ended early.
+        LinkworkError: an even number of samples, steps that do not fit, or a run of Linkwork that
+            ended early.
     """
     if len(motion.time) % 2 == 0:
         raise LinkworkError(f"the motion has {len(motion.time)} samples; give an odd number")
@@ -187,7 +196,8 @@ def by_engine(
 
 
 def tool_poses(robot: Robot, poses: np.ndarray) -> np.ndarray:
-    """Return the tool's pose (K, 3 planar or 6 spatial) [m, rad] from the poses (K, r, 4, 4) of the bodies."""
+    """Return the tool's pose (K, 3 planar or 6 spatial) [m, rad] from the poses (K, r, 4, 4) of the
+    bodies."""
     from scipy.spatial.transform import Rotation
 
     tool = next(iter(robot.mechanism.tools.values()))
@@ -216,7 +226,8 @@ def tool_differences(robot: Robot, a: np.ndarray, b: np.ndarray) -> tuple[np.nda
 def largest_differences(robot: Robot, a: Curve, b: Curve) -> dict[tuple[str, str], float]:
     """Return the largest differences between two curves over time, by quantity and unit.
 
-    Quantities: joint position (of all joints, lengths and angles apart), acceleration (of the actuated joints), tool.
+    Quantities: joint position (of all joints, lengths and angles apart), acceleration
+    (of the actuated joints), tool.
     """
     found: dict[tuple[str, str], float] = {}
     units = {"m": "m/s²", "rad": "rad/s²"}
@@ -238,7 +249,8 @@ def largest_differences(robot: Robot, a: Curve, b: Curve) -> dict[tuple[str, str
 def position_differences(
     robot: Robot, a: np.ndarray, b: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield unit and difference (K,) of each joint coordinate, of a quaternion the angle between the two turns.
+    """Yield unit and difference (K,) of each joint coordinate, of a quaternion the angle between
+    the two turns.
 
     Unit quaternions p, q of turns that differ by the angle t:  |p -+ q| = 2 sin(t / 4).
     """

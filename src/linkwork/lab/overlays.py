@@ -1,4 +1,5 @@
-"""Pictures of a comparison: every source drawn over the others, and its difference from Linkwork on a log axis."""
+"""Pictures of a comparison: every source drawn over the others, and its difference from Linkwork on
+a log axis."""
 
 from __future__ import annotations
 
@@ -69,9 +70,11 @@ def path_figure(comparison: Comparison) -> Figure:
 def series_figure(
     comparison: Comparison, field: str, quantity: str, linear: str, angular: str
 ) -> Figure:
-    """Draw one quantity of the actuated joints: a panel each, below it the differences from Linkwork.
+    """Draw one quantity of the actuated joints: a panel each, below it the differences from
+    Linkwork.
 
-    field: "positions" or "accelerations" of a `Curve`; linear, angular: the units for lengths and for angles.
+    field: "positions" or "accelerations" of a `Curve`; linear, angular: the units for lengths and
+    for angles.
     """
     robot, (every, time) = comparison.robot, thinned(comparison)
     names = drawn(comparison, field)
@@ -103,7 +106,8 @@ def series_figure(
 
 
 def summary_figure(comparison: Comparison) -> Figure:
-    """Draw forces, path, accelerations and positions in four panels; the first engine as dashes over Linkwork's curves."""
+    """Draw forces, path, accelerations and positions in four panels; the first engine as dashes
+    over Linkwork's curves."""
     from matplotlib.lines import Line2D
 
     robot, (every, time) = comparison.robot, thinned(comparison)
@@ -194,7 +198,8 @@ def others(comparison: Comparison) -> list[Curve]:
 
 
 def drawn(comparison: Comparison, field: str) -> list[str]:
-    """Return the actuated joints that a field is drawn of; a free turn has rates, but no coordinates that belong to them."""
+    """Return the actuated joints that a field is drawn of; a free turn has rates, but no
+    coordinates that belong to them."""
     robot = comparison.robot
     return [
         name for name in robot.actuators if field == "accelerations" or name in robot.coordinates

@@ -25,8 +25,8 @@ def plot_work_precision(
     """Draw error over work, both in powers of ten: the lower left is best.
 
     Args:
-        curves: by name, each a pair (work, errors) of sequences of the same length, or (work, errors, closure errors)
-            to draw these beside.
+        curves: by name, each a pair (work, errors) of sequences of the same length, or
+            (work, errors, closure errors) to draw these beside.
         unit: of the errors.
         work: what the work is, with its unit.
 
@@ -34,7 +34,8 @@ def plot_work_precision(
         A matplotlib figure of one panel, or of two where a curve has closure errors.
 
     Raises:
-        LinkworkError: no curves, sequences of different lengths, work that is not positive, errors that are negative.
+        LinkworkError: no curves, sequences of different lengths, work that is not positive, errors
+            that are negative.
     """
     read = {str(name): checked(str(name), parts) for name, parts in curves.items()}
     if not read:

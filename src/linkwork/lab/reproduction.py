@@ -1,11 +1,12 @@
-"""The paper's study of the 3-PRR robot again: a prescribed motion, its forces, and the motion back from the forces.
+"""The paper's study of the 3-PRR robot again: a prescribed motion, its forces, and the motion back
+from the forces.
 
     platform's centre    x = x_c + R (cos phi, sin phi),   phi = -pi/2 + 2 pi s(t)
     platform's angle     theta = theta_c + A sin(2 pi s(t))
     motion law           s = 35 tau^4 - 84 tau^5 + 70 tau^6 - 20 tau^7,   tau = t / T
 
-Independent engines stand in for the paper's multibody program. Source: the paper, section 4, figures 4-7; the paper
-gives its motion as a picture only, so this one is chosen.
+Independent engines stand in for the paper's multibody program. Source: the paper, section 4,
+figures 4-7; the paper gives its motion as a picture only, so this one is chosen.
 """
 
 from __future__ import annotations
@@ -51,19 +52,23 @@ SAMPLES = 4001
 POSES = 6
 ORDER = ("exudyn", "pinocchio", "mujoco")
 CAPTIONS = {
-    "robot": "The robot along its motion, the latest pose in full. Orange: the actuated sliders; the arrows are the axes "
-    "of the platform's frame.",
-    "figure-4-forces": "Figure 4. Forces of the three actuators that make the platform follow the prescribed motion, by "
-    "inverse dynamics.",
-    "figure-5-path": "Figure 5. Path of the platform's centre under these forces (left; the dot marks where it starts and "
-    "ends), and how far the other results are from Linkwork's over time (right).",
-    "figure-6-accelerations": "Figure 6. Accelerations of the actuated joints under these forces, and the differences from "
-    "Linkwork's result.",
-    "figure-7-positions": "Figure 7. Positions of the actuated joints under these forces, and the differences from "
-    "Linkwork's result.",
+    "robot": "The robot along its motion, the latest pose in full. Orange: the actuated "
+    "sliders; the arrows are the axes of the platform's frame.",
+    "figure-4-forces": "Figure 4. Forces of the three actuators that make the platform follow "
+    "the prescribed motion, by inverse dynamics.",
+    "figure-5-path": "Figure 5. Path of the platform's centre under these forces (left; the dot "
+    "marks where it starts and ends), and how far the other results are from "
+    "Linkwork's over time (right).",
+    "figure-6-accelerations": "Figure 6. Accelerations of the actuated joints under these "
+    "forces, and the differences from Linkwork's result.",
+    "figure-7-positions": "Figure 7. Positions of the actuated joints under these forces, and "
+    "the differences from Linkwork's result.",
 }
 METHODS = {
-    NOC: f"independent coordinates, Dormand–Prince 5(4) at rtol {short(RTOL, 1)}, loops closed by projection",
+    NOC: (
+        f"independent coordinates, Dormand–Prince 5(4) at rtol {short(RTOL, 1)}, loops closed by "
+        "projection"
+    ),
     "exudyn": "all bodies free, joints by multipliers, generalised-α of order 2",
     "pinocchio": "spanning tree, loops by multipliers, Runge–Kutta of order 4",
     "mujoco": "spanning tree, loops by soft constraints made stiff, Runge–Kutta of order 4",
@@ -71,7 +76,8 @@ METHODS = {
 
 
 def study() -> Comparison:
-    """Carry out the study: the motion, the forces, and the motion again by Linkwork and by all installed engines."""
+    """Carry out the study: the motion, the forces, and the motion again by Linkwork and by all
+    installed engines."""
     robot, installed = Robot(prr3()), engines.available()
     return compare(robot, prescribed_motion(robot), [name for name in ORDER if name in installed])
 
@@ -133,7 +139,8 @@ def poses_along(robot: Robot, curve: Curve) -> State:
 
 
 def write(comparison: Comparison, folder: Path) -> list[Path]:
-    """Write report.html, reproduction.nc and the figures into a folder, which is made; return their paths."""
+    """Write report.html, reproduction.nc and the figures into a folder, which is made; return their
+    paths."""
     folder.mkdir(parents=True, exist_ok=True)
     drawn = {name: svg(figure) for name, figure in figures(comparison).items()}
     report, data = folder / "report.html", folder / "reproduction.nc"
@@ -182,8 +189,8 @@ def render(comparison: Comparison, drawn: dict[str, str]) -> str:
             "A": SWING,
             "T": DURATION,
         },
-        made_by=f"Linkwork {version('linkwork')}, NumPy {np.__version__}, Python {platform.python_version()} on "
-        f"{platform.system()} {platform.machine()}",
+        made_by=f"Linkwork {version('linkwork')}, NumPy {np.__version__}, Python "
+        f"{platform.python_version()} on {platform.system()} {platform.machine()}",
     )
 
 
@@ -196,7 +203,10 @@ def bodies_table(mechanism: Mechanism) -> PageTable:
         (", ".join(names), short(mass, 6), short(inertia, 4))
         for (mass, inertia), names in alike.items()
     ]
-    caption = "Bodies: mass, and moment of inertia about the mass centre (the middle of a link, the centre of the platform)."
+    caption = (
+        "Bodies: mass, and moment of inertia about the mass centre (the middle of a link, the "
+        "centre of the platform)."
+    )
     return PageTable(caption, ("bodies", "mass [kg]", "inertia [kg m²]"), rows)
 
 
@@ -213,8 +223,9 @@ def differences_table(comparison: Comparison) -> PageTable:
     keys = list(next(iter(found.values())))
     rows = [(title, *(short(values[key]) for key in keys)) for title, values in found.items()]
     caption = (
-        "Largest differences from Linkwork's forward dynamics over the run. The first row is how well forward dynamics "
-        "undoes inverse dynamics; joint positions are those of all nine joints, accelerations those of the actuated ones."
+        "Largest differences from Linkwork's forward dynamics over the run. The first row is "
+        "how well forward dynamics undoes inverse dynamics; joint positions are those of all "
+        "nine joints, accelerations those of the actuated ones."
     )
     return PageTable(
         caption, ("source", *(f"{quantity} [{unit}]" for quantity, unit in keys)), rows
@@ -222,7 +233,8 @@ def differences_table(comparison: Comparison) -> PageTable:
 
 
 def runs_table(comparison: Comparison) -> PageTable:
-    """Return how each source computed the run, what it took and how well its loops stayed closed."""
+    """Return how each source computed the run, what it took and how well its loops stayed
+    closed."""
     rows = []
     for curve in comparison.curves[1:]:
         size = short(1e3 * comparison.time[-1] / curve.steps, 3) if curve.steps else "–"
@@ -236,8 +248,9 @@ def runs_table(comparison: Comparison) -> PageTable:
             )
         )
     caption = (
-        "The runs. The largest gap of any loop is the closure error. Times are of this machine: Linkwork's from call to "
-        "result, the engines' of the integration alone, with the calls of the function that gives them the forces."
+        "The runs. The largest gap of any loop is the closure error. Times are of this machine: "
+        "Linkwork's from call to result, the engines' of the integration alone, with the calls "
+        "of the function that gives them the forces."
     )
     return PageTable(
         caption, ("run", "steps", "mean step [ms]", "wall time", "closure error [m]"), rows
@@ -245,7 +258,8 @@ def runs_table(comparison: Comparison) -> PageTable:
 
 
 def summary(comparison: Comparison) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return a short table for the terminal: differences from Linkwork in positions, accelerations and path."""
+    """Return a short table for the terminal: differences from Linkwork in positions, accelerations
+    and path."""
     rows = []
     for curve in comparison.curves:
         values = largest_differences(comparison.robot, curve, comparison[NOC])

@@ -1,6 +1,8 @@
-"""Rigid bodies: mass, mass centre, inertia about the mass centre in the body frame's axes, shapes for drawing.
+"""Rigid bodies: mass, mass centre, inertia about the mass centre in the body frame's axes, shapes
+for drawing.
 
-A body that only ever turns about the z axis of its own frame (a planar mechanism) may give `zz` alone.
+A body that only ever turns about the z axis of its own frame (a planar mechanism) may give `zz`
+alone.
 """
 
 from __future__ import annotations
@@ -15,10 +17,12 @@ from linkwork.mechanism.shapes import Shape
 
 
 class Inertia(Record):
-    """Hold the inertia tensor about the mass centre, in the body's axes [kg m^2]; `zz` alone for planar bodies.
+    """Hold the inertia tensor about the mass centre, in the body's axes [kg m^2]; `zz` alone for
+    planar bodies.
 
-    No principal moment of a rigid body exceeds the sum of the others. `moments: any` keeps a tensor that breaks this rule,
-    as model files of others may: the equations of motion need no more than moments that are not negative.
+    No principal moment of a rigid body exceeds the sum of the others. `moments: any` keeps a tensor
+    that breaks this rule, as model files of others may: the equations of motion need no more than
+    moments that are not negative.
     """
 
     zz: Amount = Field(description="moment of inertia about z [kg m^2]")
@@ -63,21 +67,25 @@ class Inertia(Record):
             )
         if self.moments == "rigid" and not rigid(a, b, c):
             raise MechanismError(
-                f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2 violate the triangle inequality: "
-                "no moment may exceed the sum of the other two (moments: any keeps them)"
+                f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2 violate the triangle "
+                "inequality: no moment may exceed the sum of the other two (moments: any keeps "
+                "them)"
             )
         return self
 
 
 def rigid(a: float, b: float, c: float) -> bool:
-    """Tell whether principal moments a <= b <= c are those of a rigid body, up to rounding: a + b >= c."""
+    """Tell whether principal moments a <= b <= c are those of a rigid body, up to rounding: a + b
+    >= c."""
     return a + b >= c * (1 - 1e-9)
 
 
 class Body(Record):
-    """Describe a rigid body by mass [kg], mass centre [m, body frame] and inertia about it [kg m^2, body axes].
+    """Describe a rigid body by mass [kg], mass centre [m, body frame] and inertia about it
+    [kg m^2, body axes].
 
-    `shapes` is what it looks like; they have no mass. A body without shapes is drawn between its joints.
+    `shapes` is what it looks like; they have no mass. A body without shapes is drawn between its
+    joints.
     """
 
     mass: Amount = Field(description="mass [kg], zero or more")

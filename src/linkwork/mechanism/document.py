@@ -1,8 +1,9 @@
 """YAML text read safely: plain mappings, lists, numbers and text, with the line of every element.
 
-The document is built from the parser's events, so that nothing can be constructed but plain data. Numbers are those of
-YAML 1.2: 1e-3 is a number, 010 is ten, and 1:30 or a date is text. An alias (`*name`) stands for what its anchor
-(`&name`) holds; entries count as if aliases were written out, and too many are refused before anything is copied.
+The document is built from the parser's events, so that nothing can be constructed but plain data.
+Numbers are those of YAML 1.2: 1e-3 is a number, 010 is ten, and 1:30 or a date is text. An alias
+(`*name`) stands for what its anchor (`&name`) holds; entries count as if aliases were written out,
+and too many are refused before anything is copied.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ class Node:
     parts: Mapping[str, Node] = field(default_factory=dict)
 
     def line_of(self, where: Where) -> int:
-        """Return the line of the element at a path, or of the nearest element around it that is there."""
+        """Return the line of the element at a path, or of the nearest element around it that is
+        there."""
         node = self
         for part in where:
             if part not in node.parts:
@@ -52,15 +54,19 @@ def read_document(text: str) -> Node:
     """Read the one document of a YAML text.
 
     Raises:
-        MechanismError: text that is not YAML, holds no or several documents, tags, keys given twice or that are no
-            names, more than MAX_DEPTH levels or MAX_ENTRIES entries; `place` is the line.
+        MechanismError: text that is not YAML, holds no or several documents, tags, keys given twice
+            or that are no names, more than MAX_DEPTH levels or MAX_ENTRIES entries; `place` is the
+            line.
     """
     stray = NO_TEXT.search(text)
     if stray:
         line = text.count("\n", 0, stray.start()) + 1
         _refuse(
             line,
-            f"holds the character U+{ord(stray[0]):04X}, which no YAML text may; is it a binary file?",
+            (
+                f"holds the character U+{ord(stray[0]):04X}, which no YAML text may; is it a "
+                "binary file?"
+            ),
         )
     try:
         return _Reader(text).document()
@@ -164,7 +170,8 @@ class _Reader:
 
 
 def vanishes(text: str) -> bool:
-    """Tell whether the text of a number other than zero means one that a double does not hold in full."""
+    """Tell whether the text of a number other than zero means one that a double does not hold in
+    full."""
     mantissa = text.lower().partition("e")[0]
     return abs(float(text)) < sys.float_info.min and re.search("[1-9]", mantissa) is not None
 
@@ -203,7 +210,10 @@ def _key(event: Any, where: Where) -> str:
     if not isinstance(key, str):
         _refuse(
             line,
-            f"the key {event.value} is a number; put it in quotes to use it as a name: '{event.value}'",
+            (
+                f"the key {event.value} is a number; put it in quotes to use it as a name: "
+                f"'{event.value}'"
+            ),
             where,
         )
     if key == "<<" and event.implicit[0]:

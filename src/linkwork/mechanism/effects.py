@@ -1,7 +1,8 @@
-"""What acts inside a joint or between two points, apart from actuators: friction, springs, dampers, limits.
+"""What acts inside a joint or between two points, apart from actuators: friction, springs, dampers,
+limits.
 
-Forces act on the second body, against the coordinate q or the rate w of a freedom; for the free turn of a spherical
-joint q is the rotation vector of R_12 and w the relative angular velocity.
+Forces act on the second body, against the coordinate q or the rate w of a freedom; for the free
+turn of a spherical joint q is the rotation vector of R_12 and w the relative angular velocity.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ class Friction(Record):
     )
     coulomb_rate: Positive = Field(
         default=0.01,
-        description="rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]",
+        description=(
+            "rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]"
+        ),
     )
 
 
 class Spring(Record):
-    """Pull a coordinate towards its rest and damp its rate: F = -stiffness (q - rest) - damping w."""
+    """Pull a coordinate towards its rest and damp its rate: F = -stiffness (q - rest) - damping
+    w."""
 
     stiffness: Amount = Field(default=0.0, description="force per displacement [N/m, N m/rad]")
     rest: Real = Field(default=0.0, description="coordinate without force [m, rad]")
@@ -48,7 +52,8 @@ class Limits(Record):
 
 
 class PointSpring(Record):
-    """Pull two points of two bodies together: tension stiffness (l - rest_length) + damping l', l their distance."""
+    """Pull two points of two bodies together: tension stiffness (l - rest_length) + damping l', l
+    their distance."""
 
     connects: tuple[Name, Name] = Field(description="names of the two bodies")
     points: tuple[Vector3, Vector3] = Field(

@@ -1,6 +1,7 @@
 """The native file format: YAML with the fields of `Mechanism`, read safely.
 
-The first key is `linkwork: 1`, the version of the format. Numbers are SI and radians. Defaults are left out.
+The first key is `linkwork: 1`, the version of the format. Numbers are SI and radians. Defaults are
+left out.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ Described = TypeVar("Described")
 
 
 def parsed(text: str) -> Mechanism:
-    """Return the mechanism that a file's text describes; every refusal names the line where there is one."""
+    """Return the mechanism that a file's text describes; every refusal names the line where there
+    is one."""
     return described(read_document(text), "linkwork", FORMAT_VERSION, "mechanism", Mechanism)
 
 
@@ -36,13 +38,15 @@ def written(mechanism: Mechanism) -> str:
 
 
 def read_yaml(path: Path) -> Mechanism:
-    """Read a mechanism; every refusal begins with the file's name, and the line where there is one."""
+    """Read a mechanism; every refusal begins with the file's name, and the line where there is
+    one."""
     try:
         text = text_of(path)
         if text.lstrip().startswith("<"):
             raise MechanismError(
-                "this is a model file, not a mechanism file; read it by linkwork.formats.load(path).mechanism, or "
-                "turn it into one by 'linkwork convert'",
+                "this is a model file, not a mechanism file; read it by "
+                "linkwork.formats.load(path).mechanism, or turn it into one by 'linkwork "
+                "convert'",
                 place=f"line {text[: text.index('<')].count(chr(10)) + 1}",
             )
         return parsed(text)
@@ -111,7 +115,8 @@ def described(
 
 
 def _plain(value: Any) -> Any:
-    """Turn records into dicts, the type first and without the fields at their defaults, and tuples into lists."""
+    """Turn records into dicts, the type first and without the fields at their defaults, and tuples
+    into lists."""
     if isinstance(value, Record):
         fields = {name: getattr(value, name) for name in type(value).model_fields}
         kind = {"type": fields.pop("type")} if "type" in fields else {}
@@ -131,7 +136,8 @@ def _is_default(record: Record, name: str, value: Any) -> bool:
 
 
 class Dumper(yaml.SafeDumper):
-    """Write vectors and small records on one line, and in quotes the text that would be read as something else."""
+    """Write vectors and small records on one line, and in quotes the text that would be read as
+    something else."""
 
 
 def _flat(value: Any) -> bool:

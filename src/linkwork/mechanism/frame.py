@@ -1,7 +1,8 @@
 """Frames fixed in a body: a position and an orientation.
 
-The orientation is a rotation vector (unit axis times angle, rad): three numbers, no normalisation to keep, and a planar
-frame is simply (0, 0, angle). R = exp([rotation x]) turns components in this frame into components in the body's frame.
+The orientation is a rotation vector (unit axis times angle, rad): three numbers, no normalisation
+to keep, and a planar frame is simply (0, 0, angle). R = exp([rotation x]) turns components in this
+frame into components in the body's frame.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class Frame(Record):
     def from_quaternion(
         cls, position: Vector3, quaternion: tuple[float, float, float, float]
     ) -> Frame:
-        """Place a frame by position [m] and quaternion (w, x, y, z), which is normalised; zero length is refused."""
+        """Place a frame by position [m] and quaternion (w, x, y, z), which is normalised; zero
+        length is refused."""
         w, x, y, z = numbers(quaternion, 4, "the quaternion", "w, x, y, z")
         norm = sqrt(w * w + x * x + y * y + z * z)
         if norm < 1e-12:
@@ -51,7 +53,8 @@ class Frame(Record):
 
     @classmethod
     def from_rpy(cls, position: Vector3, roll: float, pitch: float, yaw: float) -> Frame:
-        """Place a frame by position [m] and fixed-axis angles [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
+        """Place a frame by position [m] and fixed-axis angles [rad]: R = Rz(yaw) Ry(pitch)
+        Rx(roll), as in URDF."""
         roll, pitch, yaw = numbers((roll, pitch, yaw), 3, "the angles", "roll, pitch, yaw")
         cr, sr, cp, sp = cos(roll / 2), sin(roll / 2), cos(pitch / 2), sin(pitch / 2)
         cy, sy = cos(yaw / 2), sin(yaw / 2)

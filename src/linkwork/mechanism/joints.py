@@ -1,13 +1,14 @@
 """Joint types as data: which two bodies, where, about or along which axis.
 
-A joint connects a first to a second body (`connects`) and has a frame on each (`frames`). Its coordinates measure the
-second frame's motion relative to the first; at zero the two coincide. Any joint may close a loop: nothing here knows
-of trees.
+A joint connects a first to a second body (`connects`) and has a frame on each (`frames`). Its
+coordinates measure the second frame's motion relative to the first; at zero the two coincide. Any
+joint may close a loop: nothing here knows of trees.
 
-A joint's motion is made of `freedoms`. Each is a turn or a slide of one coordinate and one rate, except "turn": the
-free turning of a spherical joint, whose coordinates are the unit quaternion (qw, qx, qy, qz) of R_12 and whose rates
-(wx, wy, wz) [rad/s] are the angular velocity of F2 relative to F1 in F1's axes. A joint of one such freedom names its
-coordinate and rate like itself; the others add the freedom: "cylinder.slide", "ball.qw", "ball.wx".
+A joint's motion is made of `freedoms`. Each is a turn or a slide of one coordinate and one rate,
+except "turn": the free turning of a spherical joint, whose coordinates are the unit quaternion
+(qw, qx, qy, qz) of R_12 and whose rates (wx, wy, wz) [rad/s] are the angular velocity of F2
+relative to F1 in F1's axes. A joint of one such freedom names its coordinate and rate like itself;
+the others add the freedom: "cylinder.slide", "ball.qw", "ball.wx".
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ Axis = Annotated[Vector3, AfterValidator(unit_axis)]
 
 
 class JointBase(Record):
-    """Say what all joint types share: the freedoms, by name, and the coordinates and rates these bring."""
+    """Say what all joint types share: the freedoms, by name, and the coordinates and rates these
+    bring."""
 
     freedoms: ClassVar[tuple[str, ...]] = ()
     type: str
@@ -69,7 +71,8 @@ class JointBase(Record):
         return self._names(name, ANGULAR_VELOCITY)
 
     def angles(self, name: str) -> tuple[str, ...]:
-        """Return the names of the coordinates that are angles [rad] of a joint of this type called `name`."""
+        """Return the names of the coordinates that are angles [rad] of a joint of this type called
+        `name`."""
         labels = zip(self.freedoms, self._names(name, (TURN,)), strict=True)
         return tuple(label for freedom, label in labels if freedom not in (*SLIDES, TURN))
 
@@ -92,7 +95,8 @@ class PairJoint(JointBase):
     )
 
     def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
-        """Return friction, spring, limits and rotor inertia by freedom: nothing where there is none."""
+        """Return friction, spring, limits and rotor inertia by freedom: nothing where there is
+        none."""
         return {}
 
 
@@ -116,7 +120,8 @@ class OneFreedom(PairJoint):
 
 
 class ManyFreedoms(PairJoint):
-    """Give a joint's freedoms friction, springs, limits and rotors, each by the name of the freedom."""
+    """Give a joint's freedoms friction, springs, limits and rotors, each by the name of the
+    freedom."""
 
     friction: Mapping[Name, Friction] = Field(
         default_factory=dict, description="by freedom; resists its rate"
@@ -157,12 +162,14 @@ class ManyFreedoms(PairJoint):
         turn = self.spring.get(TURN, Spring())
         if turn.rest:
             raise MechanismError(
-                f"the spring of a free turn rests where the two frames agree, not at {turn.rest}; turn a frame instead",
+                "the spring of a free turn rests where the two frames agree, not at "
+                f"{turn.rest}; turn a frame instead",
                 ("spring", TURN, "rest"),
             )
         if self.limits.get(TURN, Limits()).lower is not None:
             raise MechanismError(
-                "a free turn has no lower limit; give upper, the largest angle between the two frames",
+                "a free turn has no lower limit; give upper, the largest angle between the two "
+                "frames",
                 ("limits", TURN, "lower"),
             )
         return self
@@ -175,7 +182,8 @@ class FixedJoint(PairJoint):
 
 
 class RevoluteJoint(OneFreedom):
-    """Let F2 turn by q [rad] about `axis` (the same components in F1 and F2): R_12 = Rot(axis, q), p_12 = 0."""
+    """Let F2 turn by q [rad] about `axis` (the same components in F1 and F2): R_12 = Rot(axis, q),
+    p_12 = 0."""
 
     freedoms: ClassVar = ("angle",)
     type: Literal["revolute"] = "revolute"
@@ -183,7 +191,8 @@ class RevoluteJoint(OneFreedom):
 
 
 class PrismaticJoint(OneFreedom):
-    """Let F2 slide by q [m] along `axis` (the same components in F1 and F2): R_12 = 1, p_12 = q axis."""
+    """Let F2 slide by q [m] along `axis` (the same components in F1 and F2): R_12 = 1, p_12 = q
+    axis."""
 
     freedoms: ClassVar = ("slide",)
     type: Literal["prismatic"] = "prismatic"
@@ -191,13 +200,16 @@ class PrismaticJoint(OneFreedom):
 
 
 class ScrewJoint(OneFreedom):
-    """Let F2 turn by q [rad] about `axis` and advance along it: R_12 = Rot(axis, q), p_12 = pitch q axis."""
+    """Let F2 turn by q [rad] about `axis` and advance along it: R_12 = Rot(axis, q), p_12 = pitch q
+    axis."""
 
     freedoms: ClassVar = ("angle",)
     type: Literal["screw"] = "screw"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
     pitch: Real = Field(
-        description="advance along the axis per radian [m/rad]; a lead of one turn is 2 pi times this"
+        description=(
+            "advance along the axis per radian [m/rad]; a lead of one turn is 2 pi times this"
+        )
     )
 
 
@@ -210,7 +222,8 @@ class CylindricalJoint(ManyFreedoms):
 
 
 class UniversalJoint(ManyFreedoms):
-    """Let F2 turn about two crossing axes: R_12 = Rot(axes[0], angle_1) Rot(axes[1], angle_2), p_12 = 0.
+    """Let F2 turn about two crossing axes: R_12 = Rot(axes[0], angle_1) Rot(axes[1], angle_2), p_12
+    = 0.
 
     The first axis is fixed in F1, the second in F2; they are perpendicular.
     """
@@ -227,8 +240,8 @@ class UniversalJoint(ManyFreedoms):
         cosine = sum(x * y for x, y in zip(*self.axes, strict=True))
         if abs(cosine) > 1e-9:
             raise MechanismError(
-                f"the axes {list(self.axes[0])} and {list(self.axes[1])} of a universal joint are not perpendicular; "
-                "turn one of them, or use two revolute joints",
+                f"the axes {list(self.axes[0])} and {list(self.axes[1])} of a universal joint "
+                "are not perpendicular; turn one of them, or use two revolute joints",
                 ("axes",),
             )
         return self
@@ -242,21 +255,24 @@ class SphericalJoint(ManyFreedoms):
 
 
 class PlanarJoint(ManyFreedoms):
-    """Let F2 slide in the xy plane of F1 and turn about its z axis: p_12 = (x, y, 0), R_12 = Rot(z, angle)."""
+    """Let F2 slide in the xy plane of F1 and turn about its z axis: p_12 = (x, y, 0), R_12 = Rot(z,
+    angle)."""
 
     freedoms: ClassVar = ("x", "y", "angle")
     type: Literal["planar"] = "planar"
 
 
 class FreeJoint(ManyFreedoms):
-    """Let F2 move freely: p_12 = (x, y, z), R_12 by its unit quaternion. It says nothing but where a body starts."""
+    """Let F2 move freely: p_12 = (x, y, z), R_12 by its unit quaternion. It says nothing but where
+    a body starts."""
 
     freedoms: ClassVar = ("x", "y", "z", TURN)
     type: Literal["free"] = "free"
 
 
 class RodJoint(PairJoint):
-    """Keep the origins of F1 and F2 at the distance `length` [m], as a massless rod between two ball joints does."""
+    """Keep the origins of F1 and F2 at the distance `length` [m], as a massless rod between two
+    ball joints does."""
 
     type: Literal["rod"] = "rod"
     length: Positive = Field(description="distance between the two frames' origins [m]")
@@ -265,7 +281,8 @@ class RodJoint(PairJoint):
 class GearJoint(JointBase):
     """Couple joint coordinates linearly: the sum of ratio_i q_i keeps the value `offset`.
 
-    Two wheels of radii r_1, r_2 in outer mesh on one carrier: ratios r_1 and r_2 (they turn against each other).
+    Two wheels of radii r_1, r_2 in outer mesh on one carrier: ratios r_1 and r_2 (they turn against
+    each other).
     """
 
     type: Literal["gear"] = "gear"

@@ -1,7 +1,7 @@
 """The JSON schema of mechanism files: editors complete and check a file by it while it is written.
 
-It is pydantic's schema of `Mechanism`, put in the terms of draft 7, which every editor knows, with what a file must say
-and what the joint types leave open made explicit.
+It is pydantic's schema of `Mechanism`, put in the terms of draft 7, which every editor knows, with
+what a file must say and what the joint types leave open made explicit.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ def schema() -> dict[str, Any]:
         {
             "$schema": "http://json-schema.org/draft-07/schema#",
             "title": "Linkwork mechanism",
-            "description": "Bodies, joints between them, actuators and tools. Units are SI, angles are in radians.",
+            "description": (
+                "Bodies, joints between them, actuators and tools. Units are SI, angles are in "
+                "radians."
+            ),
             "type": "object",
             "properties": {"linkwork": version, **made["properties"]},
             "required": ["linkwork", *made["required"]],
@@ -62,7 +65,8 @@ def _name_freedoms(joint: dict[str, Any], freedoms: tuple[str, ...]) -> None:
 
 
 def _in_draft_7(part: Any) -> Any:
-    """Rewrite what draft 7 does not know: tuples of equal items, keywords beside a reference, discriminators."""
+    """Rewrite what draft 7 does not know: tuples of equal items, keywords beside a reference,
+    discriminators."""
     if isinstance(part, list):
         return [_in_draft_7(item) for item in part]
     if not isinstance(part, dict):

@@ -10,7 +10,8 @@ from linkwork.mechanism.mechanism import Mechanism
 
 
 def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
-    """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to report."""
+    """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to
+    report."""
     for name, joint in mechanism.joints.items():
         labels = iter(joint.coordinates(name))
         for freedom, (_, _, limits, _) in joint.effects().items():

@@ -1,7 +1,7 @@
 """The mechanism: a graph of bodies and joints.
 
-Bodies are nodes, joints are edges between any two of them, and `ground` is a body. A loop is nothing special: it is
-what one gets when joints close a cycle. Units are SI, angles are in radians.
+Bodies are nodes, joints are edges between any two of them, and `ground` is a body. A loop is
+nothing special: it is what one gets when joints close a cycle. Units are SI, angles are in radians.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ class Tool(Record):
 class Mechanism(Record):
     """Describe a mechanism: bodies, joints between them, point springs, actuated joints, tools.
 
-    An actuator is named by the rate it drives: the joint's name, or joint.freedom where a joint has several.
-    `reference` holds approximate joint coordinates [m, rad] of a typical configuration; those it leaves out are at
-    zero (quaternions at 1, 0, 0, 0). The loops are closed from there, and every choice that needs numbers is made there.
-    `caveats` are sentences on how the motion differs from that of the model that this was read from (`linkwork.formats`).
+    An actuator is named by the rate it drives: the joint's name, or joint.freedom where a joint has
+    several. `reference` holds approximate joint coordinates [m, rad] of a typical configuration;
+    those it leaves out are at zero (quaternions at 1, 0, 0, 0). The loops are closed from there,
+    and every choice that needs numbers is made there. `caveats` are sentences on how the motion
+    differs from that of the model that this was read from (`linkwork.formats`).
 
     Raises:
         MechanismError: one sentence that names the element, the value and what would be accepted.
@@ -65,7 +66,9 @@ class Mechanism(Record):
     )
     caveats: tuple[str, ...] = Field(
         default=(),
-        description="what the model that this was read from has and this has not, and changes the motion",
+        description=(
+            "what the model that this was read from has and this has not, and changes the motion"
+        ),
     )
 
     @property
@@ -113,7 +116,8 @@ class Mechanism(Record):
                 require(label, coordinates, "coordinate", ("joints", name, "ratios"))
                 if label.rpartition(".")[2] in QUATERNION and label not in self.joints:
                     raise MechanismError(
-                        f"{label!r} is part of a quaternion and cannot be geared; name an angle or a slide",
+                        f"{label!r} is part of a quaternion and cannot be geared; name an angle "
+                        "or a slide",
                         ("joints", name, "ratios"),
                     )
         self._check_actuators()
@@ -130,7 +134,8 @@ class Mechanism(Record):
         return self
 
     def graph(self) -> nx.MultiGraph:
-        """Return the graph: nodes are `ground` and the bodies, edges the joints but the gears (key: the joint's name)."""
+        """Return the graph: nodes are `ground` and the bodies, edges the joints but the gears
+        (key: the joint's name)."""
         graph = nx.MultiGraph()
         graph.add_nodes_from((GROUND, *self.bodies))
         for name, joint in self.pairs.items():
@@ -164,11 +169,13 @@ class Mechanism(Record):
         inertia: Inertia | None = None,
         tool: str | None = None,
     ) -> Mechanism:
-        """Return the mechanism with a payload fixed to a tool: its mass properties are added to the tool's body.
+        """Return the mechanism with a payload fixed to a tool: its mass properties are added to the
+        tool's body.
 
         Args:
             mass: [kg]; centre_of_mass: in the tool's frame [m].
-            inertia: about the payload's mass centre, in the tool's axes [kg m^2]; a point mass if left out.
+            inertia: about the payload's mass centre, in the tool's axes [kg m^2]; a point mass if
+                left out.
             tool: name of the tool; the first if left out.
         """
         from linkwork.mechanism.payload import together
@@ -195,7 +202,8 @@ class Mechanism(Record):
         return self.model_copy(update={"bodies": {**self.bodies, held.body: body}})
 
     def with_reference(self, values: Mapping[str, float]) -> Mechanism:
-        """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the others stay."""
+        """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the
+        others stay."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in type(self).model_fields}
         fields["reference"] = {**self.reference, **values}
         return Mechanism(**fields)
@@ -208,14 +216,16 @@ class Mechanism(Record):
 
     @property
     def text(self) -> str:
-        """Return the mechanism as the text of a mechanism file; `Mechanism.parse` gives an equal mechanism back."""
+        """Return the mechanism as the text of a mechanism file; `Mechanism.parse` gives an equal
+        mechanism back."""
         from linkwork.mechanism.files import written
 
         return written(self)
 
     @classmethod
     def parse(cls, text: str) -> Mechanism:
-        """Read a mechanism from the text of a mechanism file; refusals name the line and the element."""
+        """Read a mechanism from the text of a mechanism file; refusals name the line and the
+        element."""
         from linkwork.mechanism.files import parsed
 
         if not isinstance(text, str):

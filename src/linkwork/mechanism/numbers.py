@@ -1,12 +1,14 @@
-"""The numbers of a description, by path: "platform.mass", "link_1.com.x", "pivot_1.frames.0.position.y", "gravity.z".
+"""The numbers of a description, by path: "platform.mass", "link_1.com.x",
+"pivot_1.frames.0.position.y", "gravity.z".
 
-A path names a body, joint, spring or tool and then fields as they stand in a mechanism file; `com` is short for
-`centre_of_mass`, and the entries of a list are 0, 1, ... (x, y, z in a vector). Where a body and a joint, say, share a name,
-the section goes before it: "joints.platform.friction.viscous".
+A path names a body, joint, spring or tool and then fields as they stand in a mechanism file; `com`
+is short for `centre_of_mass`, and the entries of a list are 0, 1, ... (x, y, z in a vector). Where
+a body and a joint, say, share a name, the section goes before it:
+"joints.platform.friction.viscous".
 
-A number that enters the equations of motion may be free, that is, a symbol whose value is chosen later. Directions
-(rotations, axes) may not: what is parallel, and so what vanishes, is decided by them; nor may limits and the reference,
-which enter no equation, nor the shapes of bodies.
+A number that enters the equations of motion may be free, that is, a symbol whose value is chosen
+later. Directions (rotations, axes) may not: what is parallel, and so what vanishes, is decided by
+them; nor may limits and the reference, which enter no equation, nor the shapes of bodies.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ Where = tuple[str, ...]
 
 
 class NoNumberError(Exception):
-    """Report that a path ends before it reaches a number; `depth`: how many of its parts lead somewhere."""
+    """Report that a path ends before it reaches a number; `depth`: how many of its parts lead
+    somewhere."""
 
     def __init__(self, depth: int, what: str):
         self.depth = depth
@@ -41,7 +44,8 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
     """Return the values of numbers that are to be free, by path as given.
 
     Raises:
-        MechanismError: a path that leads to no number, to one that cannot be free, or to the same one as another.
+        MechanismError: a path that leads to no number, to one that cannot be free, or to the same
+            one as another.
     """
     places: dict[Where, str] = {}
     values = {}
@@ -50,12 +54,13 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
         fields = {where[0], *where[2:]}  # without the element's name
         if not fields.isdisjoint(OUTSIDE):
             raise MechanismError(
-                f"{shown(path)} enters no equation of motion and cannot be free; change the description"
+                f"{shown(path)} enters no equation of motion and cannot be free; change the "
+                "description"
             )
         if not fields.isdisjoint(DIRECTIONS):
             raise MechanismError(
-                f"{shown(path)} is part of a direction and cannot be free; free positions, masses, inertias, friction, "
-                "springs, lengths or gravity"
+                f"{shown(path)} is part of a direction and cannot be free; free positions, "
+                "masses, inertias, friction, springs, lengths or gravity"
             )
         if where in places:
             raise MechanismError(
@@ -76,7 +81,8 @@ def edited(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
     """Return the description with other numbers at some paths.
 
     Raises:
-        MechanismError: numbers that a description may not hold: a negative mass, moments of inertia of no body.
+        MechanismError: numbers that a description may not hold: a negative mass, moments of inertia
+            of no body.
     """
     result = replaced(mechanism, values)
     Mechanism(**result.model_dump())
@@ -106,7 +112,8 @@ def located(mechanism: Mechanism, path: str) -> tuple[Where, float]:
 
 
 def _follow(item: Any, parts: Where, before: Where) -> tuple[Where, float]:
-    """Follow the parts of a path from an item of the description; before: the way that led to it."""
+    """Follow the parts of a path from an item of the description; before: the way that led to
+    it."""
     inside = _inside(item)
     if not parts:
         if isinstance(item, float):
@@ -122,12 +129,16 @@ def _follow(item: Any, parts: Where, before: Where) -> tuple[Where, float]:
     holds = f"it holds {', '.join(inside)}" if inside else "it holds nothing"
     raise NoNumberError(
         len(before),
-        f"{'.'.join(before) or 'the mechanism'} has no {parts[0]!r}{suggestion(parts[0], inside)}; {holds}",
+        (
+            f"{'.'.join(before) or 'the mechanism'} has no "
+            f"{parts[0]!r}{suggestion(parts[0], inside)}; {holds}"
+        ),
     )
 
 
 def _inside(item: Any) -> dict[str, Any]:
-    """Return what an item holds, by field, name or index; what a joint leaves out of its freedoms is zero."""
+    """Return what an item holds, by field, name or index; what a joint leaves out of its freedoms
+    is zero."""
     if isinstance(item, Record):
         fields = {name: getattr(item, name) for name in type(item).model_fields}
         if isinstance(item, ManyFreedoms):

@@ -21,7 +21,8 @@ __all__ = [
     "Vector3",
 ]
 
-HUGE = 1e50  # of lengths, angles, masses and the like: moments of inertia of greater ones are not finite
+HUGE = 1e50
+"""Of lengths, angles, masses and the like: moments of inertia of greater ones are not finite."""
 
 
 def held_in_full(number: float) -> float:
@@ -32,7 +33,8 @@ def held_in_full(number: float) -> float:
 
 
 def followed(number: float) -> float:
-    """Return a number that follows from others of size one: zero where a double does not hold it with all its digits."""
+    """Return a number that follows from others of size one: zero where a double does not hold it
+    with all its digits."""
     return 0.0 if abs(number) < sys.float_info.min else number
 
 
@@ -58,7 +60,8 @@ class Record(BaseModel):
 
 
 def checked_name(name: str) -> str:
-    """Accept a name: not empty, no dot (dots separate the parts of a path), no control character."""
+    """Accept a name: not empty, no dot (dots separate the parts of a path), no control
+    character."""
     if not name.strip() or name != name.strip() or "." in name or not name.isprintable():
         raise ValueError(
             f"{shown(name)} cannot be a name: give printable text without dots or spaces around it"

@@ -14,11 +14,15 @@ from pydantic import BaseModel, ValidationError
 from linkwork.errors import LinkworkError
 
 LONG = 60  # characters, above which a value is not shown in full
-VANISHES = "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or check its unit"
+VANISHES = (
+    "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or "
+    "check its unit"
+)
 
 
 class MechanismError(LinkworkError):
-    """Refuse a description: `what` is the sentence, `where` the element's path, `place` the file and line if any."""
+    """Refuse a description: `what` is the sentence, `where` the element's path, `place` the file
+    and line if any."""
 
     def __init__(self, what: str, where: tuple[str, ...] = (), place: str = ""):
         self.what, self.where, self.place = what, where, place
@@ -31,7 +35,8 @@ class MechanismError(LinkworkError):
 def first_refusal(
     error: ValidationError, record: type[BaseModel], fields: Mapping[str, Any]
 ) -> MechanismError:
-    """Turn pydantic's errors about the fields of a record into one: about an unknown field, else about the first."""
+    """Turn pydantic's errors about the fields of a record into one: about an unknown field, else
+    about the first."""
     errors: Sequence[Any] = error.errors(include_url=False)
     first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
     kind, location, value, context = (
@@ -103,7 +108,8 @@ def complaint(kind: str, value: Any, context: Mapping[str, Any], message: str) -
 
 
 def path_in(data: Any, location: Sequence[str | int]) -> tuple[str, ...]:
-    """Return the parts of pydantic's location that lead somewhere in the data; its marks of unions and keys do not."""
+    """Return the parts of pydantic's location that lead somewhere in the data; its marks of unions
+    and keys do not."""
     where = []
     for part in location:
         try:

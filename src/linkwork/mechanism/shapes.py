@@ -1,7 +1,8 @@
-"""Shapes of bodies: what a body looks like in drawings. They have no mass and take no part in the motion.
+"""Shapes of bodies: what a body looks like in drawings. They have no mass and take no part in the
+motion.
 
-Every shape is convex and stands about the origin of its own frame; what is not convex is made of several. All that draws
-a shape knows it by its `outline` alone.
+Every shape is convex and stands about the origin of its own frame; what is not convex is made of
+several. All that draws a shape knows it by its `outline` alone.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ SQUARE = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
 class Outline(NamedTuple):
     """Outline a solid about the origin, before it is scaled along x, y and z.
 
-    points: the corners (x, y) of a convex polygon, which is a plate half a unit to either side; or, `turned`, a profile
-    (radius, height) that goes round z, from below to above
+    points: the corners (x, y) of a convex polygon, which is a plate half a unit to either side; or,
+    `turned`, a profile (radius, height) that goes round z, from below to above
     """
 
     points: tuple[tuple[float, float], ...]
@@ -37,14 +38,16 @@ class Outline(NamedTuple):
 
 
 def rounded(half: float) -> tuple[tuple[float, float], ...]:
-    """Return the profile of a cylinder of radius 1 from -half to half, with half balls on its ends."""
+    """Return the profile of a cylinder of radius 1 from -half to half, with half balls on its
+    ends."""
     above = tuple((radius, height + half) for radius, height in QUARTER)
     below = tuple((radius, -height) for radius, height in reversed(above))
     return below + above[0 if half else 1 :]
 
 
 class ShapeBase(Record):
-    """Say what all shapes share: where they stand in the body, their colour, and what they look like."""
+    """Say what all shapes share: where they stand in the body, their colour, and what they look
+    like."""
 
     type: str
     frame: Frame = Field(default=Frame(), description="the shape's frame in the body's frame")
@@ -96,7 +99,8 @@ class Sphere(ShapeBase):
 
 
 class Capsule(ShapeBase):
-    """Show a cylinder about the z axis with half a ball on either end, which add a radius to its length each."""
+    """Show a cylinder about the z axis with half a ball on either end, which add a radius to its
+    length each."""
 
     type: Literal["capsule"] = "capsule"
     radius: Positive = Field(description="radius [m]")
@@ -132,8 +136,9 @@ class Polygon(ShapeBase):
         same = all(turn > 0 for turn in turns) or all(turn < 0 for turn in turns)
         if not same or abs(abs(sum(turns)) - 2 * pi) > ROUND:
             raise MechanismError(
-                "the corners are not those of a convex polygon in their order; give them one after the other, all turns "
-                "to one side, and make what is not convex of several polygons",
+                "the corners are not those of a convex polygon in their order; give them one "
+                "after the other, all turns to one side, and make what is not convex of several "
+                "polygons",
                 ("points",),
             )
         return self

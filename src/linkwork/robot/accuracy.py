@@ -1,11 +1,14 @@
-"""Accuracy: how far a run is from the exact motion, found by a companion, the same run at a tenth of the tolerance.
+"""Accuracy: how far a run is from the exact motion, found by a companion, the same run at a tenth
+of the tolerance.
 
-Where steps are chosen by their errors a run goes astray by about e in proportion to the tolerance, so that it differs from its
-companion by d = e - e_c = (1 - 1/10) e; with a fixed step h and a method of order p by d = (1 - 2^-p) e from one at h / 2.
-What makes errors grow, a chaotic motion say, makes them grow in the difference, too.
+Where steps are chosen by their errors a run goes astray by about e in proportion to the tolerance,
+so that it differs from its companion by d = e - e_c = (1 - 1/10) e; with a fixed step h and a
+method of order p by d = (1 - 2^-p) e from one at h / 2. What makes errors grow, a chaotic motion
+say, makes them grow in the difference, too.
 
 The companion is run when it is first asked for. It covers what MOST steps cover.
-Source: Shampine, Numerical Solution of Ordinary Differential Equations (1994), on global errors by reintegration.
+Source: Shampine, Numerical Solution of Ordinary Differential Equations (1994), on global errors by
+reintegration.
 """
 
 from __future__ import annotations
@@ -46,8 +49,8 @@ class Start(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Tell the largest error of a run: relative to atol + rtol |y|, its value, of what, its unit, and when [s];
-    until: the time that the companion came to [s].
+    """Tell the largest error of a run: relative to atol + rtol |y|, its value, of what, its unit,
+    and when [s]; until: the time that the companion came to [s].
     """
 
     ratio: float
@@ -59,14 +62,16 @@ class Estimate(NamedTuple):
 
     def __str__(self) -> str:
         return (
-            f"Its error is about {self.value:.2g} {self.unit} ({self.name} at t = {self.time:.6g} s), {self.ratio:.2g} times"
-            " what rtol and atol allow a step; tighten them."
+            f"Its error is about {self.value:.2g} {self.unit} ({self.name} at t = "
+            f"{self.time:.6g} s), {self.ratio:.2g} times what rtol and atol allow a step; "
+            "tighten them."
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Run a run again at a tighter tolerance: what led it, where it started, and what became of it."""
+    """Run a run again at a tighter tolerance: what led it, where it started, and what became of
+    it."""
 
     robot: Model
     passage: Passage
@@ -80,7 +85,8 @@ class Compared:
 
     @cached_property
     def companion(self) -> list[Segment]:
-        """The run once more at a tenth of the tolerance, or half of the step, to the time that it came to."""
+        """The run once more at a tenth of the tolerance, or half of the step, to the time that it
+        came to."""
         times, _ = reached(self.segments)
         if not times[-1] > self.passage.start:
             return list(self.segments)
@@ -92,7 +98,8 @@ class Compared:
 
     @cached_property
     def estimate(self) -> Estimate | None:
-        """The largest error of the tree's coordinates and rates and of extra states; None where it is not known."""
+        """The largest error of the tree's coordinates and rates and of extra states; None where it
+        is not known."""
         start, settings = self.passage.start, self.passage.settings
         t, y = reached(self.segments)
         if not self.known or not t[-1] > start:
@@ -120,7 +127,8 @@ class Compared:
 
     @property
     def own_units(self) -> np.ndarray:
-        """Units in which atol counts, of the tree's coordinates and rates, and of extra states, as in the run."""
+        """Units in which atol counts, of the tree's coordinates and rates, and of extra states, as
+        in the run."""
         tree = self.robot.equations.tree
         return np.concatenate(
             [tree.units, tree.rate_units, np.ones(len(self.passage.system.extras))]
@@ -144,8 +152,8 @@ class Compared:
 
 
 def repeatable(system: System, settings: Settings) -> bool:
-    """Tell whether a run has a companion: not where a Python function is called, which may have a memory of its own, nor
-    where rounding is all that a tighter tolerance would show.
+    """Tell whether a run has a companion: not where a Python function is called, which may have a
+    memory of its own, nor where rounding is all that a tighter tolerance would show.
     """
     tight = settings.integrator.step is None and TIGHTER * settings.rtol < LEAST
     return not tight and (system.sampler is None or system.sampler.compiled)
@@ -180,7 +188,8 @@ def tree_rates(chart: CompiledChart, y: np.ndarray, _: np.ndarray) -> dict[str, 
 
 
 def reached(segments: Sequence[Segment]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the saved times of a run and its end, and (q, w, z) there: the tree's coordinates and rates, extra states."""
+    """Return the saved times of a run and its end, and (q, w, z) there: the tree's coordinates and
+    rates, extra states."""
     t, y = [], []
     for segment in segments:
         chart, part = segment.chart, segment.trajectory

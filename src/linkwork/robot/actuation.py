@@ -6,11 +6,13 @@ As many actuators as freedoms: one solution. More: those of least  sum weight_i 
 
     u = W^-1 S (S' W^-1 S)^-1 f,
 
-and internal forces, S' u_0 = 0, may be added at will. Fewer: some directions of v are driven by nothing, and no u exists
-but for special motions; only idle freedoms are left to themselves, and accelerate as the others make them.
+and internal forces, S' u_0 = 0, may be added at will. Fewer: some directions of v are driven by
+nothing, and no u exists but for special motions; only idle freedoms are left to themselves, and
+accelerate as the others make them.
 
-All numbers here are in the mechanism's own units (`Units`): lengths over its own length, forces times it, so that both u
-and f are energies [J], and a rank does not depend on the units of the description.
+All numbers here are in the mechanism's own units (`Units`): lengths over its own length, forces
+times it, so that both u and f are energies [J], and a rank does not depend on the units of the
+description.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ MISSED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Hold the own units, length [m] or 1 rad, of the actuated rates (actuators) and of the independent ones (n)."""
+    """Hold the own units, length [m] or 1 rad, of the actuated rates (actuators) and of the
+    independent ones (n)."""
 
     actuators: np.ndarray
     rates: np.ndarray
@@ -43,7 +46,8 @@ class Units:
 
 
 def least_forces(S: np.ndarray, f: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the forces u (..., actuators) of least  sum weight_i u_i^2  with S' u = f (..., n), or nearest to it."""
+    """Return the forces u (..., actuators) of least  sum weight_i u_i^2  with S' u = f (..., n), or
+    nearest to it."""
     left, values, right = np.linalg.svd(S)
     kept = np.zeros(S.shape[:-1], bool)  # directions of u that move the robot
     kept[..., : values.shape[-1]] = values > DRIVEN * values.max(
@@ -61,11 +65,14 @@ def least_forces(S: np.ndarray, f: np.ndarray, weights: np.ndarray) -> np.ndarra
 
 
 def idle_left(S: np.ndarray, M: np.ndarray, f: np.ndarray, idle: int) -> np.ndarray:
-    """Return f + M D y with D' (f + M D y) = 0: the forces on v when idle freedoms D, S D = 0, accelerate as they will.
+    """Return f + M D y with D' (f + M D y) = 0: the forces on v when idle freedoms D, S D = 0,
+    accelerate as they will.
 
     Args:
-        S: (..., actuators, n); M: (..., n, n); f: (..., n), for accelerations whose idle part is not meant.
-        idle: number of idle freedoms; where S leaves another number of directions undriven, f is returned.
+        S: (..., actuators, n); M: (..., n, n); f: (..., n), for accelerations whose idle part is
+            not meant.
+        idle: number of idle freedoms; where S leaves another number of directions undriven, f is
+            returned.
     """
     rows = np.linalg.svd(np.concatenate([S, np.zeros_like(S[..., :1, :])], axis=-2))[2]
     D = np.swapaxes(rows[..., S.shape[-1] - idle :, :], -1, -2)
@@ -77,7 +84,8 @@ def idle_left(S: np.ndarray, M: np.ndarray, f: np.ndarray, idle: int) -> np.ndar
 
 
 def internal_forces(S: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return a basis (actuators x k) of the forces with S' u = 0 at one configuration, B' W B = 1."""
+    """Return a basis (actuators x k) of the forces with S' u = 0 at one configuration, B' W B =
+    1."""
     if not len(S):
         return np.zeros((0, 0))
     left, values, _ = np.linalg.svd(S)
@@ -88,7 +96,8 @@ def internal_forces(S: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def undriven(S: np.ndarray, independent: Sequence[str]) -> list[str]:
-    """Name the directions of v that no actuator drives at one configuration: those with S d = 0, by their largest rates."""
+    """Name the directions of v that no actuator drives at one configuration: those with S d = 0, by
+    their largest rates."""
     _, values, rows = np.linalg.svd(np.vstack([S, np.zeros((1, S.shape[1]))]))
     rank = int((values > DRIVEN * values.max(initial=0.0)).sum())
     names = []
@@ -110,7 +119,8 @@ def require_driven(
     independent: Sequence[str],
     idle: int,
 ) -> None:
-    """Refuse forces f on the rates that the actuators cannot give; idle freedoms may be left to themselves.
+    """Refuse forces f on the rates that the actuators cannot give; idle freedoms may be left to
+    themselves.
 
     Args:
         S: (..., actuators, n); f: (..., n); u: (..., actuators), nearest to S' u = f.
@@ -128,6 +138,7 @@ def require_driven(
     first = int(np.argmax(lacking))
     which = f" of state {first}" if len(flat) > 1 else ""
     raise LinkworkError(
-        f"inverse dynamics{which} is not defined: the actuators do not drive {', '.join(undriven(flat[first], independent))}; "
-        "add actuators, or simulate the motion under given forces (forward dynamics)"
+        f"inverse dynamics{which} is not defined: the actuators do not drive "
+        f"{', '.join(undriven(flat[first], independent))}; add actuators, or simulate the motion "
+        "under given forces (forward dynamics)"
     )

@@ -1,7 +1,8 @@
-"""Alone: members of an ensemble that run one by one, each as `Robot.simulate` runs it, dealt to threads.
+"""Alone: members of an ensemble that run one by one, each as `Robot.simulate` runs it, dealt to
+threads.
 
-The compiled loop runs without Python's lock. A Python function that controls a robot needs the lock, and may keep memory:
-then the members run one after the other, in their order.
+The compiled loop runs without Python's lock. A Python function that controls a robot needs the
+lock, and may keep memory: then the members run one after the other, in their order.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ Progress = Callable[[int, int], None]
 
 
 class Task(NamedTuple):
-    """Name a member to run: from its start, or from where a first segment ended and what is chosen there."""
+    """Name a member to run: from its start, or from where a first segment ended and what is chosen
+    there."""
 
     member: int
     first: Segment | None = None
@@ -52,7 +54,8 @@ class Lone:
 def by_themselves(
     crew: Members, settings: Settings, tasks: Sequence[Task], report: Progress
 ) -> list[Lone]:
-    """Run members, each from chart to chart; those that KeyboardInterrupt leaves out are not returned."""
+    """Run members, each from chart to chart; those that KeyboardInterrupt leaves out are not
+    returned."""
     sampler = crew.system.sampler
     threads = 1 if sampler and not sampler.compiled else settings.threads or usable_processors()
     size = -(-len(tasks) // (CHUNKS_PER_THREAD * threads)) or 1

@@ -1,9 +1,11 @@
-"""Approach: Newton's steps that bring the tool to poses, compiled, where closure and pose determine the motion.
+"""Approach: Newton's steps that bring the tool to poses, compiled, where closure and pose determine
+the motion.
 
     [Phi; J] w = -[phi; x - x_d],    q <- q + N w
 
-is solved by an elimination in the order of the block triangular form (`equations.chart`), without independent rates. The
-products of its pivots are the determinants whose signs tell working modes apart (`modes`).
+is solved by an elimination in the order of the block triangular form (`equations.chart`), without
+independent rates. The products of its pivots are the determinants whose signs tell working modes
+apart (`modes`).
 """
 
 from __future__ import annotations
@@ -29,14 +31,16 @@ CONDITIONS = 3  # residual, length of the step, alignment; then the determinants
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """Take steps of a tool towards poses: the kernel of `step`, and the sizes of its determinants, with their signs."""
+    """Take steps of a tool towards poses: the kernel of `step`, and the sizes of its determinants,
+    with their signs."""
 
     kernel: Kernel
     sizes: np.ndarray
 
     def step(self, q: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return q (K, nq) after a step from q (K, nq), and before it the largest residual (K), the step's length (K), in
-        the mechanism's own units, the alignment (K), and the determinants relative to their sizes (K, stages).
+        """Return q (K, nq) after a step from q (K, nq), and before it the largest residual (K), the
+        step's length (K), in the mechanism's own units, the alignment (K), and the determinants
+        relative to their sizes (K, stages).
         """
         if len(q) == 1:  # one state takes the shortest way
             after, found = (part[None] for part in self.kernel(q[0], poses[0]))
@@ -46,7 +50,8 @@ class Approach:
 
 
 def approach(chart: CompiledChart, modes: Modes, twist: list[int]) -> Approach | None:
-    """Return compiled steps of the tool in rows `twist`, None where closure and pose do not determine the motion."""
+    """Return compiled steps of the tool in rows `twist`, None where closure and pose do not
+    determine the motion."""
     order = modes.chart
     if order is None:
         return None
@@ -73,7 +78,8 @@ def parity(numbers: Sequence[int], other: Sequence[int]) -> float:
 def step(
     equations: Equations, twist: list[int], chart: Chart, stages: list[frozenset[int]]
 ) -> ca.Function:
-    """Return (q, pose) -> q after a step; residual and length of the step in own units, alignment, determinants.
+    """Return (q, pose) -> q after a step; residual and length of the step in own units, alignment,
+    determinants.
 
     Args:
         twist: rows of [omega; v] of the tool that are led.
@@ -104,7 +110,8 @@ def step(
 def error(equations: Equations, tool: Tool, pose: ca.SX) -> ca.SX:
     """Return how far a tool is from a pose: x, y[, angle] in the plane; x, y, z[, turn] in space.
 
-    A turn R R_0' by t about an axis is told as 2 tan(t / 2) along the axis, which is zero for t = 0 alone.
+    A turn R R_0' by t about an axis is told as 2 tan(t / 2) along the axis, which is zero for t = 0
+    alone.
     """
     position, orientation, angle = measures.tool_pose(equations.tree, tool)
     planar = measures.is_planar(equations.tree)
@@ -121,7 +128,8 @@ def error(equations: Equations, tool: Tool, pose: ca.SX) -> ca.SX:
 
 
 def turn_of(vector: ca.SX) -> ca.SX:
-    """Return R of a rotation vector r: the unit quaternion (cos(t / 2), sin(t / 2) r / t), t = |r|, by series near t = 0."""
+    """Return R of a rotation vector r: the unit quaternion (cos(t / 2), sin(t / 2) r / t), t = |r|,
+    by series near t = 0."""
     square = ca.sumsqr(vector)
     near = square < NEAR**2
     t = ca.sqrt(ca.if_else(near, 1.0, square))

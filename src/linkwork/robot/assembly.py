@@ -1,8 +1,9 @@
 """Assembly: find closed configurations from tool poses or joint coordinates, and follow tool paths.
 
-Unknowns are the tree's coordinates q. Gauss-Newton steps of least length in the rates solve  phi(q) = 0  together with
-what is asked: q_i = given for joints, p(q) = p_0 and R(q) = R_0 for a tool. They start from a guess and stay on its
-branch when it is near. Along a path, the tree's rates w and accelerations follow from the same rows:
+Unknowns are the tree's coordinates q. Gauss-Newton steps of least length in the rates solve  phi(q)
+= 0  together with what is asked: q_i = given for joints, p(q) = p_0 and R(q) = R_0 for a tool. They
+start from a guess and stay on its branch when it is near. Along a path, the tree's rates w and
+accelerations follow from the same rows:
 
     [Phi; J] w = [0; x'],    [Phi; J] w' = [-gamma; x'' - J' w].
 """
@@ -27,7 +28,8 @@ NEWTON, CONTRACTS = (
     0.3,
 )  # steps of Newton's method, and the part of the last one that the next one may have
 LONGEST = 0.5  # Newton's step, in the mechanism's own units
-MET = 1e-6  # distance from a solution, in the same units, from which Newton's method is sure to reach it
+MET = 1e-6
+"""Distance from a solution, in the same units, from which Newton's method is sure to reach it."""
 EPS = np.finfo(float).eps
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
 
@@ -44,7 +46,8 @@ class AssemblyKernel:
     planar: bool
 
     def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as such."""
+        """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as
+        such."""
         named = zip(self.kernel.outputs, self.kernel(q, rates), strict=True)
         rows = len(rates), -1
         return {
@@ -52,7 +55,8 @@ class AssemblyKernel:
         }
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
-        """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space, for q (..., nq)."""
+        """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space,
+        for q (..., nq)."""
         values = self.kernel(q, np.zeros(dict(self.kernel.inputs)["rates"]))
         out = {name: value for (name, _), value in zip(self.kernel.outputs, values, strict=True)}
         if self.planar:
@@ -68,9 +72,10 @@ class Assembler:
     """Solve for configurations of one mechanism with one tool.
 
     evaluate: maps (q, w) to the outputs of `functions.assembly` by name
-    coordinates, rate_names: names of all joints' coordinates and rates; angular: which coordinates are angles
-    sizes: units of the coordinates, the mechanism's own length of lengths; units: those of the closure rows
-    rows, unheld: names of the closure rows, and of those that are not held; planar: whether poses are (x, y, angle)
+    coordinates, rate_names: names of all joints' coordinates and rates; angular: which coordinates
+    are angles sizes: units of the coordinates, the mechanism's own length of lengths; units: those
+    of the closure rows rows, unheld: names of the closure rows, and of those that are not held;
+    planar: whether poses are (x, y, angle)
     """
 
     evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
@@ -87,7 +92,8 @@ class Assembler:
     def at_joints(
         self, targets: dict[str, float], guess: np.ndarray, wraps: np.ndarray
     ) -> np.ndarray:
-        """Return q with the given joint coordinates [m, rad], from a guess of q; wraps: which of them but for whole turns."""
+        """Return q with the given joint coordinates [m, rad], from a guess of q; wraps: which of
+        them but for whole turns."""
         indices = [self.coordinates.index(name) for name in targets]
         rates = [self._rate_index(name) for name in targets]
         values = np.array(list(targets.values()))
@@ -106,12 +112,14 @@ class Assembler:
         return self._solve(system, self.sizes[indices], guess, names, asked)
 
     def proper(self, q: np.ndarray) -> bool:
-        """Tell whether closed loops are closed in the rows that are not held, too, with frames that face each other."""
+        """Tell whether closed loops are closed in the rows that are not held, too, with frames that
+        face each other."""
         out = self.still(q)
         return not out.get("excess", 0.0) > 0 and bool(out["alignment"][0] >= 0)
 
     def at_pose(self, pose: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Return q with the tool at a pose: (x, y[, angle]) in the plane, (x, y, z[, rotation vector]) in space."""
+        """Return q with the tool at a pose: (x, y[, angle]) in the plane, (x, y, z[, rotation
+        vector]) in space."""
         names = (*self.rows, *self.pose_names(pose.size))
 
         def system(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -134,9 +142,11 @@ class Assembler:
     def rates(
         self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of the pose.
+        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of
+        the pose.
 
-        Where more rows or fewer than rates hold these are of least squares and least length, in the mechanism's own units.
+        Where more rows or fewer than rates hold these are of least squares and least length, in the
+        mechanism's own units.
         """
         if pose.size == 6:
             omega, alpha = turning(pose[3:], velocity[3:], acceleration[3:])
@@ -169,8 +179,8 @@ class Assembler:
     def _rate_index(self, coordinate: str) -> int:
         if coordinate not in self.rate_names:
             raise LinkworkError(
-                f"{coordinate!r} is part of a quaternion and cannot be asked for alone; give angles and slides, or the tool's "
-                "pose"
+                f"{coordinate!r} is part of a quaternion and cannot be asked for alone; give "
+                "angles and slides, or the tool's pose"
             )
         return self.rate_names.index(coordinate)
 
@@ -191,7 +201,8 @@ class Assembler:
         allowed = (2, 3) if self.planar else (3, 6)
         if size not in allowed:
             raise LinkworkError(
-                f"a tool pose of {size} numbers is not understood; give {' or '.join(', '.join(names[:k]) for k in allowed)}"
+                f"a tool pose of {size} numbers is not understood; give "
+                f"{' or '.join(', '.join(names[:k]) for k in allowed)}"
             )
         return tuple(f"tool: {name}" for name in names[:size])
 
@@ -227,7 +238,8 @@ class Assembler:
     ) -> np.ndarray:
         """Return q that solves a system.
 
-        sizes: the mechanism's own units of what is asked for beside closed loops; asked: what says that in a sentence.
+        sizes: the mechanism's own units of what is asked for beside closed loops; asked: what says
+        that in a sentence.
         """
         rows, rates = np.concatenate([self.units, sizes]), self.tree.rate_units
         factors = rates / rows[:, None]
@@ -241,18 +253,21 @@ class Assembler:
         except OpenLoopsError as error:
             element, _, what = names[error.worst].partition(": ")
             raise UnreachableError(
-                f"the mechanism cannot be assembled {asked()} from this guess: {element} ({what}) stays off by "
-                f"{error.gap * rows[error.worst]:.3g}; choose a pose within reach or a nearer guess"
+                f"the mechanism cannot be assembled {asked()} from this guess: {element} "
+                f"({what}) stays off by {error.gap * rows[error.worst]:.3g}; choose a pose "
+                "within reach or a nearer guess"
             ) from None
         out = self.still(q)
         if out.get("excess", 0.0) > 0:
             raise UnreachableError(
-                f"the mechanism closes {asked()} only in the rows that are held, and not in {', '.join(self.unheld)}, which "
-                "rounded numbers leave open; start from a nearer guess, or give the numbers of its frames in full"
+                f"the mechanism closes {asked()} only in the rows that are held, and not in "
+                f"{', '.join(self.unheld)}, which rounded numbers leave open; start from a "
+                "nearer guess, or give the numbers of its frames in full"
             )
         if out["alignment"][0] < 0:
             raise UnreachableError(
-                f"the mechanism closes {asked()} only with a joint's frames facing opposite ways; start from a nearer guess"
+                f"the mechanism closes {asked()} only with a joint's frames facing opposite "
+                "ways; start from a nearer guess"
             )
         return q
 
@@ -261,13 +276,15 @@ class Assembler:
         if rows >= width and values[width - 1] < LEG_SINGULAR * values[0]:
             held = ", ".join(name.removeprefix("tool: ") for name in self.pose_names(size))
             raise LinkworkError(
-                f"the configuration is leg-singular: the mechanism can move with the tool's {held} held still, so these do "
-                "not determine the joints' motion; lead the path around it"
+                "the configuration is leg-singular: the mechanism can move with the tool's "
+                f"{held} held still, so these do not determine the joints' motion; lead the path "
+                "around it"
             )
 
 
 def contracted(closure_step: Kernel, tree: Tree, q: np.ndarray) -> np.ndarray | None:
-    """Return q (nq) with closed loops where Newton's steps of the dependent coordinates contract at once, else None.
+    """Return q (nq) with closed loops where Newton's steps of the dependent coordinates contract at
+    once, else None.
 
     closure_step: the kernel of that name of a chart, whose independent coordinates stay.
     """
@@ -285,9 +302,11 @@ def contracted(closure_step: Kernel, tree: Tree, q: np.ndarray) -> np.ndarray | 
 
 
 def turning(r: np.ndarray, dr: np.ndarray, ddr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return omega = J r' and alpha = J r'' + J' r' for a rotation vector r and its time derivatives.
+    """Return omega = J r' and alpha = J r'' + J' r' for a rotation vector r and its time
+    derivatives.
 
-    J = 1 + a [r x] + b [r x]^2,  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |r|, by series near t = 0.
+    J = 1 + a [r x] + b [r x]^2,  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |r|, by series
+    near t = 0.
     """
     t = float(np.linalg.norm(r))
     if t < 1e-2:

@@ -1,11 +1,14 @@
-"""Charts of a robot: its equations in different independent rates, each with kernels compiled when first needed.
+"""Charts of a robot: its equations in different independent rates, each with kernels compiled when
+first needed.
 
-The home chart has the actuated rates where these determine the motion. A run may start in a shorter one, and changes
-to a better one where its pivots weaken. q is the same in all of them; the rates of one follow from those of another by
+The home chart has the actuated rates where these determine the motion. A run may start in a shorter
+one, and changes to a better one where its pivots weaken. q is the same in all of them; the rates of
+one follow from those of another by
 
     w = L v  (all rates of the tree),    v_other = w at the other's independent rates.
 
-Kernels take the values of the free parameters p; a chart knows those of its robot and hands them to its kernels.
+Kernels take the values of the free parameters p; a chart knows those of its robot and hands them to
+its kernels.
 """
 
 from __future__ import annotations
@@ -49,7 +52,8 @@ BUILDING = RLock()  # expressions are built by one thread at a time
 
 @dataclass(frozen=True, eq=False)
 class CompiledChart:
-    """Hold the equations in one chart, the values p (np) of their free parameters, and their kernels by name."""
+    """Hold the equations in one chart, the values p (np) of their free parameters, and their
+    kernels by name."""
 
     equations: Equations
     p: np.ndarray
@@ -62,7 +66,8 @@ class CompiledChart:
 
     @cached_property
     def kernel(self) -> Callable[[str], Kernel]:
-        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step, joints_motion ...
+        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step,
+        joints_motion ...
 
         It takes p as its last input; left out, that is the chart's.
         """
@@ -74,14 +79,16 @@ class CompiledChart:
         return self.compiled(name, getattr(functions, name)).given(self.p)
 
     def compiled(self, key: str, make: Callable[[Equations], ca.Function]) -> Kernel:
-        """Return the kernel of a function of these equations, kept under a key for all charts that share kernels."""
+        """Return the kernel of a function of these equations, kept under a key for all charts that
+        share kernels."""
         with BUILDING:
             if key not in self._kernels:
                 self._kernels[key] = compile_function(make(self.equations))
             return self._kernels[key]
 
     def kept(self, key: str, find: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return what was found of these equations under a key, found once for all charts that share kernels."""
+        """Return what was found of these equations under a key, found once for all charts that
+        share kernels."""
         with BUILDING:
             if key not in self._kept:
                 self._kept[key] = find()
@@ -104,13 +111,15 @@ class CompiledChart:
 
     @cached_property
     def units(self) -> np.ndarray:
-        """Units of (q, v) but for the time: the mechanism's own length of slides, 1 of turns and quaternions."""
+        """Units of (q, v) but for the time: the mechanism's own length of slides, 1 of turns and
+        quaternions."""
         tree = self.equations.tree
         return np.concatenate([tree.units, tree.rate_units[list(self.equations.chart.independent)]])
 
     @cached_property
     def tolerances(self) -> Callable[[float, int], np.ndarray]:
-        """Return the absolute tolerance of each number of a state (q, v, z) of some size: atol in its own unit."""
+        """Return the absolute tolerance of each number of a state (q, v, z) of some size: atol in
+        its own unit."""
 
         def found(atol: float, size: int) -> np.ndarray:
             return atol * np.concatenate([self.units, np.ones(size - self.units.size)])
@@ -124,7 +133,8 @@ class CompiledChart:
 
     @cached_property
     def with_signs(self) -> Callable[[tuple[float, ...]], CompiledChart]:
-        """Return this chart with the scales of its pivots multiplied by signs; itself where these are all positive."""
+        """Return this chart with the scales of its pivots multiplied by signs; itself where these
+        are all positive."""
         chart = self.equations.chart
 
         def multiplied(signs: tuple[float, ...]) -> CompiledChart:
@@ -143,7 +153,8 @@ class CompiledChart:
         return self.kernel("tree_rates")(q, v)[0]
 
     def weighed(self, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return w = L v (..., nv) and the weakest relative pivot (...); one state takes the shortest way."""
+        """Return w = L v (..., nv) and the weakest relative pivot (...); one state takes the
+        shortest way."""
         kernel = self.kernel("tree_rates")
         if q.ndim == v.ndim == p.ndim == 1:
             w = kernel.flat(q, v, p)
@@ -168,17 +179,20 @@ class CompiledChart:
         return self.kernel("constraints")(q)[0]
 
     def unheld_gap(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
-        """Return the largest gap (...) of rows that are redundant and not held, at configurations; p: of each."""
+        """Return the largest gap (...) of rows that are redundant and not held, at configurations;
+        p: of each."""
         if self.equations.rows.unheld is None:
             return np.zeros(q.shape[:-1])
         return self.kernel("unheld_gap")(q, self.p if p is None else p)[0][..., 0]
 
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
-        """Return a chart chosen at q (nq): independent rates, rows and elimination are those that are good there."""
+        """Return a chart chosen at q (nq): independent rates, rows and elimination are those that
+        are good there."""
         for _, chart in self.chosen(self.constraint_jacobian(q[None]), preferred):
             return chart
         raise LinkworkError(
-            "no choice of independent rates determines the motion here: branches of motion meet, or it ends"
+            "no choice of independent rates determines the motion here: branches of motion "
+            "meet, or it ends"
         )
 
     def strengths(self, Phi: np.ndarray) -> np.ndarray:
@@ -192,14 +206,16 @@ class CompiledChart:
         least: float = DETERMINED,
         p: np.ndarray | None = None,
     ) -> CompiledChart | None:
-        """Return a chart in given independent rates that is good at q (nq); None where they do not determine the motion."""
+        """Return a chart in given independent rates that is good at q (nq); None where they do not
+        determine the motion."""
         chart = chart_in(self.equations, self.constraint_jacobian(q, p), independent, least)
         return chart and CompiledChart(self.equations.in_chart(chart), self.p)
 
     def chosen(
         self, Phi: np.ndarray, preferred: tuple[int, ...]
     ) -> list[tuple[np.ndarray, CompiledChart]]:
-        """Return charts chosen at each of some configurations, and the numbers of those (`charts_at`)."""
+        """Return charts chosen at each of some configurations, and the numbers of those
+        (`charts_at`)."""
         found = charts_at(self.equations, Phi, preferred)
         return [
             (members, CompiledChart(self.equations.in_chart(chart), self.p))
@@ -209,14 +225,16 @@ class CompiledChart:
 
 @dataclass(frozen=True, eq=False)
 class Charts(MutableMapping[Any, CompiledChart]):
-    """Hold charts by key for robots that differ in the values of their free parameters: each sees them with its own p."""
+    """Hold charts by key for robots that differ in the values of their free parameters: each sees
+    them with its own p."""
 
     p: np.ndarray
     _shared: dict[Any, CompiledChart] = field(default_factory=dict)
     _own: dict[Any, CompiledChart] = field(default_factory=dict)
 
     def with_parameters(self, p: np.ndarray) -> Charts:
-        """Return the same charts, those still to come included, with other values of the free parameters."""
+        """Return the same charts, those still to come included, with other values of the free
+        parameters."""
         return Charts(p, self._shared)
 
     def __getitem__(self, key: Any) -> CompiledChart:
@@ -240,7 +258,8 @@ class Charts(MutableMapping[Any, CompiledChart]):
 
 
 def shorter(home: CompiledChart, q: np.ndarray) -> CompiledChart:
-    """Return the chart for runs: of the home chart and that of free bodies' own rates the one with fewer instructions."""
+    """Return the chart for runs: of the home chart and that of free bodies' own rates the one with
+    fewer instructions."""
     equations = home.equations
     joints = equations.topology.joints
     labels = [

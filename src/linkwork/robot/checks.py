@@ -1,4 +1,5 @@
-"""Refusals at the robot's doors: each one sentence with what is wrong, where, and what would be right."""
+"""Refusals at the robot's doors: each one sentence with what is wrong, where, and what would be
+right."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ def known(names: Iterable[object], allowed: Sequence[str], kind: str) -> None:
 def values_by_name(
     values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], what: str, kind: str
 ) -> np.ndarray:
-    """Return an array (..., len(names)) from an array in the order of the names or a mapping by name.
+    """Return an array (..., len(names)) from an array in the order of the names or a mapping by
+    name.
 
     what: the values; kind: what the names are those of
     """
@@ -96,7 +98,8 @@ def actuator_forces(
 def vector(
     values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str], kind: str
 ) -> np.ndarray:
-    """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked through."""
+    """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked
+    through."""
     if (
         isinstance(values, np.ndarray)
         and values.dtype == float
@@ -118,17 +121,20 @@ def vector(
 
 def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn:
     raise LinkworkError(
-        f"{what} has shape {array.shape}; give {len(names)} numbers in the last dimension: {', '.join(names)}"
+        f"{what} has shape {array.shape}; give {len(names)} numbers in the last dimension: "
+        f"{', '.join(names)}"
     )
 
 
 def refuse_foreign(
     state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]]
 ) -> None:
-    """Refuse what is not a state of this robot; states of an equal robot (the same joints) are accepted."""
+    """Refuse what is not a state of this robot; states of an equal robot (the same joints) are
+    accepted."""
     if not isinstance(state, State):
         raise LinkworkError(
-            f"a state is needed, not {type(state).__name__}; make one by robot.state or robot.assemble"
+            f"a state is needed, not {type(state).__name__}; make one by robot.state or "
+            "robot.assemble"
         )
     if state.independent not in charts:
         rates = ", ".join(state.independent)
@@ -136,7 +142,8 @@ def refuse_foreign(
     if state.coordinates != coordinates:
         found = ", ".join(state.coordinates)
         raise LinkworkError(
-            f"the state belongs to another robot: its joints are {found}, not {', '.join(coordinates)}"
+            f"the state belongs to another robot: its joints are {found}, not "
+            f"{', '.join(coordinates)}"
         )
 
 
@@ -149,19 +156,21 @@ def require_closed(
     index = tuple(int(i) for i in np.argwhere(~(gap <= tolerance))[0])
     which = f" of state {', '.join(map(str, index))}" if index else ""
     raise LinkworkError(
-        f"the loops{which} are open by {gap[index]:.3g} ({row(index)}), more than the tolerance {tolerance:g}; "
-        "close them by robot.assemble, or raise the tolerance"
+        f"the loops{which} are open by {gap[index]:.3g} ({row(index)}), more than the tolerance "
+        f"{tolerance:g}; close them by robot.assemble, or raise the tolerance"
     )
 
 
 def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:
-    """Return the refusal of a configuration where the independent rates do not determine the motion."""
+    """Return the refusal of a configuration where the independent rates do not determine the
+    motion."""
     weakest = np.unravel_index(
         int(np.argmin(np.nan_to_num(np.abs(pivot[..., 0]), nan=-1.0))), pivot.shape[:-1]
     )
     which = f" of state {', '.join(str(int(i)) for i in weakest)}" if weakest else ""
     return SingularError(
-        f"the configuration{which} is singular (smallest relative pivot {abs(float(pivot[(*weakest, 0)])):.2g}): with "
-        f"{', '.join(independent)} locked the mechanism can still move (where they are the actuators: it is "
-        "actuator-singular); choose another configuration, or other independent rates by robot.in_chart"
+        f"the configuration{which} is singular (smallest relative pivot "
+        f"{abs(float(pivot[(*weakest, 0)])):.2g}): with {', '.join(independent)} locked the "
+        "mechanism can still move (where they are the actuators: it is actuator-singular); "
+        "choose another configuration, or other independent rates by robot.in_chart"
     )

@@ -1,9 +1,10 @@
 """Choices: which chart a run goes on in where its own has become weak.
 
-It is a matter of the configuration q (and of p) and of the chart that is left, not of the charts known from elsewhere. At
-a regular configuration, where the constraints are far from dependent, it is the one chosen there. Near a singular one every
-chart is weak, so that only a much stronger one is worth the change: the rates, or the order of elimination, were bad. A
-chart is as strong as the weakest pivot that its elimination comes upon, which tells of both.
+It is a matter of the configuration q (and of p) and of the chart that is left, not of the charts
+known from elsewhere. At a regular configuration, where the constraints are far from dependent, it
+is the one chosen there. Near a singular one every chart is weak, so that only a much stronger one
+is worth the change: the rates, or the order of elimination, were bad. A chart is as strong as the
+weakest pivot that its elimination comes upon, which tells of both.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ def regular(chart: CompiledChart, q: np.ndarray) -> bool:
 
 
 def lost(chart: CompiledChart, q: np.ndarray) -> bool:
-    """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart: any."""
+    """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart:
+    any."""
     return bool(chart.equations.lost(chart.constraint_jacobian(q)))
 
 
@@ -73,7 +75,8 @@ def kept_charts(
 ) -> Iterator[tuple[list[int], CompiledChart]]:
     """Yield the charts to use for a chosen one, and the configurations that use them.
 
-    That in which runs start, with its pivots positive there, if it has the same order of elimination and they are strong.
+    That in which runs start, with its pivots positive there, if it has the same order of
+    elimination and they are strong.
     """
     charts, first = robot.run_charts, robot.run_chart
     if candidate.order == first.order:

@@ -1,15 +1,18 @@
-"""Crossing: one large step over a singular pose where the equations of motion fail but the motion is smooth.
+"""Crossing: one large step over a singular pose where the equations of motion fail but the motion
+is smooth.
 
-The pose lies ahead at the time t_0 where the chart's weakest pivot vanishes like (t_0 - t)^m. Gauss's collocation with an
-even number s of nodes c_i over an interval h with t_0 in its middle never evaluates there:
+The pose lies ahead at the time t_0 where the chart's weakest pivot vanishes like (t_0 - t)^m.
+Gauss's collocation with an even number s of nodes c_i over an interval h with t_0 in its middle
+never evaluates there:
 
-    Y_i = y + h sum_j a_ij f(t + c_j h, Y_j),     y_new = y + h sum_j b_j f(t + c_j h, Y_j),     order 2 s
+    Y_i = y + h sum_j a_ij f(t + c_j h, Y_j),  y_new = y + h sum_j b_j f(t + c_j h, Y_j),  order 2 s
 
-by fixed-point iteration, the loops of every Y_i closed by Newton's method from the polynomial's own q, so that all lie on
-one branch: the smooth one. Two numbers of nodes estimate the error, the finer one going out from the polynomial of the
-coarser one; where the branch is not smooth they disagree, and there is no crossing. What is asked for on the way over is
-the polynomial through its values at the nodes and both ends, where all is regular: of the state it is the collocation's own.
-Source: Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
+by fixed-point iteration, the loops of every Y_i closed by Newton's method from the polynomial's own
+q, so that all lie on one branch: the smooth one. Two numbers of nodes estimate the error, the finer
+one going out from the polynomial of the coarser one; where the branch is not smooth they disagree,
+and there is no crossing. What is asked for on the way over is the polynomial through its values at
+the nodes and both ends, where all is regular: of the state it is the collocation's own. Source:
+Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
 """
 
 from __future__ import annotations
@@ -38,10 +41,12 @@ ROUNDING = np.finfo(float).eps  # gap of loops, in own units, that doubles need 
 
 @dataclass(frozen=True, eq=False)
 class Crossed:
-    """Hold what is known of a crossing at its K nodes, the start and the end among them: all of them are regular.
+    """Hold what is known of a crossing at its K nodes, the start and the end among them: all of
+    them are regular.
 
-    t: their times (K,) [s]; y: states (q, v, z) there (K, n); u: inputs (K, nu); pivots: of the chart's blocks (K, blocks)
-    evaluations: of the equations of motion that it took; chart: that it was made in
+    t: their times (K,) [s]; y: states (q, v, z) there (K, n); u: inputs (K, nu); pivots: of the
+    chart's blocks (K, blocks) evaluations: of the equations of motion that it took; chart: that it
+    was made in
     """
 
     t: np.ndarray
@@ -60,7 +65,8 @@ class Crossed:
         return np.tensordot(self.weights(t), values, axes=1)
 
     def zeros(self, values: np.ndarray) -> list[tuple[float, bool]]:
-        """Return when a quantity passes zero [s], and whether it rises; its values (K,) at the nodes tell between which."""
+        """Return when a quantity passes zero [s], and whether it rises; its values (K,) at the
+        nodes tell between which."""
         found, polynomial = [], Polynomial.fit(self.t, values, self.t.size - 1)
         for k in np.flatnonzero(
             (values[:-1] * values[1:] < 0) | ((values[1:] == 0) & (values[:-1] != 0))
@@ -73,7 +79,8 @@ class Crossed:
 
     @cached_property
     def singular(self) -> float | None:
-        """When rank is lost [s], the weakest pivot vanishes, changing its sign or not; None where that is not on the way."""
+        """When rank is lost [s], the weakest pivot vanishes, changing its sign or not; None where
+        that is not on the way."""
         values = self.pivots[:, int(np.argmin(np.abs(self.pivots).min(axis=0)))]
         polynomial = Polynomial.fit(self.t, values, self.t.size - 1)
         roots = np.concatenate([polynomial.roots(), polynomial.deriv().roots()]).real
@@ -87,7 +94,8 @@ class Crossed:
         return pose if there <= VANISHED * max(nodes) else None
 
     def _least(self, y: np.ndarray) -> np.ndarray:
-        """Return the least singular value of the constraints, over their sizes, at states (S, n)."""
+        """Return the least singular value of the constraints, over their sizes, at states
+        (S, n)."""
         equations = self.chart.equations
         Phi = self.chart.constraint_jacobian(np.ascontiguousarray(y[:, : equations.nq]))
         return smallest_singular(equations.scaled(Phi), len(equations.chart.rows))
@@ -95,7 +103,8 @@ class Crossed:
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """Step over a singular pose in one chart of a system; closure: largest |phi|; atol, rtol: of the run.
+    """Step over a singular pose in one chart of a system; closure: largest |phi|; atol, rtol: of
+    the run.
 
     The rates v of a crossing are those of the chart, then the system's extra states.
     """
@@ -107,7 +116,8 @@ class Crossing:
     rtol: float
 
     def over(self, t: float, q: np.ndarray, v: np.ndarray) -> Crossed | None:
-        """Return the way to behind the pose ahead of (t, q, v), as far as before it; None where there is no smooth one."""
+        """Return the way to behind the pose ahead of (t, q, v), as far as before it; None where
+        there is no smooth one."""
         y = np.concatenate([q, v])
         slope = self._slope(self.system.inputs(t), y)
         gap = self._time_to_zero(q, slope[: q.size])
@@ -139,14 +149,16 @@ class Crossing:
         )
 
     def _error(self, fine: Collocation, coarse: Collocation) -> float:
-        """Return the difference of two collocations at the end and at all nodes of the finer one, in tolerances."""
+        """Return the difference of two collocations at the end and at all nodes of the finer one,
+        in tolerances."""
         difference = fine.states - between(*NODES)[0] @ coarse.states
         return float((np.abs(difference) / self._tolerance(fine.states)).max())
 
     def nearby(self, crossed: Crossed, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the states y at times on the way (S, n), and their largest |phi| (S,).
 
-        Loops are closed anew where that moves q by less than the tolerance: not near the pose, where they tell q no more.
+        Loops are closed anew where that moves q by less than the tolerance: not near the pose,
+        where they tell q no more.
         """
         states, nq = crossed.through(crossed.y, t), self.chart.equations.nq
         for state in states:
@@ -156,7 +168,8 @@ class Crossing:
         return states, np.array([self._residual(state[:nq]) for state in states])
 
     def _time_to_zero(self, q: np.ndarray, slope: np.ndarray) -> float | None:
-        """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2); slope: q'."""
+        """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2);
+        slope: q'."""
         units = self.chart.equations.tree.units
         h = 1e-3 * max(1.0, np.abs(q / units).max()) / max(np.abs(slope / units).max(), 1e-3)
         p_0, p_1, p_2 = (abs(self.chart.pivot(q - k * h * slope)) for k in range(3))
@@ -190,7 +203,8 @@ class Crossing:
                 return None
 
     def _tolerance(self, y: np.ndarray) -> np.ndarray:
-        """Return the error that each number of y may have; a number small in its own unit counts as 1 of it."""
+        """Return the error that each number of y may have; a number small in its own unit counts as
+        1 of it."""
         units = self.chart.tolerances(1.0, y.shape[-1])
         return self.atol * units + max(self.rtol, FINEST) * np.maximum(units, np.abs(y))
 
@@ -206,11 +220,13 @@ class Crossing:
 
     @cached_property
     def _closure(self) -> Kernel | None:
-        """Return the kernel of q -> one Newton step, largest |phi|; None where there is nothing to close."""
+        """Return the kernel of q -> one Newton step, largest |phi|; None where there is nothing to
+        close."""
         return self.chart.kernel("closure_step") if self.chart.equations.constrained else None
 
     def _closed(self, q: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return q with its loops closed by Newton's method to rounding, and whether they are closed."""
+        """Return q with its loops closed by Newton's method to rounding, and whether they are
+        closed."""
         if self._closure is None:
             return q, True
         best, residual = q, np.inf
@@ -231,7 +247,8 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Collocation:
-    """Hold a step by collocation: states (s + 2, n) at c = 0, its s nodes and 1, slopes (s, n) at the nodes, evaluations."""
+    """Hold a step by collocation: states (s + 2, n) at c = 0, its s nodes and 1, slopes (s, n) at
+    the nodes, evaluations."""
 
     states: np.ndarray
     slopes: np.ndarray
@@ -239,7 +256,8 @@ class Collocation:
 
 
 def lagrange(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return Lagrange's polynomials of the nodes (K,) at other places (S, K): what of each node counts at each place."""
+    """Return Lagrange's polynomials of the nodes (K,) at other places (S, K): what of each node
+    counts at each place."""
     own = np.eye(nodes.size, dtype=bool)
     above = np.where(own, 1.0, (at[:, None] - nodes)[:, None, :]).prod(axis=2)
     return above / np.where(own, 1.0, nodes[:, None] - nodes).prod(axis=1)
@@ -247,7 +265,8 @@ def lagrange(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 @cache
 def gauss(stages: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a, b, c of Gauss's collocation: c the roots of Legendre's polynomial on [0, 1], order 2 stages."""
+    """Return a, b, c of Gauss's collocation: c the roots of Legendre's polynomial on [0, 1], order
+    2 stages."""
     c = (np.polynomial.legendre.leggauss(stages)[0] + 1) / 2
     k = np.arange(1, stages + 1)
     inverse = np.linalg.inv(np.vander(c, increasing=True))
@@ -258,7 +277,8 @@ def gauss(stages: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @cache
 def between(known: int, wanted: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what leads from a collocation's states, and from its slopes, to those at the nodes of another one."""
+    """Return what leads from a collocation's states, and from its slopes, to those at the nodes of
+    another one."""
     own, other = nodes(known), nodes(wanted)
     return lagrange(own, other), lagrange(own[1:-1], other[1:-1])
 

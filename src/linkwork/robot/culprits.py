@@ -1,4 +1,5 @@
-"""Culprits: name what is infinite or undefined where a run ended, of what the user gave rather than of what it led to."""
+"""Culprits: name what is infinite or undefined where a run ended, of what the user gave rather than
+of what it led to."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # times after the end of a run at which 
 
 
 def culprit(system: System, segment: Segment) -> str:
-    """Return what is not finite: forces or wrenches that act there or just behind, else what the integrator came upon."""
+    """Return what is not finite: forces or wrenches that act there or just behind, else what the
+    integrator came upon."""
     last, chart, n = segment.trajectory, segment.chart, segment.trajectory.q_end.size
     held = last.control.held if last.control else np.empty(0)
     y, p, fault = np.concatenate([last.q_end, last.v_end]), system.p(chart), int(last.outcome.fault)
@@ -36,7 +38,8 @@ def culprit(system: System, segment: Segment) -> str:
 
 
 def undefined(system: System, chart: CompiledChart, x: np.ndarray, u: np.ndarray) -> str:
-    """Return the forces and wrenches that are not finite for a kernel's input x; nothing if there are none."""
+    """Return the forces and wrenches that are not finite for a kernel's input x; nothing if there
+    are none."""
     acting, actuators = system.acting, chart.equations.mechanism.actuators
     if acting is None:
         return named("the force on", actuators, u[None])
@@ -52,7 +55,8 @@ def undefined(system: System, chart: CompiledChart, x: np.ndarray, u: np.ndarray
 
 
 def named(what: str, names: Sequence[str], columns: np.ndarray) -> str:
-    """Return the names whose columns hold numbers that are not finite; nothing if there are none."""
+    """Return the names whose columns hold numbers that are not finite; nothing if there are
+    none."""
     lost = [
         name for name, values in zip(names, columns.T, strict=True) if not np.isfinite(values).all()
     ]
@@ -60,7 +64,8 @@ def named(what: str, names: Sequence[str], columns: np.ndarray) -> str:
 
 
 def came_upon(system: System, chart: CompiledChart, held: int) -> list[str]:
-    """Return what the integrator looks through, in its order: y', the pivot, held inputs, functions of events."""
+    """Return what the integrator looks through, in its order: y', the pivot, held inputs, functions
+    of events."""
     tree = chart.equations.tree
     return [
         *(f"the rate of {name}" for name in tree.coordinates),

@@ -1,11 +1,14 @@
-"""Derived: what goes in and out of a run as power, its energy balance, and how well its equations were conditioned.
+"""Derived: what goes in and out of a run as power, its energy balance, and how well its equations
+were conditioned.
 
-    balance(t) = E(t) - E(0) - W(t),        W' = sum of the powers of actuators, friction, dampers, external wrenches
+    balance(t) = E(t) - E(0) - W(t),  W' = sum of the powers of actuators, friction, dampers,
+    external wrenches
 
-vanishes for the exact motion. The run is gone through once more in its own steps, and the power is integrated along their
-dense output, whose error is of the order that the tolerance bounds: the balance is the energy that the run's own steps and
-projections have gained or lost. A sampled controller is not called again: from each of its calls to the next the motion is
-integrated under the inputs that it held.
+vanishes for the exact motion. The run is gone through once more in its own steps, and the power is
+integrated along their dense output, whose error is of the order that the tolerance bounds: the
+balance is the energy that the run's own steps and projections have gained or lost. A sampled
+controller is not called again: from each of its calls to the next the motion is integrated under
+the inputs that it held.
 """
 
 from __future__ import annotations
@@ -37,7 +40,8 @@ Kept = Sequence[tuple[Segment, np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Evaluate a system in one chart at K samples: states y = (q, v, z), inputs r = (signals, held inputs)."""
+    """Evaluate a system in one chart at K samples: states y = (q, v, z), inputs r = (signals, held
+    inputs)."""
 
     robot: Model
     system: System
@@ -56,7 +60,8 @@ class Flow:
         return self.system.kernel(self.chart, "motion")(q, v, z, r, self.system.p(self.chart))[0]
 
     def acting(self, y: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return the actuators' forces (K, actuators) and external wrenches (K, 6 wrenches), if there are any."""
+        """Return the actuators' forces (K, actuators) and external wrenches (K, 6 wrenches), if
+        there are any."""
         if self.system.acting is None:
             return r, None
         p = self.system.p(self.chart)
@@ -88,8 +93,8 @@ def power_parts(
     force: np.ndarray,
     wrenches,
 ) -> dict[str, np.ndarray]:
-    """Return the powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of the dampers of springs
-    between points (K, springs), and of external wrenches (K, wrenches).
+    """Return the powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of
+    the dampers of springs between points (K, springs), and of external wrenches (K, wrenches).
     """
     actuated, friction, dampers, _ = chart.compiled("powers", powers).given(chart.p)(q, v)
     parts = {
@@ -115,7 +120,8 @@ def about_centres(
     v: np.ndarray,
     wrenches: np.ndarray,
 ) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the body's place and [moment about the mass centre; force] (K, 6) of each external wrench, ground's axes."""
+    """Yield the body's place and [moment about the mass centre; force] (K, 6) of each external
+    wrench, ground's axes."""
     acting = system.acting
     axes = chart.kernel("bodies_motion")(q, v)[1].reshape(len(q), len(robot.bodies), 3, 3)
     for k, wrench in enumerate(acting.wrenches if acting else ()):
@@ -193,8 +199,8 @@ def works(robot: Model, system: System, kept: Kept) -> tuple[np.ndarray, float]:
     if lost.size:
         t = np.concatenate([segment.trajectory.t[rows] for segment, rows in kept])[lost[0]]
         warnings.warn(
-            f"the work, and with it the energy balance, is not known (nan) from t = {t:.9g} s on: the powers are not finite"
-            " there, or the run could not be gone through again",
+            f"the work, and with it the energy balance, is not known (nan) from t = {t:.9g} s "
+            "on: the powers are not finite there, or the run could not be gone through again",
             stacklevel=2,
         )
     return work, begun
@@ -203,7 +209,8 @@ def works(robot: Model, system: System, kept: Kept) -> tuple[np.ndarray, float]:
 def gained(flow: Flow, segment: Segment, t: np.ndarray) -> np.ndarray:
     """Return the work (K,) done up to each of the times since the one before it.
 
-    Gauss's quadrature of the power over the segment's steps, cut at the times, on their dense output.
+    Gauss's quadrature of the power over the segment's steps, cut at the times, on their dense
+    output.
     """
     work = np.zeros(len(t))
     if segment.trajectory.control is None:

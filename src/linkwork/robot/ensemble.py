@@ -1,9 +1,11 @@
-"""Ensembles: many runs of one robot at a time, from many states, under many forces, with many values of its parameters.
+"""Ensembles: many runs of one robot at a time, from many states, under many forces, with many
+values of its parameters.
 
-What the compiled lanes can do members do there (`in_lanes`), in the lanes of vector registers, over all threads, in the
-chart that runs start in. Where its pivots weaken a member needs another one: it goes on from there by itself, from chart
-to chart, as `Robot.simulate` does it; what the lanes cannot do members do by themselves from the start (`alone`). So
-every member comes to what it comes to alone.
+What the compiled lanes can do members do there (`in_lanes`), in the lanes of vector registers, over
+all threads, in the chart that runs start in. Where its pivots weaken a member needs another one: it
+goes on from there by itself, from chart to chart, as `Robot.simulate` does it; what the lanes
+cannot do members do by themselves from the start (`alone`). So every member comes to what it comes
+to alone.
 """
 
 from __future__ import annotations
@@ -62,13 +64,14 @@ class Ensemble:
     """Hold the results of N runs.
 
     status: how each member ended (N,), as `Status`; end_time: when (N,) [s]
-    final: the last states reached, a stack of N, rates that no common chart tells nan; extras: drives and controllers there
-    nfev, steps, rejected: evaluations of the equations of motion, accepted and rejected steps of each member (N,)
-    pivot, closure_error: the smallest relative pivot and the largest loop residual of each member (N,)
-    parameters: values that vary, by name (N,)
-    members: what they went out from; rows: gives their states at the saved times; settings: how they were run
-    events: what happened in a member's run, and when
-    dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over (member, time, ...)
+    final: the last states reached, a stack of N, rates that no common chart tells nan; extras:
+    drives and controllers there nfev, steps, rejected: evaluations of the equations of motion,
+    accepted and rejected steps of each member (N,) pivot, closure_error: the smallest relative
+    pivot and the largest loop residual of each member (N,) parameters: values that vary, by name
+    (N,) members: what they went out from; rows: gives their states at the saved times; settings:
+    how they were run events: what happened in a member's run, and when
+    dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over
+    (member, time, ...)
     """
 
     status: np.ndarray
@@ -137,10 +140,12 @@ class Ensemble:
 
     @cached_property
     def error_estimate(self) -> np.ndarray:
-        """Return the largest error of each member's last state (N,), relative to atol + rtol |y|: estimated.
+        """Return the largest error of each member's last state (N,), relative to atol + rtol |y|:
+        estimated.
 
-        It is found by running all members again at a tenth of the tolerance (half of the step) when it is first asked for:
-        see `linkwork.robot.accuracy`. nan for members that did not reach their ends, or that a Python function controls.
+        It is found by running all members again at a tenth of the tolerance (half of the step) when
+        it is first asked for: see `linkwork.robot.accuracy`. nan for members that did not reach
+        their ends, or that a Python function controls.
         """
         if self._companion is None:
             return np.full(len(self), np.nan)
@@ -175,7 +180,8 @@ class Ensemble:
         return self._sentences(self._numbered(member))
 
     def events(self, member: int) -> tuple[tuple[str, float], ...]:
-        """Return the events of a member's run, each its name and time [s], in the order of the times."""
+        """Return the events of a member's run, each its name and time [s], in the order of the
+        times."""
         of = self._happened.members == self._numbered(member)
         return tuple(
             zip(self._happened.names[of].tolist(), self._happened.times[of].tolist(), strict=True)
@@ -186,7 +192,8 @@ class Ensemble:
         return self._passed.times[self._passed.members == self._numbered(member)]
 
     def turned(self, time: np.ndarray, read: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return coordinates of all joints (N, K, m) that are read off the tree's with their whole turns (`following`)."""
+        """Return coordinates of all joints (N, K, m) that are read off the tree's with their whole
+        turns (`following`)."""
         if not self.members.robot.labels.may_wind:
             return read
         windings = following.of_members(self.members, time, read, rates, self.steps, self._again)
@@ -205,8 +212,9 @@ class Ensemble:
     def dataset(self) -> xarray.Dataset:
         """Return the ensemble as an `xarray.Dataset`; what a member did not reach is nan.
 
-        Events, if any were asked for, lie one after the other along their own axis: event, event_time and event_member; and
-        so do singular poses that were stepped over: singular_time and singular_member.
+        Events, if any were asked for, lie one after the other along their own axis: event,
+        event_time and event_member; and so do singular poses that were stepped over: singular_time
+        and singular_member.
         """
         import xarray
 
@@ -283,7 +291,8 @@ def completed(crew: Members, settings: Settings, report: Progress) -> Ensemble:
 
 
 def in_lanes(crew: Members, method: Method) -> bool:
-    """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled controllers."""
+    """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled
+    controllers."""
     return method.in_lanes and not crew.system.events and crew.system.sampler is None
 
 
@@ -326,10 +335,11 @@ def waiting(crew: Members, settings: Settings, members: np.ndarray) -> Part:
 
 
 def together(crew: Members, settings: Settings, report: Progress) -> tuple[list[Part], bool]:
-    """Run all members as far as they come in the lanes' chart, if it tells their motion; tell whether they were cancelled.
+    """Run all members as far as they come in the lanes' chart, if it tells their motion; tell
+    whether they were cancelled.
 
-    Its pivots are counted positive where the first member starts; members that start where they are negative then are run
-    in the same chart, with its pivots counted positive there.
+    Its pivots are counted positive where the first member starts; members that start where they are
+    negative then are run in the same chart, with its pivots counted positive there.
     """
     parts: list[Part] = []
     first, able = crew.chart, np.flatnonzero(crew.told)
@@ -385,7 +395,8 @@ def together(crew: Members, settings: Settings, report: Progress) -> tuple[list[
 
 
 def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, np.ndarray]]:
-    """Yield charts with their pivots positive where members start that the first chart is averted from, and these."""
+    """Yield charts with their pivots positive where members start that the first chart is averted
+    from, and these."""
     signs = crew.chart.kernel("pivots")(crew.q[averted], crew.p_robot(averted))[0] < 0
     kinds = signs @ 2.0 ** np.arange(signs.shape[1])
     for kind in np.unique(kinds):
@@ -396,7 +407,8 @@ def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, n
 
 
 def weakened(crew: Members, settings: Settings, part: Part) -> Iterator[Task]:
-    """Yield the members whose pivots have weakened, to go on from there; their next charts are chosen all at once.
+    """Yield the members whose pivots have weakened, to go on from there; their next charts are
+    chosen all at once.
 
     Those that have become stiff go on in the same chart.
     """
@@ -420,7 +432,8 @@ def weakened(crew: Members, settings: Settings, part: Part) -> Iterator[Task]:
 
 
 def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarray) -> Segment:
-    """Return what a member that started at y did in the lanes as the first segment of its own run."""
+    """Return what a member that started at y did in the lanes as the first segment of its own
+    run."""
     from linkwork.simulation.native_loop import Outcome
 
     nq, done = part.chart.equations.nq, part.outcomes
@@ -516,7 +529,8 @@ def collected(
 def again(
     crew: Members, settings: Settings, lone: Sequence[Lone], which: Sequence[int]
 ) -> Iterator[tuple[int, Sequence[Segment], bool]]:
-    """Yield members with their segments that ran by themselves, and others once more; tell whether every step was saved."""
+    """Yield members with their segments that ran by themselves, and others once more; tell whether
+    every step was saved."""
     whole = {
         one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)
     }
@@ -532,7 +546,8 @@ def again(
 
 
 def companion(crew: Members, settings: Settings) -> Callable[[], Ensemble] | None:
-    """Return what runs all members again at a tighter tolerance; None where that is not possible."""
+    """Return what runs all members again at a tighter tolerance; None where that is not
+    possible."""
     if not repeatable(crew.system, settings):
         return None
 
@@ -544,7 +559,8 @@ def companion(crew: Members, settings: Settings) -> Callable[[], Ensemble] | Non
 
 
 def closure_errors(crew: Members, part: Part) -> np.ndarray:
-    """Return the largest gap (M,) of each member, that of rows that are not held where it is saved and at its end included."""
+    """Return the largest gap (M,) of each member, that of rows that are not held where it is saved
+    and at its end included."""
     found, equations = part.outcomes, crew.robot.equations
     if equations.rows.unheld is None:
         return found.closure_error
@@ -554,7 +570,8 @@ def closure_errors(crew: Members, part: Part) -> np.ndarray:
 
 
 def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
-    """Return numbers of all members; where they are one part and not to be written to, those of the part."""
+    """Return numbers of all members; where they are one part and not to be written to, those of the
+    part."""
     columns = {
         name: [getattr(part.outcomes, name) for part in parts]
         for name in ("status", "end_time", *STATISTICS)
@@ -569,10 +586,11 @@ def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.n
 def last_states(
     crew: Members, parts: Sequence[Part], lone: Sequence[Lone]
 ) -> tuple[State, np.ndarray]:
-    """Return the last states reached, in one chart, and the extra states there; angles as they are read off the tree's.
+    """Return the last states reached, in one chart, and the extra states there; angles as they are
+    read off the tree's.
 
-    It is the home chart where that tells all motions, else the first of the members' own that does; if none does it is the
-    home chart, and the rates that it does not tell are nan.
+    It is the home chart where that tells all motions, else the first of the members' own that does;
+    if none does it is the home chart, and the rates that it does not tell are nan.
     """
     robot, count = crew.robot, len(crew)
     q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.states)))
@@ -602,7 +620,8 @@ def last_states(
 
 
 def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.ndarray:
-    """Return the rates (N, n) in one chart of states in others; nan where it does not tell their motion."""
+    """Return the rates (N, n) in one chart of states in others; nan where it does not tell their
+    motion."""
     v = np.full((len(crew), crew.robot.mobility), np.nan)
     for row in rows:
         q, rates, _ = row.split()
@@ -622,7 +641,8 @@ def last_of(part: Part) -> Rows:
 def saved(
     crew: Members, parts: Sequence[Part], lone: Sequence[Lone], at: np.ndarray
 ) -> Iterator[Rows]:
-    """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their own runs."""
+    """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their
+    own runs."""
     alone = np.array([one.member for one in lone], dtype=int)
     for part in parts:
         kept = np.arange(part.outcomes.samples.shape[1]) < part.outcomes.saved[:, None]
@@ -663,7 +683,8 @@ def passed(lone: Sequence[Lone]) -> Happened:
 def measured(
     crew: Members, parts: Sequence[Rows], times: np.ndarray
 ) -> tuple[dict[str, Variable], dict[str, Variable]]:
-    """Return positions and rates of all joints, closure, tool and extra states at the saved times; and the axes' labels."""
+    """Return positions and rates of all joints, closure, tool and extra states at the saved times;
+    and the axes' labels."""
     robot, extras = crew.robot, crew.system.extras
     shape = (len(crew), len(times))
     coords = {
@@ -729,7 +750,8 @@ def joints(crew: Members, rows: Rows) -> dict[str, np.ndarray]:
 
 @contextmanager
 def shown(progress: bool | Progress) -> Iterator[Progress]:
-    """Give a function to report to: the caller's, one that moves a bar on the terminal, or one that does nothing."""
+    """Give a function to report to: the caller's, one that moves a bar on the terminal, or one that
+    does nothing."""
     if callable(progress):
         yield progress
     elif not progress:

@@ -1,4 +1,5 @@
-"""Evaluation: terms of the equations of motion at states, in each state's chart, refused where they are singular."""
+"""Evaluation: terms of the equations of motion at states, in each state's chart, refused where they
+are singular."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 
 def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
-    """Return the same state with the rates of these names as the independent ones: `Robot.in_chart`."""
+    """Return the same state with the rates of these names as the independent ones:
+    `Robot.in_chart`."""
     given, chart = robot.chart_of(robot.own(state)), None
     for q in state.q.reshape(-1, state.q.shape[-1]):
         if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
@@ -31,7 +33,8 @@ def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
                 q, tuple(map(robot.equations.tree.rates.index, names))
             ).independent
             raise LinkworkError(
-                f"the rates {', '.join(names)} do not determine the motion here; {', '.join(able)} do"
+                f"the rates {', '.join(names)} do not determine the motion here; "
+                f"{', '.join(able)} do"
             )
     if chart is None:
         raise LinkworkError(
@@ -40,22 +43,25 @@ def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
     rates, kept = reread(robot, given, chart, state.q, state.rates)
     if not kept.all():
         raise LinkworkError(
-            f"the motion cannot be told in the rates {', '.join(names)}: {', '.join(state.independent)}, in which it is "
-            "given, do not determine it here; give a state at rest, and then its rates"
+            f"the motion cannot be told in the rates {', '.join(names)}: "
+            f"{', '.join(state.independent)}, in which it is given, do not determine it here; "
+            "give a state at rest, and then its rates"
         )
     robot.charts[names] = chart
     return replace(state, rates=rates, independent=names)
 
 
 def outputs(robot: Model, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good orders of elimination."""
+    """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good
+    orders of elimination."""
     return evaluated(
         robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given
     )
 
 
 def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
-    """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest way."""
+    """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest
+    way."""
     kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
     n = len(state.independent)
     if values.ndim == 1 and q.ndim == 1:
@@ -76,7 +82,8 @@ def actuator_forces(
     accelerations: ArrayLike | Mapping[str, ArrayLike],
     weights: ArrayLike | Mapping[str, float] | None,
 ) -> np.ndarray:
-    """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm: `Robot.inverse_dynamics`."""
+    """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm:
+    `Robot.inverse_dynamics`."""
     v_dot = checks.vector(
         accelerations, "accelerations", robot.own(state).independent, "independent rate"
     )
@@ -101,7 +108,8 @@ def actuator_forces(
 
 
 def own_units(robot: Model, state: State) -> actuation.Units:
-    """Return the mechanism's own units of the actuated rates and of a state's independent ones, but for the time."""
+    """Return the mechanism's own units of the actuated rates and of a state's independent ones, but
+    for the time."""
     length = robot.equations.tree.length
     driven = np.array([length if robot.unit(name) == "m" else 1.0 for name in robot.actuators])
     return actuation.Units(driven, robot.chart_of(state).units[robot.equations.nq :])
@@ -129,7 +137,8 @@ def actuation_map(robot: Model, state: State) -> np.ndarray:
 
 
 def internal_forces(robot: Model, state: State, weights: np.ndarray | None = None) -> np.ndarray:
-    """Return the actuator forces B (actuators, k) with S' B = 0 and B' W B = 1 at one state: `Robot.internal_forces`."""
+    """Return the actuator forces B (actuators, k) with S' B = 0 and B' W B = 1 at one state:
+    `Robot.internal_forces`."""
     if robot.own(state).batch:
         raise LinkworkError(
             "internal forces are those of one state, not of a stack; take one by state.at(index)"
@@ -167,7 +176,8 @@ def joints_motion(robot: Model, state: State, v_dot: np.ndarray) -> Sequence[np.
 def require_regular(
     robot: Model, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
 ) -> None:
-    """Refuse results where the rates of the state do not determine the motion, or that are not finite."""
+    """Refuse results where the rates of the state do not determine the motion, or that are not
+    finite."""
     weakest = np.abs(pivot).min(initial=np.inf)
     if weakest > checks.PIVOT_BOUND and np.isfinite(result).all():
         return

@@ -1,4 +1,5 @@
-"""Robot: the one object a user holds. It joins description, derivation, compilation and simulation."""
+"""Robot: the one object a user holds. It joins description, derivation, compilation and
+simulation."""
 
 from __future__ import annotations
 
@@ -28,28 +29,35 @@ Weights = ArrayLike | Mapping[str, float] | None
 
 
 class Robot(Model):
-    """Derive, compile and evaluate the exact equations of motion of a mechanism in independent rates v.
+    """Derive, compile and evaluate the exact equations of motion of a mechanism in independent
+    rates v.
 
-        M(q) v' + C(q, v) v + G(q) = S' u + f,    q' = L(q) v                  (paper, Eqs. (7), (9)-(12))
+        M(q) v' + C(q, v) v + G(q) = S' u + f,    q' = L(q) v            (paper, Eqs. (7), (9)-(12))
 
-    Everything is in SI units and radians. The independent rates, and so the order of M and of accelerations, are those
-    named by `independent`: the actuated ones in the order of `actuators` (S = 1) where these determine the motion;
-    else as many of them as are independent, and others. f are the forces of springs and friction. Joint coordinates
-    are in the order of `coordinates`, their rates in that of `rates`. Methods take one state or a stack of states with
-    leading dimensions, and return arrays with the same leading dimensions. Kernels are compiled when they are first
-    needed and kept in the user's cache folder.
+    Everything is in SI units and radians. The independent rates, and so the order of M and of
+    accelerations, are those named by `independent`: the actuated ones in the order of `actuators`
+    (S = 1) where these determine the motion; else as many of them as are independent, and others. f
+    are the forces of springs and friction. Joint coordinates are in the order of `coordinates`,
+    their rates in that of `rates`. Methods take one state or a stack of states with leading
+    dimensions, and return arrays with the same leading dimensions. Kernels are compiled when they
+    are first needed and kept in the user's cache folder.
 
     Args:
         mechanism: the description, from `linkwork.robots`, a file (`Robot.from_file`) or code.
-        independent: rates that should be the independent ones, by name, as far as they determine the motion.
+        independent: rates that should be the independent ones, by name, as far as they determine
+            the motion.
         free: numbers of the description that stay free, by path (see `free`).
 
     Attributes:
-        parameters: values of the free numbers, by path; p: the same as an array, the kernels' last input
+        parameters: values of the free numbers, by path; p: the same as an array, the kernels' last
+            input
         mobility: number n of independent rates; gruebler: what Gruebler's formula gives for it
-        redundant: closure rows that depend on the others, by joint and direction; they are left out and watched
-        spins: freedoms that turn a member about its own axis and move nothing else, undriven, by name; left open by kinematics
-        idle: those of them that no friction, spring, rotor or limit acts on; left to themselves by inverse dynamics
+        redundant: closure rows that depend on the others, by joint and direction; they are left out
+            and watched
+        spins: freedoms that turn a member about its own axis and move nothing else, undriven, by
+            name; left open by kinematics
+        idle: those of them that no friction, spring, rotor or limit acts on; left to themselves by
+            inverse dynamics
         notes: sentences on what was decided about the reference that the description does not say
 
     Raises:
@@ -58,7 +66,8 @@ class Robot(Model):
 
     @classmethod
     def from_file(cls, path: str | FilePath) -> Robot:
-        """Read a mechanism file (YAML) or a model file (MJCF, URDF: see `linkwork.formats.load`) and derive its equations.
+        """Read a mechanism file (YAML) or a model file (MJCF, URDF: see `linkwork.formats.load`)
+        and derive its equations.
 
         Warns:
             ModelWarning: what makes the robot move otherwise than the file says.
@@ -70,32 +79,36 @@ class Robot(Model):
         return cls(mechanism)
 
     def free(self, *paths: str) -> Robot:
-        """Return the robot with some numbers of its description free: `with_parameters` then changes them in no time.
+        """Return the robot with some numbers of its description free: `with_parameters` then
+        changes them in no time.
 
         Args:
-            paths: of numbers, "body, joint, spring or tool" then fields as in a mechanism file: "platform.mass",
-                "link_1.com.x", "link_1.inertia.zz", "pivot_1.frames.0.position.y", "pivot_1.friction.viscous",
-                "ball.spring.turn.stiffness", "rod_1.length", "gravity.z" ... (`linkwork.mechanism.numbers`).
+            paths: of numbers, "body, joint, spring or tool" then fields as in a mechanism file:
+                "platform.mass", "link_1.com.x", "link_1.inertia.zz", "pivot_1.frames.0.position.y",
+                "pivot_1.friction.viscous", "ball.spring.turn.stiffness", "rod_1.length",
+                "gravity.z" ... (`linkwork.mechanism.numbers`).
 
         Returns:
             A robot whose `parameters` hold the values; numbers that are free already stay so.
 
         Raises:
-            MechanismError: a path that leads to no number, or to one that cannot be free (directions, limits).
+            MechanismError: a path that leads to no number, or to one that cannot be free
+                (directions, limits).
         """
         return Robot(self.mechanism, self.independent, (*self.parameters, *paths))
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """Return the robot with other values of free numbers; nothing is derived or compiled anew.
 
-        States belong to the robot that makes them: where a length changes, the loops close elsewhere.
+        States belong to the robot that makes them: where a length changes, the loops close
+        elsewhere.
 
         Args:
             values: by path as in `parameters`; what is left out keeps its value.
 
         Raises:
-            LinkworkError: numbers that are not free, or that no description may hold; lengths with which the loops do
-                not close near the reference configuration.
+            LinkworkError: numbers that are not free, or that no description may hold; lengths with
+                which the loops do not close near the reference configuration.
         """
         from linkwork.robot.parameters import with_parameters
 
@@ -114,10 +127,10 @@ class Robot(Model):
 
         Args:
             positions: q of all joints (..., m) [m, rad] in the order of `coordinates`, or by name.
-            rates: v (..., n) [m/s, rad/s] in the order of `independent`, or by name: some of the independent ones, the
-                others zero, or n of any joints; zero if left out.
-            tolerance: largest gap of a loop, over the mechanism's own length, or rad; what is open by less is closed
-                exactly by moving the dependent joints.
+            rates: v (..., n) [m/s, rad/s] in the order of `independent`, or by name: some of the
+                independent ones, the others zero, or n of any joints; zero if left out.
+            tolerance: largest gap of a loop, over the mechanism's own length, or rad; what is open
+                by less is closed exactly by moving the dependent joints.
 
         Raises:
             LinkworkError: wrong shapes or names, numbers that are not finite, loops that are open.
@@ -133,21 +146,25 @@ class Robot(Model):
         guess: State | None = None,
         branch: Literal["guess", "any"] = "guess",
     ) -> State:
-        """Close the loops at given joint coordinates (direct kinematics) or at a tool pose (inverse kinematics).
+        """Close the loops at given joint coordinates (direct kinematics) or at a tool pose
+        (inverse kinematics).
 
         Args:
             joints: some joint coordinates by name [m, rad].
-            tool: pose of the tool [m, rad] (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6) in space: x, y, z[,
-                rotation vector]. Leading dimensions give a stack of states, each from the same guess.
-            rates: v (n) in the order of `independent`, or by name: some of the independent ones, the others zero, or n of any
-                joints; zero if left out.
+            tool: pose of the tool [m, rad] (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6)
+                in space: x, y, z[, rotation vector]. Leading dimensions give a stack of states,
+                    each from the same guess.
+            rates: v (n) in the order of `independent`, or by name: some of the independent ones,
+                the others zero, or n of any joints; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
-            branch: the tool is led on the "guess"'s working mode, straight where that is possible (Chablat & Wenger 1998: no
-                determinant of the inverse problem changes its sign); "any": on whichever leads there. Where members spin,
-                or freedoms are left open, no signs tell modes apart.
+            branch: the tool is led on the "guess"'s working mode, straight where that is possible
+                (Chablat & Wenger 1998: no determinant of the inverse problem changes its sign);
+                "any": on whichever leads there. Where members spin, or freedoms are left open, no
+                signs tell modes apart.
 
         Raises:
-            UnreachableError: what is asked is out of reach, not reachable from this guess, or only on another branch.
+            UnreachableError: what is asked is out of reach, not reachable from this guess, or only
+                on another branch.
         """
         return posing.assemble(self, joints, tool, rates, guess, branch)
 
@@ -164,7 +181,8 @@ class Robot(Model):
 
         Raises:
             UnreachableError: with the time and pose at which the path leaves the workspace.
-            LinkworkError: a leg-singular pose on the path, or samples between which the joints change their branch.
+            LinkworkError: a leg-singular pose on the path, or samples between which the joints
+                change their branch.
         """
         return posing.follow(self, path, duration, samples, guess)
 
@@ -174,11 +192,12 @@ class Robot(Model):
         """Return the same state with other independent rates, read off the rates of all joints.
 
         Args:
-            independent: n rates of the tree's joints by name (`equations.tree.rates`); M, accelerations and all else that
-                a state gives are then in these.
+            independent: n rates of the tree's joints by name (`equations.tree.rates`); M,
+                accelerations and all else that a state gives are then in these.
 
         Raises:
-            LinkworkError: names that are no rates of the tree; rates, new or given, that do not determine the motion there.
+            LinkworkError: names that are no rates of the tree; rates, new or given, that do not
+                determine the motion there.
         """
         return evaluation.in_chart(self, state, checks.names(independent, "independent"))
 
@@ -187,18 +206,20 @@ class Robot(Model):
     def forward_dynamics(
         self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]
     ) -> np.ndarray:
-        """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G) (paper, Eq. (9)).
+        """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G)
+        (paper, Eq. (9)).
 
         Args:
             state: configuration and rates.
-            forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`, or by name (others zero).
+            forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`, or by
+                name (others zero).
 
         Returns:
             v' (..., n) [m/s^2, rad/s^2], in the order of the state's `independent`.
 
         Raises:
-            LinkworkError: wrong shape, numbers that are not finite, a configuration where these rates do not
-                determine the motion.
+            LinkworkError: wrong shape, numbers that are not finite, a configuration where these
+                rates do not determine the motion.
         """
         u = checks.actuator_forces(forces, self.actuators)
         return evaluation.dynamics(self, "motion", state, u, "forces")
@@ -224,21 +245,25 @@ class Robot(Model):
         *,
         weights: Weights = None,
     ) -> np.ndarray | Sampled:
-        """Return the actuator forces that a state and accelerations, or a whole motion, need: S' u = M v' + C v + G - f.
+        """Return the actuator forces that a state and accelerations, or a whole motion, need: S' u
+        = M v' + C v + G - f.
 
-        With more actuators than freedoms these are the forces of least  sum weight_i u_i^2  (`internal_forces` may be
-        added); with fewer they are not defined.
+        With more actuators than freedoms these are the forces of least  sum weight_i u_i^2
+        (`internal_forces` may be added); with fewer they are not defined.
 
         Args:
             motion: a state, or a `Motion` (whose own accelerations are then taken).
-            accelerations: v' (..., n) [m/s^2, rad/s^2] in the order of the state's `independent`, with a state.
+            accelerations: v' (..., n) [m/s^2, rad/s^2] in the order of the state's `independent`,
+                with a state.
             weights: of the actuators (positive), in their order or by name; all 1 if left out.
 
         Returns:
-            u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate with.
+            u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate
+            with.
 
         Raises:
-            LinkworkError: directions that no actuator drives, by name; an actuator-singular configuration.
+            LinkworkError: directions that no actuator drives, by name; an actuator-singular
+                configuration.
         """
         if isinstance(motion, Motion):
             from linkwork.simulation import Sampled
@@ -250,18 +275,22 @@ class Robot(Model):
         return evaluation.actuator_forces(self, motion, accelerations, weights)
 
     def actuation(self, state: State) -> np.ndarray:
-        """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators act as S' u on v."""
+        """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators
+        act as S' u on v."""
         return evaluation.actuation_map(self, state)
 
     def internal_forces(self, state: State) -> np.ndarray:
-        """Return an orthonormal basis (actuators, k) of the actuator forces that do not act on the motion, S' u = 0.
+        """Return an orthonormal basis (actuators, k) of the actuator forces that do not act on the
+        motion, S' u = 0.
 
-        There are k = actuators - n of them where the robot has more actuators than freedoms, none otherwise.
+        There are k = actuators - n of them where the robot has more actuators than freedoms, none
+        otherwise.
         """
         return evaluation.internal_forces(self, state)
 
     def holding_forces(self, state: State) -> np.ndarray:
-        """Return the least actuator forces u (actuators) [N, N m] that hold a pose at rest, S' u = G - f.
+        """Return the least actuator forces u (actuators) [N, N m] that hold a pose at rest, S' u =
+        G - f.
 
         Raises:
             LinkworkError: a stack of states; a pose that no forces of the actuators hold.
@@ -269,7 +298,8 @@ class Robot(Model):
         return linear.holding(self, state)
 
     def linearised(self, state: State, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Return A (2n, 2n) and B (2n, actuators) of x' = A x + B du about a state, x = (xi, dv), xi' = dv + Gamma xi.
+        """Return A (2n, 2n) and B (2n, actuators) of x' = A x + B du about a state, x = (xi, dv),
+        xi' = dv + Gamma xi.
 
         Raises:
             LinkworkError: a stack of states, forces of wrong length, a singular configuration.
@@ -279,7 +309,8 @@ class Robot(Model):
         )
 
     def mass_matrix(self, state: State) -> np.ndarray:
-        """Return the generalised inertia M (..., n, n) in the independent rates (paper, Eq. (10))."""
+        """Return the generalised inertia M (..., n, n) in the independent rates
+        (paper, Eq. (10))."""
         return evaluation.terms(self, state)[0]
 
     def coriolis(self, state: State) -> np.ndarray:
@@ -291,19 +322,23 @@ class Robot(Model):
         return evaluation.terms(self, state)[2]
 
     def passive_forces(self, state: State) -> np.ndarray:
-        """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent rates."""
+        """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent
+        rates."""
         return evaluation.terms(self, state)[3]
 
     def rate_map(self, state: State) -> np.ndarray:
-        """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent ones (paper, Eq. (7))."""
+        """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent
+        ones (paper, Eq. (7))."""
         return evaluation.maps(self, state)[0]
 
     def twist_map(self, state: State) -> np.ndarray:
-        """Return T (..., 6r, n): twists [omega; v of the mass centre] of all bodies, in the ground's axes (paper, Eq. (6))."""
+        """Return T (..., 6r, n): twists [omega; v of the mass centre] of all bodies, in the
+        ground's axes (paper, Eq. (6))."""
         return evaluation.maps(self, state)[1]
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...) [J]."""
+        """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...)
+        [J]."""
         kinetic, potential, pivot = evaluation.outputs(self, "energy", self.own(state), state.rates)
         evaluation.require_regular(self, state, pivot, kinetic, state.rates, "rates")
         return kinetic[..., 0], potential[..., 0]
@@ -316,18 +351,20 @@ class Robot(Model):
         frame: str = "ground",
         length: float | None = None,
     ) -> Reactions:
-        """Return the wrench [moment; force] that every joint transmits from its first to its second body.
+        """Return the wrench [moment; force] that every joint transmits from its first to its second
+        body.
 
-        All of it: with the forces of actuator, spring, friction and gears in the joint; `constraint` is without them. Where
-        constraints depend on each other the least wrenches are given, and `indeterminate` names what is open.
+        All of it: with the forces of actuator, spring, friction and gears in the joint;
+        `constraint` is without them. Where constraints depend on each other the least wrenches are
+        given, and `indeterminate` names what is open.
 
         Args:
-            state: configuration and rates; forces: u of the actuators (..., actuators) [N, N m], or by name (others
-                zero). The bodies accelerate as `forward_dynamics` tells.
-            frame: "ground" (about F1's origin in the ground's axes), "first" (F1's axes) or "second" (about F2's origin,
-                F2's axes).
-            length: [m] by which moments are divided where the least wrenches are chosen; the joints' root mean square
-                distance from their middle at home if left out.
+            state: configuration and rates; forces: u of the actuators (..., actuators) [N, N m], or
+                by name (others zero). The bodies accelerate as `forward_dynamics` tells.
+            frame: "ground" (about F1's origin in the ground's axes), "first" (F1's axes) or
+                "second" (about F2's origin, F2's axes).
+            length: [m] by which moments are divided where the least wrenches are chosen; the
+                joints' root mean square distance from their middle at home if left out.
 
         Raises:
             LinkworkError: as `forward_dynamics`; another frame.
@@ -343,14 +380,16 @@ class Robot(Model):
         return evaluation.joints_motion(self, state, 0 * self.own(state).rates)[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
-        """Return the accelerations of all joints (..., m) for those of the independent rates, L v' + L' v."""
+        """Return the accelerations of all joints (..., m) for those of the independent rates, L v'
+        + L' v."""
         v_dot = checks.vector(
             accelerations, "accelerations", self.own(state).independent, "independent rate"
         )
         return evaluation.joints_motion(self, state, v_dot)[2]
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame, by name."""
+        """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame,
+        by name."""
         origins, orientations, *_ = self.kernel("bodies_motion")(
             self.own(state).q, np.zeros(self.mobility)
         )
@@ -359,17 +398,20 @@ class Robot(Model):
         return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
 
     def twists(self, state: State) -> np.ndarray:
-        """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the ground's axes."""
+        """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the
+        ground's axes."""
         *_, twists, pivot = evaluation.outputs(self, "bodies_motion", self.own(state), state.rates)
         evaluation.require_regular(self, state, pivot, twists, state.rates, "rates")
         return twists.reshape(*state.batch, len(self.bodies), 6)
 
     def tool_pose(self, state: State) -> np.ndarray:
-        """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector (..., 6) in space [m, rad]."""
+        """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector
+        (..., 6) in space [m, rad]."""
         return self.tool_poses(self.own(state).q)
 
     def closure_error(self, state: State) -> np.ndarray:
-        """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the own length, and rad."""
+        """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the
+        own length, and rad."""
         q = self.own(state).q
         return np.maximum(self.kernel("closure_step")(q)[1][..., 0], self.chart.unheld_gap(q))
 
@@ -400,38 +442,46 @@ class Robot(Model):
     ) -> Run:
         """Integrate the equations of motion from a state (paper, algorithm of forward dynamics).
 
-        After each step the loops are closed exactly by projection on phi = 0. Where the independent rates become a weak
-        choice the run goes on in better ones. Where no rates determine the motion (a bifurcation: branches of motion
-        meet) it stops, or steps over to the smooth continuation.
+        After each step the loops are closed exactly by projection on phi = 0. Where the independent
+        rates become a weak choice the run goes on in better ones. Where no rates determine the
+        motion (a bifurcation: branches of motion meet) it stops, or steps over to the smooth
+        continuation.
 
         Args:
             state: where to start.
-            forces: u of the actuators [N, N m]: zero, constant, by name, or sampled over time (`linkwork.Sampled`); a
-                controller (t, state) -> u, which is traced with symbols and compiled in (`linkwork.control`); or a
-                `linkwork.control.Sampler`, which calls one at a fixed rate. With drives these are their commands.
+            forces: u of the actuators [N, N m]: zero, constant, by name, or sampled over time
+                (`linkwork.Sampled`); a controller (t, state) -> u, which is traced with symbols and
+                compiled in (`linkwork.control`); or a `linkwork.control.Sampler`, which calls one
+                at a fixed rate. With drives these are their commands.
             duration: T [s].
-            drives: of actuators, by name (`linkwork.control.DCMotor` ...); ideal ones where left out.
+            drives: of actuators, by name (`linkwork.control.DCMotor` ...); ideal ones where left
+                out.
             wrenches: external ones on bodies (`linkwork.control.Wrench`).
-            method: "sharp_smart" (7th order), "dormand_prince" (5th), "dop853" (8th, for the tightest tolerances),
-                "rodas" (for stiff systems); with a fixed step "rk4", "symplectic_euler". If left out: "sharp_smart" for
-                rtol <= 1e-6 without sampled forces or controllers, whose kinks "dormand_prince" bears better; and "rodas" from
+            method: "sharp_smart" (7th order), "dormand_prince" (5th), "dop853" (8th, for the
+                tightest tolerances), "rodas" (for stiff systems); with a fixed step "rk4",
+                "symplectic_euler". If left out: "sharp_smart" for rtol <= 1e-6 without sampled
+                forces or controllers, whose kinks "dormand_prince" bears better; and "rodas" from
                 where the run is stiff, as where dry friction brings bodies to rest.
-            step: of the methods with a fixed step [s]; they see their inputs at their own times only, other methods step over
-                nothing that varies in them.
-            events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends where a joint leaves its
-                range, or where the actuators cease to determine the motion. An event happens when its function reaches
+            step: of the methods with a fixed step [s]; they see their inputs at their own times
+                only, other methods step over nothing that varies in them.
+            events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends
+                where a joint leaves its range, or where the actuators cease to determine the
+                motion. An event happens when its function reaches
                 zero: one that is zero at the start happens when it comes back to zero.
-            parameters: values of free parameters by name, the robot's and those of controllers and drives.
-            rtol, atol: relative and absolute tolerance of the local error of coordinates and rates; of lengths atol is
-                a part of the mechanism's own length (`linkwork.equations.lengths`).
+            parameters: values of free parameters by name, the robot's and those of controllers and
+                drives.
+            rtol, atol: relative and absolute tolerance of the local error of coordinates and rates;
+                of lengths atol is a part of the mechanism's own length
+                (`linkwork.equations.lengths`).
             save_at: times to save [s]; every accepted step if left out.
             max_step: largest step [s].
             max_steps: most steps to take.
-            on_singular: "stop" at a bifurcation, or "step_over": go on along the smooth branch, where there is one; the run's
-                `singular_times` tell when.
+            on_singular: "stop" at a bifurcation, or "step_over": go on along the smooth branch,
+                where there is one; the run's `singular_times` tell when.
 
         Returns:
-            A `Run`: its `status` and `message` say how it ended; `dataset` holds what was computed until then.
+            A `Run`: its `status` and `message` say how it ended; `dataset` holds what was computed
+                until then.
 
         Raises:
             LinkworkError: bad input, in one sentence.
@@ -455,13 +505,15 @@ class Robot(Model):
         )
 
     def resume(self, run: Run, forces: Forces = None, *, duration: float, **options: Any) -> Run:
-        """Go on from the end of a run, also of one that was saved and loaded: time, extra and held inputs continue.
+        """Go on from the end of a run, also of one that was saved and loaded: time, extra and held
+        inputs continue.
 
         Args:
             run: of this robot.
             duration: how long to go on [s].
-            forces, options: as for `simulate`; a run does not hold controllers, drives and wrenches: give them again, a
-                sampled controller with the delay that it had. Parameters of the robot keep the values that they had in the
+            forces, options: as for `simulate`; a run does not hold controllers, drives and
+                wrenches: give them again, a sampled controller with the delay that it had.
+                    Parameters of the robot keep the values that they had in the
                 run, unless `parameters` gives others.
 
         Raises:
@@ -498,25 +550,31 @@ class Robot(Model):
     ) -> Ensemble:
         """Run N members at a time, as `simulate` runs each of them, over all threads.
 
-        By the explicit methods that choose their steps, many members share a vector register. Other methods, events and a
-        `Sampler` take more time: then members run one by one, and those that a Python function controls on one thread, in
-        their order. A method that is left out is chosen as for `simulate`, one for all.
+        By the explicit methods that choose their steps, many members share a vector register. Other
+        methods, events and a `Sampler` take more time: then members run one by one, and those that
+        a Python function controls on one thread, in their order. A method that is left out is
+        chosen as for `simulate`, one for all.
 
-        A member that fails keeps its status and the state it reached, and the others go on. KeyboardInterrupt ends the
-        runs, and what is done is returned; the status of the others is CANCELLED. It is raised where nothing was left to end.
+        A member that fails keeps its status and the state it reached, and the others go on.
+        KeyboardInterrupt ends the runs, and what is done is returned; the status of the others is
+        CANCELLED. It is raised where nothing was left to end.
 
         Args:
             states: where members start, a stack of N states, or one for all.
-            forces: for all members as for `simulate`; or of each: numbers (N, nu), (N) by name, or N signals.
-            parameters: values of free parameters of the robot, controllers and drives by name: numbers, or (N) of each.
+            forces: for all members as for `simulate`; or of each: numbers (N, nu), (N) by name, or
+                N signals.
+            parameters: values of free parameters of the robot, controllers and drives by name:
+                numbers, or (N) of each.
             duration: T [s].
             save_at: times to save [s], the same for all; only the last states are kept if left out.
             threads: all processors if left out.
             progress: show a bar on the terminal, or call a function of (members done, N).
-            drives, wrenches, method, step, events, rtol, atol, max_step, max_steps, on_singular: as for `simulate`.
+            drives, wrenches, method, step, events, rtol, atol, max_step, max_steps, on_singular: as
+            for `simulate`.
 
         Returns:
-            An `Ensemble`: `status` and `final` states of the members, `failed` ones, their `events` and their `dataset`.
+            An `Ensemble`: `status` and `final` states of the members, `failed` ones, their `events`
+                and their `dataset`.
 
         Raises:
             LinkworkError: bad input, in one sentence.
@@ -548,7 +606,8 @@ class Robot(Model):
         )
 
     def observe(self, state: State) -> Observation:
-        """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as numbers."""
+        """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as
+        numbers."""
         from linkwork.robot.observing import observed
 
         return observed(self, state)

@@ -1,8 +1,9 @@
 """Following: whole turns of joints that close loops, counted along a run from step to step.
 
-The tree's coordinates do not tell them (`labels`): they are the start's, and what was turned since. Between two steps an angle
-turns by little, so that its rates at both tell how far; between the times that were asked for it may turn as far as it will. A
-run that was saved at such times is gone through once more in its own steps.
+The tree's coordinates do not tell them (`labels`): they are the start's, and what was turned since.
+Between two steps an angle turns by little, so that its rates at both tell how far; between the
+times that were asked for it may turn as far as it will. A run that was saved at such times is gone
+through once more in its own steps.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ DENSE, NEAR = (
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Hold the motion of a run, or of many, at times (..., K) [s]: coordinates read off the tree's, rates of all joints."""
+    """Hold the motion of a run, or of many, at times (..., K) [s]: coordinates read off the tree's,
+    rates of all joints."""
 
     time: np.ndarray
     read: np.ndarray
@@ -39,7 +41,8 @@ class Course:
 
     @classmethod
     def joined(cls, parts: Sequence[Course]) -> Course:
-        """Return the motion of parts one after the other; an instant that two of them hold is the earlier one's."""
+        """Return the motion of parts one after the other; an instant that two of them hold is the
+        earlier one's."""
         time, first = np.unique(np.concatenate([part.time for part in parts]), return_index=True)
         return cls(
             time,
@@ -50,7 +53,8 @@ class Course:
         )
 
     def windings(self, labels: Labels, first: np.ndarray) -> np.ndarray:
-        """Return the whole turns of joints' coordinates (..., K, m), from those at the first time (..., m) on."""
+        """Return the whole turns of joints' coordinates (..., K, m), from those at the first time
+        (..., m) on."""
         begun = labels.turned(self.read, np.broadcast_to(first[..., None, :], self.read.shape))
         return labels.windings(labels.unwrapped(self.time, begun, self.rates), self.read)
 
@@ -82,7 +86,8 @@ def windings(
 
 
 def passed(segment: Segment, every: bool) -> Iterator[Course]:
-    """Yield the motion of a segment: at its start, its steps and the times saved, and at its end."""
+    """Yield the motion of a segment: at its start, its steps and the times saved, and at its
+    end."""
     part, (start, q, v), n = segment.trajectory, segment.start, segment.chart.equations.mobility
     if segment.crossed is not None:
         yield from crossed(segment)
@@ -94,7 +99,8 @@ def passed(segment: Segment, every: bool) -> Iterator[Course]:
 
 
 def steps(segment: Segment) -> Iterator[Trajectory]:
-    """Yield the steps of a segment, those between the calls of a sampled controller apart; none of one that was cancelled."""
+    """Yield the steps of a segment, those between the calls of a sampled controller apart; none of
+    one that was cancelled."""
     part = segment.trajectory
     if segment.again is None or part.status is Status.CANCELLED:
         return
@@ -112,7 +118,8 @@ def moving(chart: CompiledChart, time: np.ndarray, q: np.ndarray, v: np.ndarray)
 
 
 def crossed(segment: Segment) -> Iterator[Course]:
-    """Yield the motion on the way over a singular pose: at the nodes, and at the times saved, where rates are interpolated."""
+    """Yield the motion on the way over a singular pose: at the nodes, and at the times saved, where
+    rates are interpolated."""
     part, over, chart = segment.trajectory, segment.crossed, segment.chart
     assert over is not None
     nq, n = chart.equations.nq, chart.equations.mobility
@@ -131,12 +138,14 @@ def of_members(
     steps: np.ndarray,
     again: Callable[[Sequence[int]], Iterable[tuple[int, Sequence[Segment], bool]]],
 ) -> np.ndarray:
-    """Return the whole turns (N, K, m) of joints' coordinates along the runs of an ensemble's members.
+    """Return the whole turns (N, K, m) of joints' coordinates along the runs of an ensemble's
+    members.
 
     Args:
-        time: (N, K) [s]; read: coordinates that are read off the tree's; rates: of all joints, nan where a run did not get.
-        steps: that each member took (N,); again: runs members again whose turns these times do not tell for sure, and tells
-            whether every step was saved.
+        time: (N, K) [s]; read: coordinates that are read off the tree's; rates: of all joints, nan
+            where a run did not get.
+        steps: that each member took (N,); again: runs members again whose turns these times do not
+            tell for sure, and tells whether every step was saved.
     """
     robot, state, p = crew.robot, crew.given, crew.p_robot()
     labels, chart = robot.labels, robot.chart_of(state)

@@ -1,7 +1,9 @@
-"""Labels: what each joint coordinate and rate of a robot is (length, angle, part of a quaternion), and its unit.
+"""Labels: what each joint coordinate and rate of a robot is (length, angle, part of a quaternion),
+and its unit.
 
-The coordinates of a joint that closes a loop are read off the tree's, and these leave its whole turns open: what was read may
-be any number of turns behind, a quaternion p may be -p. Where nothing acts on these turns a state holds its own (`windings`).
+The coordinates of a joint that closes a loop are read off the tree's, and these leave its whole
+turns open: what was read may be any number of turns behind, a quaternion p may be -p. Where nothing
+acts on these turns a state holds its own (`windings`).
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ UNITS = {slide: "m" for slide in SLIDES} | {TURN: "1"}
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Tell the unit of every coordinate and rate of a mechanism's joints, and which coordinates may jump over time."""
+    """Tell the unit of every coordinate and rate of a mechanism's joints, and which coordinates may
+    jump over time."""
 
     chart: CompiledChart
 
@@ -39,7 +42,8 @@ class Labels:
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """Unit by label, those of joints that were added to the tree included: m, rad, or 1 for a part of a quaternion."""
+        """Unit by label, those of joints that were added to the tree included: m, rad, or 1 for a
+        part of a quaternion."""
         units: dict[str, str] = {}
         for name, joint in {
             **self.equations.topology.joints,
@@ -76,13 +80,15 @@ class Labels:
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """The mechanism's own units of the coordinates (m): its own length of lengths, 1 of others."""
+        """The mechanism's own units of the coordinates (m): its own length of lengths, 1 of
+        others."""
         lengths = [self.units[label] == "m" for label in self.equations.mechanism.coordinates]
         return np.where(lengths, self.equations.tree.length, 1.0)
 
     @cached_property
     def all_quaternions(self) -> dict[str, list[int]]:
-        """Places among the coordinates of the quaternions of all joints that turn freely, by joint."""
+        """Places among the coordinates of the quaternions of all joints that turn freely, by
+        joint."""
         mechanism = self.equations.mechanism
         places = {label: i for i, label in enumerate(mechanism.coordinates)}
         free = {name: joint for name, joint in mechanism.joints.items() if TURN in joint.freedoms}
@@ -98,7 +104,8 @@ class Labels:
 
     @cached_property
     def of_tree(self) -> np.ndarray:
-        """Places among the coordinates of those of the tree (nq), where no joints were added to it."""
+        """Places among the coordinates of those of the tree (nq), where no joints were added to
+        it."""
         return np.array(
             [self.equations.mechanism.coordinates.index(x) for x in self.equations.tree.coordinates]
         )
@@ -115,7 +122,8 @@ class Labels:
 
     @cached_property
     def counted(self) -> np.ndarray:
-        """Which coordinates (m) are angles of loop-closing joints whose turns act, on a spring, a gear or a thread."""
+        """Which coordinates (m) are angles of loop-closing joints whose turns act, on a spring, a
+        gear or a thread."""
         names = counting(self.equations.mechanism)
         return self._among(
             [
@@ -128,13 +136,15 @@ class Labels:
 
     @cached_property
     def wound(self) -> np.ndarray:
-        """Which coordinates (m) are angles of loop-closing joints whose turns act on nothing: they are the state's own."""
+        """Which coordinates (m) are angles of loop-closing joints whose turns act on nothing: they
+        are the state's own."""
         every = self._among([x for cut in self.equations.cuts for x in self._angles(cut.joint)])
         return np.logical_and(every, ~self.counted)
 
     @cached_property
     def jumps(self) -> np.ndarray:
-        """Which coordinates (m) may jump over time: angles read by the arc tangent, and quaternions."""
+        """Which coordinates (m) may jump over time: angles read by the arc tangent, and
+        quaternions."""
         return np.logical_or(self._among(self.jumping), self.signed)
 
     @cached_property
@@ -174,10 +184,11 @@ class Labels:
         return np.array([label in labels for label in self.equations.mechanism.coordinates], bool)
 
     def compared(self, given: np.ndarray, read: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return `windings` and by how much coordinates contradict those that are read off the tree's (..., m each).
+        """Return `windings` and by how much coordinates contradict those that are read off the
+        tree's (..., m each).
 
-        The latter is positive, in the mechanism's own units, and leaves out whole turns that act on nothing. A quaternion
-        may have any length and either sign.
+        The latter is positive, in the mechanism's own units, and leaves out whole turns that act on
+        nothing. A quaternion may have any length and either sign.
         """
         compared = self.chart.compiled("compared", lambda _: self._comparison())
         windings, mismatch = compared(given, read)
@@ -201,7 +212,8 @@ class Labels:
         return ca.Function("compared", [given, read], [ca.densify(windings), ca.densify(mismatch)])
 
     def windings(self, positions: np.ndarray, read: np.ndarray) -> np.ndarray:
-        """Return the whole turns (..., m) by which coordinates are ahead of those that are read off the tree's.
+        """Return the whole turns (..., m) by which coordinates are ahead of those that are read off
+        the tree's.
 
         They are those of loop-closing joints; a quaternion of the other sign is one turn ahead.
         """
@@ -217,18 +229,21 @@ class Labels:
         )
 
     def nearest(self, read: np.ndarray, positions: np.ndarray) -> np.ndarray:
-        """Return coordinates (..., m) that are read off the tree's with the whole turns of others."""
+        """Return coordinates (..., m) that are read off the tree's with the whole turns of
+        others."""
         near = not self.may_wind or (
             not self.quaternions and np.abs(positions - read).max(initial=0.0) < np.pi
         )
         return read if near else self.turned(read, self.windings(positions, read))
 
     def unwrapped(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return coordinates of all joints over time (..., K, m) without the jumps that loop-closing joints may have.
+        """Return coordinates of all joints over time (..., K, m) without the jumps that
+        loop-closing joints may have.
 
-        Angles that are read by the arc tangent jump by 2 pi, quaternions between p and -p. The rates of all joints (..., K, m)
-        [rad/s] tell how far an angle has turned from one sample to the next; where they change so much that they do not, it
-        is taken to have turned by less than half a turn.
+        Angles that are read by the arc tangent jump by 2 pi, quaternions between p and -p. The
+        rates of all joints (..., K, m) [rad/s] tell how far an angle has turned from one sample to
+        the next; where they change so much that they do not, it is taken to have turned by less
+        than half a turn.
         """
         mechanism, positions = self.equations.mechanism, positions.copy()
         h = np.diff(time, axis=-1)
@@ -253,11 +268,13 @@ class Labels:
         return positions
 
     def size(self, mechanism: Mechanism, q: np.ndarray, positions: np.ndarray) -> float:
-        """Return what rounding in the closure rows grows with: lengths over the mechanism's own, and angles.
+        """Return what rounding in the closure rows grows with: lengths over the mechanism's own,
+        and angles.
 
         Args:
             mechanism: the description with all numbers.
-            q: the tree's coordinates (nq); positions: coordinates of all joints (m), at the reference.
+            q: the tree's coordinates (nq); positions: coordinates of all joints (m), at the
+                reference.
         """
         tree = self.equations.tree
         frames = [frame for joint in mechanism.pairs.values() for frame in joint.frames]

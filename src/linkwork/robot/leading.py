@@ -1,12 +1,14 @@
-"""Leading: bring the tool from a closed configuration to poses, many at a time, without leaving the branch.
+"""Leading: bring the tool from a closed configuration to poses, many at a time, without leaving the
+branch.
 
-Each pose has a straight way from where the tool is. It is walked in steps as long as Newton's method
+Each pose has a straight way from where the tool is. It is walked in steps as long as Newton's
+method
 
     [Phi; J] s = -[phi; x - x_d],    q <- q + N s
 
-contracts from the last configuration at once and the signs of the working mode stay (`modes`). Poses whose straight
-way is barred, by the edge of the workspace, are solved from the guess and from random configurations (fixed seed); of
-the solutions on the same mode the nearest is taken.
+contracts from the last configuration at once and the signs of the working mode stay (`modes`).
+Poses whose straight way is barred, by the edge of the workspace, are solved from the guess and from
+random configurations (fixed seed); of the solutions on the same mode the nearest is taken.
 """
 
 from __future__ import annotations
@@ -45,8 +47,9 @@ DAMPING = 1e-12  # of the normal equations, relative to their trace
 class Way:
     """Hold the straight ways (N) of a tool from one pose to others.
 
-    position, turn: where they begin: (3), angle (1) in the plane or R (3, 3), empty where no turn is asked for
-    shift, turning: what leads to their ends (N, axes), (N, 1) in the plane, rotation vectors (N, 3) in space
+    position, turn: where they begin: (3), angle (1) in the plane or R (3, 3), empty where no turn
+    is asked for shift, turning: what leads to their ends (N, axes), (N, 1) in the plane, rotation
+    vectors (N, 3) in space
     """
 
     planar: bool
@@ -72,7 +75,8 @@ class Way:
         return cls(planar, position, R, shift, turning)
 
     def error(self, out: dict[str, np.ndarray], which: np.ndarray, part: np.ndarray) -> np.ndarray:
-        """Return how far the tools are (K, size) from where the ways `which` (K) are at a part (K) from 0 to 1."""
+        """Return how far the tools are (K, size) from where the ways `which` (K) are at a part (K)
+        from 0 to 1."""
         goal = self.poses(which, part)
         axes = self.shift.shape[1]
         aside = out["position"][:, :axes] - goal[:, :axes]
@@ -115,9 +119,10 @@ Nearby = Callable[
 class Leader:
     """Lead the tool of one robot.
 
-    kernel: of `functions.assembly`, with the robot's own numbers; assembler: solves for single poses
-    home: coordinates of all joints at home (m); modes: what has to keep its signs
-    twist: rows of the tool's twist that poses name; approach: compiled steps, where closure and pose determine the motion
+    kernel: of `functions.assembly`, with the robot's own numbers; assembler: solves for single
+    poses home: coordinates of all joints at home (m); modes: what has to keep its signs
+    twist: rows of the tool's twist that poses name; approach: compiled steps, where closure and
+    pose determine the motion
     """
 
     kernel: Kernel
@@ -152,7 +157,8 @@ class Leader:
     def approached(
         self, q: np.ndarray, poses: np.ndarray, mode: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (K, nq) at the poses (K, size) to which compiled steps contract from q (K, nq), and which these are (K).
+        """Return q (K, nq) at the poses (K, size) to which compiled steps contract from q (K, nq),
+        and which these are (K).
 
         mode: signs to be kept; those of the first q if left out
         """
@@ -178,7 +184,8 @@ class Leader:
     def walked(
         self, start: np.ndarray, way: Way, which: np.ndarray, mode: np.ndarray, nearby: Nearby
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and the part of each way (K)."""
+        """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and the part
+        of each way (K)."""
         count = which.size
         q, part, step, going = (
             np.tile(start, (count, 1)),
@@ -199,7 +206,8 @@ class Leader:
     def compiled(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray, mode: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without a change of sign (K)."""
+        """Return q (K, nq) at parts of ways, and where Newton's method contracted to there without
+        a change of sign (K)."""
         return self.approached(q, way.poses(which, part), mode)
 
     def squared(
@@ -234,7 +242,8 @@ class Leader:
     def otherwise(
         self, start: np.ndarray, near: np.ndarray, pose: np.ndarray, mode: np.ndarray
     ) -> np.ndarray:
-        """Return q (nq) at a pose to which no straight way leads on the mode; near: how far it led."""
+        """Return q (nq) at a pose to which no straight way leads on the mode; near: how far it
+        led."""
         refusal, elsewhere = None, False
         for begin in self.begins(start, near, pose):
             try:
@@ -248,7 +257,8 @@ class Leader:
         if refusal and not elsewhere:
             raise refusal
         raise UnreachableError(
-            f"the tool is at {np.round(pose, 6).tolist()} only on another branch than the guess: joints would have to pass "
+            f"the tool is at {np.round(pose, 6).tolist()} only on another branch than the guess: "
+            "joints would have to pass "
             'a stretched or folded pose; give a guess on that branch, or take any by branch="any"'
         )
 
@@ -259,7 +269,8 @@ class Leader:
         yield from self.scattered(start, pose)
 
     def scattered(self, start: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """Return configurations (K, nq) with the tool at a pose, from random ones, nearest to a start first."""
+        """Return configurations (K, nq) with the tool at a pose, from random ones, nearest to a
+        start first."""
         tree, random = self.tree, np.random.default_rng(1990)
         q = np.tile(start, (STARTS, 1))
         for place, rate in tree.single:
@@ -295,11 +306,13 @@ class Leader:
         return bool(same(self.signs(q[None]), mode)[0])
 
     def signs(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
-        """Return the signs that tell modes apart (K, stages) at configurations (K, nq); p: as in `outputs`."""
+        """Return the signs that tell modes apart (K, stages) at configurations (K, nq); p: as in
+        `outputs`."""
         return self.modes.signs(self.matrix(self.outputs(q, p)))
 
     def outputs(self, q: np.ndarray, p: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name; matrices as such.
+        """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name;
+        matrices as such.
 
         p: free parameters (K, np); the robot's own if left out
         """
@@ -321,7 +334,8 @@ class Leader:
     def rows(
         self, q: np.ndarray, way: Way, which: np.ndarray, part: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Return [phi; x - x_d] (K, rows), its Jacobian (K, rows, nv) and the outputs at configurations (K, nq).
+        """Return [phi; x - x_d] (K, rows), its Jacobian (K, rows, nv) and the outputs at
+        configurations (K, nq).
 
         Residual and Jacobian are in the mechanism's own units.
         """
@@ -351,7 +365,8 @@ class Leader:
 
     @cached_property
     def length(self) -> float:
-        """How far slides may be from the guess [m]: the largest distance that joints' frames and slides have at home."""
+        """How far slides may be from the guess [m]: the largest distance that joints' frames and
+        slides have at home."""
         frames = [
             frame.position for joint in self.mechanism.pairs.values() for frame in joint.frames
         ]

@@ -1,4 +1,5 @@
-"""Limits: which joint coordinates lie outside the range that the description gives, in one state or along a run.
+"""Limits: which joint coordinates lie outside the range that the description gives, in one state or
+along a run.
 
 A free turn is limited by the angle between the joint's two frames, 2 acos |qw|.
 """
@@ -15,11 +16,14 @@ from linkwork.mechanism.limits import limited
 if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
-ROUNDING = 1e-12  # how far behind a limit a coordinate is still at it, over the mechanism's own length or 1 rad, or the limit
+ROUNDING = 1e-12
+"""How far behind a limit a coordinate is still at it, over the mechanism's own length or 1 rad, or
+the limit."""
 
 
 def passed(robot: Model, positions: np.ndarray, time: np.ndarray | None = None) -> tuple[str, ...]:
-    """Return one sentence for each limit that coordinates (..., m) pass, with the time (K,) [s] where it first happens."""
+    """Return one sentence for each limit that coordinates (..., m) pass, with the time (K,) [s]
+    where it first happens."""
     flat = positions.reshape(-1, positions.shape[-1])
     found = []
     for label, limits, name in limited(robot.mechanism):

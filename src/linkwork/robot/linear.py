@@ -1,4 +1,5 @@
-"""Linear: small motions about a state in numbers (`linkwork.equations.linear`), and the forces that hold a pose."""
+"""Linear: small motions about a state in numbers (`linkwork.equations.linear`), and the forces that
+hold a pose."""
 
 from __future__ import annotations
 
@@ -24,14 +25,16 @@ HELD = 1e-9  # force that may be missing at an equilibrium, relative
 
 
 def linearised(robot: Model, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what `evaluated` gives."""
+    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what
+    `evaluated` gives."""
     n = robot.mobility
     A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
     return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
 
 
 def evaluated(robot: Model, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the derivatives at one state and force, by name; refuse stacks, and where the accelerations are undefined."""
+    """Return the derivatives at one state and force, by name; refuse stacks, and where the
+    accelerations are undefined."""
     q, v = one_state(robot, state)
     function = kept(ordered(robot, robot.chart_of(state), q))
     values = function(q, v, u, robot.p)
@@ -51,7 +54,8 @@ def kept(chart: CompiledChart) -> ca.Function:
 
 
 def holding(robot: Model, state: State) -> np.ndarray:
-    """Return the least actuator forces (actuators) that hold a pose at rest, none without actuators: S' u = G - f.
+    """Return the least actuator forces (actuators) that hold a pose at rest, none without
+    actuators: S' u = G - f.
 
     Raises:
         LinkworkError: a stack of states; a pose that no forces of the actuators hold.
@@ -71,14 +75,15 @@ def holding(robot: Model, state: State) -> np.ndarray:
         weight(robot), *map(largest, (G * own, f * own))
     ):
         raise LinkworkError(
-            f"no forces of {', '.join(robot.actuators)} hold this pose: {missed.max():.3g} N or N m are missing; "
-            "choose an equilibrium"
+            f"no forces of {', '.join(robot.actuators)} hold this pose: {missed.max():.3g} N or "
+            "N m are missing; choose an equilibrium"
         )
     return u
 
 
 def own_rates(robot: Model, state: State) -> np.ndarray:
-    """Return the mechanism's own units of a state's independent rates (n) but for the time: its length, or 1 rad.
+    """Return the mechanism's own units of a state's independent rates (n) but for the time: its
+    length, or 1 rad.
 
     Forces times these are energies.
     """

@@ -1,4 +1,5 @@
-"""Members: what the runs of an ensemble go out from. All that was given, put together, a row for each member."""
+"""Members: what the runs of an ensemble go out from. All that was given, put together, a row for
+each member."""
 
 from __future__ import annotations
 
@@ -32,10 +33,11 @@ class Members:
     """Hold what the members of an ensemble go out from.
 
     system: what is integrated
-    forces: the signals, or numbers (N, nu), of each member, in place of the system's; None: all share these
-    chart: of the lanes; q (N, nq), v (N, n) in this chart; p: the system's parameters, (1, np) or (N, np)
-    given: the states as they were given, one or a stack of N; told: whether v tells all of their motion (N,)
-    varied: values of parameters that vary, by name (N,); own: which of them are the robot's
+    forces: the signals, or numbers (N, nu), of each member, in place of the system's; None: all
+    share these chart: of the lanes; q (N, nq), v (N, n) in this chart; p: the system's parameters,
+    (1, np) or (N, np) given: the states as they were given, one or a stack of N; told: whether v
+    tells all of their motion (N,) varied: values of parameters that vary, by name (N,); own: which
+    of them are the robot's
     """
 
     robot: Model
@@ -53,7 +55,8 @@ class Members:
         return len(self.q)
 
     def start(self, members: np.ndarray) -> np.ndarray:
-        """Return the states y = (q, v, z) of some members (M, n), which all share their memory if all start alike."""
+        """Return the states y = (q, v, z) of some members (M, n), which all share their memory if
+        all start alike."""
         rows = slice(1) if self.alike else self._rows(members)
         q, v = self.q[rows], self.v[rows]
         positions = self.given.positions[rows] if self.given.batch else self.given.positions
@@ -73,7 +76,8 @@ class Members:
         return self.given.at(member) if self.given.batch else self.given
 
     def _rows(self, members: np.ndarray) -> np.ndarray | slice:
-        """Return some members, in the order of their numbers, as rows of a table: all of them without a copy."""
+        """Return some members, in the order of their numbers, as rows of a table: all of them
+        without a copy."""
         return slice(None) if len(members) == len(self) else members
 
     def p_robot(self, members: np.ndarray | slice = slice(None)) -> np.ndarray:
@@ -84,7 +88,8 @@ class Members:
 
     @property
     def signals(self) -> list[Signal]:
-        """The inputs over time: those of all members, and those of each if they are given as such."""
+        """The inputs over time: those of all members, and those of each if they are given as
+        such."""
         own = () if self.forces is None or isinstance(self.forces, np.ndarray) else self.forces
         return [self.system.inputs, *own]
 
@@ -107,7 +112,8 @@ class Members:
         return acting.inputs(own) if acting else own
 
     def watch(self, members: np.ndarray, span: tuple[float, float]) -> Signal | list[Signal] | None:
-        """Return what no step of some members may pass over within a span [s], None if their inputs are all of it."""
+        """Return what no step of some members may pass over within a span [s], None if their inputs
+        are all of it."""
         if self.system.acting is None or self.system.acting.timely is None:
             return None
         if self.forces is None and len(self.p) == 1:
@@ -142,7 +148,8 @@ class Members:
 
 
 def constant(values: np.ndarray) -> Signal:
-    """Return numbers as a signal; those that are not finite are let through: they end their own member's run alone."""
+    """Return numbers as a signal; those that are not finite are let through: they end their own
+    member's run alone."""
     coefficients = np.zeros((1, 4, values.size))
     coefficients[0, 0] = values
     return Signal(np.array([0.0, np.inf]), coefficients, np.empty(0))
@@ -166,7 +173,8 @@ def members(
     state = robot.own(states)
     if len(state.batch) > 1:
         raise LinkworkError(
-            f"the states are a stack of the shape {state.batch}; give a list of N states, or one for all"
+            f"the states are a stack of the shape {state.batch}; give a list of N states, or one "
+            "for all"
         )
     each, shared = forces_of_each(robot, forces)
     runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined, state)
@@ -189,8 +197,9 @@ def members(
     lengths |= {"forces": len(each)} if each is not None else {}
     if len(set(lengths.values())) > 1:
         raise LinkworkError(
-            f"members do not fit together: {', '.join(f'{count} of {what}' for what, count in lengths.items())};"
-            " give one for all, or equally many"
+            "members do not fit together: "
+            f"{', '.join(f'{count} of {what}' for what, count in lengths.items())}; give one for "
+            "all, or equally many"
         )
     count = next(iter(lengths.values()), 1)
     p = runs.p(robot.chart)[None, :]
@@ -217,7 +226,8 @@ def require_possible(
 ) -> None:
     """Refuse members with numbers that no description may hold, or whose loops are open.
 
-    What descriptions may hold is convex: the corners of the box about all members stand for them, where they are fewer.
+    What descriptions may hold is convex: the corners of the box about all members stand for them,
+    where they are fewer.
 
     Args:
         own: values of the robot's parameters by name (N,).
@@ -238,8 +248,8 @@ def require_possible(
     if not (gap <= OPEN_LOOPS).all():
         member = int(np.argmin(gap <= OPEN_LOOPS))
         raise LinkworkError(
-            f"member {member}: the state belongs to another robot: its loops are open by {gap[member]:.3g} here; make one by "
-            "the robot with these parameters"
+            f"member {member}: the state belongs to another robot: its loops are open by "
+            f"{gap[member]:.3g} here; make one by the robot with these parameters"
         )
 
 
@@ -253,7 +263,8 @@ def allowed(robot: Model, values: Mapping[str, float]) -> bool:
 
 
 def forces_of_each(robot: Model, forces: Any) -> tuple[np.ndarray | list[Signal] | None, Any]:
-    """Return the forces of each member, numbers (N, nu) or N signals, or None; and those that all share."""
+    """Return the forces of each member, numbers (N, nu) or N signals, or None; and those that all
+    share."""
     if isinstance(forces, Mapping) and any(np.ndim(values) for values in forces.values()):
         forces = checks.actuator_forces(forces, robot.actuators)
     if isinstance(forces, Mapping | Sampled | Signal) or callable(forces) or forces is None:

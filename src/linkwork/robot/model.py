@@ -1,4 +1,5 @@
-"""Model: what a robot is made of (description, equations, charts, kernels), and the checks at its doors."""
+"""Model: what a robot is made of (description, equations, charts, kernels), and the checks at its
+doors."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ from linkwork.simulation import Turning
 
 
 class Model:
-    """Hold a mechanism, its equations in one or more charts, and their kernels, which are compiled when first needed.
+    """Hold a mechanism, its equations in one or more charts, and their kernels, which are compiled
+    when first needed.
 
     `Robot` is made of it, and the modules of this package work on it.
     """
@@ -35,7 +37,8 @@ class Model:
     ):
         if not isinstance(mechanism, Mechanism):
             raise LinkworkError(
-                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, or Robot.from_file"
+                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, "
+                "or Robot.from_file"
             )
         self.mechanism = mechanism
         wanted = checks.names(independent, "independent")
@@ -77,7 +80,8 @@ class Model:
         return self.make_state(self.equations.reference, np.zeros(self.mobility))
 
     def unit(self, label: str) -> str:
-        """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a part of a quaternion."""
+        """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a
+        part of a quaternion."""
         return self.labels.unit(label)
 
     def chart_of(self, state: State) -> CompiledChart:
@@ -85,22 +89,26 @@ class Model:
 
     @property
     def kernel(self) -> Callable[[str], Kernel]:
-        """Return a compiled kernel of the home chart by name: motion, inverse_dynamics, terms, maps, closure_step ..."""
+        """Return a compiled kernel of the home chart by name: motion, inverse_dynamics, terms,
+        maps, closure_step ..."""
         return self.chart.kernel
 
     @cached_property
     def size(self) -> float:
-        """Return what rounding in the closure rows grows with: lengths over the mechanism's own, and angles."""
+        """Return what rounding in the closure rows grows with: lengths over the mechanism's own,
+        and angles."""
         return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
 
     @cached_property
     def turning(self) -> Turning:
-        """Return how large coordinates may grow in a run, and which angles may be wrapped where only forces over time act."""
+        """Return how large coordinates may grow in a run, and which angles may be wrapped where
+        only forces over time act."""
         return own_turning(self.chart, self.size * self.equations.tree.length)
 
     @cached_property
     def run_chart(self) -> CompiledChart:
-        """Return the chart that runs start in: of the home chart and that of free bodies' own rates the shorter one."""
+        """Return the chart that runs start in: of the home chart and that of free bodies' own rates
+        the shorter one."""
         if self.origin is not None:
             return self.origin.run_chart.with_parameters(self.p)
         chart = shorter(self.chart, self.equations.reference)
@@ -119,7 +127,8 @@ class Model:
         return Assembler(evaluate, tree, *named, rows.names, unheld, rows.units, self.planar)
 
     def leader(self, size: int, kept: bool) -> Leader:
-        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode of where it begins."""
+        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode
+        of where it begins."""
         if (size, kept) not in self._leaders:
             twist = self.assembler.pose_indices(size)
             modes = modes_of(self.equations, self.p, twist) if kept else Modes()
@@ -143,7 +152,8 @@ class Model:
         return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
 
     def windings(self, state: State) -> np.ndarray:
-        """Return the whole turns of joints' coordinates (..., m) that a state holds beside its q."""
+        """Return the whole turns of joints' coordinates (..., m) that a state holds beside its
+        q."""
         (read,) = self.kernel("positions")(state.q)
         return (
             0 * read
@@ -157,7 +167,8 @@ class Model:
             gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
             if gap > OPEN_LOOPS:
                 raise LinkworkError(
-                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; make one by this robot"
+                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; "
+                    "make one by this robot"
                 )
         return state
 

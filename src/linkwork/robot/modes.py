@@ -2,9 +2,10 @@
 
     [Phi; J] w = [0; x']        J: rows of the tool's coordinates
 
-is block triangular. The determinant of each stage vanishes where the joints can move with the tool at rest, and nowhere
-else: as long as no sign changes, a motion stays on its working mode.
-Source: Chablat & Wenger, ICRA 1998 (working modes by the signs of the inverse problem's determinant).
+is block triangular. The determinant of each stage vanishes where the joints can move with the tool
+at rest, and nowhere else: as long as no sign changes, a motion stays on its working mode.
+Source: Chablat & Wenger, ICRA 1998 (working modes by the signs of the inverse problem's
+determinant).
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ FLAT = 1e-5  # determinant, relative to its size around the reference, whose sig
 
 
 class Stage(NamedTuple):
-    """Hold a stage of [Phi; J]: places of its rows and columns, and the size of its determinant around the reference."""
+    """Hold a stage of [Phi; J]: places of its rows and columns, and the size of its determinant
+    around the reference."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
@@ -44,7 +46,8 @@ class Stage(NamedTuple):
 
 @dataclass(frozen=True)
 class Modes:
-    """Hold the stages of [Phi; J] whose determinants change; none where it does not determine w, or does more.
+    """Hold the stages of [Phi; J] whose determinants change; none where it does not determine w, or
+    does more.
 
     chart: an order of elimination of [Phi; J], where it determines w
     """
@@ -53,7 +56,8 @@ class Modes:
     chart: Chart | None = None
 
     def signs(self, A: np.ndarray) -> np.ndarray:
-        """Return the signs of the determinants (..., stages), 0 near singular poses, for A = [Phi; J] (..., rows, nv)."""
+        """Return the signs of the determinants (..., stages), 0 near singular poses, for A =
+        [Phi; J] (..., rows, nv)."""
         found = [determinant(A, stage.rows, stage.columns) / stage.size for stage in self.stages]
         return self.told(np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0)))
 

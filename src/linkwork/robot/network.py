@@ -1,17 +1,19 @@
 """The joints' graph, and the wrenches that balance every body on it.
 
-A spanning tree of the joints reaches every body; the others close loops. A closing joint brings [moment about the origin
-of F2; force] to its second body and takes it from its first,
+A spanning tree of the joints reaches every body; the others close loops. A closing joint brings
+[moment about the origin of F2; force] to its second body and takes it from its first,
 
     W = A lambda + P (f + G' mu)
 
-A: wrenches that do no work in its motion, P: force on each of its rates, f: actuators, friction, springs and rotors,
-G, mu: ratios and multipliers of the gears. What a body needs beyond that its joint of the tree brings, from the ends of
-the tree inward; this joint's own motion S then gives the conditions on lambda and mu,  S' W = f + G' mu.
+A: wrenches that do no work in its motion, P: force on each of its rates, f: actuators, friction,
+springs and rotors, G, mu: ratios and multipliers of the gears. What a body needs beyond that its
+joint of the tree brings, from the ends of the tree inward; this joint's own motion S then gives the
+conditions on lambda and mu,  S' W = f + G' mu.
 
-Where constraints depend on each other the conditions leave some directions open. Of all distributions the one is taken
-whose constraint wrenches W - P (f + G' mu), moments divided by a length l, and whose mu have the least sum of squares:
-the least Lagrange multipliers. All is written with lengths over l.
+Where constraints depend on each other the conditions leave some directions open. Of all
+distributions the one is taken whose constraint wrenches W - P (f + G' mu), moments divided by a
+length l, and whose mu have the least sum of squares: the least Lagrange multipliers. All is written
+with lengths over l.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
 
 @dataclass(frozen=True)
 class Branch:
-    """Hold a joint of the spanning tree: its place, and the places of the bodies behind and before it (-1: ground).
+    """Hold a joint of the spanning tree: its place, and the places of the bodies behind and before
+    it (-1: ground).
 
     forward: whether the body behind it is its second one
     """
@@ -42,10 +45,11 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Hold the graph of the joints between bodies: branches outward from ground, and the places of closing joints.
+    """Hold the graph of the joints between bodies: branches outward from ground, and the places of
+    closing joints.
 
-    joints: names; pairs: places of each joint's first and second body (-1: ground); rates: of each joint; rods: places
-    of rods; G: ratios of the gears by rate (gears, m)
+    joints: names; pairs: places of each joint's first and second body (-1: ground); rates: of each
+    joint; rods: places of rods; G: ratios of the gears by rate (gears, m)
     """
 
     joints: tuple[str, ...]
@@ -58,7 +62,8 @@ class Network:
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Network:
-        """Span the tree: joints of few freedoms first, near ground; those of many close the loops."""
+        """Span the tree: joints of few freedoms first, near ground; those of many close the
+        loops."""
         place = {name: index for index, name in enumerate(mechanism.bodies)} | {GROUND: -1}
         joints = list(mechanism.pairs.values())
         pairs = tuple((place[joint.connects[0]], place[joint.connects[1]]) for joint in joints)
@@ -124,8 +129,9 @@ class Network:
 class Loads:
     """Hold what bodies need and joints bring at K samples, in the ground's axes, lengths over l.
 
-    needed: [moment about the centre; force] of each body (K, r, 6); centres: (K, r, 3); origins: of F1, F2 (K, J, 2, 3)
-    twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the rates (K, m)
+    needed: [moment about the centre; force] of each body (K, r, 6); centres: (K, r, 3); origins: of
+    F1, F2 (K, J, 2, 3) twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the
+    rates (K, m)
     """
 
     needed: np.ndarray
@@ -137,9 +143,11 @@ class Loads:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """Hold the joints' wrenches about the origins of F2 (K, J, 6), their constraint part, and mu (K, gears).
+    """Hold the joints' wrenches about the origins of F2 (K, J, 6), their constraint part, and mu
+    (K, gears).
 
-    free: orthonormal changes of the unknowns that no condition forbids, as wrenches of the joints (K, J, 6, s)
+    free: orthonormal changes of the unknowns that no condition forbids, as wrenches of the joints
+    (K, J, 6, s)
     """
 
     wrenches: np.ndarray
@@ -166,7 +174,8 @@ def balanced(network: Network, loads: Loads) -> Balance:
 
 
 def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return every joint's W (K, J, 6, columns), P (f + G' mu) likewise, and S' W - f - G' mu of the tree (K, e, columns).
+    """Return every joint's W (K, J, 6, columns), P (f + G' mu) likewise, and S' W - f - G' mu of
+    the tree (K, e, columns).
 
     The columns: what is known, then the factors of lambda and of mu.
     """
@@ -202,14 +211,16 @@ def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, 
 
 
 def motions(network: Network, loads: Loads, k: int) -> np.ndarray:
-    """Return S' (K, freedoms, 6): the twists of F2 in F1 that a joint allows; a rod's have no rates."""
+    """Return S' (K, freedoms, 6): the twists of F2 in F1 that a joint allows; a rod's have no
+    rates."""
     if k not in network.rods:
         return loads.twists[:, network.rates[k]]
     return complement(constraints(network, loads, k))
 
 
 def constraints(network: Network, loads: Loads, k: int) -> np.ndarray:
-    """Return A (K, 6, 6 - freedoms): orthonormal wrenches about the origin of F2 that do no work in a joint's motion."""
+    """Return A (K, 6, 6 - freedoms): orthonormal wrenches about the origin of F2 that do no work in
+    a joint's motion."""
     if k in network.rods:
         gap = loads.origins[:, k, 1] - loads.origins[:, k, 0]
         direction = gap / np.linalg.norm(gap, axis=1, keepdims=True)
@@ -218,20 +229,23 @@ def constraints(network: Network, loads: Loads, k: int) -> np.ndarray:
 
 
 def complement(columns: np.ndarray) -> np.ndarray:
-    """Return orthonormal rows (K, 6 - k, 6) that are orthogonal to given independent columns (K, 6, k)."""
+    """Return orthonormal rows (K, 6 - k, 6) that are orthogonal to given independent columns
+    (K, 6, k)."""
     Q = np.linalg.qr(columns, mode="complete")[0]
     return np.swapaxes(Q[..., columns.shape[2] :], 1, 2)
 
 
 def conjugate(twists: np.ndarray) -> np.ndarray:
-    """Return P' (K, rates, 6): the moment about the axis of a turn, the force along a slide, that do unit work on a rate."""
+    """Return P' (K, rates, 6): the moment about the axis of a turn, the force along a slide, that
+    do unit work on a rate."""
     turns = np.linalg.norm(twists[..., :3], axis=2, keepdims=True) > 0
     along = np.where(turns, twists * np.repeat([1.0, 0.0], 3), twists)
     return along / np.maximum(np.sum(along**2, axis=2, keepdims=True), np.finfo(float).tiny)
 
 
 def moved(wrench: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return wrenches (K, 6, columns) about another point: moment + r x force, r (K, 3) to the old point from the new."""
+    """Return wrenches (K, 6, columns) about another point: moment + r x force, r (K, 3) to the old
+    point from the new."""
     moment, force = wrench[:, :3], wrench[:, 3:]
     x, y, z = (r[:, i, None] for i in range(3))
     turned = [
@@ -243,7 +257,8 @@ def moved(wrench: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 
 def least_norm(B: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least y (K, n) that meets B y = c best, and N (K, n, s): orthonormal directions with B N = 0.
+    """Return the least y (K, n) that meets B y = c best, and N (K, n, s): orthonormal directions
+    with B N = 0.
 
     Where a sample has fewer than s of them the other columns of N are zero.
     """

@@ -1,4 +1,5 @@
-"""Observing: the numbers of a state as a controller sees them, by name, each read when it is first asked for."""
+"""Observing: the numbers of a state as a controller sees them, by name, each read when it is first
+asked for."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Parameters: the same robot with other values of its free numbers.
 
-Equations and kernels are functions of p; only the reference configuration, which has to be closed, depends on its values.
+Equations and kernels are functions of p; only the reference configuration, which has to be closed,
+depends on its values.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
 
 
 def reference(robot: Model, mechanism: Mechanism) -> np.ndarray:
-    """Return the closed reference configuration of the robot with its own p: the one it has where that is still closed."""
+    """Return the closed reference configuration of the robot with its own p: the one it has where
+    that is still closed."""
     equations, kept = robot.equations, robot.equations.reference
     gap = robot.chart.kernel("closure_step")(kept)[1][0]
     if np.isnan(gap):

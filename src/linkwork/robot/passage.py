@@ -1,9 +1,11 @@
-"""Passage: lead a run from chart to chart, and over singular poses where the motion itself is smooth.
+"""Passage: lead a run from chart to chart, and over singular poses where the motion itself is
+smooth.
 
-A run is a chain of segments, each integrated in one chart. Where the chart's pivot falls below a soft bound the segment
-ends; if another chart is well conditioned there the next segment uses it: q stays, the rates are re-read. If none is,
-the configuration itself is nearly singular, and the run goes on in the same chart down to the hard bound, or, if asked,
-steps over it (`crossing`). Which chart is next is a matter of q (and p) alone, not of the charts known from elsewhere.
+A run is a chain of segments, each integrated in one chart. Where the chart's pivot falls below a
+soft bound the segment ends; if another chart is well conditioned there the next segment uses it: q
+stays, the rates are re-read. If none is, the configuration itself is nearly singular, and the run
+goes on in the same chart down to the hard bound, or, if asked, steps over it (`crossing`). Which
+chart is next is a matter of q (and p) alone, not of the charts known from elsewhere.
 """
 
 from __future__ import annotations
@@ -51,10 +53,12 @@ LOWER = 0.25  # the soft bound falls by this factor while no better chart is fou
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Hold a part of a run that was integrated in one chart, or a singular pose that was stepped over in it.
+    """Hold a part of a run that was integrated in one chart, or a singular pose that was stepped
+    over in it.
 
-    start: time, q and (v, z) that it went out from; method: its name; crossed: the way over the pose
-    again: integrates it once more, saved at other times or (None) at every step, where a sampled controller acts from a row,
+    start: time, q and (v, z) that it went out from; method: its name; crossed: the way over the
+    pose again: integrates it once more, saved at other times or (None) at every step, where a
+    sampled controller acts from a row,
         by number (-1: the start), to the next, without calling it
     """
 
@@ -70,10 +74,11 @@ class Segment:
         measure: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]],
         rows: np.ndarray,
     ) -> dict[str, np.ndarray]:
-        """Return quantities (rows, ...) by name, of states y and inputs u, at some of the saved times.
+        """Return quantities (rows, ...) by name, of states y and inputs u, at some of the saved
+        times.
 
-        Near a singular pose rates and accelerations do not follow from the state: on the way over one every quantity is the
-        polynomial through its values at the nodes of the crossing.
+        Near a singular pose rates and accelerations do not follow from the state: on the way over
+        one every quantity is the polynomial through its values at the nodes of the crossing.
         """
         part, over = self.trajectory, self.crossed
         y, u = (
@@ -82,17 +87,20 @@ class Segment:
         return {name: self.interpolated(values, rows) for name, values in measure(y, u).items()}
 
     def interpolated(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return a quantity at some of the saved times from its values there or, on the way over a pose, at the nodes."""
+        """Return a quantity at some of the saved times from its values there or, on the way over a
+        pose, at the nodes."""
         return self.crossed.through(values, self.trajectory.t[rows]) if self.crossed else values
 
 
 class Stand(NamedTuple):
     """Hold where a run stands between two segments.
 
-    chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole turns of angles that are
+    chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole
+    turns of angles that are
         not in q; control: what a sampled controller holds
-    steps: how many are left; bound: the pivot at which the segment ends; short: its duration while the bound is lowered
-    method: of integration; over: the singular pose that was stepped over to come here
+    steps: how many are left; bound: the pivot at which the segment ends; short: its duration while
+    the bound is lowered method: of integration; over: the singular pose that was stepped over to
+    come here
     """
 
     chart: CompiledChart
@@ -113,7 +121,8 @@ class Passage:
     """Lead one run from a state to its end.
 
     system: what is integrated; start, end: times of the run [s]
-    settings: how; save_at None: every step is saved; for explicit steps of a method that nobody asked for the stiff one is
+    settings: how; save_at None: every step is saved; for explicit steps of a method that nobody
+    asked for the stiff one is
         taken from where they are stiff
     pace: the step to begin with, guessed if left out
     watching: whether events are watched for
@@ -199,7 +208,8 @@ class Passage:
     def onward(self, stand: Stand | None) -> Iterator[Segment]:
         """Yield the segments from a stand on.
 
-        While the bound is lowered segments are short, so that it is raised again when the pivots have recovered.
+        While the bound is lowered segments are short, so that it is raised again when the pivots
+        have recovered.
         """
         while stand is not None:
             if stand.over is not None:
@@ -214,7 +224,8 @@ class Passage:
             stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory, choice: Choice | None = None) -> Stand | None:
-        """Return where the run stands after a segment, None at its end; choice: of the next chart, if it is known."""
+        """Return where the run stands after a segment, None at its end; choice: of the next chart,
+        if it is known."""
         if done.status is Status.FINISHED and self._until(stand) == self.end:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
@@ -268,7 +279,8 @@ class Passage:
     def _again(
         self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int
     ) -> Trajectory:
-        """Integrate a segment again. Samples within a step may have a weaker pivot than its ends, which kept to the bound."""
+        """Integrate a segment again. Samples within a step may have a weaker pivot than its ends,
+        which kept to the bound."""
         until = self._until(stand)
         stand = stand if save_at is None else stand._replace(bound=LOWER * stand.bound)
         if stand.control is None:
@@ -341,7 +353,8 @@ class Passage:
         return chart if faced is chart else self.robot.run_charts.setdefault(faced.key, faced)
 
     def _over(self, stand: Stand, done: Trajectory) -> Segment | None:
-        """Return the way over the singular pose ahead of where a trajectory ended, None where there is no smooth one."""
+        """Return the way over the singular pose ahead of where a trajectory ended, None where there
+        is no smooth one."""
         if self.system.sampler:
             return None
         chart, settings = stand.chart, self.settings
@@ -357,7 +370,8 @@ class Passage:
         )
 
     def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
-        """Return a crossing, as far as the run goes, with what is saved and what happens on the way."""
+        """Return a crossing, as far as the run goes, with what is saved and what happens on the
+        way."""
         happened = [
             (time, number)
             for time, number in sorted(self._events(crossing, crossed))

@@ -64,7 +64,8 @@ def require_turns(given: np.ndarray, labels: Labels) -> None:
     for name, places in labels.all_quaternions.items():
         if not np.linalg.norm(given[..., places], axis=-1).min(initial=np.inf) > 0:
             raise LinkworkError(
-                f"the quaternion of joint {name!r} is zero; give one of any other length, such as 1, 0, 0, 0"
+                f"the quaternion of joint {name!r} is zero; give one of any other length, such "
+                "as 1, 0, 0, 0"
             )
 
 
@@ -73,7 +74,8 @@ def require_consistent(
 ) -> None:
     """Refuse coordinates that contradict the closed configuration; wrong: which do (..., m).
 
-    Angles may differ by whole turns where these act on nothing. A quaternion may be given at any length and with either sign.
+    Angles may differ by whole turns where these act on nothing. A quaternion may be given at any
+    length and with either sign.
     """
     if not wrong.any():
         return
@@ -91,7 +93,8 @@ def require_consistent(
         ", and its spring, gear or thread counts whole turns" if labels.counted[index[-1]] else ""
     )
     raise LinkworkError(
-        f"joint {name!r} is given as {value:.6g}, but the other joints make it {closed[index]:.6g}{acting}"
+        f"joint {name!r} is given as {value:.6g}, but the other joints make it "
+        f"{closed[index]:.6g}{acting}"
     )
 
 
@@ -100,8 +103,9 @@ def require_closing(robot: Model, q: np.ndarray, gap: np.ndarray) -> None:
     if not (gap <= OPEN_LOOPS).all():
         index = tuple(int(i) for i in np.argwhere(~(gap <= OPEN_LOOPS))[0])
         raise LinkworkError(
-            f"the loops do not close from these positions: {open_row(robot, q[index])} stays open by {gap[index]:.3g}; give "
-            "positions nearer to a closed configuration, or close them by robot.assemble"
+            f"the loops do not close from these positions: {open_row(robot, q[index])} stays "
+            f"open by {gap[index]:.3g}; give positions nearer to a closed configuration, or "
+            "close them by robot.assemble"
         )
 
 
@@ -137,7 +141,8 @@ def assemble(
 
 
 def closed_near(robot: Model, targets: Mapping[str, float], start: np.ndarray) -> np.ndarray | None:
-    """Return q (nq) at values of the independent coordinates that are so near to a start that Newton's method contracts.
+    """Return q (nq) at values of the independent coordinates that are so near to a start that
+    Newton's method contracts.
 
     None where others are given, or it does not.
     """
@@ -153,7 +158,8 @@ def closed_near(robot: Model, targets: Mapping[str, float], start: np.ndarray) -
 
 
 def at_joints(robot: Model, targets: dict[str, float], start: np.ndarray) -> np.ndarray:
-    """Return q (nq) at any joint coordinates that a start leads to, with the whole turns of what is asked."""
+    """Return q (nq) at any joint coordinates that a start leads to, with the whole turns of what is
+    asked."""
     places = [robot.coordinates.index(name) for name in targets]
     angular = robot.labels.angular[places]
     angles, wraps = np.array(places, int)[angular].tolist(), angular.copy()
@@ -164,16 +170,18 @@ def at_joints(robot: Model, targets: dict[str, float], start: np.ndarray) -> np.
         if len(targets) <= robot.mobility:
             raise
         raise UnreachableError(
-            f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave some out, or give values "
-            f"that fit together: {error}"
+            f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave "
+            f"some out, or give values that fit together: {error}"
         ) from None
     return turned(robot.chart, q, angles, np.array(list(targets.values()))[angular])
 
 
 def wound(robot: Model, made: State, guess: State, asked: Mapping[int, float]) -> State:
-    """Return states with the whole turns of joints that close loops as near as they come to what is asked, by place.
+    """Return states with the whole turns of joints that close loops as near as they come to what is
+    asked, by place.
 
-    Others keep those of the guess: as many where they are read without a jump, else as near as they come to it.
+    Others keep those of the guess: as many where they are read without a jump, else as near as they
+    come to it.
     """
     labels = robot.labels
     if not labels.may_wind:
@@ -222,8 +230,9 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
     if not (kept := leader.keeps(along)).all():
         raise LinkworkError(
-            f"at t = {time[np.argmin(kept)]:.6g} s: the joints are on another branch than at the start, for the path passes a "
-            "stretched or folded pose, or its samples are too far apart; take more samples, or lead the path around"
+            f"at t = {time[np.argmin(kept)]:.6g} s: the joints are on another branch than at the "
+            "start, for the path passes a stretched or folded pose, or its samples are too far "
+            "apart; take more samples, or lead the path around"
         )
     made = robot.make_state(along, v)
     positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(
@@ -237,7 +246,8 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
 
 
 def stacked(robot: Model, q: np.ndarray, rates: Rates) -> State:
-    """Return the states of configurations q (..., nq) with rates, their leading dimensions brought together."""
+    """Return the states of configurations q (..., nq) with rates, their leading dimensions brought
+    together."""
     v = independent_rates(robot, rates, q)
     batch = checks.together(q.shape[:-1], v.shape[:-1])
     return robot.make_state(
@@ -254,7 +264,8 @@ def start_of(robot: Model, guess: State | None) -> np.ndarray:
 
 
 def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
-    """Return v (..., n) from an array, from the independent rates by name, or from n rates of any joints by name."""
+    """Return v (..., n) from an array, from the independent rates by name, or from n rates of any
+    joints by name."""
     if rates is None:
         return np.zeros(robot.mobility)
     if isinstance(rates, Mapping) and set(rates) <= set(robot.independent):
@@ -279,7 +290,8 @@ def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
 
 
 def of_tree(robot: Model, positions: np.ndarray) -> np.ndarray:
-    """Return q (..., nq) from the coordinates of all joints (..., m), its quaternions at length 1."""
+    """Return q (..., nq) from the coordinates of all joints (..., m), its quaternions at length
+    1."""
     tree, topology = robot.equations.tree, robot.equations.topology
     if not topology.added:
         q = positions.take(robot.labels.of_tree, axis=-1)
@@ -307,5 +319,6 @@ def require_full_pose(robot: Model, size: int) -> None:
     if size != needed:
         besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(
-            f"the path prescribes {size} coordinates of the tool, but the mobility is {needed}{besides}; prescribe {needed}"
+            f"the path prescribes {size} coordinates of the tool, but the mobility is "
+            f"{needed}{besides}; prescribe {needed}"
         )

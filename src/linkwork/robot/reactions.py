@@ -1,4 +1,5 @@
-"""Reactions: the wrench that every joint transmits, balanced with the inertia and the loads of the bodies (`network`)."""
+"""Reactions: the wrench that every joint transmits, balanced with the inertia and the loads of the
+bodies (`network`)."""
 
 from __future__ import annotations
 
@@ -31,17 +32,20 @@ MEMORY = 4_000_000  # numbers to hold at a time
 
 @dataclass(frozen=True, eq=False)
 class Reactions:
-    """Hold the wrenches [moment; force] that joints exert on their second bodies; the first bodies get the opposite.
+    """Hold the wrenches [moment; force] that joints exert on their second bodies; the first bodies
+    get the opposite.
 
     joints: names; `reactions[name]` is the wrench (..., 6) [N m, N] of one
-    wrenches: (..., joints, 6), all that the joint transmits: actuator, spring, friction and gear forces included
-    constraint: (..., joints, 6), the part that does no work in the joint's motion: without those forces
-    gears: multiplier of each gear (...) by name; it pushes every geared rate by ratio times that
-    frame: "ground": about the origin of F1 in the ground's axes; "first": the same in F1's axes; "second": about the
+    wrenches: (..., joints, 6), all that the joint transmits: actuator, spring, friction and gear
+    forces included constraint: (..., joints, 6), the part that does no work in the joint's motion:
+    without those forces gears: multiplier of each gear (...) by name; it pushes every geared rate
+    by ratio times that frame: "ground": about the origin of F1 in the ground's axes; "first": the
+    same in F1's axes; "second": about the
         origin of F2 in F2's axes
-    indeterminate: components in that frame, by joint, that rigid bodies leave open, for constraints depend on each other:
-        of all distributions that one is given whose constraint wrenches about the origins of F2, moments over `length`
-        [m], have the least sum of squares (the least Lagrange multipliers)
+    indeterminate: components in that frame, by joint, that rigid bodies leave open, for constraints
+    depend on each other:
+        of all distributions that one is given whose constraint wrenches about the origins of F2,
+        moments over `length` [m], have the least sum of squares (the least Lagrange multipliers)
     """
 
     joints: tuple[str, ...]
@@ -59,14 +63,19 @@ class Reactions:
         return self.wrenches[..., self.joints.index(joint), :]
 
     def __repr__(self) -> str:
-        return f"Reactions({', '.join(self.joints)}; frame {self.frame!r}, shape {self.wrenches.shape})"
+        return (
+            f"Reactions({', '.join(self.joints)}; frame {self.frame!r}, shape "
+            f"{self.wrenches.shape})"
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Hold K samples of a motion in one chart: q (K, nq), v and v' (K, n), actuator forces u (K, actuators).
+    """Hold K samples of a motion in one chart: q (K, nq), v and v' (K, n), actuator forces u
+    (K, actuators).
 
-    applied: external wrenches [moment about the mass centre; force] on the bodies (K, r, 6), in the ground's axes, or None
+    applied: external wrenches [moment about the mass centre; force] on the bodies (K, r, 6), in the
+    ground's axes, or None
     """
 
     chart: CompiledChart
@@ -108,7 +117,8 @@ def transmitted(
     frame: str = "ground",
     length: float | None = None,
 ) -> Reactions:
-    """Return the reactions over samples of a motion, chart after chart; `batch` are the leading dimensions of the result."""
+    """Return the reactions over samples of a motion, chart after chart; `batch` are the leading
+    dimensions of the result."""
     if not isinstance(frame, str) or frame not in FRAMES:
         raise LinkworkError(f"frame is {frame!r}; give {' or '.join(map(repr, FRAMES))}")
     length = spread(robot) if length is None else checks.number(length, "length")
@@ -137,7 +147,8 @@ def transmitted(
 def balanced_part(
     robot: Model, network: Network, samples: Samples, frame: str, length: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and which are open (J, 6)."""
+    """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and
+    which are open (J, 6)."""
     unit = np.repeat([length, 1.0], 3)
     needed, centres, origins, twists, f, _ = evaluated(
         robot,
@@ -170,7 +181,8 @@ def kernel(chart: CompiledChart, function: Callable[[Equations], ca.Function]) -
 
 
 def seen_from(samples: Samples, joints: int, frame: str) -> np.ndarray | None:
-    """Return the axes (K, J, 3, 3) of each joint in which wrenches are shown; None for the ground's."""
+    """Return the axes (K, J, 3, 3) of each joint in which wrenches are shown; None for the
+    ground's."""
     if frame == "ground":
         return None
     (axes,) = kernel(samples.chart, joint_axes)(samples.q)
@@ -180,7 +192,8 @@ def seen_from(samples: Samples, joints: int, frame: str) -> np.ndarray | None:
 def shown(
     wrenches: np.ndarray, origins: np.ndarray, axes: np.ndarray | None, frame: str
 ) -> np.ndarray:
-    """Return wrenches (K, J, 6), given about the origins of F2 in the ground's axes, in another frame of each joint."""
+    """Return wrenches (K, J, 6), given about the origins of F2 in the ground's axes, in another
+    frame of each joint."""
     moment, force = wrenches[..., :3], wrenches[..., 3:]
     if frame != "second":
         moment = moment + np.cross(origins[:, :, 1] - origins[:, :, 0], force)
@@ -191,7 +204,8 @@ def shown(
 
 
 def spread(robot: Model) -> float:
-    """Return the root mean square distance of the joints from their middle at home [m], or 1 m if that is zero."""
+    """Return the root mean square distance of the joints from their middle at home [m], or 1 m if
+    that is zero."""
     home = robot.home
     origins = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates)[2].reshape(-1, 3)
     if not len(origins):

@@ -71,7 +71,8 @@ class Left(NamedTuple):
     """Hold what a run had at its end, from which it is resumed, beside its state.
 
     time: [s]; extras: extra states; pace: step size
-    held: inputs that a sampled controller held; turns: whole turns of angles that are not in the state's q
+    held: inputs that a sampled controller held; turns: whole turns of angles that are not in the
+    state's q
     """
 
     time: float
@@ -84,7 +85,8 @@ class Left(NamedTuple):
 def simulate(
     robot: Model, state: State, system: System, settings: Settings, left: Left | None = None
 ) -> Run:
-    """Run a system from a state and record positions, rates, accelerations, forces, tool, energies and closure over time.
+    """Run a system from a state and record positions, rates, accelerations, forces, tool, energies
+    and closure over time.
 
     left: what a run that is resumed had at its end
     """
@@ -118,14 +120,16 @@ def simulate(
 
 
 def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
-    """Return the start of a run and when a sampled controller is called after it, the first `most` times [s]."""
+    """Return the start of a run and when a sampled controller is called after it, the first `most`
+    times [s]."""
     first = int(start / sampler.period)
     times = np.arange(first, min(int(end / sampler.period), first + most) + 2) * sampler.period
     return np.append(start, times[(times > start) & (times < end)])
 
 
 def asked(robot: Model, system: System, settings: Settings) -> dict[str, object]:
-    """Return what a run was asked for: whose it is, tolerances or step, and values of parameters."""
+    """Return what a run was asked for: whose it is, tolerances or step, and values of
+    parameters."""
     found: dict[str, object] = {"mechanism": robot.mechanism.name, **settings.told}
     own = system.acting.parameters if system.acting else ()
     values = robot.parameters | dict(zip(own, system.parameters.tolist(), strict=True))
@@ -139,7 +143,8 @@ def asked(robot: Model, system: System, settings: Settings) -> dict[str, object]
 
 
 def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
-    """Return methods and charts taken, and what a run can be resumed from: time, coordinates, rates, extras, next step."""
+    """Return methods and charts taken, and what a run can be resumed from: time, coordinates,
+    rates, extras, next step."""
     last = segments[-1].trajectory
     found: dict[str, object] = {
         "method": methods_taken(segments),
@@ -171,9 +176,11 @@ def singular_times(segments: Sequence[Segment]) -> list[float]:
 
 
 def held_last(system: System, control: Control) -> np.ndarray:
-    """Return the inputs that a sampled controller held last, oldest first: before its last call where that failed.
+    """Return the inputs that a sampled controller held last, oldest first: before its last call
+    where that failed.
 
-    What that call pushed out is not known any more; nor is it needed, for the call is repeated first of all.
+    What that call pushed out is not known any more; nor is it needed, for the call is repeated
+    first of all.
     """
     assert system.acting is not None
     if np.isfinite(control.held).all():
@@ -200,7 +207,8 @@ def charts_taken(segments: Sequence[Segment]) -> str:
 
 
 def record(made: Compared, state: State, besides: np.ndarray) -> Run:
-    """Name what a run's segments hold; what is asked of it, and what follows, is found when it is first asked for."""
+    """Name what a run's segments hold; what is asked of it, and what follows, is found when it is
+    first asked for."""
     robot, system, segments, settings = (
         made.robot,
         made.passage.system,
@@ -243,7 +251,8 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
 
 
 def errors(made: Compared, of: Record) -> dict[str, Variable]:
-    """Return by how much a run differs from its companion at its saved times: positions and rates, and drive states."""
+    """Return by how much a run differs from its companion at its saved times: positions and rates,
+    and drive states."""
     other = Record(made.robot, of.system, made.companion, np.empty(0), of.start, False)
     places = np.searchsorted(other.time, of.time[of.time <= other.time[-1]])
     found = {}
@@ -269,7 +278,10 @@ def ending(system: System, segments: Sequence[Segment]) -> tuple[Status, str]:
     which = "a singular pose" if len(passed) == 1 else f"{len(passed)} singular poses"
     return (
         status,
-        f"{message} It stepped over {which}, at t = {', '.join(passed[:MOST_TOLD])}{' ...' * (len(passed) > MOST_TOLD)} s.",
+        (
+            f"{message} It stepped over {which}, at t = "
+            f"{', '.join(passed[:MOST_TOLD])}{' ...' * (len(passed) > MOST_TOLD)} s."
+        ),
     )
 
 
@@ -292,13 +304,15 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
         return status, status.sentence(time=last.end_time, error=reason(system.faults[0]))
     if last.status is Status.SINGULAR and not lost(segment.chart, last.q_end):
         return last.status, last.message + (
-            f" The motion is given in the rates {', '.join(segment.chart.independent)}, which do not determine it there; "
-            "others do: give the state at rest in these, by robot.in_chart, and then its rates."
+            f" The motion is given in the rates {', '.join(segment.chart.independent)}, which do "
+            "not determine it there; others do: give the state at rest in these, by "
+            "robot.in_chart, and then its rates."
         )
     if last.status is Status.SINGULAR:
         return last.status, last.message + (
-            " No choice of independent rates determines the motion there: branches of motion meet (a bifurcation), or "
-            "it ends; on_singular='step_over' continues on a smooth branch where there is one."
+            " No choice of independent rates determines the motion there: branches of motion "
+            "meet (a bifurcation), or it ends; on_singular='step_over' continues on a smooth "
+            "branch where there is one."
         )
     if last.status is Status.EVENT:
         name = next(
@@ -346,7 +360,8 @@ def statistics(segments: Sequence[Segment]) -> Statistics:
 
 
 def closure_error(segment: Segment) -> float:
-    """Return the largest gap of a segment, that of rows that are not held at its saved states and its end included."""
+    """Return the largest gap of a segment, that of rows that are not held at its saved states and
+    its end included."""
     part = segment.trajectory
     q = np.concatenate([part.q, part.y_end[None, : part.nq]])
     return max(part.closure_error, segment.chart.unheld_gap(q).max())
@@ -354,7 +369,8 @@ def closure_error(segment: Segment) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Measure what follows from a run's states at the saved times (K,), each kind of quantities when first asked for.
+    """Measure what follows from a run's states at the saved times (K,), each kind of quantities
+    when first asked for.
 
     besides: times of calls of a sampled controller, which were saved for the work between them
     start: the state that the run went out from; every: whether every step was saved
@@ -429,7 +445,8 @@ class Record:
 
     @cached_property
     def windings(self) -> tuple[np.ndarray, np.ndarray]:
-        """Whole turns of joints' coordinates (K, m), and the times at which they were counted (K,) [s]."""
+        """Whole turns of joints' coordinates (K, m), and the times at which they were counted (K,)
+        [s]."""
         return following.windings(self.robot, self.start, self.segments, self.every)
 
     @cached_property
@@ -444,7 +461,8 @@ class Record:
         )
 
     def final_windings(self) -> dict[str, object]:
-        """Return the whole turns of joints' coordinates at the end that the tree's do not tell, if there are any."""
+        """Return the whole turns of joints' coordinates at the end that the tree's do not tell, if
+        there are any."""
         last = self.windings[1][-1] if self.robot.labels.may_wind else np.zeros(0)
         return {"final_windings": last} if last.any() else {}
 
@@ -453,7 +471,8 @@ class Record:
         return self.states()
 
     def states(self) -> dict[str, Variable]:
-        """Return positions, rates and accelerations of all joints, forces, energies, tool and closure."""
+        """Return positions, rates and accelerations of all joints, forces, energies, tool and
+        closure."""
         of = self.of
         rates = of["rates"]
         quantities: dict[str, derived.Quantity] = {
@@ -497,7 +516,8 @@ def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
 
 
 def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
-    """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force) in the ground's axes."""
+    """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force)
+    in the ground's axes."""
     part, n = segment.trajectory, segment.chart.equations.mobility
     found = {
         "q": part.q[rows],

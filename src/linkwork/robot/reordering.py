@@ -1,9 +1,11 @@
-"""Reordering: evaluate in a chart where its rates determine the motion, also where its order of elimination does not.
+"""Reordering: evaluate in a chart where its rates determine the motion, also where its order of
+elimination does not.
 
     Phi_u w_u = -Phi_a v
 
-has one solution where Phi_u is regular. An order of elimination fails already where one of its pivots vanishes on the way:
-there the same rates are solved for in another order, which is chosen at the configuration.
+has one solution where Phi_u is regular. An order of elimination fails already where one of its
+pivots vanishes on the way: there the same rates are solved for in another order, which is chosen at
+the configuration.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 def ordered(
     robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
 ) -> CompiledChart:
-    """Return a chart, or the one of its rates in a good order at q (nq) if its own is weak there and they have one.
+    """Return a chart, or the one of its rates in a good order at q (nq) if its own is weak there
+    and they have one.
 
     p: values of the robot's free parameters (np), its own if left out
     """
@@ -44,7 +47,8 @@ def evaluated(
     kernel: Callable[[CompiledChart], Kernel],
     *given: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """Return what a chart's kernel gives (..., size), its last output the pivot (..., 1), in good orders where its own is weak.
+    """Return what a chart's kernel gives (..., size), its last output the pivot (..., 1), in good
+    orders where its own is weak.
 
     Args:
         kernel: returns the kernel of a chart.

@@ -2,8 +2,9 @@
 
     w = L v,    v_other = w at the other chart's independent rates,    w' H w = w_other' H w_other
 
-Where a chart is nearly singular its rates say little of the motion: what is read in them from elsewhere, or from them, is
-wrong by far. So pivots are asked for first, and the kinetic energy is compared in the end.
+Where a chart is nearly singular its rates say little of the motion: what is read in them from
+elsewhere, or from them, is wrong by far. So pivots are asked for first, and the kinetic energy is
+compared in the end.
 """
 
 from __future__ import annotations
@@ -32,11 +33,13 @@ def reread(
     v: np.ndarray,
     p: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rates (..., n) of a chart at states given in those of another, and whether they tell the same motion (...).
+    """Return the rates (..., n) of a chart at states given in those of another, and whether they
+    tell the same motion (...).
 
     Args:
         q, v: coordinates (..., nq) and rates of the given chart (..., n).
-        p: values of the robot's free parameters, of each state or of all; the robot's own if left out.
+        p: values of the robot's free parameters, of each state or of all; the robot's own if left
+            out.
     """
     p = robot.p if p is None else p
     if not v.any():
@@ -54,7 +57,8 @@ def reread(
 def told(
     robot: Model, chart: CompiledChart, q: np.ndarray, v: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return w = L v (..., nv) and the weakest relative pivot (...), in a good order where the chart's own is weak."""
+    """Return w = L v (..., nv) and the weakest relative pivot (...), in a good order where the
+    chart's own is weak."""
     w, pivot = chart.weighed(q, v, p)
     if np.abs(pivot).min(initial=np.inf) > checks.PIVOT_BOUND:
         return w, pivot
@@ -65,7 +69,8 @@ def told(
 def chart_in(
     robot: Model, names: tuple[str, ...], q: np.ndarray, least: float = DETERMINED
 ) -> CompiledChart | None:
-    """Return the known chart in the rates of these names where it is regular at q, else one that is chosen there.
+    """Return the known chart in the rates of these names where it is regular at q, else one that is
+    chosen there.
 
     None where these rates do not determine the motion (`choosing.chart_in`).
     """
@@ -79,7 +84,8 @@ def chart_in(
 def start(robot: Model, state: State) -> tuple[CompiledChart, np.ndarray]:
     """Return the chart in which a run from one state starts, and its rates there.
 
-    A state in the home chart may start in a shorter one, if nothing is lost by that; any other keeps its own.
+    A state in the home chart may start in a shorter one, if nothing is lost by that; any other
+    keeps its own.
     """
     own, shorter = robot.charts[state.independent], robot.run_chart
     if own is not robot.chart or shorter is own:

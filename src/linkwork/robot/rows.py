@@ -1,4 +1,5 @@
-"""Rows: states of many members side by side, those in the same chart together, so that kernels see them all at once."""
+"""Rows: states of many members side by side, those in the same chart together, so that kernels see
+them all at once."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ class Nodes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Hold states y = (q, v, z) in one chart: row i is that of member `members[i]` at the saved time `times[i]`, t[i] [s].
+    """Hold states y = (q, v, z) in one chart: row i is that of member `members[i]` at the saved
+    time `times[i]`, t[i] [s].
 
     held: what a sampled controller holds there (rows, inputs); no inputs without one
     nodes: where these states were saved while singular poses were stepped over
@@ -47,7 +49,8 @@ class Rows:
     def measured(
         self, measure: Callable[[Rows], Mapping[str, np.ndarray]]
     ) -> dict[str, np.ndarray]:
-        """Return quantities (rows, ...) by name, those of crossings by their values at the nodes (`Segment.measured`)."""
+        """Return quantities (rows, ...) by name, those of crossings by their values at the nodes
+        (`Segment.measured`)."""
         if self.nodes is None:
             return dict(measure(self))
         t, y, weights = self.nodes
@@ -79,7 +82,8 @@ def blended(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[Rows]:
-    """Yield the states of each segment of a run at the saved times, which are found by their values among `times`."""
+    """Yield the states of each segment of a run at the saved times, which are found by their values
+    among `times`."""
     signals = crew.system.inputs.coefficients.shape[2]
     for part, rows in trimmed(one.segments):
         done, nodes = part.trajectory, None

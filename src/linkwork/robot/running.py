@@ -57,13 +57,14 @@ def simulate(
         return recording.simulate(robot, state, runs, settings)
     if left.extras.size != len(runs.extras):
         raise LinkworkError(
-            f"the run ended with {left.extras.size} extra states, but these drives and controllers have {len(runs.extras)}"
+            f"the run ended with {left.extras.size} extra states, but these drives and "
+            f"controllers have {len(runs.extras)}"
         )
     held = left.held
     if held is not None and runs.acting and runs.sampler and held.size != runs.acting.held:
         raise LinkworkError(
-            f"the run ended with {held.size} held inputs, but this controller holds {runs.acting.held}; give it the "
-            "delay that it ran with"
+            f"the run ended with {held.size} held inputs, but this controller holds "
+            f"{runs.acting.held}; give it the delay that it ran with"
         )
     return recording.simulate(robot, state, runs, settings, left)
 
@@ -80,7 +81,8 @@ def resume(
     """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
     if not isinstance(run, Run):
         raise LinkworkError(
-            f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load returns"
+            f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load "
+            "returns"
         )
     try:
         q, v = (
@@ -108,7 +110,8 @@ def resume(
         chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
         if chart is None:
             raise LinkworkError(
-                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine the motion where it ended"
+                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine "
+                "the motion where it ended"
             )
         robot.charts[independent] = chart
     held, turns = (
@@ -139,7 +142,8 @@ def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
 def watched(
     robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str
 ) -> tuple[Event, ...]:
-    """Return events as such: names stand for ready ones, and plain functions are watched without ending the run."""
+    """Return events as such: names stand for ready ones, and plain functions are watched without
+    ending the run."""
     given: Sequence[Any] = (
         [events]
         if isinstance(events, str | Event) or callable(events)
@@ -155,6 +159,7 @@ def watched(
             found.extend(READY_EVENTS[event](robot))
         else:
             raise LinkworkError(
-                f"there are no events {shown(event)}; give {', '.join(READY_EVENTS)}, or a linkwork.control.Event"
+                f"there are no events {shown(event)}; give {', '.join(READY_EVENTS)}, or a "
+                "linkwork.control.Event"
             )
     return tuple(found)

@@ -1,6 +1,7 @@
 """Settings: how runs are computed, checked once and shared by all that computes them.
 
-`Robot.simulate`, `resume` and `ensemble`, studies and the command line make them from the same keyword arguments.
+`Robot.simulate`, `resume` and `ensemble`, studies and the command line make them from the same
+keyword arguments.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Settings:
-    """Say how runs are computed: the arguments of `Robot.simulate` and `Robot.ensemble` but for what acts, and where it starts.
+    """Say how runs are computed: the arguments of `Robot.simulate` and `Robot.ensemble` but for
+    what acts, and where it starts.
 
-    duration: T [s]; method: by name, None where it follows from the inputs (`suited`); step: of a fixed one [s]
-    events: to watch for, as they are given
+    duration: T [s]; method: by name, None where it follows from the inputs (`suited`); step: of a
+    fixed one [s] events: to watch for, as they are given
     rtol, atol: of the local error; save_at: times (K,) [s], or None
     max_step: [s]; max_steps: accepted and rejected ones together; threads: None for all processors
     integrator: the method itself; that for smooth inputs where none is asked for
@@ -84,13 +86,14 @@ class Settings:
     def suited(self, smooth: bool) -> Settings:
         """Return the same with the method for such inputs where none is asked for: order 7 or 5.
 
-        A method of higher order pays at tight tolerances. It takes longer steps, in which the kinks of sampled inputs
-        cost more of its accuracy.
+        A method of higher order pays at tight tolerances. It takes longer steps, in which the kinks
+        of sampled inputs cost more of its accuracy.
         """
         return self if smooth or self.method is not None else self.but(integrator=DORMAND_PRINCE)
 
     def but(self, **values: Any) -> Settings:
-        """Return the same with some other values, which are not checked: companions are finer than users may ask for."""
+        """Return the same with some other values, which are not checked: companions are finer than
+        users may ask for."""
         other = object.__new__(Settings)
         vars(other).update(vars(self), **values)
         return other

@@ -1,4 +1,5 @@
-"""States and motions: what a user passes around. Both are frozen and may be stacked along leading dimensions."""
+"""States and motions: what a user passes around. Both are frozen and may be stacked along leading
+dimensions."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ from linkwork.simulation.run import Told
 class State:
     """Hold a closed configuration and its independent rates; leading dimensions stack states.
 
-    positions: coordinates of all joints (..., m) [m, rad; 1 of quaternions], in the order of `coordinates`
-    rates: independent rates v (..., n) [m/s, rad/s], in the order of `independent`
+    positions: coordinates of all joints (..., m) [m, rad; 1 of quaternions], in the order of
+    `coordinates` rates: independent rates v (..., n) [m/s, rad/s], in the order of `independent`
     q: the tree's coordinates (..., nq), of which all the others are functions
     coordinates, independent: names
     """
@@ -34,7 +35,8 @@ class State:
         """Return one joint coordinate (...) [m, rad]."""
         if not isinstance(coordinate, str) or coordinate not in self.coordinates:
             raise LinkworkError(
-                f"there is no joint {shown(coordinate)}; the joints are {', '.join(self.coordinates)}"
+                f"there is no joint {shown(coordinate)}; the joints are "
+                f"{', '.join(self.coordinates)}"
             )
         return self.positions[..., self.coordinates.index(coordinate)]
 
@@ -46,7 +48,8 @@ class State:
         """Return how many states are stacked along the first dimension."""
         if not self.batch:
             raise LinkworkError(
-                "this is one state, not a stack; state.positions are its values, named by state.coordinates"
+                "this is one state, not a stack; state.positions are its values, named by "
+                "state.coordinates"
             )
         return self.batch[0]
 
@@ -59,7 +62,8 @@ class State:
         return self.q.shape[:-1]
 
     def with_rates(self, rates: ArrayLike | Mapping[str, float]) -> State:
-        """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or by name, others zero."""
+        """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or by
+        name, others zero."""
         n, names = len(self.independent), ", ".join(self.independent)
         if isinstance(rates, Mapping):
             if not set(rates) <= set(self.independent):
@@ -105,7 +109,8 @@ class State:
 
 
 def with_positions(state: State, positions: np.ndarray) -> State:
-    """Return the same states told with other positions (..., m), such as with whole turns of joints that close loops."""
+    """Return the same states told with other positions (..., m), such as with whole turns of joints
+    that close loops."""
     return State(positions, state.rates, state.q, state.coordinates, state.independent)
 
 
@@ -122,8 +127,9 @@ class Reached(State):
 class Motion:
     """Hold a motion of the whole mechanism over time (K samples).
 
-    time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n); joint_rates and
-    joint_accelerations: of all joints (K, m); tool: the tool's pose along the way (K, 3 planar or 6 spatial) [m, rad].
+    time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n); joint_rates
+    and joint_accelerations: of all joints (K, m); tool: the tool's pose along the way (K, 3 planar
+    or 6 spatial) [m, rad].
     """
 
     time: np.ndarray

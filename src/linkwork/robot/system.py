@@ -1,6 +1,8 @@
-"""Systems: what is integrated in a run. A robot under plain forces, or joined with controllers, drives and wrenches.
+"""Systems: what is integrated in a run. A robot under plain forces, or joined with controllers,
+drives and wrenches.
 
-The state is y = (q, v, z) in a chart of the robot; z, the extra states of drives and controllers, is the same in all charts.
+The state is y = (q, v, z) in a chart of the robot; z, the extra states of drives and controllers,
+is the same in all charts.
 """
 
 from __future__ import annotations
@@ -47,8 +49,8 @@ class System:
     """Give the kernels of a run in any chart.
 
     inputs: u over time, of the integrator; acting: what acts, None for plain forces
-    parameters: values of the parameters of controllers and drives, in the order of `acting.parameters`
-    faults: what a sampled function raised
+    parameters: values of the parameters of controllers and drives, in the order of
+    `acting.parameters` faults: what a sampled function raised
     """
 
     inputs: Signal
@@ -63,7 +65,8 @@ class System:
 
     @property
     def states(self) -> tuple[Extra, ...]:
-        """All states z beside the robot's: the extra ones, then those that tell the turns of joints that are read."""
+        """All states z beside the robot's: the extra ones, then those that tell the turns of joints
+        that are read."""
         followed = [name for names in self.acting.followed for name in names] if self.acting else ()
         return (*self.extras, *(Extra(name, "rad", 0.0) for name in followed))
 
@@ -105,7 +108,8 @@ class System:
     ) -> tuple[float, np.ndarray]:
         """Return rtol and atol of the numbers of a state (q, v, z) of some size.
 
-        States that tell turns do not count, nor in the root mean square of errors: steps are those without them.
+        States that tell turns do not count, nor in the root mean square of errors: steps are those
+        without them.
         """
         followed, each = len(self.states) - len(self.extras), chart.tolerances(atol, size)
         if not followed:
@@ -145,7 +149,8 @@ class System:
         return Events(self.kernel(chart, "events").address, conditions)
 
     def watch(self, chart: CompiledChart, span: tuple[float, float]) -> Watch | None:
-        """Return what no step may pass over within a span [s] beside the inputs, if there is anything; any chart will do."""
+        """Return what no step may pass over within a span [s] beside the inputs, if there is
+        anything; any chart will do."""
         if self.acting is None:
             return None
         timely, kernel = self.acting.timely, None
@@ -167,7 +172,8 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Callback:
-    """Call a sampled Python function from machine code: (y, u, p) -> held inputs, oldest command first.
+    """Call a sampled Python function from machine code: (y, u, p) -> held inputs, oldest command
+    first.
 
     What the function raises is kept, and numbers that are undefined end the run.
     """
@@ -276,7 +282,8 @@ def system(
 
 
 def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
-    """Return the coordinates whose turns runs follow for what acts: of those that it reads, those that jump or begin turned.
+    """Return the coordinates whose turns runs follow for what acts: of those that it reads, those
+    that jump or begin turned.
 
     What a Python function reads is not known beforehand.
     """
@@ -305,7 +312,8 @@ def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
 
 
 def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> System:
-    """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and parameters are the same."""
+    """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and
+    parameters are the same."""
     if runs.acting:
         return runs
     with BUILDING:
@@ -313,7 +321,8 @@ def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> Syst
 
 
 def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> None:
-    """Refuse states in which a drive cannot start; drives of which parameters vary are not looked at."""
+    """Refuse states in which a drive cannot start; drives of which parameters vary are not looked
+    at."""
     acting = runs.acting
     if acting is None or not acting.bounded:
         return
@@ -333,8 +342,8 @@ def require_cover(references: Sequence[Reference], span: tuple[float, float]) ->
         if not signal.covers(start, stop):
             first, last = signal.span
             raise LinkworkError(
-                f"{what} reads a signal from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s; "
-                "give samples for the whole run"
+                f"{what} reads a signal from {first:g} s to {last:g} s, but the run goes from "
+                f"{start:g} s to {stop:g} s; give samples for the whole run"
             )
 
 
@@ -347,12 +356,14 @@ def as_input(robot: Model, forces: Any) -> Signal:
         forces = checks.finite(checks.actuator_forces(forces, robot.actuators), "forces")
         if forces.ndim > 1:
             raise LinkworkError(
-                f"forces has shape {forces.shape}; give {n} numbers: {', '.join(robot.actuators)}, or linkwork.Sampled ones"
+                f"forces has shape {forces.shape}; give {n} numbers: "
+                f"{', '.join(robot.actuators)}, or linkwork.Sampled ones"
             )
     signal = as_signal(forces)
     if signal.coefficients.shape[2] != n:
         raise LinkworkError(
-            f"the forces have {signal.coefficients.shape[2]} columns; give {n}: {', '.join(robot.actuators)}"
+            f"the forces have {signal.coefficients.shape[2]} columns; give {n}: "
+            f"{', '.join(robot.actuators)}"
         )
     return signal
 

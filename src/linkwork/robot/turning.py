@@ -1,12 +1,12 @@
 """Turning: which angles of a robot the equations of a run see through sines and cosines alone.
 
-Whole turns of such an angle change nothing, and the integrators count them apart (`simulation.turns`). Which they are is
-read off the graphs: each value of a program is followed as
+Whole turns of such an angle change nothing, and the integrators count them apart
+(`simulation.turns`). Which they are is read off the graphs: each value of a program is followed as
 
     value = sum_i a_i q_i + what does not change when an angle q_i grows by 2 pi,
 
-through sums and products with constants; a sine or cosine of it forgets q_i where a_i is whole, and any other operation
-does not. Springs, gears and controllers that read an angle so keep it as it is.
+through sums and products with constants; a sine or cosine of it forgets q_i where a_i is whole, and
+any other operation does not. Springs, gears and controllers that read an angle so keep it as it is.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ Shares = dict[int, float]  # a_i by i
 def turning(own: Turning, chart: CompiledChart, acting: Acting | None) -> Turning:
     """Return how large the coordinates of a run may grow, and which angles may be wrapped.
 
-    own: the same where nothing but forces over time acts; acting: what acts on the robot in this run, traced
+    own: the same where nothing but forces over time acts; acting: what acts on the robot in this
+    run, traced
     """
     if acting is None:
         return own
@@ -51,7 +52,8 @@ def own_turning(chart: CompiledChart, length: float) -> Turning:
 
 
 def sizes(equations: Equations, length: float) -> np.ndarray:
-    """Return the size of each coordinate (nq): 1 of angles, a length [m] of slides, infinite of quaternions."""
+    """Return the size of each coordinate (nq): 1 of angles, a length [m] of slides, infinite of
+    quaternions."""
     joints = equations.topology.joints.values()
     parts = [
         part for joint in joints for part in joint.freedoms for _ in range(4 if part == TURN else 1)
@@ -62,17 +64,20 @@ def sizes(equations: Equations, length: float) -> np.ndarray:
 
 
 def wrapping(chart: CompiledChart) -> np.ndarray:
-    """Return which coordinates (nq) enter the motion and the closure of a chart by sines and cosines alone, 1 or 0."""
+    """Return which coordinates (nq) enter the motion and the closure of a chart by sines and
+    cosines alone, 1 or 0."""
     return closing(chart) * periodic(chart, "motion", 0)
 
 
 def closing(chart: CompiledChart) -> np.ndarray:
-    """Return which coordinates (nq) enter the closure of a chart by sines and cosines alone, 1 or 0."""
+    """Return which coordinates (nq) enter the closure of a chart by sines and cosines alone, 1 or
+    0."""
     return chart.kept("closing", lambda: periodic(chart, "closure_step", chart.equations.nq))
 
 
 def periodic(chart: CompiledChart, name: str, kept: int) -> np.ndarray:
-    """Return which coordinates (nq) a kernel sees by sines and cosines alone, but for its first results that are q itself."""
+    """Return which coordinates (nq) a kernel sees by sines and cosines alone, but for its first
+    results that are q itself."""
     free = np.ones(chart.equations.nq)
     found, forgotten = shares(chart.kernel(name).traced(), [{i: 1.0} for i in range(free.size)])
     free[list(forgotten)] = 0
@@ -96,7 +101,8 @@ def readings(chart: CompiledChart) -> np.ndarray:
 
 
 def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
-    """Return which joint coordinates can be given whole turns without opening a loop, or have lost count of theirs."""
+    """Return which joint coordinates can be given whole turns without opening a loop, or have lost
+    count of theirs."""
     return np.array(
         [bool(carriers(chart, place, ())) or not readings(chart)[place].any() for place in places],
         bool,
@@ -106,10 +112,11 @@ def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
 def turned(
     chart: CompiledChart, q: np.ndarray, places: Sequence[int], values: np.ndarray
 ) -> np.ndarray:
-    """Return q (nq) with the whole turns with which joint coordinates come nearest to given values; loops stay closed.
+    """Return q (nq) with the whole turns with which joint coordinates come nearest to given values;
+    loops stay closed.
 
-    An angle of the tree turns itself; that of a joint that closes a loop takes an angle of the tree with it that is not
-    asked for.
+    An angle of the tree turns itself; that of a joint that closes a loop takes an angle of the tree
+    with it that is not asked for.
     """
     q, grown = q.copy(), readings(chart)
     asked = [
@@ -123,14 +130,16 @@ def turned(
 
 
 def carriers(chart: CompiledChart, place: int, asked: Sequence[int]) -> list[int]:
-    """Return the angles of the tree whose whole turns are those of a joint coordinate, up to their sign."""
+    """Return the angles of the tree whose whole turns are those of a joint coordinate, up to their
+    sign."""
     row = np.abs(readings(chart)[place])
     found = np.flatnonzero((closing(chart) > 0) & (row == 1)).tolist()
     return found if row.sum() == 1 else [i for i in found if i not in asked]
 
 
 def unread(acting: Acting, equations: Equations) -> np.ndarray:
-    """Return which coordinates (nq) what acts on the robot reads by sines and cosines alone, 1 or 0."""
+    """Return which coordinates (nq) what acts on the robot reads by sines and cosines alone, 1 or
+    0."""
     nq, function = equations.nq, acting.function
     free, given = np.ones(nq), []
     for quantity in acting.quantities:
@@ -151,9 +160,11 @@ def unread(acting: Acting, equations: Equations) -> np.ndarray:
 def shares(
     program: Program, given: Sequence[Shares], wanted: Sequence[int] | None = None
 ) -> tuple[list[Shares], set[int]]:
-    """Return the shares a_i that a program's results have of angles, and the angles that it sees in another way.
+    """Return the shares a_i that a program's results have of angles, and the angles that it sees in
+    another way.
 
-    given: the shares of its first inputs; wanted: the places of the results that count, all if left out
+    given: the shares of its first inputs; wanted: the places of the results that count, all if left
+    out
     """
     nodes = program.nodes
     results = (
@@ -190,7 +201,8 @@ def shares(
 
 
 def factors_of(op: str, constants: Sequence[float | None]) -> tuple[float, ...] | None:
-    """Return by what an operation multiplies its arguments before it adds them; None where it does something else."""
+    """Return by what an operation multiplies its arguments before it adds them; None where it does
+    something else."""
     match op, constants:
         case "add", _:
             return 1.0, 1.0

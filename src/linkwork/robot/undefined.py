@@ -1,4 +1,5 @@
-"""Undefined: say why accelerations or forces are not finite where the rates determine the motion."""
+"""Undefined: say why accelerations or forces are not finite where the rates determine the
+motion."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ def meeting(chart: CompiledChart, q: np.ndarray) -> list[str]:
 
 
 def massless(chart: CompiledChart, q: np.ndarray) -> bool:
-    """Tell whether the generalised inertia is singular at q (nq): at rest and without forces nothing else is undefined."""
+    """Tell whether the generalised inertia is singular at q (nq): at rest and without forces
+    nothing else is undefined."""
     actuators = chart.equations.mechanism.actuators
     *_, acceleration, _ = chart.kernel("motion")(
         q, np.zeros(len(chart.independent)), np.zeros(len(actuators))
@@ -38,26 +40,30 @@ def massless(chart: CompiledChart, q: np.ndarray) -> bool:
 
 
 def refusal(chart: CompiledChart, q: np.ndarray) -> LinkworkError:
-    """Return the refusal of what is not finite at one of the configurations q (..., nq), for finite rates and forces."""
+    """Return the refusal of what is not finite at one of the configurations q (..., nq), for finite
+    rates and forces."""
     configurations = q.reshape(-1, q.shape[-1])
     for one in configurations:
         if springs := meeting(chart, one):
             return LinkworkError(
-                f"the ends of the spring {', '.join(map(repr, springs))} meet here, where its rest length and damping have "
-                "no direction to act in; move the pose or its points apart, or give neither rest length nor damping"
+                f"the ends of the spring {', '.join(map(repr, springs))} meet here, where its "
+                "rest length and damping have no direction to act in; move the pose or its "
+                "points apart, or give neither rest length nor damping"
             )
     if any(massless(chart, one) for one in configurations):
         return LinkworkError(
-            "the generalised inertia is singular: some motion moves no mass, or so little that rounding hides it; give "
-            "the moving bodies mass or inertia"
+            "the generalised inertia is singular: some motion moves no mass, or so little that "
+            "rounding hides it; give the moving bodies mass or inertia"
         )
     return LinkworkError(
-        "the numbers here leave the range of doubles; give smaller rates, accelerations and forces, or check their units"
+        "the numbers here leave the range of doubles; give smaller rates, accelerations and "
+        "forces, or check their units"
     )
 
 
 def in_motion(chart: CompiledChart, q: np.ndarray) -> str:
-    """Return what is undefined at q (nq) of a run; nothing where neither a spring nor the inertia is."""
+    """Return what is undefined at q (nq) of a run; nothing where neither a spring nor the inertia
+    is."""
     if springs := meeting(chart, q):
         return f"the force of the spring {', '.join(map(repr, springs))}, whose ends meet,"
     if massless(chart, q):

@@ -1,4 +1,5 @@
-"""The catalogue: one file per robot, each a function that returns a `Mechanism`, its source cited."""
+"""The catalogue: one file per robot, each a function that returns a `Mechanism`, its source
+cited."""
 
 from linkwork.robots._agile_wrist import agile_wrist
 from linkwork.robots._andrews import andrews

@@ -1,13 +1,15 @@
-"""The Agile Wrist, a spherical 3-RRR of links of 90 degrees: a platform that turns about a fixed point.
+"""The Agile Wrist, a spherical 3-RRR of links of 90 degrees: a platform that turns about a fixed
+point.
 
-    motor i     axis u_i = e_i, an axis of the ground                                                motor_i, actuated
-    elbow i     axis w_i = Rot(e_i, q_i) e_{i+1}, carried by proximal link i                         elbow_i
-    wrist i     axis v_i = R e_{i+2}, fixed in the platform                                          wrist_i
+    motor i     axis u_i = e_i, an axis of the ground                              motor_i, actuated
+    elbow i     axis w_i = Rot(e_i, q_i) e_{i+1}, carried by proximal link i       elbow_i
+    wrist i     axis v_i = R e_{i+2}, fixed in the platform                        wrist_i
     distal link i spans a right angle:   w_i . v_i = 0
 
-All nine axes meet in the origin. At q = 0 the platform's axes are the ground's and the wrist is isotropic: the rate of
-motor i turns the platform about e_i alone. Gruebler's formula counts 6 * 7 - 5 * 9 = -3 freedoms; the wrist has three,
-six of its closure rows depend on the others. With all frames in the origin these six vanish identically.
+All nine axes meet in the origin. At q = 0 the platform's axes are the ground's and the wrist is
+isotropic: the rate of motor i turns the platform about e_i alone. Gruebler's formula counts 6 * 7 -
+5 * 9 = -3 freedoms; the wrist has three, six of its closure rows depend on the others. With all
+frames in the origin these six vanish identically.
 """
 
 from __future__ import annotations
@@ -34,28 +36,30 @@ def agile_wrist(
 ) -> Mechanism:
     """Describe the Agile Wrist, a spherical 3-RRR with right angles between the axes of each link.
 
-    Links are thin quarter circles about the origin from one axis to the next; the platform is a disc across (1, 1, 1),
-    the wrist's axis of symmetry, at platform_radius / sqrt(2) from the origin, so that its rim meets its three axes.
+    Links are thin quarter circles about the origin from one axis to the next; the platform is a
+    disc across (1, 1, 1), the wrist's axis of symmetry, at platform_radius / sqrt(2) from the
+    origin, so that its rim meets its three axes.
 
     Args:
         proximal_radius, distal_radius: radii of the quarter circles [m].
         platform_radius: of the disc [m].
         proximal_mass, distal_mass, platform_mass: masses [kg].
         motor_inertia: of each motor, seen at its axis [kg m^2].
-        gravity: acceleration of gravity in the ground's axes, which are the motors' [m/s^2]; by default the axis of
-            symmetry (1, 1, 1) stands upright.
+        gravity: acceleration of gravity in the ground's axes, which are the motors' [m/s^2]; by
+            default the axis of symmetry (1, 1, 1) stands upright.
 
     Returns:
-        The mechanism: joints motor_1..3 (actuated), elbow_1..3, wrist_1..3, all zero in the reference; its tool is the
+        The mechanism: joints motor_1..3 (actuated), elbow_1..3, wrist_1..3, all zero in the
+            reference; its tool is the
         platform's frame in the origin.
 
     Raises:
         MechanismError: a size that is not above zero, a mass below zero.
 
-    Source: Gosselin & Angeles, The optimum kinematic design of a spherical three-degree-of-freedom parallel
-    manipulator, Journal of Mechanisms, Transmissions, and Automation in Design 111 (1989) 202-207; Bidault, Teng &
-    Angeles, Structural optimization of a spherical parallel manipulator using a two-level approach, ASME DETC 2001 (the
-    Agile Wrist); dimensions ours.
+    Source: Gosselin & Angeles, The optimum kinematic design of a spherical three-degree-of-freedom
+    parallel manipulator, Journal of Mechanisms, Transmissions, and Automation in Design 111 (1989)
+    202-207; Bidault, Teng & Angeles, Structural optimization of a spherical parallel manipulator
+    using a two-level approach, ASME DETC 2001 (the Agile Wrist); dimensions ours.
     """
     require_sizes(
         proximal_radius=proximal_radius,
@@ -92,9 +96,11 @@ def agile_wrist(
 
 
 def quarter_circle(mass: float, radius: float, start: np.ndarray, end: np.ndarray) -> Body:
-    """Return a thin uniform arc n(t) = cos t start + sin t end, 0 <= t <= pi/2, of this radius about the origin.
+    """Return a thin uniform arc n(t) = cos t start + sin t end, 0 <= t <= pi/2, of this radius
+    about the origin.
 
-    Mean of n: 2/pi (start + end);  mean of n n': (start start' + end end') / 2 + (start end' + end start') / pi.
+    Mean of n: 2/pi (start + end);  mean of n n': (start start' + end end') / 2 + (start end' + end
+    start') / pi.
     """
     mean = 2 / pi * (start + end)
     second = (np.outer(start, start) + np.outer(end, end)) / 2 + (

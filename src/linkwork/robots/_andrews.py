@@ -1,18 +1,20 @@
-"""Andrews' squeezer: seven bodies in a plane, driven at K1, closed at the point P where four bodies meet.
+"""Andrews' squeezer: seven bodies in a plane, driven at K1, closed at the point P where four bodies
+meet.
 
 With e(a) = (cos a, sin a) and n(a) = (sin a, -cos a):
 
-    K1    about O = (0, 0) at the angle beta, length rr                                            beta, actuated
-    K2    on K1's pin, at the angle beta + Theta:   P = rr e(beta) - d e(beta + Theta)             Theta
-    K3    about B, at the angle gamma:              P = B + ss n(gamma),                           gamma
+    K1    about O = (0, 0) at the angle beta, length rr                                           beta, actuated
+    K2    on K1's pin, at the angle beta + Theta:   P = rr e(beta) - d e(beta + Theta)            Theta
+    K3    about B, at the angle gamma:              P = B + ss n(gamma),                          gamma
           its point D = B + sd e(gamma) + sc n(gamma) hangs on C by a spring
-    K5    about A, at the angle delta, and          K4 on it, at Phi + delta:                      delta, Phi
+    K5    about A, at the angle delta, and          K4 on it, at Phi + delta:                     delta, Phi
                                                     P = A + zt e(delta) + e n(Phi + delta)
-    K7    about A, at the angle epsilon, and        K6 on it, at Omega + epsilon:                  epsilon, Omega
+    K7    about A, at the angle epsilon, and        K6 on it, at Omega + epsilon:                 epsilon, Omega
                                                     P = A + u n(epsilon) + zf e(Omega + epsilon)
 
-The joints bear the names of the published angles, and their coordinates are these angles: q = (beta, Theta, gamma, Phi,
-delta, Omega, epsilon). The joints P_3, P_4, P_6 of K3, K4, K6 to K2 close the three loops.
+The joints bear the names of the published angles, and their coordinates are these angles: q =
+(beta, Theta, gamma, Phi, delta, Omega, epsilon). The joints P_3, P_4, P_6 of K3, K4, K6 to K2 close
+the three loops.
 """
 
 from __future__ import annotations
@@ -58,25 +60,30 @@ def andrews(
     rest_length: float = 0.07785,
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Mechanism:
-    """Describe Andrews' squeezer: seven bodies in a plane, three loops and a spring, driven at the crank K1.
+    """Describe Andrews' squeezer: seven bodies in a plane, three loops and a spring, driven at the
+    crank K1.
 
     The published motion starts from rest and is driven by 0.033 N m for 0.03 s.
 
     Args:
-        beta: angle of K1 in the reference [rad]; -0.0617... makes Theta zero, the IFToMM problem A03 starts at -0.0620.
+        beta: angle of K1 in the reference [rad]; -0.0617... makes Theta zero, the IFToMM problem
+            A03 starts at -0.0620.
         stiffness: of the spring between C and D [N/m].
         rest_length: of the spring [m].
-        gravity: acceleration of gravity in the ground's axes [m/s^2]; the published motion has none.
+        gravity: acceleration of gravity in the ground's axes [m/s^2]; the published motion has
+            none.
 
     Returns:
-        The mechanism: joints named by their angles beta (actuated), Theta, gamma, Phi, delta, Omega, epsilon, and P_3, P_4,
+        The mechanism: joints named by their angles beta (actuated), Theta, gamma, Phi, delta,
+            Omega, epsilon, and P_3, P_4,
         P_6; its tool is the point P on K2. The reference is the published branch.
 
     Raises:
         MechanismError: an angle that is not finite; the crank can stand anywhere.
 
-    Source: Schiehlen (ed.), Multibody Systems Handbook, 1990; Hairer & Wanner, Solving Ordinary Differential Equations II,
-    sec. VII.7; data of the IVP test set (Mazzia & Magherini, 2008), which is IFToMM problem A03 too.
+    Source: Schiehlen (ed.), Multibody Systems Handbook, 1990; Hairer & Wanner, Solving Ordinary
+    Differential Equations II, sec. VII.7; data of the IVP test set (Mazzia & Magherini, 2008),
+    which is IFToMM problem A03 too.
     """
     centres = (
         (ra, 0.0),
@@ -123,12 +130,14 @@ def andrews(
 
 
 def hinge(first: str, second: str, p: Point = (0.0, 0.0), q: Point = (0.0, 0.0)) -> RevoluteJoint:
-    """Return a revolute joint at the point p of the first and q of the second body [m], all frames parallel at zero."""
+    """Return a revolute joint at the point p of the first and q of the second body [m], all frames
+    parallel at zero."""
     return RevoluteJoint(connects=(first, second), frames=(Frame.planar(*p), Frame.planar(*q)))
 
 
 def closed(beta: float) -> dict[str, float]:
-    """Return all joint coordinates on the published branch [rad]: P from K1 and B, then the two dyads from P and A."""
+    """Return all joint coordinates on the published branch [rad]: P from K1 and B, then the two
+    dyads from P and A."""
     if not isfinite(beta):
         raise MechanismError(f"is {beta}; give a finite angle [rad]", ("beta",))
     pin = rr * cos(beta), rr * sin(beta)

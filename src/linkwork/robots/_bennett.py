@@ -1,9 +1,11 @@
-"""The Bennett linkage: four links in space, four skew revolute joints, one freedom, three rows too many.
+"""The Bennett linkage: four links in space, four skew revolute joints, one freedom, three rows too
+many.
 
     links            crank and rocker: length a, twist alpha;  coupler and ground: length b, twist beta
     it moves if      sin(alpha) / a = sin(beta) / b
     closure          Rz(q_1) Tx(a) Rx(alpha) Rz(q_2) Tx(b) Rx(beta) Rz(q_3) Tx(a) Rx(alpha) Rz(q_4) Tx(b) Rx(beta) = 1:
-                     q_3 = -q_1,  q_4 = -q_2,  tan(q_1 / 2) tan(q_2 / 2) = sin((beta + alpha) / 2) / sin((beta - alpha) / 2)
+                     q_3 = -q_1,  q_4 = -q_2,  tan(q_1 / 2) tan(q_2 / 2) = sin((beta + alpha) / 2) /
+                     sin((beta - alpha) / 2)
 
 Gruebler's formula counts 6 * 3 - 5 * 4 = -2 freedoms.
 """
@@ -25,26 +27,30 @@ def bennett(
     density: float = 2700.0,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe a Bennett linkage of round rods, four skew hinges in space that move with one freedom.
+    """Describe a Bennett linkage of round rods, four skew hinges in space that move with one
+    freedom.
 
     Args:
         length_1: a, of crank and rocker [m].
         length_2: b, of coupler and ground [m].
-        twist_1: alpha, from a link's first to its second axis about its length [rad]; beta = asin(b sin(alpha) / a).
+        twist_1: alpha, from a link's first to its second axis about its length [rad]; beta = asin(b
+            sin(alpha) / a).
         crank: q_1 in the reference configuration [rad].
         link_radius: of the rods [m].
         density: of the rods [kg/m^3].
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints hinge_1 (actuated; ground to crank), hinge_2, hinge_3, hinge_4 (rocker to ground); its tool
+        The mechanism: joints hinge_1 (actuated; ground to crank), hinge_2, hinge_3, hinge_4
+            (rocker to ground); its tool
         is the end of the coupler.
 
     Raises:
-        MechanismError: a size that is not above zero, a density below zero, lengths and a twist that no second twist fits.
+        MechanismError: a size that is not above zero, a density below zero, lengths and a twist
+            that no second twist fits.
 
-    Source: Bennett, A new mechanism, Engineering 76 (1903) 777-778; closure as in Hunt, Kinematic Geometry of Mechanisms,
-    1978; dimensions ours.
+    Source: Bennett, A new mechanism, Engineering 76 (1903) 777-778; closure as in Hunt, Kinematic
+    Geometry of Mechanisms, 1978; dimensions ours.
     """
     require_sizes(length_1=length_1, length_2=length_2, link_radius=link_radius)
     require_masses(density=density)
@@ -56,7 +62,8 @@ def bennett(
     sine = b * sin(alpha) / a
     if not sine <= 1:
         raise MechanismError(
-            f"no twist of links of {b} m fulfils sin(beta) = {sine:.6g}; length_2 must not exceed {a / sin(alpha):.6g} m"
+            f"no twist of links of {b} m fulfils sin(beta) = {sine:.6g}; length_2 must not "
+            f"exceed {a / sin(alpha):.6g} m"
         )
     beta = asin(sine)
     if not abs(beta - alpha) > 1e-9:

@@ -1,4 +1,5 @@
-"""The orthogonal Bricard linkage of the IFToMM benchmark library: six revolute joints, one freedom, one row too many."""
+"""The orthogonal Bricard linkage of the IFToMM benchmark library: six revolute joints, one freedom,
+one row too many."""
 
 from __future__ import annotations
 
@@ -6,23 +7,26 @@ import numpy as np
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint
 
-# A closed hexagon along edges of a cube that hangs below the ground's first corner, y being up; the edge from the last
-# corner to the first is ground.
+# A closed hexagon along edges of a cube that hangs below the ground's first corner, y being up; the
+# edge from the last corner to the first is ground.
 CORNERS = ((0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1))
 
 
 def bricard(length: float = 1.0, mass: float = 1.0, section: float = 0.1) -> Mechanism:
-    """Describe the Bricard linkage: five rods and ground, joined by revolute joints across both neighbouring rods.
+    """Describe the Bricard linkage: five rods and ground, joined by revolute joints across both
+    neighbouring rods.
 
-    Gruebler's formula counts no freedom; the linkage has one, because one of the closure rows depends on the others.
+    Gruebler's formula counts no freedom; the linkage has one, because one of the closure rows
+    depends on the others.
 
     Args:
         length: of each rod [m].
         mass: of each rod [kg].
         section: side of the rods' square section [m].
 
-    Source: IFToMM library of computational benchmark problems, A04, Bricard's mechanism; its corners as in the models of
-    it for OpenSim (Tagliapietra, Vivian & Reggiani) and Exudyn (Gerstmayr), which agree.
+    Source: IFToMM library of computational benchmark problems, A04, Bricard's mechanism; its
+    corners as in the models of it for OpenSim (Tagliapietra, Vivian & Reggiani) and Exudyn
+    (Gerstmayr), which agree.
     """
     corners = length * np.array(CORNERS, float)
     names = ["ground", *(f"rod_{i}" for i in range(1, 6))]

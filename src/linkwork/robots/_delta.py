@@ -1,11 +1,12 @@
-"""The Delta robot of Clavel with rotary drives: three arms, three parallelograms of rods, a platform that only translates.
+"""The Delta robot of Clavel with rotary drives: three arms, three parallelograms of rods, a
+platform that only translates.
 
-    leg i         in the vertical plane of e_i = (cos f_i, sin f_i, 0),  f = (-pi/2, pi/6, 5 pi/6);  t_i = z x e_i
-    elbow i       E_i = (base_radius + arm cos q_i) e_i - arm sin q_i z                                    motor_i, actuated
-    rods          from E_i -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i:  |P + platform_radius e_i - E_i| = rod
+    leg i    in the vertical plane of e_i = (cos f_i, sin f_i, 0),  f = (-pi/2, pi/6, 5 pi/6);  t_i = z x e_i
+    elbow i  E_i = (base_radius + arm cos q_i) e_i - arm sin q_i z                                    motor_i, actuated
+    rods     from E_i -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i:  |P + platform_radius e_i - E_i| = rod
 
-z points up, the platform hangs below the base, arms are level at q = 0 and turn down. Nothing but the six rods holds
-the platform, in position and in orientation.
+z points up, the platform hangs below the base, arms are level at q = 0 and turn down. Nothing but
+the six rods holds the platform, in position and in orientation.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ def delta(
     """Describe the rotary Delta robot; the lengths between its joints are an ABB FlexPicker's.
 
     Args:
-        base_radius, platform_radius: distances of the motors' axes and of the rods' lower ends from the centres [m].
+        base_radius, platform_radius: distances of the motors' axes and of the rods' lower ends from
+            the centres [m].
         arm, rod: lengths of the arms and rods [m].
         spread: distance between the two rods of a leg [m].
         height: of the base over the platform in the reference configuration [m].
@@ -50,20 +52,25 @@ def delta(
         motor_inertia: of each motor and its gear, seen at the arm [kg m^2].
         rod_mass: mass of a rod [kg]; zero makes the rods distance constraints.
         rod_radius: of the rods, for their inertia [m].
-        idle_spins: with rods of mass, make both their ends spherical joints: each rod then spins freely about itself
-            (mobility 9, six of it idle). If not, the upper ends are universal joints.
+        idle_spins: with rods of mass, make both their ends spherical joints: each rod then spins
+            freely about itself (mobility 9, six of it idle). If not, the upper ends are universal
+            joints.
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints motor_1..3 (actuated), rod_1_left .. rod_3_right (or knuckle_ and ball_ at both ends of
-        these bodies), and pose, a free joint which says where the platform is; its tool is the platform's centre.
+        The mechanism: joints motor_1..3 (actuated), rod_1_left .. rod_3_right (or knuckle_ and
+            ball_ at both ends of
+        these bodies), and pose, a free joint which says where the platform is; its tool is the
+        platform's centre.
 
     Raises:
-        MechanismError: a size that is not above zero, a mass below zero, arms and rods that do not reach the platform.
+        MechanismError: a size that is not above zero, a mass below zero, arms and rods that do not
+            reach the platform.
 
-    Source: Clavel, Conception d'un robot parallèle rapide à 4 degrés de liberté, EPFL 1991; geometry and lengths as in
-    Williams, The Delta parallel robot: kinematics solutions, Ohio University 2015 (ABB FlexPicker IRB 360-1/1600: base,
-    platform, arm, rod, spread); masses, radii, motor_inertia and height ours.
+    Source: Clavel, Conception d'un robot parallèle rapide à 4 degrés de liberté, EPFL 1991;
+    geometry and lengths as in Williams, The Delta parallel robot: kinematics solutions, Ohio
+    University 2015 (ABB FlexPicker IRB 360-1/1600: base, platform, arm, rod, spread); masses,
+    radii, motor_inertia and height ours.
     """
     require_sizes(
         base_radius=base_radius,
@@ -131,7 +138,7 @@ def arm_angle(x: float, z: float, arm: float, rod: float) -> float:
     projection = (x * x + z * z + arm**2 - rod**2) / (2 * arm)
     if not abs(projection) < reach:
         raise MechanismError(
-            f"arms of {arm} m and rods of {rod} m do not reach a platform {abs(z)} m below the base; "
-            f"arm + rod must exceed {reach:.6g} m and |arm - rod| must be less"
+            f"arms of {arm} m and rods of {rod} m do not reach a platform {abs(z)} m below the "
+            f"base; arm + rod must exceed {reach:.6g} m and |arm - rod| must be less"
         )
     return atan2(-z, x) - acos(projection / reach)

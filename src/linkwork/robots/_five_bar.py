@@ -21,7 +21,8 @@ def five_bar(
         proximal_mass, distal_mass: masses [kg].
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
-    Source: geometry as in Liu, Wang & Pritschow, Mechanism and Machine Theory 41 (2006) 119-144; dimensions ours.
+    Source: geometry as in Liu, Wang & Pritschow, Mechanism and Machine Theory 41 (2006) 119-144;
+    dimensions ours.
     """
 
     def rod(length: float, mass: float) -> Body:

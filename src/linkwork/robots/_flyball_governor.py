@@ -1,4 +1,5 @@
-"""The stiff flyball governor of the IFToMM benchmark library: a turning shaft, two rods with balls, a slider on springs.
+"""The stiff flyball governor of the IFToMM benchmark library: a turning shaft, two rods with balls,
+a slider on springs.
 
     shaft     upright along z from the ground, height h, turns by q                               spindle, actuated
     slider    on the shaft at the height s                                                        slide
@@ -7,8 +8,9 @@
     ball i    at the rod's end, r = l
     spring i  from the rod's middle to the slider, c from the axis; without tension at the length l0
 
-There is no loop: springs stand where Watt's governor has links, and so stiff that these hardly move. In the reference
-both springs are without tension: s = h - l/2 sin a - sqrt(l0^2 - (l/2 cos a)^2).
+There is no loop: springs stand where Watt's governor has links, and so stiff that these hardly
+move. In the reference both springs are without tension: s = h - l/2 sin a - sqrt(l0^2 -
+(l/2 cos a)^2).
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ def flyball_governor(
     angle: float = pi / 6,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe the flyball governor: a turning shaft, two rods with balls, a slider on stiff springs.
+    """Describe the flyball governor: a turning shaft, two rods with balls, a slider on stiff
+    springs.
 
     The benchmark's motion starts from the reference with the spindle at 2 pi rad/s and lasts 10 s.
 
@@ -50,7 +53,8 @@ def flyball_governor(
         height: h, of the shaft and of the hinges [m].
         rod: l, length of the rods [m].
         section: side of the square section of shaft and rods [m].
-        side: of the slider, a cube; the hinges and the springs' lower ends are c = side / 2 from the axis [m].
+        side: of the slider, a cube; the hinges and the springs' lower ends are c = side / 2 from
+            the axis [m].
         density: of all but the balls [kg/m^3].
         ball_mass: mass of each ball, a point [kg].
         stiffness, damping: of each spring [N/m, N s/m].
@@ -59,10 +63,12 @@ def flyball_governor(
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints spindle (actuated), slide, hinge_1, hinge_2: four freedoms; its tool is the slider.
+        The mechanism: joints spindle (actuated), slide, hinge_1, hinge_2: four freedoms; its tool
+            is the slider.
 
     Raises:
-        MechanismError: a size that is not above zero, a mass below zero, springs that do not reach the slider.
+        MechanismError: a size that is not above zero, a mass below zero, springs that do not reach
+            the slider.
 
     Source: IFToMM library of computational benchmark problems, A05, stiff flyball governor.
     """
@@ -71,7 +77,8 @@ def flyball_governor(
     across = rod / 2 * abs(cos(angle))
     if not across < rest_length:
         raise MechanismError(
-            f"springs of {rest_length} m do not reach the slider; rest_length must exceed {across:.6g} m"
+            f"springs of {rest_length} m do not reach the slider; rest_length must exceed "
+            f"{across:.6g} m"
         )
     c, beam_mass = side / 2, density * section**2
     joints: dict[str, RevoluteJoint | PrismaticJoint] = {
@@ -119,7 +126,8 @@ def flyball_governor(
 
 
 def beam_inertia(mass: float, length: float, section: float) -> tuple[float, float]:
-    """Return a square beam's moments about its middle: along m b^2 / 6, across m (l^2 + b^2) / 12 [kg m^2]."""
+    """Return a square beam's moments about its middle: along m b^2 / 6, across m (l^2 + b^2) / 12
+    [kg m^2]."""
     return mass * section**2 / 6, mass * (length**2 + section**2) / 12
 
 

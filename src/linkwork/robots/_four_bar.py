@@ -22,12 +22,13 @@ def four_bar(
     Args:
         ground, crank, coupler, rocker: lengths [m]; the fixed pivots lie at (0, 0) and (ground, 0).
         masses: of crank, coupler and rocker [kg].
-        centres: distance of the mass centres from the pivots crank_pivot, crank_pin and rocker_pivot [m].
+        centres: distance of the mass centres from the pivots crank_pivot, crank_pin and
+            rocker_pivot [m].
         inertias: about the mass centres, about z [kg m^2].
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
-    Source: RigidBodyDynamics.jl, example "Four-bar linkage" (its lengths and masses; gravity there is along -z of a frame
-    whose z lies in the plane).
+    Source: RigidBodyDynamics.jl, example "Four-bar linkage" (its lengths and masses; gravity there
+    is along -z of a frame whose z lies in the plane).
     """
     names = ("crank", "coupler", "rocker")
     bodies = {
@@ -63,10 +64,11 @@ def four_bar(
 
 
 def n_four_bar(loops: int = 2, length: float = 1.0, mass: float = 1.0) -> Mechanism:
-    """Describe N four-bars side by side: N + 1 cranks of equal length on fixed pivots, neighbours joined by couplers.
+    """Describe N four-bars side by side: N + 1 cranks of equal length on fixed pivots, neighbours
+    joined by couplers.
 
-    All 2N + 1 links are uniform rods. The cranks stay parallel; where they lie along the couplers' line the freedoms jump
-    from 1 to N + 1.
+    All 2N + 1 links are uniform rods. The cranks stay parallel; where they lie along the couplers'
+    line the freedoms jump from 1 to N + 1.
 
     Args:
         loops: N.

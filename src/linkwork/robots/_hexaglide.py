@@ -2,7 +2,8 @@
 
     carriage i    at (q_i, y_i, 0) on a rail along x                                                slide_i, actuated
     rod i         from the carriage to P + R b_i:   |P + R b_i - (q_i, y_i, 0)| = rod, so with d = P + R b_i - (0, y_i, 0)
-                  q_i = d_x + s_i sqrt(rod^2 - d_y^2 - d_z^2),  s_i = 1 or -1: the carriage is ahead or behind
+                  q_i = d_x + s_i sqrt(rod^2 - d_y^2 - d_z^2),  s_i = 1 or -1: the carriage is ahead
+                  or behind
 
 z points up, the platform hangs below the rails.
 """
@@ -40,33 +41,37 @@ def hexaglide(
     idle_spins: bool = False,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe a Hexaglide, six carriages on parallel rails that carry a platform by rods of constant length.
+    """Describe a Hexaglide, six carriages on parallel rails that carry a platform by rods of
+    constant length.
 
     Args:
         rod: length of the rods [m].
         rails: y_1..y_6 of the rails [m]; two carriages may share one.
-        sides: s_1..s_6, 1 for a carriage ahead of its platform point (at larger x), -1 for one behind.
+        sides: s_1..s_6, 1 for a carriage ahead of its platform point (at larger x), -1 for one
+            behind.
         platform_points: b_1..b_6 in the platform's frame [m].
         home: the platform's pose in the reference configuration.
         carriage_mass, platform_mass: masses [kg]; the platform is a disc.
         platform_radius: of the disc, for its inertia [m].
         rod_mass: mass of a rod [kg]; zero makes the rods distance constraints.
         rod_radius: of the rods, for their inertia [m].
-        idle_spins: with rods of mass, make both their ends spherical joints: each rod then spins freely about itself
-            (mobility 12, six of it idle). If not, the ends at the carriages are universal joints.
+        idle_spins: with rods of mass, make both their ends spherical joints: each rod then spins
+            freely about itself (mobility 12, six of it idle). If not, the ends at the carriages are
+            universal joints.
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints slide_1..6 (actuated; x of the carriages [m]), knuckle_i and ball_i at the ends of rod i
-        (or the joints rod_1..6), and pose, a free joint which says where the platform is; its tool is the platform's
-        frame.
+        The mechanism: joints slide_1..6 (actuated; x of the carriages [m]), knuckle_i and ball_i at
+            the ends of rod i
+        (or the joints rod_1..6), and pose, a free joint which says where the platform is; its tool
+        is the platform's frame.
 
     Raises:
-        MechanismError: other than six points, rails or sides, a size that is not above zero, a mass below zero, rods that
-            do not reach their rails at home.
+        MechanismError: other than six points, rails or sides, a size that is not above zero, a mass
+            below zero, rods that do not reach their rails at home.
 
-    Source: Honegger, Codourey & Burdet, Adaptive control of the Hexaglide, a 6 dof parallel manipulator, IEEE ICRA 1997;
-    layout of the rails and dimensions ours.
+    Source: Honegger, Codourey & Burdet, Adaptive control of the Hexaglide, a 6 dof parallel
+    manipulator, IEEE ICRA 1997; layout of the rails and dimensions ours.
     """
     require_sizes(rod=rod, platform_radius=platform_radius, rod_radius=rod_radius)
     require_masses(carriage_mass=carriage_mass, platform_mass=platform_mass, rod_mass=rod_mass)

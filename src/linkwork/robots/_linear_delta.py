@@ -1,4 +1,5 @@
-"""The linear Delta robot: three carriages on columns, three parallelograms of rods, a platform that only translates.
+"""The linear Delta robot: three carriages on columns, three parallelograms of rods, a platform that
+only translates.
 
     carriage i    at base_radius e_i + q_i z,  e_i = (cos f_i, sin f_i, 0),  f = (-pi/2, pi/6, 5 pi/6)    slide_i, actuated
     rods          from the carriage -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i,  t_i = z x e_i:
@@ -35,26 +36,30 @@ def linear_delta(
     """Describe a linear Delta robot with three upright columns.
 
     Args:
-        base_radius, platform_radius: distances of the columns and of the rods' lower ends from the centres [m].
+        base_radius, platform_radius: distances of the columns and of the rods' lower ends from the
+            centres [m].
         rod: length of the rods [m].
         spread: distance between the two rods of a leg [m].
         carriage_mass, platform_mass: masses [kg]; the platform is a disc.
         rod_mass: mass of a rod [kg]; zero makes the rods distance constraints.
         rod_radius: of the rods, for their inertia [m].
-        idle_spins: with rods of mass, make both their ends spherical joints: each rod then spins freely about itself
-            (mobility 9, six of it idle). If not, the upper ends are universal joints.
+        idle_spins: with rods of mass, make both their ends spherical joints: each rod then spins
+            freely about itself (mobility 9, six of it idle). If not, the upper ends are universal
+            joints.
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints slide_1..3 (actuated; height of the carriages [m]), rod_1_left .. rod_3_right (or knuckle_
-        and ball_ at both ends of these bodies), and pose, a free joint which says where the platform is, at the origin
-        in the reference; its tool is the platform's centre.
+        The mechanism: joints slide_1..3 (actuated; height of the carriages [m]), rod_1_left ..
+            rod_3_right (or knuckle_
+        and ball_ at both ends of these bodies), and pose, a free joint which says where the
+        platform is, at the origin in the reference; its tool is the platform's centre.
 
     Raises:
-        MechanismError: a size that is not above zero, a mass below zero, rods that are parallel or do not reach.
+        MechanismError: a size that is not above zero, a mass below zero, rods that are parallel or
+            do not reach.
 
-    Source: geometry as in Williams, The Delta parallel robot: kinematics solutions, Ohio University 2015, prismatic
-    inputs; dimensions ours.
+    Source: geometry as in Williams, The Delta parallel robot: kinematics solutions, Ohio University
+    2015, prismatic inputs; dimensions ours.
     """
     require_sizes(
         base_radius=base_radius,
@@ -67,8 +72,8 @@ def linear_delta(
     inset = base_radius - platform_radius
     if not 0 < abs(inset) < rod:
         raise MechanismError(
-            f"base_radius and platform_radius differ by {abs(inset):.6g} m; give a difference above zero, so that the rods "
-            f"are not parallel, and below rod = {rod} m"
+            f"base_radius and platform_radius differ by {abs(inset):.6g} m; give a difference "
+            f"above zero, so that the rods are not parallel, and below rod = {rod} m"
         )
     lift = sqrt(rod**2 - inset**2)
     centre = QuaternionPose.of(Frame())

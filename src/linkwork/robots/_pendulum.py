@@ -1,7 +1,8 @@
-"""The simple pendulum and its chains: point masses on massless rods, hinge to hinge, in the vertical xy plane.
+"""The simple pendulum and its chains: point masses on massless rods, hinge to hinge, in the
+vertical xy plane.
 
-mass i at the end of rod i; rod i at the absolute angle q_1 + ... + q_i from the x axis, length l_i       hinge_i
-one mass:  l q'' = -g cos q
+mass i at the end of rod i; rod i at the absolute angle q_1 + ... + q_i from the x axis, length l_i
+hinge_i one mass:  l q'' = -g cos q
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ def pendulum(
     masses: tuple[float, ...] = (1.0,),
     gravity: tuple[float, float, float] = (0.0, -9.81, 0.0),
 ) -> Mechanism:
-    """Describe a pendulum: one point mass on a massless rod, or a chain of as many as there are lengths.
+    """Describe a pendulum: one point mass on a massless rod, or a chain of as many as there are
+    lengths.
 
     Args:
         lengths: of the rods, from the fixed hinge on [m].
@@ -23,13 +25,16 @@ def pendulum(
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints hinge_1.. (all actuated), bodies rod_1..; its tool is the last mass. In the reference it lies
+        The mechanism: joints hinge_1.. (all actuated), bodies rod_1..; its tool is the last mass.
+            In the reference it lies
         along the x axis: where the benchmark's pendulum starts from rest.
 
     Raises:
-        MechanismError: no length, not as many masses as lengths, a length or mass that is not above zero.
+        MechanismError: no length, not as many masses as lengths, a length or mass that is not above
+            zero.
 
-    Source: IFToMM library of computational benchmark problems, A01, simple pendulum (one mass of 1 kg at 1 m).
+    Source: IFToMM library of computational benchmark problems, A01, simple pendulum (one mass of 1
+    kg at 1 m).
     """
     if not 0 < len(lengths) == len(masses):
         raise MechanismError(
@@ -69,7 +74,8 @@ def double_pendulum(
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism of `pendulum`: joints hinge_1 and hinge_2, the second angle relative to the first rod.
+        The mechanism of `pendulum`: joints hinge_1 and hinge_2, the second angle relative to the
+            first rod.
 
     Raises:
         MechanismError: as `pendulum`.

@@ -1,11 +1,12 @@
 """The planar 3-PRR robot of Kordjazi, Akbarzadeh & Tahani, ICME 2010 ("the paper").
 
-    base triangle    A = (0, 0), B = (l3, 0), C = (l3/2, sqrt(3)/2 l3)
-    slider i         at P_i + q_i d_i,  d_i = (cos a_i, sin a_i),  a = (0, 2 pi/3, 4 pi/3)     slide_i, actuated
-    link i           absolute angle a_i + q_{3+i}, length l1, mass centre at its middle           pivot_i
-    platform         vector from vertex i to the centre: length l2, angle a_i + q_{3+i} + q_{6+i}  wrist_i
+    base triangle  A = (0, 0), B = (l3, 0), C = (l3/2, sqrt(3)/2 l3)
+    slider i       at P_i + q_i d_i,  d_i = (cos a_i, sin a_i),  a = (0, 2 pi/3, 4 pi/3)     slide_i, actuated
+    link i         absolute angle a_i + q_{3+i}, length l1, mass centre at its middle           pivot_i
+    platform       vector from vertex i to the centre: length l2, angle a_i + q_{3+i} + q_{6+i}  wrist_i
 
-The platform's frame lies in its centre; at angle zero the vector from vertex 1 to the centre points along x.
+The platform's frame lies in its centre; at angle zero the vector from vertex 1 to the centre points
+along x.
 """
 
 from __future__ import annotations
@@ -45,11 +46,14 @@ def prr3(
         l2: distance from the platform's centre to its vertices [m].
         l3: side of the base triangle [m].
         slider_mass, link_mass, platform_mass: masses [kg].
-        slider_inertia, link_inertia, platform_inertia: moments of inertia about the mass centres, about z [kg m^2].
-        gravity: acceleration of gravity in the ground's axes [m/s^2]; the paper's motion is horizontal.
+        slider_inertia, link_inertia, platform_inertia: moments of inertia about the mass centres,
+            about z [kg m^2].
+        gravity: acceleration of gravity in the ground's axes [m/s^2]; the paper's motion is
+            horizontal.
 
     Returns:
-        The mechanism: joints slide_1..3 (actuated), pivot_1..3, wrist_1..3; its tool is the platform's centre.
+        The mechanism: joints slide_1..3 (actuated), pivot_1..3, wrist_1..3; its tool is the
+            platform's centre.
 
     Source: the paper, section 2 and Table 1.
     """
@@ -84,10 +88,12 @@ def prr3(
 
 
 def symmetric_pose(l1: float, l2: float, l3: float) -> dict[str, float]:
-    """Return the joint coordinates with the platform in the middle of the base at angle pi/6, the three legs alike.
+    """Return the joint coordinates with the platform in the middle of the base at angle pi/6, the
+    three legs alike.
 
-    In leg 1's axes the base's centre is (l3/2, l3/(2 sqrt 3)), and the vertex lies l2 before it at the angle pi/6:
-    l1 sin q4 = h - l2 sin(pi/6); of the two working modes the one with the slider behind the vertex is taken.
+    In leg 1's axes the base's centre is (l3/2, l3/(2 sqrt 3)), and the vertex lies l2 before it at
+    the angle pi/6: l1 sin q4 = h - l2 sin(pi/6); of the two working modes the one with the slider
+    behind the vertex is taken.
     """
     height = l3 / (2 * sqrt(3)) - l2 * sin(pi / 6)
     if not abs(height) < l1:

@@ -1,11 +1,13 @@
 """The Unimation Puma 560 arm: an open chain of six revolute joints, with rotors and friction.
 
-    link i    has the axes of Denavit & Hartenberg's frame i:  A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i)      joint_i
-    rotor     the inertia G^2 J moves with the joint's rate;  friction G^2 B (viscous) and |G| T_c (Coulomb)
+    link i  has the axes of Denavit & Hartenberg's frame i:  A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i)      joint_i
+    rotor   the inertia G^2 J moves with the joint's rate;  friction G^2 B (viscous) and |G| T_c (Coulomb)
 
-Two of the published inertia tensors are no solid's, and are given here in a form with exactly the same motion:
+Two of the published inertia tensors are no solid's, and are given here in a form with exactly the
+same motion:
 - link 1 only turns about its y axis, so of the published diag(0, 0.35, 0) only the 0.35 counts;
-- of link 3's tensor a part k (1 - z z'), z the axis of joint 3, acts just as well in link 2: k = 0.004 kg m^2 is moved.
+- of link 3's tensor a part k (1 - z z'), z the axis of joint 3, acts just as well in link 2: k =
+  0.004 kg m^2 is moved.
 """
 
 from __future__ import annotations
@@ -71,23 +73,26 @@ def puma560(
 ) -> Mechanism:
     """Describe the Puma 560: an arm of six revolute joints, with rotors and friction.
 
-    z points up; at zero the upper arm lies along x and the forearm stands upright. The published Coulomb friction differs
-    between the directions; the mean of the two is taken.
+    z points up; at zero the upper arm lies along x and the forearm stands upright. The published
+    Coulomb friction differs between the directions; the mean of the two is taken.
 
     Args:
         base: d_1, height of the shoulder above the ground [m].
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints joint_1..6 (all actuated, by torques at the joints, not at the motors); its tool is the hand,
-        the frame of link 6. The reference is q = (0, pi/4, -pi, 0, pi/4, 0), a nominal pose for work on a table.
+        The mechanism: joints joint_1..6 (all actuated, by torques at the joints, not at the
+            motors); its tool is the hand,
+        the frame of link 6. The reference is q = (0, pi/4, -pi, 0, pi/4, 0), a nominal pose for
+        work on a table.
 
     Raises:
         MechanismError: a height that is not above zero.
 
-    Source: Armstrong, Khatib & Burdick, The explicit dynamic model and inertial parameters of the PUMA 560 arm, ICRA 1986;
-    Corke & Armstrong-Helouvry, A search for consensus among model parameters reported for the PUMA 560 robot, ICRA 1994,
-    in the numbers of Corke's Robotics Toolbox.
+    Source: Armstrong, Khatib & Burdick, The explicit dynamic model and inertial parameters of the
+    PUMA 560 arm, ICRA 1986; Corke & Armstrong-Helouvry, A search for consensus among model
+    parameters reported for the PUMA 560 robot, ICRA 1994, in the numbers of Corke's Robotics
+    Toolbox.
     """
     require_sizes(base=base)
     names = ["ground", *(f"link_{i}" for i in range(1, 7))]
@@ -109,7 +114,8 @@ def puma560(
 
 
 def joint(i: int, offset: float, names: list[str]) -> RevoluteJoint:
-    """Return the joint before link i + 1; its second frame is (Tz(d) Tx(a) Rx(alpha))^-1 in the link."""
+    """Return the joint before link i + 1; its second frame is (Tz(d) Tx(a) Rx(alpha))^-1 in the
+    link."""
     position = vector((-a[i], -offset * sin(alpha[i]), -offset * cos(alpha[i])))
     lower, upper = LIMITS[i]
     return RevoluteJoint(

@@ -1,4 +1,5 @@
-"""The planar 3-RPR robot: three legs of actuated length between a base and a platform, cylinders and pistons with inertia.
+"""The planar 3-RPR robot: three legs of actuated length between a base and a platform, cylinders
+and pistons with inertia.
 
     base triangle    A = (0, 0), B = (b, 0), C = (b/2, sqrt(3)/2 b); its middle G = (b/2, b/(2 sqrt 3))
     cylinder i       turns about corner i, at the angle p_i from the x axis                   pivot_i
@@ -7,8 +8,9 @@
                      phi = p_i + w_i                                                          wrist_i
     loops            corner_i + s_i (cos p_i, sin p_i) = P + R(phi) r d_i
 
-The platform's frame lies in its centre; at angle zero its triangle is parallel to the base's. There, in the middle, the
-three legs meet in one point and cannot hold the platform's turn; the reference is turned by pi/3 from it.
+The platform's frame lies in its centre; at angle zero its triangle is parallel to the base's.
+There, in the middle, the three legs meet in one point and cannot hold the platform's turn; the
+reference is turned by pi/3 from it.
 """
 
 from __future__ import annotations
@@ -37,19 +39,23 @@ def rpr3(
     Args:
         base: b, side of the base triangle [m].
         radius: r, distance from the platform's centre to its vertices [m].
-        cylinder, piston: lengths of the cylinders, from the corners, and of the pistons, back from their tips [m].
-        cylinder_mass, piston_mass, platform_mass: masses [kg]; the platform's inertia is that of a disc, m r^2 / 2.
+        cylinder, piston: lengths of the cylinders, from the corners, and of the pistons, back from
+            their tips [m].
+        cylinder_mass, piston_mass, platform_mass: masses [kg]; the platform's inertia is that of a
+            disc, m r^2 / 2.
         gravity: acceleration of gravity in the ground's axes [m/s^2]; the robot moves horizontally.
 
     Returns:
-        The mechanism: joints slide_1..3 (actuated; the lengths of the legs [m]), pivot_1..3, wrist_1..3; its tool is the
-        platform's centre. In the reference the platform is in the middle of the base at the angle pi/3.
+        The mechanism: joints slide_1..3 (actuated; the lengths of the legs [m]), pivot_1..3,
+            wrist_1..3; its tool is the
+        platform's centre. In the reference the platform is in the middle of the base at the angle
+        pi/3.
 
     Raises:
         MechanismError: a size that is not above zero, a mass below zero.
 
-    Source: architecture as in Gosselin & Sefrioui, Polynomial solutions for the direct kinematic problem of planar
-    three-degree-of-freedom parallel manipulators, ICAR 1991; dimensions ours.
+    Source: architecture as in Gosselin & Sefrioui, Polynomial solutions for the direct kinematic
+    problem of planar three-degree-of-freedom parallel manipulators, ICAR 1991; dimensions ours.
     """
     require_sizes(base=base, radius=radius, cylinder=cylinder, piston=piston)
     require_masses(

@@ -1,4 +1,5 @@
-"""The planar 3-RRR robot: three actuated cranks, three distal links, a platform with three freedoms.
+"""The planar 3-RRR robot: three actuated cranks, three distal links, a platform with three
+freedoms.
 
     base triangle    A = (0, 0), B = (b, 0), C = (b/2, sqrt(3)/2 b); its middle G = (b/2, b/(2 sqrt 3))
     crank i          from corner i, at the angle m_i from the x axis, length l1               motor_i, actuated
@@ -35,18 +36,22 @@ def rrr3(
         base: b, side of the base triangle [m].
         proximal, distal: l1 and l2, lengths of the cranks and of the distal links [m].
         radius: r, distance from the platform's centre to its vertices [m].
-        proximal_mass, distal_mass, platform_mass: masses [kg]; the platform's inertia is that of a disc, m r^2 / 2.
+        proximal_mass, distal_mass, platform_mass: masses [kg]; the platform's inertia is that of a
+            disc, m r^2 / 2.
         gravity: acceleration of gravity in the ground's axes [m/s^2]; the robot moves horizontally.
 
     Returns:
-        The mechanism: joints motor_1..3 (actuated), elbow_1..3, wrist_1..3; its tool is the platform's centre. In the
+        The mechanism: joints motor_1..3 (actuated), elbow_1..3, wrist_1..3; its tool is the
+            platform's centre. In the
         reference the platform is in the middle at angle zero, all elbows on the same side.
 
     Raises:
-        MechanismError: a size that is not above zero, a mass below zero, links that do not reach the platform.
+        MechanismError: a size that is not above zero, a mass below zero, links that do not reach
+            the platform.
 
-    Source: architecture as in Gosselin & Angeles, The optimum kinematic design of a planar three-degree-of-freedom
-    parallel manipulator, J. Mech. Trans. Automation in Design 110 (1988) 35-41; dimensions ours.
+    Source: architecture as in Gosselin & Angeles, The optimum kinematic design of a planar
+    three-degree-of-freedom parallel manipulator, J. Mech. Trans. Automation in Design 110 (1988)
+    35-41; dimensions ours.
     """
     require_sizes(base=base, proximal=proximal, distal=distal, radius=radius)
     require_masses(

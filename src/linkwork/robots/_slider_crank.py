@@ -1,8 +1,9 @@
-"""The planar slider-crank: a driven crank, a connecting rod, a slider on a line beside the crank's pivot.
+"""The planar slider-crank: a driven crank, a connecting rod, a slider on a line beside the crank's
+pivot.
 
-crank     from (0, 0) at the angle t, length r                                            crank, actuated
-rod       from the crank's pin at the angle b = t + p, length l, to the slider            pin
-slider    at (s, h): s = r cos t + l cos b,  h = r sin t + l sin b                         slide; wrist = -b
+crank     from (0, 0) at the angle t, length r                                    crank, actuated
+rod       from the crank's pin at the angle b = t + p, length l, to the slider    pin
+slider    at (s, h): s = r cos t + l cos b,  h = r sin t + l sin b                 slide; wrist = -b
 """
 
 from __future__ import annotations
@@ -39,16 +40,19 @@ def slider_crank(
         crank, rod: r and l, lengths [m].
         offset: h, height of the slider's line above the crank's pivot [m].
         masses: of crank, rod and slider [kg].
-        centres: distance of the mass centres of crank and rod from the crank's pivot and from its pin [m].
+        centres: distance of the mass centres of crank and rod from the crank's pivot and from its
+            pin [m].
         inertias: of crank and rod about their mass centres, about z [kg m^2].
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints crank (actuated), pin, wrist, slide; its tool is the slider. In the reference the crank is at
+        The mechanism: joints crank (actuated), pin, wrist, slide; its tool is the slider. In the
+            reference the crank is at
         the angle pi/4, the slider on the side of positive x.
 
     Raises:
-        MechanismError: a length that is not above zero, a mass below zero, a rod that does not reach the slider's line.
+        MechanismError: a length that is not above zero, a mass below zero, a rod that does not
+            reach the slider's line.
 
     Source: Norton, Design of Machinery, ch. 4 (offset slider-crank); dimensions ours.
     """
@@ -57,7 +61,8 @@ def slider_crank(
     rise = offset - crank * sin(START)
     if not abs(rise) < rod:
         raise MechanismError(
-            f"the rod of {rod} m does not reach the slider's line; rod must exceed {abs(rise):.6g} m"
+            f"the rod of {rod} m does not reach the slider's line; rod must exceed "
+            f"{abs(rise):.6g} m"
         )
     tilt = asin(rise / rod)
     centred = [

@@ -1,14 +1,15 @@
-"""The spatial slider-crank of the IFToMM benchmark library: a crank about x, a rod between ball and cross, a slider along x.
+"""The spatial slider-crank of the IFToMM benchmark library: a crank about x, a rod between ball and
+cross, a slider along x.
 
-    crank     about the x axis through A = (0, y, z), upright at angle t = 0, length r                  crank, actuated
-              B = A + r (0, -sin t, cos t)                                                              ball
-    slider    C = (s, 0, 0),  s^2 = l^2 - B_y^2 - B_z^2                                                 slide
-    rod       from B to C, length l; the cross at C has one pin along x in the slider, the other        cross
+    crank     about the x axis through A = (0, y, z), upright at angle t = 0, length r            crank, actuated
+              B = A + r (0, -sin t, cos t)                                                        ball
+    slider    C = (s, 0, 0),  s^2 = l^2 - B_y^2 - B_z^2                                           slide
+    rod       from B to C, length l; the cross at C has one pin along x in the slider, the other  cross
               across the rod: C - B = l (cos c_2, sin c_1 sin c_2, -cos c_1 sin c_2)
 
-The published problem says "universal joint" and not which way its pins lie. With the first along x, as in Haug's
-revolute-cylindrical joint, the motion stays within 1e-4 m of F. Gonzalez's published solution for 5 s; with it along y or z
-the two are 3e-3 m apart after one second.
+The published problem says "universal joint" and not which way its pins lie. With the first along x,
+as in Haug's revolute-cylindrical joint, the motion stays within 1e-4 m of F. Gonzalez's published
+solution for 5 s; with it along y or z the two are 3e-3 m apart after one second.
 """
 
 from __future__ import annotations
@@ -43,26 +44,30 @@ def spatial_slider_crank(
     slider_inertia: float = 1e-4,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe a slider-crank between a crank about x and a slider along x; the defaults are the benchmark's data.
+    """Describe a slider-crank between a crank about x and a slider along x; the defaults are the
+    benchmark's data.
 
     Args:
         crank, rod: r and l, lengths [m].
         pivot: (y, z), where the crank's axis crosses the plane x = 0 [m].
         masses: of crank, rod and slider [kg]; the mass centres of crank and rod are their middles.
-        crank_inertia, rod_inertia: principal moments about the mass centres, the crank along its z axis, the rod along
-            its x axis [kg m^2].
+        crank_inertia, rod_inertia: principal moments about the mass centres, the crank along its z
+            axis, the rod along its x axis [kg m^2].
         slider_inertia: about every axis [kg m^2]; the slider does not turn.
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints crank (actuated), slide, cross, ball; its tool is the slider. In the reference the crank is
+        The mechanism: joints crank (actuated), slide, cross, ball; its tool is the slider. In the
+            reference the crank is
         upright; the benchmark's motion starts there with the crank's rate 6 rad/s.
 
     Raises:
-        MechanismError: a length that is not above zero, a mass below zero, a rod that does not reach the slider's axis.
+        MechanismError: a length that is not above zero, a mass below zero, a rod that does not
+            reach the slider's axis.
 
-    Source: IFToMM library of computational benchmark problems, spatial rigid slider-crank mechanism (Masoudi, after Haug,
-    Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989, sec. 12.2).
+    Source: IFToMM library of computational benchmark problems, spatial rigid slider-crank mechanism
+    (Masoudi, after Haug, Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989, sec.
+    12.2).
     """
     require_sizes(crank=crank, rod=rod)
     require_masses(**dict(zip(("crank_mass", "rod_mass", "slider_mass"), masses, strict=True)))

@@ -1,8 +1,9 @@
-"""The Gough-Stewart platform 6-UPS: six legs of tube and rod, each driven in its length, carry a platform.
+"""The Gough-Stewart platform 6-UPS: six legs of tube and rod, each driven in its length, carry a
+platform.
 
-    leg i     from A_i on the base to P + R b_i on the platform: |P + R b_i - A_i| = q_i             leg_i, actuated
-    tube i    universal joint in A_i, first axis level; the leg's axis is the tube's z                universal_i
-    rod i     slides in the tube, its origin in the ball joint at b_i                                 ball_i
+    leg i   from A_i on the base to P + R b_i on the platform: |P + R b_i - A_i| = q_i  leg_i, actuated
+    tube i  universal joint in A_i, first axis level; the leg's axis is the tube's z     universal_i
+    rod i   slides in the tube, its origin in the ball joint at b_i                      ball_i
 
 z points up, the base is at z = 0.
 """
@@ -46,9 +47,11 @@ def stewart(
     platform_density: float = STEEL,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe a Gough-Stewart platform with heavy legs; the defaults are those of the MathWorks example.
+    """Describe a Gough-Stewart platform with heavy legs; the defaults are those of the MathWorks
+    example.
 
-    The lower part of each leg is a tube, the upper a full rod which fits into it; the platform is a disc.
+    The lower part of each leg is a tube, the upper a full rod which fits into it; the platform is a
+    disc.
 
     Args:
         base_points: A_1..A_6 in the ground [m].
@@ -56,19 +59,23 @@ def stewart(
         home: the platform's pose in the reference configuration.
         tube_radii: inner radius of the tubes, which is that of the rods, and outer radius [m].
         segment: length of a tube and of a rod over the length of its leg at home [1].
-        platform_radius, platform_thickness: of the disc, whose middle is the origin of the platform's frame [m].
+        platform_radius, platform_thickness: of the disc, whose middle is the origin of the
+            platform's frame [m].
         leg_density, platform_density: mass per volume [kg/m^3]; zero makes the part massless.
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints universal_1..6, leg_1..6 (actuated; the leg's length [m]), ball_1..6, and pose, a free
+        The mechanism: joints universal_1..6, leg_1..6 (actuated; the leg's length [m]), ball_1..6,
+            and pose, a free
         joint which says where the platform is; its tool is the platform's frame.
 
     Raises:
-        MechanismError: other than six points, a size that is not above zero, a density below zero, a leg without length.
+        MechanismError: other than six points, a size that is not above zero, a density below zero,
+            a leg without length.
 
-    Source: Smith & Wendlandt, Creating a Stewart platform model using SimMechanics, The MathWorks 2002: base radius 3 m,
-    half spread 2.5 deg; platform radius 1 m, half spread 10 deg, turned by 60 deg; height 2 m; weight 76 kN/m^3.
+    Source: Smith & Wendlandt, Creating a Stewart platform model using SimMechanics, The MathWorks
+    2002: base radius 3 m, half spread 2.5 deg; platform radius 1 m, half spread 10 deg, turned by
+    60 deg; height 2 m; weight 76 kN/m^3.
     """
     A, b = six_points("base_points", base_points), six_points("platform_points", platform_points)
     inner, outer = tube_radii

@@ -1,16 +1,19 @@
-"""The Tripteron 3-PRRR: three orthogonal legs, each with all its axes parallel, and a platform that only translates.
+"""The Tripteron 3-PRRR: three orthogonal legs, each with all its axes parallel, and a platform that
+only translates.
 
-    carriage i    at q_i e_i on its rail along e_i, an axis of the ground                             slide_i, actuated
-    links of i    proximal and distal, in the plane across e_i: turn about e_i by root_i, elbow_i
-    tip i         the third revolute joint, axis e_i, on the platform                                 tip_i
+    carriage i  at q_i e_i on its rail along e_i, an axis of the ground                          slide_i, actuated
+    links of i  proximal and distal, in the plane across e_i: turn about e_i by root_i, elbow_i
+    tip i       the third revolute joint, axis e_i, on the platform                              tip_i
 
 With i, j, k cyclic and at zero angles the proximal link along e_j and the distal link along e_k:
 
-    q_i = P_i,   P_j + proximal = proximal cos a + (-distal) sin(a + b),   P_k + distal = proximal sin a + distal cos(a + b)
+    q_i = P_i,  P_j + proximal = proximal cos a + (-distal) sin(a + b),  P_k + distal = proximal sin
+    a + distal cos(a + b)
 
-where a = root_i, b = elbow_i: the coordinates of the platform's centre P are those of the drives, fully decoupled. A
-leg keeps the platform from turning about e_j and e_k, so three legs do it twice: Gruebler's formula counts
-6 * 10 - 5 * 12 = 0 freedoms, the robot has three, three of its closure rows depend on the others (it is overconstrained).
+where a = root_i, b = elbow_i: the coordinates of the platform's centre P are those of the drives,
+fully decoupled. A leg keeps the platform from turning about e_j and e_k, so three legs do it twice:
+Gruebler's formula counts 6 * 10 - 5 * 12 = 0 freedoms, the robot has three, three of its closure
+rows depend on the others (it is overconstrained).
 """
 
 from __future__ import annotations
@@ -32,7 +35,8 @@ def tripteron(
     platform_mass: float = 0.5,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Mechanism:
-    """Describe the Tripteron, whose platform translates as its three drives do, each along its own axis.
+    """Describe the Tripteron, whose platform translates as its three drives do, each along its own
+    axis.
 
     All joint coordinates are zero in the reference, with right angles at the elbows.
 
@@ -40,19 +44,21 @@ def tripteron(
         proximal, distal: lengths of the links [m].
         offset: distance of the platform's three joints from its centre, joint i at -offset e_i [m].
         link_radius: of the links, round rods, for their inertia [m].
-        carriage_mass, proximal_mass, distal_mass, platform_mass: masses [kg]; carriages and platform are cubes of
-            side offset.
+        carriage_mass, proximal_mass, distal_mass, platform_mass: masses [kg]; carriages and
+            platform are cubes of side offset.
         gravity: acceleration of gravity in the ground's axes [m/s^2].
 
     Returns:
-        The mechanism: joints slide_1..3 (actuated), root_1..3, elbow_1..3, tip_1..3; its tool is the platform's centre.
+        The mechanism: joints slide_1..3 (actuated), root_1..3, elbow_1..3, tip_1..3; its tool is
+            the platform's centre.
 
     Raises:
         MechanismError: a size that is not above zero, a mass below zero.
 
-    Source: Kong & Gosselin, Kinematics and singularity analysis of a novel type of 3-CRR 3-dof translational parallel
-    manipulator, International Journal of Robotics Research 21 (2002) 791-798; Gosselin, Kong, Foucault & Bonev, A fully
-    decoupled 3-dof translational parallel mechanism, Parallel Kinematic Machines 2004; dimensions ours.
+    Source: Kong & Gosselin, Kinematics and singularity analysis of a novel type of 3-CRR 3-dof
+    translational parallel manipulator, International Journal of Robotics Research 21 (2002)
+    791-798; Gosselin, Kong, Foucault & Bonev, A fully decoupled 3-dof translational parallel
+    mechanism, Parallel Kinematic Machines 2004; dimensions ours.
     """
     require_sizes(proximal=proximal, distal=distal, offset=offset, link_radius=link_radius)
     require_masses(

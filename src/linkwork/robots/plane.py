@@ -12,9 +12,11 @@ AZIMUTHS = (7 * pi / 6, 11 * pi / 6, pi / 2)  # of a triangle's vertices, seen f
 
 
 def meet(p: Point, a: float, q: Point, b: float, side: int, what: str) -> Point:
-    """Return the point at the distance a from p and b from q, left (side = 1) or right (-1) of the line from p to q.
+    """Return the point at the distance a from p and b from q, left (side = 1) or right (-1) of the
+    line from p to q.
 
-    With d = |q - p| and its direction e, n = z x e:  p + u e + side sqrt(a^2 - u^2) n,  u = (d^2 + a^2 - b^2) / (2 d).
+    With d = |q - p| and its direction e, n = z x e:  p + u e + side sqrt(a^2 - u^2) n,  u =
+    (d^2 + a^2 - b^2) / (2 d).
 
     Args:
         p, q: the two centres [m].
@@ -48,7 +50,8 @@ def vertices(radius: float) -> tuple[Point, ...]:
 
 
 def uniform_rod(mass: float, length: float) -> Body:
-    """Return a thin rod from the origin along x, for motion in the plane: m l^2 / 12 about its middle."""
+    """Return a thin rod from the origin along x, for motion in the plane: m l^2 / 12 about its
+    middle."""
     return Body(
         mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
     )

@@ -65,7 +65,8 @@ def free_coordinates(name: str, pose: QuaternionPose) -> dict[str, float]:
 
 
 def ball_coordinates(name: str, first: np.ndarray, second: np.ndarray) -> dict[str, float]:
-    """Return the coordinates of a spherical joint between bodies with these quaternions: that of R_1' R_2."""
+    """Return the coordinates of a spherical joint between bodies with these quaternions: that of
+    R_1' R_2."""
     quaternion = product(inverse(first), second)
     quaternion = quaternion if quaternion[0] >= 0 else -quaternion
     return dict(

@@ -1,10 +1,11 @@
 """Rods of constant length between a carrier and the platform, massless or as bodies.
 
-    u = R_1' (p_2 - p_1) / l          direction from the first end to the second, in the carrier's axes
-    u = Rot(e1, a) Rot(e2, b) e3      a = atan2(-u.e2, u.e3),  b = asin(u.e1)
+    u = R_1' (p_2 - p_1) / l       direction from the first end to the second, in the carrier's axes
+    u = Rot(e1, a) Rot(e2, b) e3   a = atan2(-u.e2, u.e3),  b = asin(u.e1)
 
-A rod as a body lies along e3, its z axis or the opposite, whichever is nearer to u; of x and y, e1 is the axis farther
-from u, and e2 = e3 x e1, so that a universal joint with the axes e1 and e2 stays far from its singular pose b = pi/2.
+A rod as a body lies along e3, its z axis or the opposite, whichever is nearer to u; of x and y, e1
+is the axis farther from u, and e2 = e3 x e1, so that a universal joint with the axes e1 and e2
+stays far from its singular pose b = pi/2.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class Parts:
 
 
 class End(NamedTuple):
-    """Say where a rod ends: on which body, at which of its points [m, body axes], the body's reference pose."""
+    """Say where a rod ends: on which body, at which of its points [m, body axes], the body's
+    reference pose."""
 
     body: str
     point: np.ndarray
@@ -51,7 +53,8 @@ class End(NamedTuple):
 
 
 class Pointing(NamedTuple):
-    """Turn the axis e3 into a direction: by a universal joint's axes and angles, or by the quaternion of both turns."""
+    """Turn the axis e3 into a direction: by a universal joint's axes and angles, or by the
+    quaternion of both turns."""
 
     axes: tuple[tuple[float, float, float], tuple[float, float, float]]
     axis: tuple[float, float, float]
@@ -60,7 +63,8 @@ class Pointing(NamedTuple):
 
 
 def pointing(direction: np.ndarray) -> Pointing:
-    """Return how a universal joint points a leg along a unit direction: e1, e2, e3, a, b as in the module's formulas."""
+    """Return how a universal joint points a leg along a unit direction: e1, e2, e3, a, b as in the
+    module's formulas."""
     e3 = np.array([0.0, 0.0, 1.0 if direction[2] >= 0 else -1.0])
     e1 = np.array([1.0, 0.0, 0.0] if abs(direction[0]) <= abs(direction[1]) else [0.0, 1.0, 0.0])
     e2 = np.cross(e3, e1)
@@ -69,7 +73,8 @@ def pointing(direction: np.ndarray) -> Pointing:
 
 
 def direction(first: End, second: End) -> tuple[np.ndarray, float]:
-    """Return the unit direction from the first to the second end, in the first body's axes, and the distance [m]."""
+    """Return the unit direction from the first to the second end, in the first body's axes, and the
+    distance [m]."""
     gap = second.position - first.position
     length = float(np.linalg.norm(gap))
     return rotated(inverse(first.pose.quaternion), gap / length), length
@@ -81,10 +86,11 @@ class Rods:
 
     Args:
         length: between the two joints' centres [m].
-        mass: of a rod [kg]; a rod of mass zero is a joint of type `rod`, any other is a body with two joints.
+        mass: of a rod [kg]; a rod of mass zero is a joint of type `rod`, any other is a body with
+            two joints.
         radius: of the round rod, for its inertia [m].
-        spinning: whether both ends are spherical joints, so that the rod may spin idly about itself; if not, the first
-            end is a universal joint.
+        spinning: whether both ends are spherical joints, so that the rod may spin idly about
+            itself; if not, the first end is a universal joint.
     """
 
     length: float
@@ -93,7 +99,8 @@ class Rods:
     spinning: bool
 
     def between(self, label: str, first: End, second: End) -> Parts:
-        """Return rod_<label>, or the body of that name with its joints knuckle_<label> and ball_<label>."""
+        """Return rod_<label>, or the body of that name with its joints knuckle_<label> and
+        ball_<label>."""
         name = f"rod_{label}"
         if self.mass == 0:
             joint = RodJoint(
@@ -131,10 +138,11 @@ class Rods:
     def pair(
         self, label: str, first: End, second: End, halves: tuple[np.ndarray, np.ndarray]
     ) -> Parts:
-        """Return two rods, left and right: both ends of the one before, both ends of the other after the given points.
+        """Return two rods, left and right: both ends of the one before, both ends of the other
+        after the given points.
 
-        `halves` [m] lead from the points to the right rod's ends, each in its body's axes; where they are the same
-        vector of space the rods are the sides of a parallelogram.
+        `halves` [m] lead from the points to the right rod's ends, each in its body's axes; where
+        they are the same vector of space the rods are the sides of a parallelogram.
         """
         left, right = (
             self.between(

@@ -28,7 +28,8 @@ def require_masses(**masses: float) -> None:
 
 
 def rod(mass: float, length: float, radius: float, start: float, axis: ArrayLike) -> Body:
-    """Return a round rod that lies along a coordinate axis from `start` times it to (`start` + `length`) times it.
+    """Return a round rod that lies along a coordinate axis from `start` times it to
+    (`start` + `length`) times it.
 
     About the mass centre: m r^2 / 2 along the axis, m (3 r^2 + l^2) / 12 across it.
     """
@@ -38,7 +39,8 @@ def rod(mass: float, length: float, radius: float, start: float, axis: ArrayLike
 def tube(
     mass: float, length: float, radii: tuple[float, float], start: float, axis: ArrayLike
 ) -> Body:
-    """Return a round tube along a coordinate axis from `start` on: as a rod, with r^2 the sum of the radii's squares."""
+    """Return a round tube along a coordinate axis from `start` on: as a rod, with r^2 the sum of
+    the radii's squares."""
     direction = np.asarray(axis, float)
     square = radii[0] ** 2 + radii[1] ** 2
     along, across = mass * square / 2, mass * (3 * square + length**2) / 12

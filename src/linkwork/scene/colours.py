@@ -1,4 +1,5 @@
-"""The one palette: colours that everybody can tell apart, and which of them is what in all pictures.
+"""The one palette: colours that everybody can tell apart, and which of them is what in all
+pictures.
 
 Source: M. Okabe and K. Ito, Color Universal Design, 2008.
 """
@@ -16,7 +17,8 @@ Colour = str | tuple[float, float, float]
 
 
 class RoleLook(NamedTuple):
-    """Tell how a part looks: its colour, and its level in pictures, where the higher covers the lower."""
+    """Tell how a part looks: its colour, and its level in pictures, where the higher covers the
+    lower."""
 
     colour: str
     level: float
@@ -28,7 +30,8 @@ class RoleLook(NamedTuple):
 
     @property
     def bodily(self) -> bool:
-        """Tell whether it belongs to a body or bears load as one, and is drawn in every pose of several."""
+        """Tell whether it belongs to a body or bears load as one, and is drawn in every pose of
+        several."""
         return 2 <= self.level < 3
 
 

@@ -12,7 +12,8 @@ TURNS, PER_TURN = 3, 12  # of a thread, and its points
 
 
 def hull(points: np.ndarray) -> list[np.ndarray]:
-    """Return the faces of the convex hull of points (k, 3): a point (1, 3), a line (2, 3), a polygon or triangles (., 3)."""
+    """Return the faces of the convex hull of points (k, 3): a point (1, 3), a line (2, 3), a
+    polygon or triangles (., 3)."""
     centred = points - points.mean(axis=0)
     _, extents, directions = np.linalg.svd(centred, full_matrices=False)
     dimensions = int((extents > FLAT * max(extents[0], FLAT)).sum()) if len(points) > 1 else 0
@@ -30,7 +31,8 @@ def hull(points: np.ndarray) -> list[np.ndarray]:
 
 
 def arc(centre: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the arc (k, 3) about a centre from one point to another; its radius changes evenly from one to the other."""
+    """Return the arc (k, 3) about a centre from one point to another; its radius changes evenly
+    from one to the other."""
     a, b = start - centre, end - centre
     radii = np.linalg.norm(a), np.linalg.norm(b)
     if not min(radii) > 0:
@@ -45,7 +47,8 @@ def arc(centre: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors e, f with e x f = axis; e lies in the xy plane, along x where the axis is along z."""
+    """Return two unit vectors e, f with e x f = axis; e lies in the xy plane, along x where the
+    axis is along z."""
     e = np.array([-axis[1], axis[0], 0.0])
     length = np.linalg.norm(e)
     e = e / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
@@ -53,7 +56,8 @@ def across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def zigzag(start: np.ndarray, end: np.ndarray, width: float, aside: np.ndarray) -> np.ndarray:
-    """Return a coil spring (k, 3) between two points as seen from the side: straight ends, a zigzag to both sides."""
+    """Return a coil spring (k, 3) between two points as seen from the side: straight ends, a zigzag
+    to both sides."""
     if not np.linalg.norm(aside) > 0:
         return np.stack([start, end])
     places = np.concatenate(

@@ -1,4 +1,5 @@
-"""What is fixed to the ground: rails of what slides on it, pads of what stands on it, and the base between pads."""
+"""What is fixed to the ground: rails of what slides on it, pads of what stands on it, and the base
+between pads."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ LEVEL = 1e-6  # difference of heights that is none
 def ground(
     pose: Skeleton, moves: Moves, limits: Mapping[str, Limits] | None, size: float, planar: bool
 ) -> Iterator[ScenePart]:
-    """Yield what is fixed to the ground; rails are as long as the moves need, or where limits are given, as these allow."""
+    """Yield what is fixed to the ground; rails are as long as the moves need, or where limits are
+    given, as these allow."""
     standing = []
     for joint in (joint for joint in pose.joints if joint.grounded):
         anchor = joint.near if joint.connects[0] == GROUND else joint.far

@@ -1,4 +1,5 @@
-"""Meshes of simple solids: bars, balls, boxes, plates, bent tubes, coils; and pieces, which are meshes that stand somewhere.
+"""Meshes of simple solids: bars, balls, boxes, plates, bent tubes, coils; and pieces, which are
+meshes that stand somewhere.
 
 All solids of revolution come from one function: a profile (radius, height) turned about an axis.
 """
@@ -23,9 +24,11 @@ Polygons = Sequence[np.ndarray] | np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Hold vertices (V, 3) [m] and convex polygons on them, whose corners run counter-clockwise seen from outside.
+    """Hold vertices (V, 3) [m] and convex polygons on them, whose corners run counter-clockwise
+    seen from outside.
 
-    flat: polygons with edges of their own; facets: of round surfaces; each the numbers of its corners
+    flat: polygons with edges of their own; facets: of round surfaces; each the numbers of its
+    corners
     """
 
     vertices: np.ndarray
@@ -54,7 +57,8 @@ class Mesh:
 
     @property
     def volume(self) -> float:
-        """Return the enclosed volume [m^3], by the divergence theorem; positive where all faces look outwards."""
+        """Return the enclosed volume [m^3], by the divergence theorem; positive where all faces
+        look outwards."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         return float((a * np.cross(b, c)).sum() / 6)
 
@@ -67,7 +71,8 @@ def frame_along(axis: np.ndarray) -> np.ndarray:
 
 
 def turned(profile: np.ndarray, sides: int = SIDES) -> Mesh:
-    """Turn a profile (k, 2) of radius and height about z; it runs upwards, and ends on the axis or is closed by discs."""
+    """Turn a profile (k, 2) of radius and height about z; it runs upwards, and ends on the axis or
+    is closed by discs."""
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     levels = [
@@ -88,7 +93,8 @@ def bands(rings: int, sides: int) -> np.ndarray:
 
 
 def discs(rings: int, sides: int, closed: Sequence[bool] = (True, True)) -> Polygons:
-    """Return the first ring, seen from below, and the last one as faces, where they are to be closed."""
+    """Return the first ring, seen from below, and the last one as faces, where they are to be
+    closed."""
     ring = np.arange(sides)
     ends = (ring[::-1], ring + sides * (rings - 1))
     return [end for end, wanted in zip(ends, closed, strict=True) if wanted]
@@ -96,7 +102,8 @@ def discs(rings: int, sides: int, closed: Sequence[bool] = (True, True)) -> Poly
 
 @cache
 def outlined(points: tuple[tuple[float, float], ...], swept: bool) -> Mesh:
-    """Return what a profile of radius and height sweeps about z, or a plate of thickness 1 on a convex polygon."""
+    """Return what a profile of radius and height sweeps about z, or a plate of thickness 1 on a
+    convex polygon."""
     return turned(np.array(points)) if swept else slab(np.array(points), 1.0)
 
 
@@ -147,7 +154,8 @@ def tube(line: np.ndarray, radius: float) -> Mesh:
 
 
 def coil(turns: int, radius: float, wire: float) -> Mesh:
-    """Return a helical spring of unit length from the origin along z, with straight ends on the axis."""
+    """Return a helical spring of unit length from the origin along z, with straight ends on the
+    axis."""
     t = np.linspace(0, 1, 16 * turns + 1)
     winding = np.stack([np.cos(2 * np.pi * turns * t), np.sin(2 * np.pi * turns * t)], axis=1)
     helix = np.column_stack([radius * winding, 0.15 + 0.7 * t])
@@ -164,7 +172,8 @@ BLOCK = outlined(SQUARE, False)  # side 1
 
 @dataclass(frozen=True, eq=False)
 class PlacedMesh:
-    """Hold a mesh that is scaled along its axes by `scale` (3), turned by `turn` (3, 3) and moved by `position` (3) [m]."""
+    """Hold a mesh that is scaled along its axes by `scale` (3), turned by `turn` (3, 3) and moved
+    by `position` (3) [m]."""
 
     mesh: Mesh
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -205,6 +214,7 @@ def piece_of(shape: Shape) -> PlacedMesh:
 
 
 def brightness(faces: Sequence[np.ndarray], light: np.ndarray) -> np.ndarray:
-    """Return how bright faces that run counter-clockwise seen from outside are, from 0 to 1, lit from a direction (3)."""
+    """Return how bright faces that run counter-clockwise seen from outside are, from 0 to 1, lit
+    from a direction (3)."""
     normals = np.array([np.cross(face[2] - face[0], face[-1] - face[1]) for face in faces])
     return np.clip(normals @ light / np.linalg.norm(normals, axis=1), 0, 1)

@@ -1,4 +1,5 @@
-"""Parts: what is drawn of a mechanism in one pose, each with its form, its colour and the bodies that it moves with."""
+"""Parts: what is drawn of a mechanism in one pose, each with its form, its colour and the bodies
+that it moves with."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ Moves = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """Hold a round bar along a polyline (k, 3) [m]; between two points, it may begin hidden in another, and end early.
+    """Hold a round bar along a polyline (k, 3) [m]; between two points, it may begin hidden in
+    another, and end early.
 
     hidden, until: parts of its length
     """
@@ -36,7 +38,8 @@ class Bar:
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """Hold a plate, or a solid, by its corners (k, 3) [m] and by the numbers of these around each of its faces."""
+    """Hold a plate, or a solid, by its corners (k, 3) [m] and by the numbers of these around each
+    of its faces."""
 
     points: np.ndarray
     around: tuple[np.ndarray, ...]
@@ -69,7 +72,8 @@ class ScenePart:
 
     name: of the body, joint, spring, gear or tool; role: what it is of it
     bodies: that it moves with: one, or one for each of its points
-    own: its own colour, where it has one; standing: whether it stands for the joint of its name, as one of its parts does
+    own: its own colour, where it has one; standing: whether it stands for the joint of its name, as
+    one of its parts does
     """
 
     name: str
@@ -90,7 +94,8 @@ class ScenePart:
         return LOOKS[self.role]
 
     def at(self, moves: Moves) -> ScenePart:
-        """Return the part where its bodies have moved to (each point p to  t + R p), or a stack of it for a stack of moves."""
+        """Return the part where its bodies have moved to (each point p to  t + R p), or a stack of
+        it for a stack of moves."""
         if isinstance(self.form, PlacedMesh):
             return replace(self, form=self.form.moved(*moves[self.bodies[0]]))
         return replace(

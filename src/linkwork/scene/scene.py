@@ -1,7 +1,8 @@
-"""The scene: the one list of all that is drawn of a mechanism. It is made in one pose; in others its parts are moved.
+"""The scene: the one list of all that is drawn of a mechanism. It is made in one pose; in others
+its parts are moved.
 
-Whatever draws (figures in the plane and in space, films, the viewer) paints the list part by part, by form and role, and
-knows no kinds of joints or shapes.
+Whatever draws (figures in the plane and in space, films, the viewer) paints the list part by part,
+by form and role, and knows no kinds of joints or shapes.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of m
 class Scene:
     """Hold all that is drawn of a robot, in a pose, and how its bodies move from there in others.
 
-    pose: the points; moves: of the ground and of all bodies, to each of the poses that are shown (K)
-    shown: whether these are all that is shown; else the mechanism may be brought anywhere
+    pose: the points; moves: of the ground and of all bodies, to each of the poses that are shown
+    (K) shown: whether these are all that is shown; else the mechanism may be brought anywhere
     """
 
     robot: Robot
@@ -75,7 +76,8 @@ class Scene:
 
     @cached_property
     def parts(self) -> tuple[ScenePart, ...]:
-        """Return all that is drawn; rails are as long as the poses that are shown need, or as is allowed."""
+        """Return all that is drawn; rails are as long as the poses that are shown need, or as is
+        allowed."""
         mechanism, pose, size, planar = (
             self.robot.mechanism,
             self.pose,
@@ -108,7 +110,8 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
 
 
 def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Iterator[ScenePart]:
-    """Yield bodies as their shapes, or as plates, bars or arcs; masses as balls, and so single points that no joint shows."""
+    """Yield bodies as their shapes, or as plates, bars or arcs; masses as balls, and so single
+    points that no joint shows."""
     for name, solids in pose.solids.items():
         for solid, shape in zip(solids, mechanism.bodies[name].shapes, strict=True):
             yield ScenePart(name, "member", (name,), solid, shape.colour)
@@ -133,7 +136,8 @@ def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Ite
 
 
 def others(mechanism: Mechanism, pose: Skeleton, size: float, planar: bool) -> Iterator[ScenePart]:
-    """Yield springs, a line through the joints that a gear couples, and the axes of tools: x, y, and in space z."""
+    """Yield springs, a line through the joints that a gear couples, and the axes of tools: x, y,
+    and in space z."""
     for name, ends in pose.springs.items():
         yield ScenePart(
             name, "spring", mechanism.springs[name].connects, Coil(ends, WINDING * size)

@@ -1,12 +1,12 @@
 """The points of a mechanism in a pose that are worth drawing, seen from the ground.
 
-A body is its shapes. One without shapes is the set of points where its joints, springs and tools sit; their convex hull
-is drawn. The mass centre is added where these would not show the body: on a body that hangs on one joint, and where the
-mass is nearly a point.
+A body is its shapes. One without shapes is the set of points where its joints, springs and tools
+sit; their convex hull is drawn. The mass centre is added where these would not show the body: on a
+body that hangs on one joint, and where the mass is nearly a point.
 
-Links whose hinges' axes all meet in one point have all their joints there. But a hinge may stand anywhere on its axis: it
-is moved to the foot of the mass centres of the two bodies it joins, and a link between two such hinges is an arc about
-the point.
+Links whose hinges' axes all meet in one point have all their joints there. But a hinge may stand
+anywhere on its axis: it is moved to the foot of the mass centres of the two bodies it joins, and a
+link between two such hinges is an arc about the point.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from linkwork.scene.meshes import PlacedMesh, piece_of
 
 TOGETHER = 1e-9  # distance of points, relative to the mechanism, below which they are one
 APART = 0.1  # distance of points, relative to the mechanism, above which they are seen apart
-POINT_MASS = 0.2  # radius of gyration over the distance to the farthest joint, below which a mass is nearly a point
+POINT_MASS = 0.2
+"""Radius of gyration over the distance to the farthest joint, below which a mass is nearly a
+point."""
 HINGE, SLIDER = (1, 0, False), (0, 1, False)  # motions of a joint
 X = np.array([1.0, 0.0, 0.0])
 
@@ -36,12 +38,14 @@ Placed = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class JointPlace:
-    """Place a joint: its bodies, its frame's origins on the first and the second body (3) [m], and its motions' axes.
+    """Place a joint: its bodies, its frame's origins on the first and the second body (3) [m], and
+    its motions' axes.
 
     turns, slides: axes (k, 3) that it turns about and slides along; ball: whether it turns freely
     threaded: whether it slides as it turns; rod: whether it holds nothing but a distance
-    coordinates: their names; slide: that of the one that slides, if one does; driven: whether one of its rates is actuated
-    tubed: whether it slides as a rod in a tube: between moving bodies, on one of which all joints stand at its end
+    coordinates: their names; slide: that of the one that slides, if one does; driven: whether one
+    of its rates is actuated tubed: whether it slides as a rod in a tube: between moving bodies, on
+    one of which all joints stand at its end
     """
 
     name: str
@@ -61,7 +65,8 @@ class JointPlace:
 
     @property
     def axes(self) -> np.ndarray:
-        """Return the axes (k, 3) that it turns about, or those that it slides along where it turns about none."""
+        """Return the axes (k, 3) that it turns about, or those that it slides along where it turns
+        about none."""
         return self.turns if len(self.turns) else self.slides
 
     @property
@@ -71,7 +76,8 @@ class JointPlace:
 
     @property
     def motions(self) -> tuple[int, int, bool]:
-        """Return about how many axes it turns, along how many it slides, and whether it turns freely."""
+        """Return about how many axes it turns, along how many it slides, and whether it turns
+        freely."""
         return len(self.turns), len(self.slides), self.ball
 
     @property
@@ -276,7 +282,8 @@ def joint_place(
 
 
 def after_turns(motions: Sequence[Motion]) -> list[tuple[Motion, bool]]:
-    """Tell of each motion whether a turn comes before it: its axis then belongs to the second frame, else to the first."""
+    """Tell of each motion whether a turn comes before it: its axis then belongs to the second
+    frame, else to the first."""
     return [
         (motion, any(before.turns for before in motions[:k])) for k, motion in enumerate(motions)
     ]
@@ -303,7 +310,8 @@ def is_tubed(joint: JointPlace, joints: Sequence[JointPlace]) -> bool:
 
 
 def meeting_points(joints: Sequence[JointPlace], bodies: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return the point where all joints of a body stand, for the bodies with two hinges or more and nothing else."""
+    """Return the point where all joints of a body stand, for the bodies with two hinges or more and
+    nothing else."""
     size = max(
         (float(np.abs(p).max()) for joint in joints for p in (joint.near, joint.far)), default=0.0
     )
@@ -323,7 +331,8 @@ def meeting_points(joints: Sequence[JointPlace], bodies: Sequence[str]) -> dict[
 def moved_out(
     joint: JointPlace, meeting: Mapping[str, np.ndarray], centres: Mapping[str, np.ndarray]
 ) -> JointPlace:
-    """Move a hinge of a body whose hinges meet along its axis, to the foot of its bodies' mass centres."""
+    """Move a hinge of a body whose hinges meet along its axis, to the foot of its bodies' mass
+    centres."""
     reach = [
         (centres[body] - joint.near) @ joint.axes[0]
         for body in joint.connects
@@ -343,7 +352,8 @@ def point_masses(
     points: Mapping[str, Sequence[np.ndarray]],
     centres: Mapping[str, np.ndarray],
 ) -> list[str]:
-    """Name the bodies whose mass is a point, or nearly one on a body that hangs on one joint, away from a joint."""
+    """Name the bodies whose mass is a point, or nearly one on a body that hangs on one joint, away
+    from a joint."""
     everything = np.array(
         [*centres.values(), *(p for own in points.values() for p in own)]
     ).reshape(-1, 3)

@@ -1,4 +1,5 @@
-"""Symbols of joints: they follow from what a joint's motions do, so that a kind of its own needs none of its own.
+"""Symbols of joints: they follow from what a joint's motions do, so that a kind of its own needs
+none of its own.
 
 turn            short pin about its axis; about two axes that cross, a pin on each of the two bodies
 slide           box on its line; in a plane, a sheet across its normal
@@ -7,7 +8,8 @@ free turn       ball
 nothing         cube
 rod             a bar with a small ball at either end
 
-What slides along a line has a rail on the ground, or a guide, or is a rod in a tube; the rest stands on pads on the ground.
+What slides along a line has a rail on the ground, or a guide, or is a rod in a tube; the rest
+stands on pads on the ground.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ ALIGNED = 1 - 1e-9  # cosine of the angle between two directions that are one
 
 
 def symbol(joint: JointPlace, size: float) -> Iterator[ScenePart]:
-    """Yield all parts of a joint but what is fixed to the ground; size: largest extent of the mechanism [m]."""
+    """Yield all parts of a joint but what is fixed to the ground; size: largest extent of the
+    mechanism [m]."""
     for k, (role, bodies, form) in enumerate(parts(joint, size)):
         own = DRIVEN if joint.driven and role in ("joint", "tube") else None
         yield ScenePart(joint.name, role, bodies, form, own, standing=k == 0)
@@ -70,7 +73,8 @@ def parts(
 
 
 def pieces(joint: JointPlace, size: float) -> Iterator[tuple[str, PlacedMesh]]:
-    """Yield the solids of a joint, each with its body; what is about an axis of several stands on the body that bears it."""
+    """Yield the solids of a joint, each with its body; what is about an axis of several stands on
+    the body that bears it."""
     (first, second), place, turns, slides = joint.connects, joint.far, joint.turns, joint.slides
     slid, frame = len(slides), np.eye(3)
     if slid in (1, 2):

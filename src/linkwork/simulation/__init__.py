@@ -1,6 +1,7 @@
 """Stage 4: kernels, a state and forces become arrays over time.
 
-The package knows nothing of robots: it is given the machine addresses of the equations of motion and of the loop closure.
+The package knows nothing of robots: it is given the machine addresses of the equations of motion
+and of the loop closure.
 """
 
 from linkwork.simulation.events import Condition, Control, Events, Occurrences, Pace

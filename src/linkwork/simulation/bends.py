@@ -1,12 +1,13 @@
-"""Bends of a signal: where its third derivative turns round, by which a step tells whether it may have passed something by.
+"""Bends of a signal: where its third derivative turns round, by which a step tells whether it may
+have passed something by.
 
-A step sees its inputs at the times of its stages only. Over times in which u''' of no input bends more than
-`signals.FREE` times u is as smooth as a polynomial of degree six or so: whatever it does, the stages see. A pulse makes
-u''' bend three times at least, a burst or noise more often. Whoever passes more bends than that has to look what happens
-at them (`native_watch`).
+A step sees its inputs at the times of its stages only. Over times in which u''' of no input bends
+more than `signals.FREE` times u is as smooth as a polynomial of degree six or so: whatever it does,
+the stages see. A pulse makes u''' bend three times at least, a burst or noise more often. Whoever
+passes more bends than that has to look what happens at them (`native_watch`).
 
-The test is of no scale: a pulse of 5 N is found on 0 N as on 1000 N, and of any width down to that of a sample. Only bends
-within the rounding of the samples do not count.
+The test is of no scale: a pulse of 5 N is found on 0 N as on 1000 N, and of any width down to that
+of a sample. Only bends within the rounding of the samples do not count.
 """
 
 import numpy as np
@@ -26,9 +27,11 @@ _SIGNATURE = (
 
 @compiled_once("the search for bends of signals", _SIGNATURE)
 def bends(knots, coefficients, most):
-    """Return the bends of a signal in the order of their times, rows (time, number of the input, free), the last one infinite.
+    """Return the bends of a signal in the order of their times, rows (time, number of the input,
+    free), the last one infinite.
 
-    free: the time before which no input bends more than `most` times from this bend on, itself included.
+    free: the time before which no input bends more than `most` times from this bend on, itself
+    included.
 
     knots (pieces + 1,), coefficients (pieces, 4, columns): as of a `Signal`; most: `signals.FREE`.
     """

@@ -1,8 +1,10 @@
-"""Compile a function by Numba once per machine: kept in a cache folder, and announced while it happens.
+"""Compile a function by Numba once per machine: kept in a cache folder, and announced while it
+happens.
 
-Numba renews its cache when the file of a function changes. A function is made of others, too, that are inlined or linked
-into it, and of constants; here the cache is renewed when any of them changes, in whatever file they are. Kinds of machines
-that share a cache folder have files of their own in it.
+Numba renews its cache when the file of a function changes. A function is made of others, too, that
+are inlined or linked into it, and of constants; here the cache is renewed when any of them changes,
+in whatever file they are. Kinds of machines that share a cache folder have files of their own in
+it.
 """
 
 import hashlib
@@ -31,8 +33,9 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
     """Decorate a function to be compiled for exactly one signature when its module is imported.
 
-    The machine code is loaded from Numba's cache folder if it is there; if not, one line on stderr names `what` is
-    being compiled. Where no cache folder can be used, a warning says so and the code is compiled for this process only.
+    The machine code is loaded from Numba's cache folder if it is there; if not, one line on stderr
+    names `what` is being compiled. Where no cache folder can be used, a warning says so and the
+    code is compiled for this process only.
     """
 
     def decorate(function: Callable) -> Dispatcher:
@@ -45,7 +48,8 @@ def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
 
 
 def _cached(function: Callable, signature) -> Dispatcher | None:
-    """Compile or load; return None where the cache folder cannot be used and nothing has been compiled yet."""
+    """Compile or load; return None where the cache folder cannot be used and nothing has been
+    compiled yet."""
     try:
         dispatcher = njit(cache=True, **OPTIONS)(function)
     except RuntimeError:  # Numba found no folder that it may write to
@@ -70,10 +74,11 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
 
 
 def machine_digest() -> str:
-    """Return what tells kinds of machines apart that share a cache folder: each has files of its own.
+    """Return what tells kinds of machines apart that share a cache folder: each has files of its
+    own.
 
-    Numba keeps the code of all of them under one name and tells it apart by an index, which one machine may rewrite between
-    another's two looks.
+    Numba keeps the code of all of them under one name and tells it apart by an index, which one
+    machine may rewrite between another's two looks.
     """
     context: Any = cpu_target.target_context
     return hashlib.sha256(repr(context.codegen().magic_tuple()).encode()).hexdigest()[:16]
@@ -95,7 +100,8 @@ def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Call
 
 
 def fingerprint(function: Callable) -> str:
-    """Return a digest of a function's code, and of that of all functions and constants that it names, and they name.
+    """Return a digest of a function's code, and of that of all functions and constants that it
+    names, and they name.
 
     Operators are not named: those count that are taught in the modules of these functions.
     """

@@ -1,4 +1,5 @@
-"""What an integration watches for and what acts at sample times: addresses of kernels and how to use them."""
+"""What an integration watches for and what acts at sample times: addresses of kernels and how to
+use them."""
 
 import math
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from linkwork.simulation.signals import Signal
 
 @dataclass(frozen=True)
 class Condition:
-    """Say which zeros of an event function count: `terminal`, the run ends there; `direction`, 1 for zeros passed upwards
-    only, -1 for downwards, 0 for both.
+    """Say which zeros of an event function count: `terminal`, the run ends there; `direction`, 1
+    for zeros passed upwards only, -1 for downwards, 0 for both.
     """
 
     terminal: bool = False
@@ -28,10 +29,12 @@ class Condition:
 class Events:
     """Watch for zeros of functions g(y, u, p).
 
-    address: of the kernel (y, u, p) -> g (k,), a C function void(const double *, double *); conditions: one for each g_i.
+    address: of the kernel (y, u, p) -> g (k,), a C function void(const double *, double *);
+    conditions: one for each g_i.
 
-    Zeros are looked for along the dense output, between its ends and where g_i comes nearest to zero (`native_events`): two
-    within a step are found, too. A function that is 0 at the start of a run has to leave 0 first.
+    Zeros are looked for along the dense output, between its ends and where g_i comes nearest to
+    zero (`native_events`): two within a step are found, too. A function that is 0 at the start of a
+    run has to leave 0 first.
     """
 
     address: int
@@ -45,10 +48,12 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Watch signals over time that are not all inputs: what depends on time alone in equations and event functions.
+    """Watch signals over time that are not all inputs: what depends on time alone in equations and
+    event functions.
 
-    signal: of all of them; strict: how many of its columns, the last ones, event functions read: no step passes more than two
-    bends of them (`bends`), for a zero that is passed leaves no trace in the motion.
+    signal: of all of them; strict: how many of its columns, the last ones, event functions read: no
+    step passes more than two bends of them (`bends`), for a zero that is passed leaves no trace in
+    the motion.
     """
 
     signal: Signal
@@ -72,11 +77,13 @@ class Occurrences:
 
 @dataclass(frozen=True, eq=False)
 class Control:
-    """Let a sampled controller act: at t = k period it computes inputs that are held until the next sample.
+    """Let a sampled controller act: at t = k period it computes inputs that are held until the next
+    sample.
 
-    address: of the kernel (y, u, p) -> held inputs (nh,), a C function void(const double *, double *); u holds the signals,
-    then the inputs held so far. period: s. held (nh,): the inputs before the first sample. next_sample: the k of the first
-    sample; None is the first one from the start of the run on.
+    address: of the kernel (y, u, p) -> held inputs (nh,), a C function void(const double *, double
+    *); u holds the signals, then the inputs held so far. period: s. held (nh,): the inputs before
+    the first sample. next_sample: the k of the first sample; None is the first one from the start
+    of the run on.
 
     Raises `LinkworkError` for a period that is not positive and finite.
     """
@@ -89,15 +96,18 @@ class Control:
     def __post_init__(self):
         if not 0 < self.period < math.inf:
             raise LinkworkError(
-                f"the period of a sampled controller must be positive and finite, not {self.period} s"
+                "the period of a sampled controller must be positive and finite, not "
+                f"{self.period} s"
             )
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Go on with a step size: `step`, in s, and `growth`, the largest factor by which the one after it may be longer.
+    """Go on with a step size: `step`, in s, and `growth`, the largest factor by which the one after
+    it may be longer.
 
-    `longest`, the longest step lately, and `ideal`, the one that the last step's error allowed, both in s, tell how steps fall.
+    `longest`, the longest step lately, and `ideal`, the one that the last step's error allowed,
+    both in s, tell how steps fall.
     """
 
     step: float

@@ -30,16 +30,18 @@ NEARLY = (
 class Trajectory:
     """Hold what an integration computed, up to where it ended.
 
-    At the K saved times: `t` (K,) in s, `q` (K, nq), `v` (K, nv), `u` (K, nu), and `residual` (K,), the largest |phi(q)|.
-    `events`: the zeros of the event functions, as `Occurrences`.
-    The last state reached: `end_time`, `q_end` (nq,), `v_end` (nv,), and `turns` (nq,), the whole turns of angles that are
-    not in `q_end`. To go on from there: `pace`, the step size, and `control`, what a sampled controller holds.
-    How it went: `status`, `message`; `nfev` evaluations of the motion kernel, `steps` accepted, `rejected`, and
-    `projections`, evaluations of the closure kernel; `pivot`, the smallest pivot met, at `pivot_time`;
-    `closure_error`, the largest residual at the start, at the end and of all rows saved.
+    At the K saved times: `t` (K,) in s, `q` (K, nq), `v` (K, nv), `u` (K, nu), and `residual` (K,),
+    the largest |phi(q)|. `events`: the zeros of the event functions, as `Occurrences`.
+    The last state reached: `end_time`, `q_end` (nq,), `v_end` (nv,), and `turns` (nq,), the whole
+    turns of angles that are not in `q_end`. To go on from there: `pace`, the step size, and
+    `control`, what a sampled controller holds. How it went: `status`, `message`; `nfev` evaluations
+    of the motion kernel, `steps` accepted, `rejected`, and `projections`, evaluations of the
+    closure kernel; `pivot`, the smallest pivot met, at `pivot_time`; `closure_error`, the largest
+    residual at the start, at the end and of all rows saved.
 
-    All of it is read from `rows` (K, 3 + nq + nv + nu), each (t, q, v, u, residual, number of an event), `found`, such rows
-    where events happened, `y_end`, (q, v) at the end, `outcome`, the loop's own account, and `bounds`, what it was held to.
+    All of it is read from `rows` (K, 3 + nq + nv + nu), each (t, q, v, u, residual, number of an
+    event), `found`, such rows where events happened, `y_end`, (q, v) at the end, `outcome`, the
+    loop's own account, and `bounds`, what it was held to.
     """
 
     rows: np.ndarray
@@ -192,38 +194,47 @@ def integrate(
     """Integrate (q', v') = f(q, v, u(t), p) over time with q kept on phi(q) = 0.
 
     Arguments:
-        motion: address of the kernel (q, v, u, p) -> (q', v', pivot), a C function void(const double *, double *).
-        closure: address of the kernel (q, p) -> (q after one Newton step on phi = 0, max |phi(q)|); None or 0 if q has
-            nothing to keep to.
-        q, v: coordinates (nq,) and independent rates (nv,) at the start; q is closed first. What else is a state, of drives
-            and controllers, follows the rates in v.
-        forces: the inputs u (nu,) over time: numbers, `Sampled`, or a `Signal`; with a `control`, the inputs that it does not
-            hold. nu and np are those of the kernels.
+        motion: address of the kernel (q, v, u, p) -> (q', v', pivot), a C function void(const
+            double *, double *).
+        closure: address of the kernel (q, p) -> (q after one Newton step on phi = 0, max |phi(q)|);
+            None or 0 if q has nothing to keep to.
+        q, v: coordinates (nq,) and independent rates (nv,) at the start; q is closed first. What
+            else is a state, of drives and controllers, follows the rates in v.
+        forces: the inputs u (nu,) over time: numbers, `Sampled`, or a `Signal`; with a `control`,
+            the inputs that it does not hold. nu and np are those of the kernels.
         parameters: p (np,), constant over the run.
         duration, start: s; the run goes from `start` >= 0 to `start + duration`.
-        rtol, atol: a step's error in each component of (q, v) is held to atol + rtol |y| in the root mean square; one
-            number, or one for each component; positive.
+        rtol, atol: a step's error in each component of (q, v) is held to atol + rtol |y| in the
+            root mean square; one number, or one for each component; positive.
         save_at: increasing times (K,), s, at which to save, by dense output; None saves every step.
-        max_step, first_step: s, not for methods of a fixed step; the first step is guessed where it is None. The `pace` of a
-            run that stopped at max_steps, with its last state, time and control, continues it bit for bit.
+        max_step, first_step: s, not for methods of a fixed step; the first step is guessed where it
+            is None. The `pace` of a run that stopped at max_steps, with its last state, time and
+            control, continues it bit for bit.
         max_steps: accepted and rejected steps together.
-        pivot_bound: the run stops as SINGULAR where the kernel's pivot falls below it (within a quarter of it). The errors
-            of v enter the dependent rates multiplied by about 1 / pivot, so that below 1e-4 a run at rtol = 1e-8 is worth
-            four digits, and steps begin to reach across the singular pose unseen.
-        closure_tol: the largest |phi| left after a projection, in the units of phi; it is to be above rounding, which is
-            about 1e-16 times the largest length.
-        method: an embedded Runge-Kutta pair (DORMAND_PRINCE, DOP853 for tight tolerances), RODAS for stiff systems, or
-            a fixed step for real time, RK4(step) or SymplecticEuler(step), which takes no notice of rtol and atol.
-        jacobian: address of the kernel (y, u, p) -> (df/dy (n n), df/du (n nu)), both column by column; RODAS needs it.
-        events: functions of (y, u, p) whose zeros are located, and may end the run. control: a sampled controller.
-        leave_stiff: end the run as STIFF where stability bounds the steps of an embedded pair and very many are to come.
-        turning: how large coordinates may grow; turns (nq,): the whole turns of angles that are not in q.
-        watch: signals of which no step passes over what its stages have not seen; None: the forces. Fixed steps do.
+        pivot_bound: the run stops as SINGULAR where the kernel's pivot falls below it
+            (within a quarter of it). The errors of v enter the dependent rates multiplied by about
+            1 / pivot, so that below 1e-4 a run at rtol = 1e-8 is worth four digits, and steps begin
+            to reach across the singular pose unseen.
+        closure_tol: the largest |phi| left after a projection, in the units of phi; it is to be
+            above rounding, which is about 1e-16 times the largest length.
+        method: an embedded Runge-Kutta pair (DORMAND_PRINCE, DOP853 for tight tolerances), RODAS
+            for stiff systems, or a fixed step for real time, RK4(step) or SymplecticEuler(step),
+            which takes no notice of rtol and atol.
+        jacobian: address of the kernel (y, u, p) -> (df/dy (n n), df/du (n nu)), both column by
+            column; RODAS needs it.
+        events: functions of (y, u, p) whose zeros are located, and may end the run. control: a
+            sampled controller.
+        leave_stiff: end the run as STIFF where stability bounds the steps of an embedded pair and
+            very many are to come.
+        turning: how large coordinates may grow; turns (nq,): the whole turns of angles that are not
+            in q.
+        watch: signals of which no step passes over what its stages have not seen; None: the forces.
+            Fixed steps do.
 
     Returns the `Trajectory`, whatever way the run ended: see its `status` and `message`.
 
-    Raises `LinkworkError` for arguments that make no run: shapes, numbers that are not finite, a duration that is not
-    positive, times to save outside the run, samples that do not cover the run.
+    Raises `LinkworkError` for arguments that make no run: shapes, numbers that are not finite, a
+    duration that is not positive, times to save outside the run, samples that do not cover the run.
     """
     require_run(duration, max_steps)
     if not 0 <= start < math.inf:
@@ -285,7 +296,8 @@ def integrate(
 
 @cache
 def _compiled(stiff: bool) -> tuple[Any, Any]:
-    """Return the module of a method's compiled loop, and that of what all loops share; importing them compiles them."""
+    """Return the module of a method's compiled loop, and that of what all loops share; importing
+    them compiles them."""
     from linkwork.simulation import native_loop
 
     if stiff:
@@ -296,12 +308,14 @@ def _compiled(stiff: bool) -> tuple[Any, Any]:
 
 
 def stability(method: Method, asked: bool) -> float:
-    """Return h |lambda| at which stability bounds the steps of an embedded pair, 0 where that is not asked for."""
+    """Return h |lambda| at which stability bounds the steps of an embedded pair, 0 where that is
+    not asked for."""
     return NEARLY * method.stability if asked else 0.0
 
 
 def _pace(first_step: float | Pace | None) -> np.ndarray:
-    """Return the numbers of the pace at the start: a step of 0 is guessed, and the first may grow at once."""
+    """Return the numbers of the pace at the start: a step of 0 is guessed, and the first may grow
+    at once."""
     if isinstance(first_step, Pace):
         return np.array([first_step.step, first_step.growth, first_step.longest, first_step.ideal])
     if first_step is not None:
@@ -310,7 +324,8 @@ def _pace(first_step: float | Pace | None) -> np.ndarray:
 
 
 def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float, int, int]:
-    """Return the held inputs, the period, the index of the first sample, and the address of the controller's kernel."""
+    """Return the held inputs, the period, the index of the first sample, and the address of the
+    controller's kernel."""
     if control is None:
         return np.empty(0), 1.0, 0, 0
     first = (
@@ -358,7 +373,8 @@ def _tolerance(name: str, value: ArrayLike, n: int) -> ArrayLike:
 
 
 def times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
-    """Return the times to save at, (K,); a last one that lies beyond the end by rounding only is the end."""
+    """Return the times to save at, (K,); a last one that lies beyond the end by rounding only is
+    the end."""
     times = _vector("save_at", save_at)
     require_increasing("the times in save_at", times)
     if not times.size:
@@ -385,8 +401,8 @@ def require_cover(what: str, signal: Signal, start: float, stop: float) -> None:
     if not signal.covers(start, stop):
         first, last = signal.span
         raise LinkworkError(
-            f"{what} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} s to {stop:g} s:"
-            " give samples for the whole run"
+            f"{what} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} "
+            f"s to {stop:g} s: give samples for the whole run"
         )
 
 

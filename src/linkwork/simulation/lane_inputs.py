@@ -14,11 +14,12 @@ from linkwork.simulation.vectors import LANES
 
 
 class Signals(NamedTuple):
-    """The members' signals, one after the other, or one that all share, over a run from `start` to `stop`.
+    """The members' signals, one after the other, or one that all share, over a run from `start` to
+    `stop`.
 
-    Signal i consists of the pieces from `pieces[i]` to `pieces[i + 1]`, which begin at `starts` and are polynomials of the
-    `coefficients` (pieces, powers, inputs), and of the breaks from `breaking[i]` to `breaking[i + 1]`. `timed`: whether any
-    varies over the run.
+    Signal i consists of the pieces from `pieces[i]` to `pieces[i + 1]`, which begin at `starts` and
+    are polynomials of the `coefficients` (pieces, powers, inputs), and of the breaks from
+    `breaking[i]` to `breaking[i + 1]`. `timed`: whether any varies over the run.
     """
 
     starts: Any
@@ -45,7 +46,8 @@ def signal_of(signals, member):
 
 @njit(forceinline=True, **OPTIONS)
 def force(signals, i, t, from_left, x, n, lane, tally):
-    """Evaluate signal i at t into x[n:] of the lane, and keep its piece, from which to look for the next."""
+    """Evaluate signal i at t into x[n:] of the lane, and keep its piece, from which to look for the
+    next."""
     starts, c, pieces = signals.starts, signals.coefficients, signals.pieces
     first, last = pieces[i], pieces[i + 1] - 1
     piece = max(tally[PIECE, lane], first)

@@ -1,4 +1,5 @@
-"""Names of the tables of the members in the lanes, and of the rows that tell what becomes of them."""
+"""Names of the tables of the members in the lanes, and of the rows that tell what becomes of
+them."""
 
 from typing import Any, NamedTuple
 
@@ -6,10 +7,11 @@ from typing import Any, NamedTuple
 class Tables(NamedTuple):
     """Where the lanes compute; rows as in `lanes`.
 
-    `y`: states at the starts of the steps; `x`: (y, u, p); `k`: (y', pivot), stage after stage; `z`: (q, p); `z_next`: what the
-    closure gives; `sample`: a state within, or the defect; `weights`, one for each stage; `scale`: rtol, then atol; `zeros`, as
-    many as a state has; `spans`, `wraps`, `turned`, of the angles' whole turns; `kept`: states set aside; `now`, `tally`:
-    numbers and counts of the members. A state has n numbers, of which nq are q.
+    `y`: states at the starts of the steps; `x`: (y, u, p); `k`: (y', pivot), stage after stage;
+    `z`: (q, p); `z_next`: what the closure gives; `sample`: a state within, or the defect;
+    `weights`, one for each stage; `scale`: rtol, then atol; `zeros`, as many as a state has;
+    `spans`, `wraps`, `turned`, of the angles' whole turns; `kept`: states set aside; `now`,
+    `tally`: numbers and counts of the members. A state has n numbers, of which nq are q.
     """
 
     y: Any

@@ -43,14 +43,16 @@ def within(lane, save_at, now, tally):
 
 @njit(forceinline=True, **OPTIONS)
 def extends(lane, save_at, now, tally):
-    """Tell whether a lane needs the dense output: for a sample inside its step, or to look at what it may not have seen."""
+    """Tell whether a lane needs the dense output: for a sample inside its step, or to look at what
+    it may not have seen."""
     looks = now[LEAST, lane] > 0 or now[PEAKS, lane] > 0
     return (looks and now[ACCEPTS, lane] > 0) or within(lane, save_at, now, tally)
 
 
 @njit(forceinline=True, **OPTIONS)
 def want_samples(save_at, now, tally):
-    """Mark the lanes with a sample to take in their accepted steps, and where; return how many, and how many within."""
+    """Mark the lanes with a sample to take in their accepted steps, and where; return how many, and
+    how many within."""
     wanted, inside = 0, 0
     for lane in range(LANES):
         row = tally[REACHED, lane]
@@ -64,7 +66,8 @@ def want_samples(save_at, now, tally):
 
 @njit(**OPTIONS)
 def extend(motion, method, signals, pivot_bound, save_at, tables):
-    """Evaluate the stages that only the dense output needs; refuse the steps of lanes that need it in which they fail.
+    """Evaluate the stages that only the dense output needs; refuse the steps of lanes that need it
+    in which they fail.
 
     x is left as it was: the new state, under the inputs at its end.
     """
@@ -105,7 +108,8 @@ def keep_sample(i, row, lane, state, samples, tables):
 
 @njit(forceinline=True, **OPTIONS)
 def interpolate(method, tables, state):
-    """Leave the states of all lanes at the times t + theta h, with each lane's theta, in a table."""
+    """Leave the states of all lanes at the times t + theta h, with each lane's theta, in a
+    table."""
     weights, theta, h, stages = (
         tables.weights,
         load(tables.now, THETA),
@@ -127,7 +131,8 @@ def interpolate(method, tables, state):
 
 @njit(forceinline=True, **OPTIONS)
 def take_samples(closure, method, closure_tol, save_at, samples, tables):
-    """Take the samples within the accepted steps by dense output, projected; a step with one that cannot be is refused."""
+    """Take the samples within the accepted steps by dense output, projected; a step with one that
+    cannot be is refused."""
     n, x, sample, now, tally = tables.n, tables.x, tables.sample, tables.now, tables.tally
     while want_samples(save_at, now, tally)[0] > 0:
         interpolate(method, tables, sample)

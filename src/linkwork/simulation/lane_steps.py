@@ -1,8 +1,9 @@
-"""One step of many members at a time by an explicit pair: vector arithmetic, each lane a member with its own step.
+"""One step of many members at a time by an explicit pair: vector arithmetic, each lane a member
+with its own step.
 
-The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables: `y` (n rows), `x`, rows
-(y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`, numbers of the members in the lanes, whose
-rows `lane_rows` names.
+The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables: `y`
+(n rows), `x`, rows (y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`,
+numbers of the members in the lanes, whose rows `lane_rows` names.
 """
 
 import math
@@ -55,9 +56,11 @@ from linkwork.simulation.vectors import (
 
 @njit(forceinline=True, **OPTIONS)
 def move(source, row, target, count, kept):
-    """Copy rows, from `row` on, to the head of the target, but for the lanes that are to be kept: seldom there are any.
+    """Copy rows, from `row` on, to the head of the target, but for the lanes that are to be kept:
+    seldom there are any.
 
-    A choice for every lane would cost more, for it becomes a masked store, at which some processors are slow.
+    A choice for every lane would cost more, for it becomes a masked store, at which some processors
+    are slow.
     """
     if some(kept):
         for m in range(count):
@@ -69,12 +72,13 @@ def move(source, row, target, count, kept):
 
 @njit(forceinline=True, **OPTIONS)
 def project(closure, nq, state, z, z_next, now, tolerance, reserve):
-    """Project q, the head of the state, onto phi(q) = 0 by Newton's method in z, in the lanes where now[WANTED] > 0.
+    """Project q, the head of the state, onto phi(q) = 0 by Newton's method in z, in the lanes where
+    now[WANTED] > 0.
 
-    As in `native_parts`: a lane's q is written only when its residual, left in now[RESIDUAL], is within the tolerance,
-    times now[LOOSE];
-    z is left with what was added to q. A step d with reserve d^2 <= tolerance is the last, its residual taken for 0 (if
-    the residual before it is as small).
+    As in `native_parts`: a lane's q is written only when its residual, left in now[RESIDUAL], is
+    within the tolerance, times now[LOOSE];
+    z is left with what was added to q. A step d with reserve d^2 <= tolerance is the last, its
+    residual taken for 0 (if the residual before it is as small).
     """
     limit, residual = splat(tolerance) * load(now, LOOSE), splat(math.inf)
     done = load(now, WANTED) <= splat(0.0)
@@ -118,7 +122,8 @@ def scaled(values, row, n, y, tolerance):
 
 @njit(forceinline=True, **OPTIONS)
 def choose_steps(now):
-    """Let the steps land on their targets, or go half of the way rather than leave slivers; idle lanes stay."""
+    """Let the steps land on their targets, or go half of the way rather than leave slivers; idle
+    lanes stay."""
     t, h, target = load(now, TIME), load(now, STEP_SIZE), load(now, TARGET)
     gap = target - t
     half = gap * splat(0.5)
@@ -132,7 +137,8 @@ def choose_steps(now):
 def combine(weights, count, n, now, y, k, x):
     """x = y + h sum_(j < count) weights_j k_j, with the step h of each lane.
 
-    Five components at a time stay in registers; the last five overlap those before, rather than go one by one.
+    Five components at a time stay in registers; the last five overlap those before, rather than go
+    one by one.
     """
     h = load(now, STEP)
     for block in range(0, n if n >= 5 else 0, 5):
@@ -166,9 +172,11 @@ def combine(weights, count, n, now, y, k, x):
 
 @njit(forceinline=True, **OPTIONS)
 def error_norm(weights, solution, n, closed, tolerance, now, y, x, z, k, zeros, defect):
-    """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol |y|).
+    """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol
+    |y|).
 
-    The slope at the new state counts, whatever its weight: where it is no number, the error is none.
+    The slope at the new state counts, whatever its weight: where it is no number, the error is
+    none.
     """
     total = splat(0.0)
     combine(weights, solution + 1, n, now, zeros, k, defect)
@@ -184,7 +192,8 @@ def error_norm(weights, solution, n, closed, tolerance, now, y, x, z, k, zeros, 
 
 @njit(forceinline=True, **OPTIONS)
 def judge(method, n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, zeros, defect, now):
-    """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and the smallest pivots."""
+    """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and
+    the smallest pivots."""
     bound, lowest, last = splat(pivot_bound), splat(math.inf), method.solution
     healthy = load(now, RESIDUAL) <= splat(closure_tol) * load(now, LOOSE)
     for i in range(1, last + 1):
@@ -210,7 +219,8 @@ def falling(now):
 
 @njit(forceinline=True, **OPTIONS)
 def accept(sixteenths, max_step, now):
-    """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in `native_pace`."""
+    """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in
+    `native_pace`."""
     kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
     sixteenth, power = (
         root(root(root(root(larger(load(now, ERROR), splat(SMALLEST_ERROR)))))),

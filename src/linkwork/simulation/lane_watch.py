@@ -1,4 +1,5 @@
-"""What happens within the steps of the members in the lanes, unseen by their stages: as in `native_watch`, lane by lane.
+"""What happens within the steps of the members in the lanes, unseen by their stages: as in
+`native_watch`, lane by lane.
 
 Names as in `lanes`.
 """
@@ -40,8 +41,8 @@ from linkwork.simulation.vectors import LANES, absolute, call_wide, larger, load
 
 
 class Watched(NamedTuple):
-    """The signals to watch, one after the other as in `Signals`, or one for all; signal i has the `bends` from `bending[i]`
-    to `bending[i + 1]`.
+    """The signals to watch, one after the other as in `Signals`, or one for all; signal i has the
+    `bends` from `bending[i]` to `bending[i + 1]`.
     """
 
     starts: Any
@@ -65,7 +66,8 @@ def watch_of(watched, member):
 
 @njit(**OPTIONS)
 def mark(watched, now, tally):
-    """Mark the lanes whose steps, though they would be accepted, pass more bends than are free; return how many."""
+    """Mark the lanes whose steps, though they would be accepted, pass more bends than are free;
+    return how many."""
     count = 0
     for lane in range(LANES):
         now[LEAST, lane] = 0.0
@@ -81,7 +83,8 @@ def mark(watched, now, tally):
 
 @njit(**OPTIONS)
 def mark_peaks(now):
-    """Mark the lanes that have come to a peak of the motion with steps that would be accepted; return how many."""
+    """Mark the lanes that have come to a peak of the motion with steps that would be accepted;
+    return how many."""
     count = 0
     for lane in range(LANES):
         peaks = now[ACCEPTS, lane] > 0 and fallen(now[STEP_SIZE, lane], now[LONGEST, lane])
@@ -92,8 +95,8 @@ def mark_peaks(now):
 
 @njit(**OPTIONS)
 def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
-    """Refuse the steps of the marked lanes in which the dense output is too far from a solution, at a peak of the motion or
-    where an input bends; peaks: whether any lane was looked at for peaks.
+    """Refuse the steps of the marked lanes in which the dense output is too far from a solution, at
+    a peak of the motion or where an input bends; peaks: whether any lane was looked at for peaks.
 
     x is left as it was: the new state, under the inputs at its end.
     """
@@ -131,7 +134,8 @@ def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
 
 @njit(forceinline=True, **OPTIONS)
 def refuse(now, bent):
-    """Refuse the steps whose errors are too large; bent: 1 where bends refuse them, 0 where a peak does."""
+    """Refuse the steps whose errors are too large; bent: 1 where bends refuse them, 0 where a peak
+    does."""
     for lane in range(LANES):
         if now[ERROR, lane] > 1:
             now[ACCEPTS, lane] = 0.0
@@ -140,7 +144,8 @@ def refuse(now, bent):
 
 @njit(**OPTIONS)
 def measure(motion, method, signals, factor, pivot_bound, tables):
-    """Take into the errors of the lanes that want it, times a factor, how far the dense output is from a solution at theta."""
+    """Take into the errors of the lanes that want it, times a factor, how far the dense output is
+    from a solution at theta."""
     n, y, x, k, sample, now, tally = (
         tables.n, tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
     )  # fmt: skip

@@ -1,20 +1,22 @@
-"""Integrate many members at a time: the loop of `native_loop` for explicit pairs, with a member in each lane.
+"""Integrate many members at a time: the loop of `native_loop` for explicit pairs, with a member in
+each lane.
 
-Each lane has its own time, step size and end. When a member ends the next one is loaded into its lane, so that the
-registers stay full. What a member goes through is what it goes through alone: the same arithmetic in the same order,
-lane by lane, so that no member depends on its neighbours. The kernels are C functions
-void(const double *in, double *out) for LANES states side by side:
+Each lane has its own time, step size and end. When a member ends the next one is loaded into its
+lane, so that the registers stay full. What a member goes through is what it goes through alone: the
+same arithmetic in the same order, lane by lane, so that no member depends on its neighbours. The
+kernels are C functions void(const double *in, double *out) for LANES states side by side:
 
-    motion     in = (y, u, p)    out = (y', pivot)
-    closure    in = (q, p)       out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
+    motion   in = (y, u, p)  out = (y', pivot)
+    closure  in = (q, p)     out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
 
-Members start in blocks of LANES (`start_block`): q is closed, the first slope evaluated, the first step guessed; `begun`
-keeps that, block after block. Then all lanes go step by step: `choose_steps`, `combine`, `project`, `judge`,
-`take_samples`, `reject`, `accept`, `restart`.
+Members start in blocks of LANES (`start_block`): q is closed, the first slope evaluated, the first
+step guessed; `begun` keeps that, block after block. Then all lanes go step by step: `choose_steps`,
+`combine`, `project`, `judge`, `take_samples`, `reject`, `accept`, `restart`.
 
-Names: `x`, rows (y, u, p); `k`, rows (y', pivot), stage after stage; `z`, rows (q, p); all (rows, LANES). `now` and `tally`
-hold numbers and counts of the members in the lanes, `numbers` and `counts` those of all members, a row each, of which
-the first NUMBERS and COUNTS are the same. With one signal, or one row of p, all members share it.
+Names: `x`, rows (y, u, p); `k`, rows (y', pivot), stage after stage; `z`, rows (q, p); all
+(rows, LANES). `now` and `tally` hold numbers and counts of the members in the lanes, `numbers` and
+`counts` those of all members, a row each, of which the first NUMBERS and COUNTS are the same. With
+one signal, or one row of p, all members share it.
 """
 
 import math
@@ -140,7 +142,8 @@ def room(rows):
 
 @njit(forceinline=True, **OPTIONS)
 def first_ailment(k, stage, n, lane, pivot_bound):
-    """Return what a stage's numbers tell of a slope from which no step can retreat: OK, SINGULAR or NON_FINITE."""
+    """Return what a stage's numbers tell of a slope from which no step can retreat: OK, SINGULAR or
+    NON_FINITE."""
     pivot = k[stage * (n + 1) + n, lane]
     if not pivot >= pivot_bound:
         return NON_FINITE if math.isnan(pivot) else SINGULAR
@@ -152,7 +155,8 @@ def first_ailment(k, stage, n, lane, pivot_bound):
 
 @njit(forceinline=True, **OPTIONS)
 def block_row(member, n):
-    """Return the first row of a member's block in `begun`: the first NUMBERS rows of `now`, those of y, those of k_0."""
+    """Return the first row of a member's block in `begun`: the first NUMBERS rows of `now`, those
+    of y, those of k_0."""
     return member // LANES * (NUMBERS + 2 * n + 1)
 
 
@@ -167,8 +171,8 @@ def large(shortest, now, tables):
 
 @njit(**OPTIONS)
 def settle(now, tables):
-    """Count the whole turns of large angles apart, and loosen the closure where other coordinates are large; tell whether
-    any turn was counted.
+    """Count the whole turns of large angles apart, and loosen the closure where other coordinates
+    are large; tell whether any turn was counted.
     """
     y, spans, counted = tables.y, tables.spans, False
     for lane in range(LANES):
@@ -190,7 +194,8 @@ def start_block(
     motion, closure, parameters, signals, exponent, pivot_bound, closure_tol, max_step, first, ys, begun, counts,
     turns, shortest, turned, tables,
 ):  # fmt: skip
-    """Close q, evaluate the first slope and guess the first step of the members from `first` on, one for each lane.
+    """Close q, evaluate the first slope and guess the first step of the members from `first` on,
+    one for each lane.
 
     turned: whether any turn was counted before; return it as it is now.
     """
@@ -344,7 +349,8 @@ def store_member(lane, ys, numbers, counts, turns, turned, tables):
 
 @njit(**OPTIONS)
 def look_due(method, n, stability, stop, tolerance, y, x, k, now, tally):
-    """Look at the accepted steps that are due for it; return after how many steps of the lanes another one can be."""
+    """Look at the accepted steps that are due for it; return after how many steps of the lanes
+    another one can be."""
     soonest = LOOK
     for lane in range(LANES):
         if now[ACCEPTS, lane] > 0 and (
@@ -359,7 +365,8 @@ def look_due(method, n, stability, stop, tolerance, y, x, k, now, tally):
 
 @njit(**OPTIONS)
 def look(lane, method, n, stability, stop, tolerance, y, x, k, now, tally):
-    """Look whether an accepted step is stiff, and leave a run of which most are: see `native_loop.stiffness`."""
+    """Look whether an accepted step is stiff, and leave a run of which most are: see
+    `native_loop.stiffness`."""
     last, h, above, below = method.solution, now[STEP, lane], 0.0, 0.0
     weights = method.a + (last - 1) * method.stages
     for m in range(n):
@@ -386,7 +393,8 @@ def undefined(lane, k, rows):
 
 @njit(**OPTIONS)
 def diagnose(lane, k, n, solution, pivot_bound, closure_tol, now, tally):
-    """Find why the equations fail in a lane's trial step, in the order of the stages; count the evaluations up to it."""
+    """Find why the equations fail in a lane's trial step, in the order of the stages; count the
+    evaluations up to it."""
     lowest = math.inf
     tally[AILMENT, lane], tally[EVALUATIONS, lane] = NON_FINITE, tally[EVALUATIONS, lane] + solution
     for i in range(1, solution + 1):
@@ -423,7 +431,8 @@ def reject(lane, exponent, pivot_bound, first_pivot, now, tally):
 
 @njit(forceinline=True, **OPTIONS)
 def restart(motion, last, signals, pivot_bound, tables):
-    """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break of their signal."""
+    """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break
+    of their signal."""
     n, x, k, now, tally, broken = tables.n, tables.x, tables.k, tables.now, tables.tally, 0
     for lane in range(LANES):
         now[WANTED, lane] = 0.0
@@ -439,7 +448,8 @@ def restart(motion, last, signals, pivot_bound, tables):
             broken += 1
     if broken == 0:
         return
-    # All lanes are evaluated, at x; the last stages of those that go on smoothly come out as they were.
+    # All lanes are evaluated, at x; the last stages of those that go on smoothly come out as they
+    # were.
     call_wide(motion, x, k, last * (n + 1))
     for lane in range(LANES):
         if now[WANTED, lane] > 0:
@@ -497,9 +507,10 @@ def integrate(
     """Integrate the members ys (N, n) from start to stop, and leave their last states there.
 
     plan, ..., blur: the arguments of the `Plan` of an explicit pair.
-    samples (N, K, n): the states at save_at; numbers (N, NUMBERS), counts (N, COUNTS): what came of each member.
-    spans, wraps (nq,): as in `turns.Turning`; turns (N, nq): zero, the whole turns that are not in ys are left there.
-    cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,): the members ended.
+    samples (N, K, n): the states at save_at; numbers (N, NUMBERS), counts (N, COUNTS): what came of
+    each member. spans, wraps (nq,): as in `turns.Turning`; turns (N, nq): zero, the whole turns
+    that are not in ys are left there. cancel (1,): the run ends where it is when another thread
+    writes anything but 0; progress (1,): the members ended.
     """
     members, n = ys.shape[0], ys.shape[1]
     inputs, free = coefficients.shape[2], parameters.shape[1]

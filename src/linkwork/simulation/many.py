@@ -1,8 +1,10 @@
-"""Integrate many members: check what is asked, deal chunks of them to threads, and keep what is done.
+"""Integrate many members: check what is asked, deal chunks of them to threads, and keep what is
+done.
 
-Each thread runs the compiled loop of `lanes` on a chunk at a time, without Python's lock. A chunk is long enough that its
-ends, where registers run empty, cost little, and short enough that all threads end together. All that is as long as there
-are members is written by the threads, chunk by chunk: to fill memory that no one has touched yet takes its time, too.
+Each thread runs the compiled loop of `lanes` on a chunk at a time, without Python's lock. A chunk
+is long enough that its ends, where registers run empty, cost little, and short enough that all
+threads end together. All that is as long as there are members is written by the threads, chunk by
+chunk: to fill memory that no one has touched yet takes its time, too.
 """
 
 import math
@@ -37,11 +39,12 @@ CHUNKS_PER_THREAD = 4
 class Outcomes:
     """Hold what N integrations computed, a row for each member.
 
-    `status` (N,), numbers of `Status`; `end_time` (N,) in s and `y_end` (N, n), the last states reached; `samples`
-    (N, K, n), the states at the saved times, of which a member has the first `saved` (N,), the others are nan;
-    `nfev`, `steps`, `rejected` (N,): evaluations of the motion kernel, accepted and rejected steps; `pivot` (N,), the
-    smallest pivot met; `closure_error` (N,), the largest residual of the samples and of the first and last state;
-    `next_step` (N,), in s; `rejected_pivot`, `rejected_residual` (N,): why a step was last refused; `turns` (N, nq), the
+    `status` (N,), numbers of `Status`; `end_time` (N,) in s and `y_end` (N, n), the last states
+    reached; `samples` (N, K, n), the states at the saved times, of which a member has the first
+    `saved` (N,), the others are nan; `nfev`, `steps`, `rejected` (N,): evaluations of the motion
+    kernel, accepted and rejected steps; `pivot` (N,), the smallest pivot met; `closure_error` (N,),
+    the largest residual of the samples and of the first and last state; `next_step` (N,), in s;
+    `rejected_pivot`, `rejected_residual` (N,): why a step was last refused; `turns` (N, nq), the
     whole turns of angles that are not in `y_end`.
     """
 
@@ -69,9 +72,10 @@ class Outcomes:
 class Inputs:
     """Hold the inputs of members: their signals one after the other, or one signal that all share.
 
-    `starts` (P,) in s and `coefficients` (P, powers, nu) of all pieces; `pieces` (S + 1,): signal i has those from pieces[i] to
-    pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`: whether any signal is not constant over the run;
-    `bends` (T, 3) of all signals (`bends`), and `bending` (S + 1,).
+    `starts` (P,) in s and `coefficients` (P, powers, nu) of all pieces; `pieces` (S + 1,): signal i
+    has those from pieces[i] to pieces[i + 1]; `breaks`, and `breaking` (S + 1,) likewise; `varies`:
+    whether any signal is not constant over the run; `bends` (T, 3) of all signals (`bends`), and
+    `bending` (S + 1,).
     """
 
     starts: np.ndarray
@@ -124,7 +128,8 @@ class Constants:
 def as_inputs(
     inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int
 ) -> Inputs | Constants:
-    """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N signals for each.
+    """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N
+    signals for each.
 
     Numbers that are not finite are let through: they end their own member's run, and no other.
     """
@@ -147,7 +152,8 @@ def _joined(signals: Sequence[Signal]) -> Inputs:
     widths = {signal.coefficients.shape[2] for signal in signals}
     if len(widths) > 1:
         raise LinkworkError(
-            f"the members' signals have {' and '.join(map(str, sorted(widths)))} inputs: give equally many"
+            f"the members' signals have {' and '.join(map(str, sorted(widths)))} inputs: give "
+            "equally many"
         )
     return Inputs(
         np.concatenate([signal.knots[:-1] for signal in signals]),
@@ -196,18 +202,20 @@ def integrate_many(
     """Integrate N members as `integrate` does each of them, many at a time.
 
     Arguments, where they differ from those of `integrate`:
-        motion, closure: addresses of the kernels for states side by side, void(const double *, double *).
-        y: states y = (q, v, z) at the start (N, n), of which the first nq are q.
-        inputs: u for all members: numbers (nu,), `Sampled` or a `Signal`; or of each: numbers (N, nu), or N signals.
-        parameters: p (np,) for all members, or (N, np).
-        save_at: increasing times (K,), s, common to all members, at which to save; none: only the last states are kept.
-        method: an explicit embedded pair.
+        motion, closure: addresses of the kernels for states side by side, void(const double *,
+        double *). y: states y = (q, v, z) at the start (N, n), of which the first nq are q.
+        inputs: u for all members: numbers (nu,), `Sampled` or a `Signal`; or of each: numbers
+        (N, nu), or N signals. parameters: p (np,) for all members, or (N, np).
+        save_at: increasing times (K,), s, common to all members, at which to save; none: only the
+        last states are kept. method: an explicit embedded pair.
         threads: of the processor to use; None: all.
-        watch: signals of which no step passes over what its stages have not seen, one or N; None: the inputs.
-        progress: called with the numbers of members that have ended and of all members, now and then.
+        watch: signals of which no step passes over what its stages have not seen, one or N; None:
+        the inputs. progress: called with the numbers of members that have ended and of all members,
+        now and then.
 
-    Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every member that was not
-    ended when KeyboardInterrupt came, CANCELLED, wherever it was; it is raised where all had ended.
+    Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every
+    member that was not ended when KeyboardInterrupt came, CANCELLED, wherever it was; it is raised
+    where all had ended.
 
     Raises `LinkworkError` as `integrate` does.
     """
@@ -286,7 +294,8 @@ def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:
     table = np.atleast_2d(np.asarray(values, dtype=float, order="C"))
     if table.ndim != 2 or len(table) not in (1, members):
         raise LinkworkError(
-            f"{what} have the shape {table.shape}: give a row for each of the {members} members, or one"
+            f"{what} have the shape {table.shape}: give a row for each of the {members} members, "
+            "or one"
         )
     return table
 

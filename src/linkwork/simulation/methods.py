@@ -1,8 +1,9 @@
 """Methods: the one list of what integrates runs, by the names that users give.
 
-What a method can do is said by its kind: whether it keeps to a step that it is given (`FixedStep`), whether it takes stiff
-systems, by the Jacobian (`Rosenbrock`), and whether members of ensembles do it side by side in lanes (`Tableau`). Refusals,
-the table of the docs and what studies accept follow from this list.
+What a method can do is said by its kind: whether it keeps to a step that it is given (`FixedStep`),
+whether it takes stiff systems, by the Jacobian (`Rosenbrock`), and whether members of ensembles do
+it side by side in lanes (`Tableau`). Refusals, the table of the docs and what studies accept follow
+from this list.
 """
 
 from collections.abc import Callable, Mapping
@@ -53,7 +54,10 @@ METHODS: Mapping[MethodName, Entry] = {
     "dormand_prince": Entry(
         Tableau,
         lambda: DORMAND_PRINCE,
-        "order 5, steps by the error: chosen otherwise, with sampled forces or a sampled controller",
+        (
+            "order 5, steps by the error: chosen otherwise, with sampled forces or a sampled "
+            "controller"
+        ),
     ),
     "dop853": Entry(Tableau, dop853, "order 8: tolerances of 1e-10 and below"),
     "rodas": Entry(
@@ -66,7 +70,8 @@ FIXED = tuple(name for name, entry in METHODS.items() if entry.fixed)
 
 
 def integrator(name: str | None, step: float | None) -> Method | None:
-    """Return a method by its name, None where there is none; refuse names and steps that do not fit."""
+    """Return a method by its name, None where there is none; refuse names and steps that do not
+    fit."""
     if name is None and step is None:
         return None
     if step is not None:

@@ -1,14 +1,18 @@
-"""Explicit methods, compiled to machine code: embedded Runge-Kutta pairs, and methods of a fixed step.
+"""Explicit methods, compiled to machine code: embedded Runge-Kutta pairs, and methods of a fixed
+step.
 
-A pair evaluates its stages, the one named `solution` at the new, projected state (first same as last), and compares:
+A pair evaluates its stages, the one named `solution` at the new, projected state (first same as
+last), and compares:
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j),    defect = h sum_i e_i k_i,    error = |defect|, or, with a second row of e,
     |defect|^2 / sqrt(|defect|^2 + |defect_2|^2 / 100)   (Hairer, Norsett & Wanner, Solving ODE I, sec. II.10, DOP853).
 
-A fixed step (e without rows) ends at the new state; the slope there is evaluated at the start of the next step, under the
-inputs that act then. The symplectic Euler method replaces q' in k_1 before that:
+A fixed step (e without rows) ends at the new state; the slope there is evaluated at the start of
+the next step, under the inputs that act then. The symplectic Euler method replaces q' in k_1 before
+that:
 
-    v_1 = v_0 + h v'(q_0, v_0),    q_1 = q_0 + h L(q_0) v_1,    where L(q_0) v_1 = q' is what the kernel says at (q_0, v_1).
+    v_1 = v_0 + h v'(q_0, v_0),  q_1 = q_0 + h L(q_0) v_1,  where L(q_0) v_1 = q' is what the kernel
+    says at (q_0, v_1).
 """
 
 import math
@@ -32,7 +36,8 @@ from linkwork.simulation.pointers import combine
 
 @njit(forceinline=True, **OPTIONS)
 def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
-    """Try one step of size h from y at t; leave the new, projected state in `new` and the slopes in k."""
+    """Try one step of size h from y at t; leave the new, projected state in `new` and the slopes in
+    k."""
     n, nq, width, stages, solution = room.n, room.nq, room.width, method.stages, method.solution
     y, new, k, x, sample = room.y, room.new, room.k, room.x, room.sample
     closed, fixed = nq if kernels.closure != 0 else 0, method.estimates == 0

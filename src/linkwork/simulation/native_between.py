@@ -1,4 +1,5 @@
-"""What happens between two steps, and where the next one has to end: compiled parts of the integrators' loop."""
+"""What happens between two steps, and where the next one has to end: compiled parts of the
+integrators' loop."""
 
 import math
 from typing import Any, NamedTuple
@@ -14,8 +15,9 @@ ROUNDING = 1e-9
 
 
 class Schedule(NamedTuple):
-    """Say where steps have to end: at the `count` `breaks` of the signals, where a controller acts, each `period`, at the
-    multiples of the `length` of fixed steps (0: there is none), and at `stop`.
+    """Say where steps have to end: at the `count` `breaks` of the signals, where a controller acts,
+    each `period`, at the multiples of the `length` of fixed steps (0: there is none), and at
+    `stop`.
     """
 
     start: float
@@ -28,7 +30,8 @@ class Schedule(NamedTuple):
 
 @njit(forceinline=True, **OPTIONS)
 def next_end(schedule, t, next_break, grid, next_sample):
-    """Return where a step from t has to end, the number of the next break and of the next multiple of the fixed length."""
+    """Return where a step from t has to end, the number of the next break and of the next multiple
+    of the fixed length."""
     breaks, length, end = schedule.breaks, schedule.length, schedule.stop
     while next_break < schedule.count and breaks[next_break] <= t + ROUNDING * (t - schedule.start):
         next_break += 1
@@ -51,8 +54,8 @@ def due(schedule, t, next_sample):
 
 @njit(**OPTIONS)
 def act(kernels, room, turns, signals, held, count, row, rewrites):
-    """Let a controller set the held inputs, in the state at x and in the row just written if that `rewrites` what it says;
-    return which of them is not finite, or -1.
+    """Let a controller set the held inputs, in the state at x and in the row just written if that
+    `rewrites` what it says; return which of them is not finite, or -1.
     """
     add_turns(room.x, turns, room.nq)
     call(kernels.control, room.x, held)

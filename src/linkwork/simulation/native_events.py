@@ -1,8 +1,9 @@
 """The events within a step: compiled parts of the integrators' loop.
 
-The event functions g are looked at along the step. Where g_i keeps its sign at the ends and in the middle, and stays away from
-zero by more than it bends, nothing happens. Else it is evaluated at LOOKS + 1 places of the dense output, and where it comes
-nearest to zero between them: each change of sign between two neighbours is an event.
+The event functions g are looked at along the step. Where g_i keeps its sign at the ends and in the
+middle, and stays away from zero by more than it bends, nothing happens. Else it is evaluated at
+LOOKS + 1 places of the dense output, and where it comes nearest to zero between them: each change
+of sign between two neighbours is an event.
 
 Roots: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
 """
@@ -24,7 +25,8 @@ NEVER = 2.0  # theta of an event that does not happen within the step
 
 @njit(**OPTIONS)
 def state_within(kernels, method, limits, room, theta, step):
-    """Leave the state at t + theta step in the sample, projected; return the residual and the calls made."""
+    """Leave the state at t + theta step in the sample, projected; return the residual and the calls
+    made."""
     interpolate(method, theta, step, room)
     if kernels.closure == 0:
         return 0.0, 0
@@ -46,7 +48,8 @@ def events_within(kernels, inputs, method, limits, room, turns, t, step, piece, 
 def quiet(kernels, inputs, method, room, turns, t, step, piece, watched, g, g_new, g_middle):
     """Tell whether no event function comes near zero within a step from g to g_new.
 
-    The state in the middle is that of the cubic through both ends and their slopes, which are at hand in every method.
+    The state in the middle is that of the cubic through both ends and their slopes, which are at
+    hand in every method.
     """
     last, n = room.k + min(method.solution, method.computed - 1) * room.width, room.n
     for m in range(n):
@@ -67,16 +70,19 @@ def quiet(kernels, inputs, method, room, turns, t, step, piece, watched, g, g_ne
 
 @njit(**OPTIONS)
 def vertex(a, b, c, g_a, g_b, g_c):
-    """Return where the parabola through three values has its vertex; not a number where it has none."""
+    """Return where the parabola through three values has its vertex; not a number where it has
+    none."""
     left, right = (b - a) * (g_b - g_c), (b - c) * (g_b - g_a)
     return b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right)
 
 
 @njit(**OPTIONS)
 def dip(kernels, inputs, method, limits, room, turns, t, step, piece, i, places, values, g):
-    """Follow g_i from three places, where it has one sign, to where it comes nearest to zero between them.
+    """Follow g_i from three places, where it has one sign, to where it comes nearest to zero
+    between them.
 
-    Return a place where its sign is another one, with g there, or 0; and the calls of the closure kernel.
+    Return a place where its sign is another one, with g there, or 0; and the calls of the closure
+    kernel.
     """
     (a, b, c), (g_a, g_b, g_c), calls = places, values, 0
     side = 1.0 if g_b > 0 else -1.0
@@ -106,7 +112,8 @@ def dip(kernels, inputs, method, limits, room, turns, t, step, piece, i, places,
 
 @njit(**OPTIONS)
 def look(kernels, inputs, method, limits, room, turns, t, step, piece, watched, thetas, table):
-    """Fill the places thetas and the rows g of a table, whose first row is g at the start and whose row LOOKS g at the end.
+    """Fill the places thetas and the rows g of a table, whose first row is g at the start and whose
+    row LOOKS g at the end.
 
     Return the number of intervals, and the calls of the closure kernel.
     """
@@ -145,8 +152,8 @@ def look(kernels, inputs, method, limits, room, turns, t, step, piece, watched, 
 def locate(
     kernels, inputs, method, limits, room, turns, t, step, piece, i, start, before, end, after, g
 ):
-    """Return the theta at which g_i has just changed its sign from that of `before` at theta = start to that of `after` at
-    theta = end, and the calls of the closure kernel.
+    """Return the theta at which g_i has just changed its sign from that of `before` at theta =
+    start to that of `after` at theta = end, and the calls of the closure kernel.
     """
     side = 1.0 if before < 0 else -1.0
     tolerance, calls = ROOT * max(1.0, abs(t / step)), 0

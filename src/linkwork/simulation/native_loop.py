@@ -1,17 +1,21 @@
-"""The integrators' loop, which all methods share; each method's module compiles it together with its own way to advance.
+"""The integrators' loop, which all methods share; each method's module compiles it together with
+its own way to advance.
 
-One turn: `advance` tries a step, q of the new state projected onto phi(q) = 0; the events within the step are located and
-the samples taken by dense output, projected too; the step is accepted, or shrunk. Where the inputs may jump, at a break of
-the signals or where a sampled controller acts, a step ends, and the slope there is evaluated anew.
+One turn: `advance` tries a step, q of the new state projected onto phi(q) = 0; the events within
+the step are located and the samples taken by dense output, projected too; the step is accepted, or
+shrunk. Where the inputs may jump, at a break of the signals or where a sampled controller acts, a
+step ends, and the slope there is evaluated anew.
 
-The error of a component is |h sum_i e_i k_i| plus the distance by which the projection moved it: a projection that carries
-the state away, to another assembly mode say, is an error like any other and is refused.
+The error of a component is |h sum_i e_i k_i| plus the distance by which the projection moved it: a
+projection that carries the state away, to another assembly mode say, is an error like any other and
+is refused.
 
-Whole turns of large angles are counted apart after each step (`turns`); events, controllers and rows take them with their
-turns.
+Whole turns of large angles are counted apart after each step (`turns`); events, controllers and
+rows take them with their turns.
 
-Names: those of `native_parts`; `held`, the last inputs, which a controller sets at the times k period; `conditions`, a row
-(direction, terminal) for each event; `loose`, the closure's tolerance at the present size of q.
+Names: those of `native_parts`; `held`, the last inputs, which a controller sets at the times k
+period; `conditions`, a row (direction, terminal) for each event; `loose`, the closure's tolerance
+at the present size of q.
 """
 
 import math
@@ -71,12 +75,14 @@ STIFF = int(Status.STIFF)
 NEAR = 1.25  # a pivot this close to its bound, relative to it, is at it
 SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 FIRST_ROWS = 64
-LOOK = 1024  # accepted steps from one look for stiffness to the next, and more than a stiff run ends with
+LOOK = 1024
+"""Accepted steps from one look for stiffness to the next, and more than a stiff run ends with."""
 VOTES = 15  # by which stiff steps are more than others, where the run is called stiff
 
 
 class Trial(NamedTuple):
-    """What came of a trial step: OK or why the equations failed, the scaled error, the smallest pivot, the cost."""
+    """What came of a trial step: OK or why the equations failed, the scaled error, the smallest
+    pivot, the cost."""
 
     ailment: int
     error: float
@@ -89,7 +95,8 @@ class Trial(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a run, apart from the rows saved and the last state; `fault` is what was not finite, if anything."""
+    """What came of a run, apart from the rows saved and the last state; `fault` is what was not
+    finite, if anything."""
 
     status: int
     evaluations: int
@@ -177,13 +184,15 @@ def run(
     nq, y_end, save_at, every_step, start, stop, max_step, pace, max_steps,
     held, period, next_sample, conditions, counted, facts,
 ):  # fmt: skip
-    """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the last row of counted
-    (spans, wraps, turns) and the `Outcome` in facts; return the rows, of angles with their turns.
+    """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the
+    last row of counted (spans, wraps, turns) and the `Outcome` in facts; return the rows, of angles
+    with their turns.
 
-    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. signal, seen: the inputs and what is to be
-    watched, as of `Signal.table`. pace (4,): the numbers of a `Rhythm`; a step <= 0 asks for a guess of the first.
-    `exponent` = 1 / (order of the error estimate + 1), or 0: all steps have the length given there. tolerance (2, n): rtol,
-    atol. `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
+    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. signal, seen:
+    the inputs and what is to be watched, as of `Signal.table`. pace (4,): the numbers of a
+    `Rhythm`; a step <= 0 asks for a guess of the first. `exponent` = 1 / (order of the error
+    estimate + 1), or 0: all steps have the length given there. tolerance (2, n): rtol, atol.
+    `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
     """
     n, watched = y_end.size, conditions.shape[0]
     inputs, breaks = inputs_of(pointer(signal))
@@ -287,7 +296,8 @@ def run(
         if h < smallest_step:
             status = cause
             break
-        # A step lands on the target (short of it by rounding only counts), or goes half of the way rather than leave a sliver.
+        # A step lands on the target (short of it by rounding only counts), or goes half of the way
+        # rather than leave a sliver.
         gap = target - t
         step = gap if fixed or h * (1 + ROUNDING) >= gap else min(h, gap / 2)
         arrival = target if step == gap else t + step
@@ -440,7 +450,8 @@ _SIGNATURE = (
 
 
 def integrator(what: str, advance: Dispatcher) -> Dispatcher:
-    """Return the loop `run` around a method's way to advance by one step, compiled once as part of the method's file."""
+    """Return the loop `run` around a method's way to advance by one step, compiled once as part of
+    the method's file."""
     source = advance.py_func.__code__.co_filename
     code = run.__code__.replace(co_filename=source, co_name="integrate", co_qualname="integrate")
     names = globals() | {"advance": advance, "__name__": advance.py_func.__module__}

@@ -1,4 +1,5 @@
-"""What a run keeps of a step, its events and samples, by dense output, projected: compiled parts of the integrators' loop."""
+"""What a run keeps of a step, its events and samples, by dense output, projected: compiled parts of
+the integrators' loop."""
 
 import math
 from typing import Any, NamedTuple
@@ -31,8 +32,9 @@ from linkwork.simulation.pointers import call
 
 
 class Scene(NamedTuple):
-    """Where `count` event functions are looked at: their `conditions`, a row (direction, terminal) for each; `g`, a row for
-    each of the places `thetas` and one more; `within`, their values at a place; `crossings`, where they change their signs.
+    """Where `count` event functions are looked at: their `conditions`, a row (direction, terminal)
+    for each; `g`, a row for each of the places `thetas` and one more; `within`, their values at a
+    place; `crossings`, where they change their signs.
     """
 
     conditions: Any
@@ -44,7 +46,8 @@ class Scene(NamedTuple):
 
 
 class Span(NamedTuple):
-    """A step from `t` to `arrival`, of the length `step`, whose inputs begin in a `piece` of the signals."""
+    """A step from `t` to `arrival`, of the length `step`, whose inputs begin in a `piece` of the
+    signals."""
 
     t: float
     step: float
@@ -53,8 +56,9 @@ class Span(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What was kept of a step: OK or why it may not be, and what is not finite; how many rows; whether the run ends within, and
-    when; the residual at the end of the step, and the largest of the rows; the row of g there; the cost.
+    """What was kept of a step: OK or why it may not be, and what is not finite; how many rows;
+    whether the run ends within, and when; the residual at the end of the step, and the largest of
+    the rows; the row of g there; the cost.
     """
 
     ailment: int
@@ -71,7 +75,8 @@ class Kept(NamedTuple):
 
 @njit(**OPTIONS)
 def cross(kernels, inputs, method, limits, room, turns, scene, span, j):
-    """Find where functions change their signs in interval j as their conditions ask; return how many do, and the calls made."""
+    """Find where functions change their signs in interval j as their conditions ask; return how
+    many do, and the calls made."""
     before, after, due, calls = scene.g + j * scene.count, scene.g + (j + 1) * scene.count, 0, 0
     for i in range(scene.count):
         rises, falls = before[i] < 0 <= after[i], before[i] > 0 >= after[i]
@@ -87,7 +92,8 @@ def cross(kernels, inputs, method, limits, room, turns, scene, span, j):
 
 @njit(**OPTIONS)
 def record_events(kernels, inputs, method, limits, room, turns, scene, span, residual, due, rows):
-    """Record the events due in an interval, in order, up to the one that ends the run and what happens at that instant."""
+    """Record the events due in an interval, in order, up to the one that ends the run and what
+    happens at that instant."""
     t, step, arrival, piece = span
     ailment, count, halted, last, projections = OK, 0, False, NEVER, 0
     while ailment == OK and due > 0:
@@ -117,7 +123,8 @@ def record_events(kernels, inputs, method, limits, room, turns, scene, span, res
 
 @njit(**OPTIONS)
 def happenings(kernels, inputs, method, limits, room, turns, scene, span, residual, pending, rows):
-    """Record the events within a step, in the order of their times; where one ends the run, the step ends there.
+    """Record the events within a step, in the order of their times; where one ends the run, the
+    step ends there.
 
     pending: how many stages the dense output still needs.
     """
@@ -163,7 +170,8 @@ def happenings(kernels, inputs, method, limits, room, turns, scene, span, residu
 def take_samples(
     kernels, inputs, method, limits, room, turns, span, residual, save_at, due, pending, rows
 ):
-    """Record the samples that are due within a step; pending: how many stages the dense output still needs."""
+    """Record the samples that are due within a step; pending: how many stages the dense output
+    still needs."""
     t, step, arrival, piece = span
     largest, ailment, evaluations, projections = residual, OK, 0, 0
     for i in range(due):

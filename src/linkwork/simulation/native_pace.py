@@ -1,9 +1,10 @@
 """Step sizes of the integrators' loop.
 
-A step of length h and error e, for which an error of 1 is allowed, would have had that error at about h* = h / e^p. The next
-one is a little shorter than h*, or, where steps have fallen far below the longest one lately, than h* min(1, h* / h*_before):
-steps that fall go on falling (Gustafsson, ACM Trans. Math. Softw. 20 (1994) 496-517). A motion whose steps fall like that
-comes to a peak, at which the estimates of errors say little: the dense output is looked at within such steps, too.
+A step of length h and error e, for which an error of 1 is allowed, would have had that error at
+about h* = h / e^p. The next one is a little shorter than h*, or, where steps have fallen far below
+the longest one lately, than h* min(1, h* / h*_before): steps that fall go on falling (Gustafsson,
+ACM Trans. Math. Softw. 20 (1994) 496-517). A motion whose steps fall like that comes to a peak, at
+which the estimates of errors say little: the dense output is looked at within such steps, too.
 
 Sources: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
 """
@@ -18,18 +19,22 @@ from linkwork.simulation.native_parts import OK, evaluate, force, scaled
 
 SAFETY = 0.9
 SMALLEST_FACTOR, LARGEST_FACTOR = 0.2, 10.0
-DAMPING = 0.85  # of the exponent with which the error of a step sets the next one, about: fewer steps fail
+DAMPING = 0.85
+"""Of the exponent with which the error of a step sets the next one, about: fewer steps fail."""
 SMALLEST_ERROR = 1e-10
 RETREAT = 0.25  # factor on the step where the equations themselves fail
-BOLDNESS = 7.0  # of the first step, which the source makes short: a step that fails costs no more than one too many
+BOLDNESS = 7.0
+"""Of the first step, which the source makes short: a step that fails costs no more than one too
+many."""
 FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
 SHORT = 1 / 32  # of the longest step lately, below which steps have fallen
 FADING = 0.98  # of the longest step from one step to the next
 
 
 class Rhythm(NamedTuple):
-    """Say how steps go on: `step`, the size of the next one; `growth`, the largest factor by which the one after it may be
-    longer; `longest`, the longest one lately; `ideal`, h* of the last one, 0 before the first.
+    """Say how steps go on: `step`, the size of the next one; `growth`, the largest factor by which
+    the one after it may be longer; `longest`, the longest one lately; `ideal`, h* of the last one,
+    0 before the first.
     """
 
     step: float
@@ -40,7 +45,8 @@ class Rhythm(NamedTuple):
 
 @njit(forceinline=True, **OPTIONS)
 def sixteenths(exponent):
-    """Return how many sixteenths the damped exponent has: their powers are square roots, which vectors have, too."""
+    """Return how many sixteenths the damped exponent has: their powers are square roots, which
+    vectors have, too."""
     return round(16 * DAMPING * exponent)
 
 
@@ -61,7 +67,8 @@ def fallen(step, longest):
 
 @njit(forceinline=True, **OPTIONS)
 def after_success(rhythm, step, error, exponent, max_step):
-    """Return how steps go on after one that was accepted; it may have been shorter than it was to be."""
+    """Return how steps go on after one that was accepted; it may have been shorter than it was to
+    be."""
     scale = power(max(error, SMALLEST_ERROR), sixteenths(exponent))
     longest, ideal, factor = max(step, FADING * rhythm.longest), step / scale, SAFETY / scale
     if fallen(rhythm.step, longest) and ideal < rhythm.ideal:
@@ -83,7 +90,8 @@ def after_failure(rhythm, step):
 
 @njit(forceinline=True, **OPTIONS)
 def after_retreat(rhythm, step):
-    """Return how steps go on after one of the length `step` in which the equations failed, which tells of no peak."""
+    """Return how steps go on after one of the length `step` in which the equations failed, which
+    tells of no peak."""
     return Rhythm(RETREAT * step, 1.0, RETREAT * rhythm.longest, rhythm.ideal)
 
 

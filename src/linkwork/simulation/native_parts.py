@@ -3,14 +3,14 @@
 The state y = (q, v, z) has n components, of which the first nq are q. The kernels are C functions
 void(const double *in, double *out):
 
-    motion     in = (y, u, p)       out = (y', pivot)
-    closure    in = (q, p)          out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
-    jacobian   in = (y, u, p)       out = (df/dy by columns, n n;  df/du by columns, n nu)
-    events     in = (y, u, p)       out = g, one number for each event
-    control    in = (y, u, p)       out = the held inputs, the last columns of u
+    motion    in = (y, u, p)  out = (y', pivot)
+    closure   in = (q, p)     out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
+    jacobian  in = (y, u, p)  out = (df/dy by columns, n n;  df/du by columns, n nu)
+    events    in = (y, u, p)  out = g, one number for each event
+    control   in = (y, u, p)  out = the held inputs, the last columns of u
 
-Numbers are handed on by pointers, in groups: `Kernels`, `Inputs`, `Method`, `Limits` and `Room`. States and the rows of `k`
-are padded with zeros to whole vectors.
+Numbers are handed on by pointers, in groups: `Kernels`, `Inputs`, `Method`, `Limits` and `Room`.
+States and the rows of `k` are padded with zeros to whole vectors.
 """
 
 import math
@@ -30,7 +30,9 @@ CLOSURE_LOST = int(Status.CLOSURE_LOST)
 NON_FINITE = int(Status.NON_FINITE)
 
 NEWTON_CALLS = 8
-RESERVE = 100.0  # a Newton step d leaves a residual of about d^2; below tolerance / RESERVE it need not be measured
+RESERVE = 100.0
+"""A Newton step d leaves a residual of about d^2; below tolerance / RESERVE it need not be
+measured."""
 
 
 class Kernels(NamedTuple):
@@ -44,7 +46,8 @@ class Kernels(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """Signals u over time as in `signals`: `knots` (pieces + 1,), `coefficients` (pieces, 4, columns)."""
+    """Signals u over time as in `signals`: `knots` (pieces + 1,), `coefficients`
+    (pieces, 4, columns)."""
 
     knots: Any
     coefficients: Any
@@ -61,7 +64,8 @@ def inputs_of(table):
 
 
 class Method(NamedTuple):
-    """A method as in `tableaus.Plan`: `stages`, how many rows k has; `degree` of the dense output; `estimates`, rows of e."""
+    """A method as in `tableaus.Plan`: `stages`, how many rows k has; `degree` of the dense output;
+    `estimates`, rows of e."""
 
     a: Any
     c: Any
@@ -78,7 +82,8 @@ class Method(NamedTuple):
 
 @njit(forceinline=True, **OPTIONS)
 def method_of(numbers, stages, degree, estimates, solution, computed, exponent, blur):
-    """Return the `Method` of the arguments of a `tableaus.Plan`; the numbers have to be kept alive by name."""
+    """Return the `Method` of the arguments of a `tableaus.Plan`; the numbers have to be kept alive
+    by name."""
     a = pointer(numbers)
     c = a + stages * stages
     e = c + stages
@@ -98,7 +103,8 @@ def method_of(numbers, stages, degree, estimates, solution, computed, exponent, 
 
 
 class Limits(NamedTuple):
-    """What is asked of a step: `rtol` and `atol` (n,), the bounds of the pivot and of the closure's residual."""
+    """What is asked of a step: `rtol` and `atol` (n,), the bounds of the pivot and of the closure's
+    residual."""
 
     rtol: Any
     atol: Any
@@ -117,10 +123,11 @@ class Turns(NamedTuple):
 class Room(NamedTuple):
     """Where the loop computes.
 
-    `y`, `new`: states at the start of a step and at its end; `sample`: a state within, or the defect; `k`: a row y' for each
-    stage, `width` numbers apart; `x` = (y, u, p), what most kernels take; `z` = (q, p), what the closure takes, and `z_next`,
-    what it gives; `powers`, of theta, and `weights`, one for each stage; `zeros`: as many as a state or weights have; `work`:
-    for stiff methods. `inputs`: how many u there are.
+    `y`, `new`: states at the start of a step and at its end; `sample`: a state within, or the
+    defect; `k`: a row y' for each stage, `width` numbers apart; `x` = (y, u, p), what most kernels
+    take; `z` = (q, p), what the closure takes, and `z_next`, what it gives; `powers`, of theta, and
+    `weights`, one for each stage; `zeros`: as many as a state or weights have; `work`: for stiff
+    methods. `inputs`: how many u there are.
     """
 
     y: Any
@@ -173,7 +180,8 @@ def whole(angle, turns):
 
 @njit(**OPTIONS)
 def settle(state, turns, nq):
-    """Count the whole turns of large angles apart; return the factor on the closure's tolerance that other coordinates ask."""
+    """Count the whole turns of large angles apart; return the factor on the closure's tolerance
+    that other coordinates ask."""
     looser = 1.0
     for m in range(nq):
         if abs(state[m]) > turns.spans[m]:
@@ -196,7 +204,8 @@ def add_turns(state, turns, nq):
 
 @njit(forceinline=True, **OPTIONS)
 def force(inputs, t, from_left, piece, out):
-    """Evaluate the signals at t into out, and return their piece; `piece` is where to start looking."""
+    """Evaluate the signals at t into out, and return their piece; `piece` is where to start
+    looking."""
     knots, columns, last = inputs.knots, inputs.columns, inputs.pieces - 1
     while piece < last and (t > knots[piece + 1] or (t == knots[piece + 1] and not from_left)):
         piece += 1
@@ -210,7 +219,8 @@ def force(inputs, t, from_left, piece, out):
 
 @njit(forceinline=True, **OPTIONS)
 def evaluate(motion, room, i, pivot_bound):
-    """Evaluate k_i = y' at x; return what the pivot tells, OK, SINGULAR or NON_FINITE, and the pivot."""
+    """Evaluate k_i = y' at x; return what the pivot tells, OK, SINGULAR or NON_FINITE, and the
+    pivot."""
     slope = room.k + i * room.width
     call(motion, room.x, slope)
     pivot = slope[room.n]
@@ -221,7 +231,8 @@ def evaluate(motion, room, i, pivot_bound):
 
 @njit(**OPTIONS)
 def first_fault(room, rows):
-    """Return the first component of y' that is not finite in the first rows of k, or n, the pivot's place."""
+    """Return the first component of y' that is not finite in the first rows of k, or n, the pivot's
+    place."""
     for i in range(rows):
         for m in range(room.n):
             if not math.isfinite(room.k[i * room.width + m]):
@@ -240,17 +251,20 @@ def evaluate_first(kernels, limits, room):
 
 @njit(**OPTIONS)
 def unclosed(residual, room, rows):
-    """Return why a state cannot be closed: the slopes that lead to it, the first rows of k, are not finite, or its loops."""
+    """Return why a state cannot be closed: the slopes that lead to it, the first rows of k, are not
+    finite, or its loops."""
     return NON_FINITE if math.isnan(residual) and first_fault(room, rows) < room.n else CLOSURE_LOST
 
 
 @njit(**OPTIONS)
 def project(closure, tolerance, measured, state, room):
-    """Project q, the head of a state, onto phi(q) = 0 by Newton's method in z; return the residual and the calls made.
+    """Project q, the head of a state, onto phi(q) = 0 by Newton's method in z; return the residual
+    and the calls made.
 
-    The state is written only when |phi(q)| <= tolerance is reached; z is left with what was added to q. Where the residual
-    need not be `measured`, a step d with RESERVE d^2 <= tolerance is the last, and its residual is returned as 0 (if the
-    residual before it is as small as it: a step that leads nowhere is none).
+    The state is written only when |phi(q)| <= tolerance is reached; z is left with what was added
+    to q. Where the residual need not be `measured`, a step d with RESERVE d^2 <= tolerance is the
+    last, and its residual is returned as 0 (if the residual before it is as small as it: a step
+    that leads nowhere is none).
     """
     nq, z, z_next = room.nq, room.z, room.z_next
     residual = math.inf
@@ -275,7 +289,8 @@ def project(closure, tolerance, measured, state, room):
 
 @njit(**OPTIONS)
 def error_norm(defect, h, closed, limits, room):
-    """Return the root mean square of (|h defect| + |moved|) / (atol + rtol |y|), with |moved| that of the projection."""
+    """Return the root mean square of (|h defect| + |moved|) / (atol + rtol |y|), with |moved| that
+    of the projection."""
     total, n, y, new = 0.0, room.n, room.y, room.new
     for m in range(n):
         error = abs(h * defect[m]) + (abs(room.z[m]) if m < closed else 0.0)
@@ -307,8 +322,8 @@ def record(row, time, state, residual, event, inputs, piece, room, turns):
 
 @njit(**OPTIONS)
 def stiffness(method, limits, room, step):
-    """Return h |k_s - k_(s-1)| / |y_s - y_(s-1)|, about h times the largest |eigenvalue|, of the last two stages of a step,
-    both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
+    """Return h |k_s - k_(s-1)| / |y_s - y_(s-1)|, about h times the largest |eigenvalue|, of the
+    last two stages of a step, both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
     """
     n, width, last = room.n, room.width, method.solution
     combine(
@@ -335,7 +350,8 @@ def interpolate(method, theta, h, room):
 
 @njit(**OPTIONS)
 def extend(kernels, inputs, method, limits, room, t, step, piece):
-    """Evaluate the stages that only the dense output needs; return OK or why the equations fail there."""
+    """Evaluate the stages that only the dense output needs; return OK or why the equations fail
+    there."""
     for i in range(method.computed, method.stages):
         combine(method.a + i * method.stages, i, step, room.y, room.k, room.width, room.n, room.x)
         force(inputs, t + method.c[i] * step, True, piece, room.x + room.n)

@@ -1,7 +1,8 @@
 """Rosenbrock methods, compiled to machine code: see `rosenbrock` for the equations.
 
-Rows of k: the slope at the start, the stages 1 .. s, the slope at the new, projected state. The Jacobian is evaluated once a
-step, and W = 1 / gamma - h J is decomposed into triangular factors once, with partial pivoting.
+Rows of k: the slope at the start, the stages 1 .. s, the slope at the new, projected state. The
+Jacobian is evaluated once a step, and W = 1 / gamma - h J is decomposed into triangular factors
+once, with partial pivoting.
 """
 
 import math
@@ -25,7 +26,8 @@ from linkwork.simulation.pointers import call, combine
 
 @njit(**OPTIONS)
 def decompose(W, rows, n):
-    """Replace W (n x n, row-major) by its factors L and U, with the rows interchanged as `rows` tells."""
+    """Replace W (n x n, row-major) by its factors L and U, with the rows interchanged as `rows`
+    tells."""
     for j in range(n):
         best = j
         for i in range(j + 1, n):
@@ -73,7 +75,8 @@ def forced_rate(jacobian, inputs, t, piece, room, rate):
 
 @njit(forceinline=True, **OPTIONS)
 def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
-    """Try one step of size h from y at t; leave the new, projected state in `new` and the stages in k."""
+    """Try one step of size h from y at t; leave the new, projected state in `new` and the stages in
+    k."""
     n, width, rows, solution = room.n, room.width, method.stages, method.solution
     y, new, k, x, e = room.y, room.new, room.k, room.x, method.e
     closed, stages, gamma = room.nq if kernels.closure != 0 else 0, solution - 1, e[solution]

@@ -1,17 +1,18 @@
 """What happens within a step, unseen by its stages: compiled parts of the integrators' loop.
 
-Where an input bends more often than `bends` calls free within a step that would be accepted, the dense output Y is looked at
-in two places: where the input is farthest from the line through its values at the step's ends, which finds what is narrow,
-and from the cubic through its slopes there as well, which finds what is small on a curved background. There
+Where an input bends more often than `bends` calls free within a step that would be accepted, the
+dense output Y is looked at in two places: where the input is farthest from the line through its
+values at the step's ends, which finds what is narrow, and from the cubic through its slopes there
+as well, which finds what is small on a curved background. There
 
     h |f(Y(theta), u(t + theta h)) - dY/dt| / blur
 
-in the norm of the errors is an error of the step like any other; `blur` is the method's own, as its `Plan` tells. A refused
-step is tried again no shorter than to where bends are free.
+in the norm of the errors is an error of the step like any other; `blur` is the method's own, as its
+`Plan` tells. A refused step is tried again no shorter than to where bends are free.
 
-Where the motion itself comes to a peak, as the fall of the steps tells (`native_pace`), the estimate of a step's error may be
-small by accident, hundreds of times too small where a step reaches across the peak. There the defect in the middle of the step
-counts, KEEN times.
+Where the motion itself comes to a peak, as the fall of the steps tells (`native_pace`), the
+estimate of a step's error may be small by accident, hundreds of times too small where a step
+reaches across the peak. There the defect in the middle of the step counts, KEEN times.
 """
 
 import math
@@ -46,7 +47,8 @@ REFUSED = 1e300  # error of a step that may not be, whatever its error
 class Watch(NamedTuple):
     """Signals to watch, as `Inputs`, and their `bends`, count + 1 rows of three numbers.
 
-    The last `strict` of the columns are read by event functions: no step passes more bends of them than are free.
+    The last `strict` of the columns are read by event functions: no step passes more bends of them
+    than are free.
     """
 
     knots: Any
@@ -110,8 +112,9 @@ def value_at(watch, t, j):
 
 @njit(**OPTIONS)
 def farthest_bends(watch, j, bend, t, h):
-    """Return how many bends of a column, from a bend on, lie within a step, and the thetas of two of them: where it is
-    farthest from the line through its values at both ends, and from the cubic through its slopes as well.
+    """Return how many bends of a column, from a bend on, lie within a step, and the thetas of two
+    of them: where it is farthest from the line through its values at both ends, and from the cubic
+    through its slopes as well.
     """
     before, slope_before = value_at(watch, t, j)
     after, slope_after = value_at(watch, t + h, j)
@@ -135,7 +138,8 @@ def farthest_bends(watch, j, bend, t, h):
 
 @njit(**OPTIONS)
 def defect_within(kernels, inputs, method, limits, room, t, h, piece, theta):
-    """Return how far the dense output is from a solution at t + theta h, as an error of the step, and what ails it there."""
+    """Return how far the dense output is from a solution at t + theta h, as an error of the step,
+    and what ails it there."""
     interpolate(method, theta, h, room)
     copy(room.sample, room.x, room.n)
     force(inputs, t + theta * h, True, piece, room.x + room.n)
@@ -166,14 +170,16 @@ def defect_within(kernels, inputs, method, limits, room, t, h, piece, theta):
 
 @njit(**OPTIONS)
 def peaked(kernels, inputs, method, limits, room, t, h, piece):
-    """Return the error of a step at a peak of the motion, by its dense output in the middle, and what ails it there."""
+    """Return the error of a step at a peak of the motion, by its dense output in the middle, and
+    what ails it there."""
     defect, ailment = defect_within(kernels, inputs, method, limits, room, t, h, piece, 0.5)
     return KEEN * defect, ailment
 
 
 @njit(**OPTIONS)
 def unseen(kernels, inputs, watch, method, limits, room, t, h, piece, bend):
-    """Return the error of a step through what its stages may not have seen, what ails it there, and the evaluations made."""
+    """Return the error of a step through what its stages may not have seen, what ails it there, and
+    the evaluations made."""
     error, ailment, evaluations = 0.0, OK, 0
     for j in range(watch.columns):
         count, by_line, by_cubic = farthest_bends(watch, j, bend, t, h)
@@ -190,7 +196,8 @@ def unseen(kernels, inputs, watch, method, limits, room, t, h, piece, bend):
 
 
 class Look(NamedTuple):
-    """What a look into a step says: its error, what ails it, how short it may be tried again, and the evaluations made."""
+    """What a look into a step says: its error, what ails it, how short it may be tried again, and
+    the evaluations made."""
 
     error: float
     ailment: int
@@ -202,7 +209,8 @@ class Look(NamedTuple):
 def look_into(
     kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error
 ):
-    """Look into a step with a small error for what its stages may not have seen: at a peak, or at bends."""
+    """Look into a step with a small error for what its stages may not have seen: at a peak, or at
+    bends."""
     ailment, evaluations, least = (
         extend(kernels, inputs, method, limits, room, t, step, piece),
         0,

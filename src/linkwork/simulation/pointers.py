@@ -1,8 +1,9 @@
 """Pointers: numbers in memory as compiled code sees them, by the address of the first.
 
-Numba counts the references to arrays, with an atomic instruction at every turn, and hands each on in seven words. The loops
-take what an array holds once, by `pointer`, and pass that: `p[i]` reads, `p[i] = value` writes, `p + i` points i numbers
-further on. Nobody checks bounds, and the array has to be kept alive by name for as long as it is pointed to.
+Numba counts the references to arrays, with an atomic instruction at every turn, and hands each on
+in seven words. The loops take what an array holds once, by `pointer`, and pass that: `p[i]` reads,
+`p[i] = value` writes, `p + i` points i numbers further on. Nobody checks bounds, and the array has
+to be kept alive by name for as long as it is pointed to.
 """
 
 import operator
@@ -75,10 +76,11 @@ def _call(typing_context, address, x, out):
 
 
 def _combine(typing_context, weights, count, h, y, k, width, n, out):
-    """Compute n numbers out = y + h sum_(j < count) weights_j k_j by vectors of LANES; the rows of k are `width` apart.
+    """Compute n numbers out = y + h sum_(j < count) weights_j k_j by vectors of LANES; the rows of
+    k are `width` apart.
 
-    y and the rows of k are padded to whole vectors; out is written up to n. Up to SUMS vectors are added up together:
-    one sum would wait for its own last term each time.
+    y and the rows of k are padded to whole vectors; out is written up to n. Up to SUMS vectors are
+    added up together: one sum would wait for its own last term each time.
     """
 
     def generate(context, builder, signature, values):

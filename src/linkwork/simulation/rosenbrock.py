@@ -1,16 +1,19 @@
 """A Rosenbrock method as data, for stiff systems.
 
-One step of size h from y(t), with J = df/dy and f_t = (df/du) u'(t) at its start, one LU decomposition and s solutions:
+One step of size h from y(t), with J = df/dy and f_t = (df/du) u'(t) at its start, one LU
+decomposition and s solutions:
 
-    (1 / gamma - h J) k_i = f(t + c_i h, y + h sum_(j<i) a_ij k_j) + sum_(j<i) C_ij k_j + h d_i f_t,      i = 1 .. s,
+    (1 / gamma - h J) k_i = f(t + c_i h, y + h sum_(j<i) a_ij k_j) + sum_(j<i) C_ij k_j + h d_i f_t,
+    i = 1 .. s,
     y(t + h) = y + h sum_i m_i k_i,      error estimate  = h k_s,
     dense output  y(t + theta h) = (1 - theta) y(t) + theta y(t + h)
                                  + theta (1 - theta) h sum_i (H_1i + theta (H_2i + theta H_3i)) k_i.
 
-This is Hairer & Wanner, Solving Ordinary Differential Equations II, 2nd ed. (1996), eq. (IV.7.25), with u_i = h k_i.
+This is Hairer & Wanner, Solving Ordinary Differential Equations II, 2nd ed. (1996), eq. (IV.7.25),
+with u_i = h k_i.
 
-Rodas5P: order 5 with an error estimate of order 4, dense output of order 4, stiffly accurate and L-stable; Steinebach, BIT
-Numerical Mathematics 63 (2023) 27, table 3, in the form of eq. (IV.7.25).
+Rodas5P: order 5 with an error estimate of order 4, dense output of order 4, stiffly accurate and
+L-stable; Steinebach, BIT Numerical Mathematics 63 (2023) 27, table 3, in the form of eq. (IV.7.25).
 """
 
 from dataclasses import dataclass
@@ -26,10 +29,12 @@ BLUR = 25.0  # as of a `Plan`
 
 @dataclass(frozen=True, eq=False)
 class Rosenbrock:
-    """Hold a stiffly accurate Rosenbrock method of s stages, whose last stage is the error estimate.
+    """Hold a stiffly accurate Rosenbrock method of s stages, whose last stage is the error
+    estimate.
 
-    `name`, `order`, `error_order` as in `Tableau`; `gamma`; `a` (s, s), `C` (s, s): strictly lower triangular; `c` (s,),
-    `d` (s,); `m` (s,): weights of the new state; `H` (3, s): of the dense output.
+    `name`, `order`, `error_order` as in `Tableau`; `gamma`; `a` (s, s), `C` (s, s): strictly lower
+    triangular; `c` (s,), `d` (s,); `m` (s,): weights of the new state; `H` (3, s): of the dense
+    output.
     """
 
     name: str
@@ -55,10 +60,11 @@ class Rosenbrock:
 
     @cached_property
     def plan(self) -> Plan:
-        """The method as the compiled loops take it: the slopes at both ends are the first row of k and the last.
+        """The method as the compiled loops take it: the slopes at both ends are the first row of k
+        and the last.
 
-        Rows i of a and of e hold the weights a_ij and C_ij of stage i in columns j = 1 .. s, and row s + 1 of a the weights m;
-        the last column of e holds gamma, d_1, ..., d_s.
+        Rows i of a and of e hold the weights a_ij and C_ij of stage i in columns j = 1 .. s, and
+        row s + 1 of a the weights m; the last column of e holds gamma, d_1, ..., d_s.
         """
         s = len(self.c)
         a, e, dense = (

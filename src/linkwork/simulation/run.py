@@ -29,10 +29,12 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True)
 class Statistics:
-    """Tell what a run took: evaluations of the equations of motion, steps, projections; and how well the loops closed.
+    """Tell what a run took: evaluations of the equations of motion, steps, projections; and how
+    well the loops closed.
 
-    `closure_error`: the largest |phi(q)| of all accepted states and saved samples, in the units of the closure kernel;
-    `pivot`: the smallest relative pivot met (1: well posed, 0: singular), at the time `pivot_time`, s.
+    `closure_error`: the largest |phi(q)| of all accepted states and saved samples, in the units of
+    the closure kernel; `pivot`: the smallest relative pivot met (1: well posed, 0: singular), at
+    the time `pivot_time`, s.
     """
 
     nfev: int
@@ -46,7 +48,8 @@ class Statistics:
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """Name the axes of an array: `dims`, one name for each axis; `attrs` hold at least the "units"."""
+    """Name the axes of an array: `dims`, one name for each axis; `attrs` hold at least the
+    "units"."""
 
     dims: tuple[str, ...]
     values: np.ndarray
@@ -56,13 +59,15 @@ class Variable:
         values = np.asarray(self.values)
         if values.ndim != len(self.dims):
             raise LinkworkError(
-                f"an array of the shape {values.shape} needs {values.ndim} axis names, not {self.dims}"
+                f"an array of the shape {values.shape} needs {values.ndim} axis names, not "
+                f"{self.dims}"
             )
         object.__setattr__(self, "values", values)
 
 
 class Deferred(Mapping[str, Value]):
-    """Hold values in groups, each found when one of it is first asked for: what nobody looks at costs nothing.
+    """Hold values in groups, each found when one of it is first asked for: what nobody looks at
+    costs nothing.
 
     groups: what finds a group, by the names that it may give
     """
@@ -114,12 +119,14 @@ class Told:
 class Run:
     """Hold the result of a simulation: arrays over named axes, how it ended, and what it took.
 
-    `variables`: quantities by name, for instance "position" over ("time", "joint"); `coords`: the axes' labels by axis
-    name, among them "time" in s; `attrs`: facts about the run as a whole; `status`, `message`: how it ended;
-    `statistics`: what it took, also reached as `nfev`, `steps`, `rejected`, `closure_error`; `error`: what a sampled
-    controller raised, if that ended the run, and `transmitted`: what gives the joint reactions (not written to files);
-    `errors`: what gives the differences to the run at a tenth of the tolerance, by name (not written to files);
-    `described`: what gives the text of the mechanism's file, if the attrs do not hold it as "description".
+    `variables`: quantities by name, for instance "position" over ("time", "joint"); `coords`: the
+    axes' labels by axis name, among them "time" in s; `attrs`: facts about the run as a whole;
+    `status`, `message`: how it ended; `statistics`: what it took, also reached as `nfev`, `steps`,
+    `rejected`, `closure_error`; `error`: what a sampled controller raised, if that ended the run,
+    and `transmitted`: what gives the joint reactions (not written to files); `errors`: what gives
+    the differences to the run at a tenth of the tolerance, by name (not written to files);
+    `described`: what gives the text of the mechanism's file, if the attrs do not hold it as
+    "description".
     """
 
     variables: Mapping[str, Variable] = field(repr=False)
@@ -165,29 +172,34 @@ class Run:
 
     @property
     def error_estimate(self) -> float:
-        """Return the largest error of coordinates, rates and extra states, relative to atol + rtol |y|: estimated.
+        """Return the largest error of coordinates, rates and extra states, relative to atol + rtol
+        |y|: estimated.
 
-        It is found by a second run at a tenth of the tolerance (half of the step) when it, or the message, is first asked
-        for; a resumed run's counts from where it was resumed. nan where a Python function controls the robot, which cannot
-        be called again, and for runs that do not tell. `attrs["error_estimate_until"]`: the time that the second run came to.
+        It is found by a second run at a tenth of the tolerance (half of the step) when it, or the
+        message, is first asked for; a resumed run's counts from where it was resumed. nan where a
+        Python function controls the robot, which cannot be called again, and for runs that do not
+        tell. `attrs["error_estimate_until"]`: the time that the second run came to.
         """
         return float(self.attrs.get("error_estimate", np.nan))
 
     @cached_property
     def global_errors(self) -> "xarray.Dataset":
-        """Return the errors of joint positions and rates, and drive states, at the saved times, as an `xarray.Dataset`.
+        """Return the errors of joint positions and rates, and drive states, at the saved times, as
+        an `xarray.Dataset`.
 
-        They are the differences to the same run at a tenth of the tolerance (half of the step), which is run when they are
-        first asked for; nan from where that ended early.
+        They are the differences to the same run at a tenth of the tolerance (half of the step),
+        which is run when they are first asked for; nan from where that ended early.
 
         Raises:
-            LinkworkError: a run from a file, or that a Python function controls: neither can be run again.
+            LinkworkError: a run from a file, or that a Python function controls: neither can be run
+                again.
         """
         import xarray
 
         if self.errors is None:
             raise LinkworkError(
-                "this run cannot be run again to find its errors: it was read from a file, or a Python function controls it"
+                "this run cannot be run again to find its errors: it was read from a file, or a "
+                "Python function controls it"
             )
         arrays = {name: (v.dims, v.values, dict(v.attrs)) for name, v in self.errors().items()}
         axes = {axis for dims, _, _ in arrays.values() for axis in dims}
@@ -197,12 +209,14 @@ class Run:
 
     @property
     def description(self) -> str:
-        """Return the mechanism that ran, as the text of a mechanism file; empty if the run does not hold it."""
+        """Return the mechanism that ran, as the text of a mechanism file; empty if the run does not
+        hold it."""
         return self.described() if self.described else str(self.attrs.get(DESCRIPTION, ""))
 
     @cached_property
     def dataset(self) -> "xarray.Dataset":
-        """Return the run as an `xarray.Dataset`; its attributes hold the status, the message and the statistics."""
+        """Return the run as an `xarray.Dataset`; its attributes hold the status, the message and
+        the statistics."""
         import xarray
 
         def entries(variables: Mapping[str, Variable]) -> dict:
@@ -218,16 +232,18 @@ class Run:
     def reactions(
         self, frame: str = "ground", *, length: float | None = None
     ) -> "xarray.DataArray":
-        """Return the wrench that each joint transmits to its second body over time, as `linkwork.Robot.reactions` does.
+        """Return the wrench that each joint transmits to its second body over time, as
+        `linkwork.Robot.reactions` does.
 
         It is computed when it is asked for, and is no part of `dataset`.
 
         Args:
-            frame: "ground", "first" or "second"; length: [m] by which moments are divided where least wrenches are chosen.
+            frame: "ground", "first" or "second"; length: [m] by which moments are divided where
+                least wrenches are chosen.
 
         Returns:
-            An array over (time, joint, component) [N m, N]; its attribute `indeterminate` names the components, by joint,
-            that rigid bodies leave open.
+            An array over (time, joint, component) [N m, N]; its attribute `indeterminate` names the
+            components, by joint, that rigid bodies leave open.
 
         Raises:
             LinkworkError: another frame; a run from a file, which does not hold its robot.
@@ -236,7 +252,8 @@ class Run:
 
         if self.transmitted is None:
             raise LinkworkError(
-                "a run from a file does not hold its robot; ask robot.reactions(state, forces) instead"
+                "a run from a file does not hold its robot; ask robot.reactions(state, forces) "
+                "instead"
             )
         found = self.transmitted(frame, length)
         coords = {
@@ -258,7 +275,8 @@ class Run:
         )
 
     def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
-        """Draw the run's quantities over time (`linkwork.views.plot_run`): those named, or all that vary with time."""
+        """Draw the run's quantities over time (`linkwork.views.plot_run`): those named, or all that
+        vary with time."""
         from linkwork.views.plots import (
             plot_run,
         )  # a convenience: the one place that calls a later stage
@@ -266,11 +284,13 @@ class Run:
         return plot_run(self, quantities)
 
     def save(self, path: str | Path) -> Path:
-        """Write the run to a file, whole or not at all, and return its path; the suffix names the format.
+        """Write the run to a file, whole or not at all, and return its path; the suffix names the
+        format.
 
-        .nc: NetCDF (version 3), everything the run holds and its mechanism; `Run.load` reads it. .csv: one row for each
-        saved time, one column for each component of what varies with time, named quantity.joint; units, constants and
-        the ending stand above in lines that begin with #.
+        .nc: NetCDF (version 3), everything the run holds and its mechanism; `Run.load` reads it.
+        .csv: one row for each saved time, one column for each component of what varies with time,
+        named quantity.joint; units, constants and the ending stand above in lines that begin with
+        #.
 
         Raises `LinkworkError` for another suffix, or where the file cannot be written.
         """
@@ -278,7 +298,8 @@ class Run:
         write = _WRITERS.get(path.suffix.lower())
         if write is None:
             raise LinkworkError(
-                f"cannot save a run as {path.name!r}: its suffix must be one of {', '.join(_WRITERS)}, not {path.suffix!r}"
+                f"cannot save a run as {path.name!r}: its suffix must be one of "
+                f"{', '.join(_WRITERS)}, not {path.suffix!r}"
             )
         with _whole_or_nothing(path) as part:
             write(self, part)
@@ -286,7 +307,8 @@ class Run:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a run that `save` wrote as .nc; raise `LinkworkError` if the file is missing or holds no run."""
+        """Read a run that `save` wrote as .nc; raise `LinkworkError` if the file is missing or
+        holds no run."""
         import xarray
 
         path = file_path(path, "the path of a run")
@@ -371,7 +393,8 @@ def _write_csv(run: Run, path: Path) -> None:
 def _columns(
     name: str, variable: Variable, coords: Mapping[str, Variable]
 ) -> list[tuple[str, np.ndarray]]:
-    """Return the variable's components, named quantity.label.label ..., each over time where it varies with time."""
+    """Return the variable's components, named quantity.label.label ..., each over time where it
+    varies with time."""
     values, dims = variable.values, variable.dims
     if TIME in dims:
         values, dims = (
@@ -396,7 +419,8 @@ _WRITERS: dict[str, Callable[[Run, Path], None]] = {".nc": _write_netcdf, ".csv"
 
 @contextlib.contextmanager
 def _whole_or_nothing(path: Path) -> Iterator[Path]:
-    """Give a neighbouring path to write to, which becomes `path` when all is written and vanishes when anything fails."""
+    """Give a neighbouring path to write to, which becomes `path` when all is written and vanishes
+    when anything fails."""
     if not path.parent.is_dir():
         raise LinkworkError(f"cannot write '{path}': there is no folder '{path.parent}'")
     if path.is_dir():

@@ -1,19 +1,23 @@
-"""The pair 7(6) of Sharp & Smart, with dense output of order 6: eleven evaluations a step, and two more for samples.
+"""The pair 7(6) of Sharp & Smart, with dense output of order 6: eleven evaluations a step, and two
+more for samples.
 
-Where accuracy of 1e-6 or better is asked for it takes fewer evaluations than Dormand-Prince 5(4), in half of the steps or less.
+Where accuracy of 1e-6 or better is asked for it takes fewer evaluations than Dormand-Prince 5(4),
+in half of the steps or less.
 
-The pair's ten stages and the one of the lower order, which stands in row 10, are those of the source; row 11 is the new
-state. Its dense output is Linkwork's own. All b(theta) of order 5 on these twelve stages solve, for every rooted tree t with
+The pair's ten stages and the one of the lower order, which stands in row 10, are those of the
+source; row 11 is the new state. Its dense output is Linkwork's own. All b(theta) of order 5 on
+these twelve stages solve, for every rooted tree t with
 |t| <= 5 vertices, density gamma(t) and elementary weights Phi_i(t),
 
     sum_i b_i(theta) Phi_i(t) = theta^|t| / gamma(t).
 
-Two more stages, at theta = 2/5 and 3/5 of the step in states of such a b(theta), suffice for order 6; of all solutions with
-b(1) = b, b'(0) and b'(1) those of the slopes at both ends, so that the interpolant is smooth from step to step, the one is
-taken that comes nearest to order 7. The numbers were solved for with 60 digits.
+Two more stages, at theta = 2/5 and 3/5 of the step in states of such a b(theta), suffice for order
+6; of all solutions with b(1) = b, b'(0) and b'(1) those of the slopes at both ends, so that the
+interpolant is smooth from step to step, the one is taken that comes nearest to order 7. The numbers
+were solved for with 60 digits.
 
-Sources: Sharp & Smart, SIAM J. Sci. Comput. 14 (1993) 338-348; order conditions: Hairer, Norsett & Wanner, Solving Ordinary
-Differential Equations I, 2nd ed. (1993), sec. II.2 and II.6.
+Sources: Sharp & Smart, SIAM J. Sci. Comput. 14 (1993) 338-348; order conditions: Hairer, Norsett &
+Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), sec. II.2 and II.6.
 """
 
 import numpy as np
@@ -76,13 +80,15 @@ _DENSE = """
 
 
 def _table(text: str, columns: int) -> np.ndarray:
-    """Read rows of numbers, those that are missing at the end being zeros; a backslash continues a row."""
+    """Read rows of numbers, those that are missing at the end being zeros; a backslash continues a
+    row."""
     lines = text.replace("\\\n", "").strip().splitlines()
     return filled([[float(word) for word in line.split()] for line in lines], columns)
 
 
 def _times(a: np.ndarray) -> np.ndarray:
-    """Return the stage times, the sums of the rows; those at the end of the step exactly, for beyond it forces may jump."""
+    """Return the stage times, the sums of the rows; those at the end of the step exactly, for
+    beyond it forces may jump."""
     c = a.sum(axis=1)
     return frozen(np.where(abs(c - 1) < 1e-14, 1.0, c))
 

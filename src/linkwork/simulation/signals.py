@@ -2,8 +2,8 @@
 
     u(t) = c_0 + c_1 s + c_2 s^2 + c_3 s^3,     s = t - knot_i,     knot_i <= t < knot_(i+1).
 
-Where a signal jumps or has a kink (`breaks`), the integrator ends a step exactly there: no step ever straddles one, and
-the order of the method is kept.
+Where a signal jumps or has a kink (`breaks`), the integrator ends a step exactly there: no step
+ever straddles one, and the order of the method is kept.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,9 @@ Kind = Literal["spline", "linear", "hold"]
 NO_BENDS = np.array([[np.inf, 0.0, np.inf]])
 SMOOTH = 1e-9  # jump of a value or slope, relative to the largest one, that is rounding
 FREE = 2  # bends of a signal (`bends`) that a step may pass without looking
-ROUNDING = 1e-9  # how far a time may lie beyond the end of a run, relative to the duration, and still count as the end
+ROUNDING = 1e-9
+"""How far a time may lie beyond the end of a run, relative to the duration, and still count as the
+end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +29,11 @@ class Sampled:
     """Give a signal by its samples.
 
     `times` (N,) in s, strictly increasing, N >= 2; `values` (N, nu), or (N,) for a single input;
-    `kind`: how to read between the samples: "spline" (the not-a-knot cubic, twice differentiable), "linear", or
-    "hold" (each value acts from its own time to the next: a zero-order hold).
+    `kind`: how to read between the samples: "spline" (the not-a-knot cubic, twice differentiable),
+    "linear", or "hold" (each value acts from its own time to the next: a zero-order hold).
 
-    Raises `LinkworkError` for other shapes, times that do not increase, and values that are not finite.
+    Raises `LinkworkError` for other shapes, times that do not increase, and values that are not
+    finite.
     """
 
     times: np.ndarray
@@ -46,7 +49,8 @@ class Sampled:
             )
         if values.ndim not in (1, 2) or len(values) != len(times):
             raise LinkworkError(
-                f"sample values have the shape {values.shape}: give one row for each of the {len(times)} sample times"
+                f"sample values have the shape {values.shape}: give one row for each of the "
+                f"{len(times)} sample times"
             )
         require_increasing("sample times", times)
         if self.kind not in get_args(Kind):
@@ -57,7 +61,8 @@ class Sampled:
         object.__setattr__(self, "values", values.reshape(len(times), -1))
 
     def __array__(self, dtype=None, copy=None) -> np.ndarray:
-        """Return the samples (N, nu), so that NumPy's functions take the signal as they would its values."""
+        """Return the samples (N, nu), so that NumPy's functions take the signal as they would its
+        values."""
         return np.array(self.values, dtype=dtype, copy=True if copy is None else copy)
 
     @cached_property
@@ -78,8 +83,8 @@ class Sampled:
 class Signal:
     """Hold nu inputs as piecewise cubic polynomials of time.
 
-    `knots` (pieces + 1,) in s; `coefficients` (pieces, 4, nu), ascending powers of the time since the piece's knot;
-    `breaks`: the knots onto which the integrator has to step.
+    `knots` (pieces + 1,) in s; `coefficients` (pieces, 4, nu), ascending powers of the time since
+    the piece's knot; `breaks`: the knots onto which the integrator has to step.
     """
 
     knots: np.ndarray
@@ -97,9 +102,11 @@ class Signal:
         return start >= first and stop <= last + ROUNDING * (stop - start)
 
     def __call__(self, t: Any) -> np.ndarray:
-        """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape (*t.shape, nu).
+        """Evaluate u at the times `t` (any shape, s), from the right at a jump; returns shape
+        (*t.shape, nu).
 
-        A symbolic time, with which a controller is traced, has its own way to refer to a signal: `t.reference(signal)`.
+        A symbolic time, with which a controller is traced, has its own way to refer to a signal:
+        `t.reference(signal)`.
         """
         if hasattr(t, "reference"):
             return t.reference(self)
@@ -122,8 +129,8 @@ class Signal:
 
     @cached_property
     def table(self) -> np.ndarray:
-        """All of it in one list, as compiled loops take it: the numbers of pieces, inputs, breaks and bends, then knots,
-        coefficients, breaks and bends.
+        """All of it in one list, as compiled loops take it: the numbers of pieces, inputs, breaks
+        and bends, then knots, coefficients, breaks and bends.
         """
         bends = self.bends
         counts = *self.coefficients.shape[::2], self.breaks.size, len(bends) - 1
@@ -140,7 +147,8 @@ class Signal:
         return Signal(self.knots, slopes, np.union1d(self.breaks, _kinks(self.knots, slopes)))
 
     def derivative(self) -> "Signal":
-        """Return du/dt, the same object each time; where it has a kink it breaks, and jumps of u leave no trace in it."""
+        """Return du/dt, the same object each time; where it has a kink it breaks, and jumps of u
+        leave no trace in it."""
         return self._derivative
 
     def _locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +159,8 @@ class Signal:
 
 
 def as_signal(forces: "Signal | Sampled | ArrayLike") -> Signal:
-    """Return forces as a `Signal`: samples by their kind, numbers (nu,) as a constant from t = 0 on.
+    """Return forces as a `Signal`: samples by their kind, numbers (nu,) as a constant from t = 0
+    on.
 
     Raises `LinkworkError` for numbers that are not finite or not a list.
     """
@@ -168,14 +177,16 @@ def as_signal(forces: "Signal | Sampled | ArrayLike") -> Signal:
 
 
 def clock() -> Signal:
-    """Return the single input u(t) = t, which makes time itself known to the equations of motion."""
+    """Return the single input u(t) = t, which makes time itself known to the equations of
+    motion."""
     return _from_zero([np.zeros(1), np.ones(1)])
 
 
 def stack(*signals: Signal) -> Signal:
     """Join signals side by side into one, over the times that all of them cover.
 
-    Each piece is moved to the common knots by Taylor's shift, c_j' = sum_i binomial(i, j) d^(i-j) c_i.
+    Each piece is moved to the common knots by Taylor's shift, c_j' = sum_i binomial(i, j) d^(i-j)
+    c_i.
     """
     first = max(signal.knots[0] for signal in signals)
     last = min(signal.knots[-1] for signal in signals)
@@ -191,14 +202,16 @@ def stack(*signals: Signal) -> Signal:
 
 
 def require_increasing(what: str, times: np.ndarray) -> None:
-    """Raise `LinkworkError` naming the first of the `times` that is not larger than the one before."""
+    """Raise `LinkworkError` naming the first of the `times` that is not larger than the one
+    before."""
     if times.size < 2:
         return
     increase = times[1:] > times[:-1]
     if not increase.all():
         i = int(increase.argmin())
         raise LinkworkError(
-            f"{what} must increase: number {i + 1} is {times[i + 1]:g} s after {times[i]:g} s (counted from 0)"
+            f"{what} must increase: number {i + 1} is {times[i + 1]:g} s after {times[i]:g} s "
+            "(counted from 0)"
         )
 
 
@@ -259,7 +272,8 @@ _INTERPOLANTS = {"spline": _spline, "linear": _linear, "hold": _hold}
 
 
 def _finite(what: str, values: ArrayLike) -> np.ndarray:
-    """Return a copy as floats; raise `LinkworkError` naming the first value that is no finite number."""
+    """Return a copy as floats; raise `LinkworkError` naming the first value that is no finite
+    number."""
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):

@@ -1,21 +1,24 @@
 """Runge-Kutta methods as data.
 
-One step of size h from y(t), by an embedded pair of s stages, the last one evaluated at the new state (FSAL, first same as
-last), and by up to three more stages where the dense output is asked for:
+One step of size h from y(t), by an embedded pair of s stages, the last one evaluated at the new
+state (FSAL, first same as last), and by up to three more stages where the dense output is asked
+for:
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j),   i = 1 .. s,     y(t + h) = y + h sum_j a_sj k_j,
     error estimate  = h sum_i e_i k_i,
     dense output    y(t + theta h) = y + h sum_i b_i(theta) k_i,    b_i(theta) = sum_m P_im theta^(m+1).
 
-The dense output of pairs without further stages is Hermite's cubic through both ends and both slopes, with the quartic term
-d_i that raises its order:
+The dense output of pairs without further stages is Hermite's cubic through both ends and both
+slopes, with the quartic term d_i that raises its order:
 
-    b_i(theta) = theta b_i + theta (1 - theta) (delta_1i - b_i) + theta^2 (1 - theta) (2 b_i - delta_1i - delta_si)
+    b_i(theta) = theta b_i + theta (1 - theta) (delta_1i - b_i) + theta^2 (1 - theta)
+    (2 b_i - delta_1i - delta_si)
                + theta^2 (1 - theta)^2 d_i.
 
-Sources: Dormand & Prince, J. Comp. Appl. Math. 6 (1980) 19-26, and Hairer, Norsett & Wanner, Solving Ordinary Differential
-Equations I, 2nd ed. (1993), table II.5.2 and sec. II.6 (dense output), sec. II.10 (DOP853, its numbers from SciPy), and table
-II.1.2 (Kutta's method of order 4); Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321-325. Symplectic Euler: Hairer, Lubich &
+Sources: Dormand & Prince, J. Comp. Appl. Math. 6 (1980) 19-26, and Hairer, Norsett & Wanner,
+Solving Ordinary Differential Equations I, 2nd ed. (1993), table II.5.2 and sec. II.6
+(dense output), sec. II.10 (DOP853, its numbers from SciPy), and table II.1.2 (Kutta's method of
+order 4); Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321-325. Symplectic Euler: Hairer, Lubich &
 Wanner, Geometric Numerical Integration, 2nd ed. (2006), sec. I.1.2.
 """
 
@@ -37,11 +40,13 @@ LANES = 4  # numbers of a vector in which weights are added up
 class Plan:
     """Hold a method as the compiled loops need it.
 
-    `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c` (rows,): stage times;
-    `e` (estimates, rows): error weights, none for a fixed step; `dense` (degree, rows): the transpose of P, its rows padded to
-    whole vectors; `computed`: how many of the rows a step evaluates, the others are for the dense output only; `exponent`:
-    1 / (order of the error estimate + 1), 0 for a fixed step; `blur`: how many times the tolerance the defect of its dense
-    output, h |f(t + theta h, Y(theta)) - dY/dt|, may be where the motion is smooth, at most.
+    `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c`
+    (rows,): stage times; `e` (estimates, rows): error weights, none for a fixed step; `dense`
+    (degree, rows): the transpose of P, its rows padded to whole vectors; `computed`: how many of
+    the rows a step evaluates, the others are for the dense output only; `exponent`: 1 / (order of
+    the error estimate + 1), 0 for a fixed step; `blur`: how many times the tolerance the defect of
+    its dense output, h |f(t + theta h, Y(theta)) - dY/dt|, may be where the motion is smooth, at
+    most.
     """
 
     a: np.ndarray
@@ -55,7 +60,8 @@ class Plan:
 
     @cached_property
     def arguments(self) -> tuple[np.ndarray, int, int, int, int, int, float, float]:
-        """The plan as the compiled loops take it: a, c, e and dense in one list, the numbers of their rows, and the rest."""
+        """The plan as the compiled loops take it: a, c, e and dense in one list, the numbers of
+        their rows, and the rest."""
         numbers = np.concatenate([self.a.ravel(), self.c, self.e.ravel(), self.dense.ravel()])
         counts = len(self.a), len(self.dense), len(self.e)
         return frozen(numbers), *counts, self.solution, self.computed, self.exponent, self.blur
@@ -65,12 +71,13 @@ class Plan:
 class Tableau:
     """Hold an explicit embedded pair whose stage s is the first of the next step.
 
-    `stiff`, `in_lanes`: whether a method takes stiff systems, and whether members of ensembles do it side by side;
-    `name`: for people; `order`: of the solution that is carried on; `error_order`: of the one it is compared with;
-    `a` (s, s): strictly lower triangular, its last row the weights b; `c` (s,): stage times; `e` (s,): error weights;
-    `dense` (s + more, degree): P, the dense output's polynomials in theta, theta^2, ...;
-    `blur`: as of a `Plan`; `second` (s,): weights of another error estimate, as of DOP853; `more` (more, s + more) and
-    `more_c`: stages that the dense output needs beside the others.
+    `stiff`, `in_lanes`: whether a method takes stiff systems, and whether members of ensembles do
+    it side by side; `name`: for people; `order`: of the solution that is carried on; `error_order`:
+    of the one it is compared with; `a` (s, s): strictly lower triangular, its last row the weights
+    b; `c` (s,): stage times; `e` (s,): error weights; `dense` (s + more, degree): P, the dense
+    output's polynomials in theta, theta^2, ...; `blur`: as of a `Plan`; `second` (s,): weights of
+    another error estimate, as of DOP853; `more` (more, s + more) and `more_c`: stages that the
+    dense output needs beside the others.
     """
 
     name: str
@@ -111,8 +118,9 @@ class Tableau:
 class FixedStep:
     """Take steps of one length, for real time.
 
-    `step`: s; steps end at its multiples, and also where the forces jump, a sampled controller acts, or the run ends.
-    `name`, `order`, `plan`: as of a `Tableau`.  Raises `LinkworkError` for a step that is not positive and finite.
+    `step`: s; steps end at its multiples, and also where the forces jump, a sampled controller
+    acts, or the run ends. `name`, `order`, `plan`: as of a `Tableau`.  Raises `LinkworkError` for a
+    step that is not positive and finite.
     """
 
     step: float
@@ -154,7 +162,8 @@ def _pair_plan(tableau: Tableau) -> Plan:
 def _tableau(
     name: str, order: int, error_order: int, rows: list[str], lower: str, quartic: str
 ) -> Tableau:
-    """Build a tableau from its printed fractions: the rows of a, the weights of the lower order, the dense output's d."""
+    """Build a tableau from its printed fractions: the rows of a, the weights of the lower order,
+    the dense output's d."""
     a = [_fractions(row, len(rows)) for row in rows]
     b = a[-1]
     e = [high - low for high, low in zip(b, _fractions(lower, len(rows)), strict=True)]
@@ -164,7 +173,8 @@ def _tableau(
 
 
 def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
-    """Return P of Hermite's cubic with the quartic term d, of a method whose last stage is evaluated at the new state."""
+    """Return P of Hermite's cubic with the quartic term d, of a method whose last stage is
+    evaluated at the new state."""
     first = [Fraction(i == 0) for i in range(len(b))]
     return [
         [start, 3 * b_i - 2 * start - end + d_i, start + end - 2 * b_i - 2 * d_i, d_i]
@@ -235,9 +245,11 @@ def dop853() -> Tableau:
 
 
 def _dop853_dense(printed) -> np.ndarray:
-    """Return P of  theta (F_0 + (1 - theta) (F_1 + theta (F_2 + (1 - theta) (F_3 + ... + theta F_6)))),  F = sum_i F_i k_i.
+    """Return P of  theta (F_0 + (1 - theta) (F_1 + theta (F_2 + (1 - theta) (F_3 + ... + theta
+    F_6)))),  F = sum_i F_i k_i.
 
-    F_0 = b, F_1 = delta_1 - b, F_2 = 2 b - delta_1 - delta_s, and the tabulated D (Hairer's CONTD8).
+    F_0 = b, F_1 = delta_1 - b, F_2 = 2 b - delta_1 - delta_s, and the tabulated D
+    (Hairer's CONTD8).
     """
     b, first, last = np.zeros((3, printed.N_STAGES_EXTENDED))
     b[: printed.N_STAGES], first[0], last[printed.N_STAGES] = printed.B, 1, 1
@@ -284,12 +296,13 @@ class RK4(FixedStep):
 
 
 class SymplecticEuler(FixedStep):
-    """Take steps of one length by the semi-implicit Euler method: the rates first, then q with the new rates.
+    """Take steps of one length by the semi-implicit Euler method: the rates first, then q with the
+    new rates.
 
         v_1 = v_0 + h v'(q_0, v_0),    q_1 = q_0 + h L(q_0) v_1
 
-    Two evaluations a step, of order 1; its energy does not drift where M is constant. Extra states are stepped with the rates.
-    Dense output: straight lines. step: s, as in `FixedStep`.
+    Two evaluations a step, of order 1; its energy does not drift where M is constant. Extra states
+    are stepped with the rates. Dense output: straight lines. step: s, as in `FixedStep`.
     """
 
     name = "symplectic Euler"

@@ -1,4 +1,5 @@
-"""Threads: deal a job in parts to the processors that may be used, and look at how far it is now and then."""
+"""Threads: deal a job in parts to the processors that may be used, and look at how far it is now
+and then."""
 
 import os
 from collections.abc import Callable
@@ -21,10 +22,12 @@ def dealt(
     report: Callable[[], None],
     cancel: Callable[[], None],
 ) -> None:
-    """Do run(0) .. run(parts - 1) on so many threads, and report when a part has ended, and now and then.
+    """Do run(0) .. run(parts - 1) on so many threads, and report when a part has ended, and now and
+    then.
 
-    KeyboardInterrupt, from wherever, ends the job: the parts that are cancelled are to return early, and False. Where it
-    came too late to cut anything short, it is raised. So is what a part raises, which ends the job, too.
+    KeyboardInterrupt, from wherever, ends the job: the parts that are cancelled are to return
+    early, and False. Where it came too late to cut anything short, it is raised. So is what a part
+    raises, which ends the job, too.
     """
     interrupt = None
     with ThreadPoolExecutor(threads) as pool:

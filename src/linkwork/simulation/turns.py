@@ -1,11 +1,15 @@
-"""Turns: angles whose whole turns are counted apart, so that a crank that turns for days loses no digit.
+"""Turns: angles whose whole turns are counted apart, so that a crank that turns for days loses no
+digit.
 
-A double of 1e5 rad is known to 1e-11 rad only, and loops cannot be closed better than that. Where the equations see an angle
-through its sine and cosine alone, whole turns change nothing: beyond its span it is taken back to between -pi and pi,
+A double of 1e5 rad is known to 1e-11 rad only, and loops cannot be closed better than that. Where
+the equations see an angle through its sine and cosine alone, whole turns change nothing: beyond its
+span it is taken back to between -pi and pi,
 
-    q = angle + 2 pi turns,    2 pi = HIGH + MIDDLE + LOW,    HIGH of so few digits that turns HIGH is exact.
+    q = angle + 2 pi turns,  2 pi = HIGH + MIDDLE + LOW,  HIGH of so few digits that turns HIGH is
+    exact.
 
-Of any other coordinate the closure is asked for what doubles of its size can hold: the tolerance grows with |q| / span.
+Of any other coordinate the closure is asked for what doubles of its size can hold: the tolerance
+grows with |q| / span.
 """
 
 from __future__ import annotations
@@ -15,7 +19,8 @@ from functools import cache, cached_property
 
 import numpy as np
 
-SPAN = 256.0  # angle [rad] beyond which whole turns are counted apart: doubles are 2.8e-14 apart up to there
+SPAN = 256.0
+"""Angle [rad] beyond which whole turns are counted apart: doubles are 2.8e-14 apart up to there."""
 HIGH = float.fromhex("0x1.921fb50000000p+2")
 MIDDLE = float.fromhex("0x1.110b460000000p-24")
 LOW = float.fromhex("0x1.1a62633145c07p-52")
@@ -24,9 +29,11 @@ TURN = HIGH + MIDDLE
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Say of each coordinate how large it may grow, and whether its whole turns may be counted apart.
+    """Say of each coordinate how large it may grow, and whether its whole turns may be counted
+    apart.
 
-    spans (nq,): |q| beyond which a coordinate is large; wraps (nq,): whether it is then taken back by whole turns
+    spans (nq,): |q| beyond which a coordinate is large; wraps (nq,): whether it is then taken back
+    by whole turns
     """
 
     spans: np.ndarray
@@ -44,7 +51,8 @@ class Turning:
         return Turning(np.full(nq, np.inf), np.zeros(nq))
 
     def begun(self, q: np.ndarray, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (..., nq) and its whole turns, with those of angles that may not be wrapped given back."""
+        """Return q (..., nq) and its whole turns, with those of angles that may not be wrapped
+        given back."""
         kept = self.wraps > 0
         return np.where(kept, q, whole(q, turns)), np.where(kept, turns, 0.0)
 

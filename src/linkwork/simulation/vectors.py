@@ -1,8 +1,10 @@
-"""Vectors: a double for each lane, as values in compiled code; the lanes fill as many registers as wide kernels take.
+"""Vectors: a double for each lane, as values in compiled code; the lanes fill as many registers as
+wide kernels take.
 
-Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=, & and | and the functions
-below. They live in registers: two independent halves, say, so that one is computed while the other waits. In memory they are
-rows of a `Table`, the address of an array of which Numba counts no references and checks no indices.
+Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=,
+& and | and the functions below. They live in registers: two independent halves, say, so that one is
+computed while the other waits. In memory they are rows of a `Table`, the address of an array of
+which Numba counts no references and checks no indices.
 """
 
 import operator
@@ -37,7 +39,8 @@ class Mask(types.Type):
 
 
 class Table(types.Type):
-    """Type of rows of LANES doubles in memory, by the address of the first: t[row, lane] reads and writes a number."""
+    """Type of rows of LANES doubles in memory, by the address of the first: t[row, lane] reads and
+    writes a number."""
 
     def __init__(self):
         super().__init__(name="Table")
@@ -221,7 +224,8 @@ def _by_llvm(name: str):
 
 
 def _call_wide(typing_context, function, x, out, row):
-    """Call the C function void(const double *x, double *out) for all lanes, its output from row `row` on."""
+    """Call the C function void(const double *x, double *out) for all lanes, its output from row
+    `row` on."""
 
     def generate(context, builder, signature, values):
         first = ir.Constant(values[3].type, 0)

@@ -1,4 +1,5 @@
-"""Stage 6, studies: simulate a robot many times over a design of parameters, starts and controllers, into a store.
+"""Stage 6, studies: simulate a robot many times over a design of parameters, starts and
+controllers, into a store.
 
     study = Study.load("study.yaml")
     sweep(study, "results")                       # or with scheduler="tcp://host:8786"

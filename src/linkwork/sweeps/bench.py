@@ -1,4 +1,5 @@
-"""The bench: a study made ready to run: robot with free numbers, controllers, starts, and the form of its results."""
+"""The bench: a study made ready to run: robot with free numbers, controllers, starts, and the form
+of its results."""
 
 from __future__ import annotations
 
@@ -31,12 +32,14 @@ STATUSES = {status.value: status.name for status in Status} | {
     UNREACHABLE: "UNREACHABLE",
     REFUSED: "REFUSED",
 }
-"""How members end: as runs do; or without a run, as their start is out of reach, or no description may hold their numbers."""
+"""How members end: as runs do; or without a run, as their start is out of reach, or no description
+may hold their numbers."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """Describe an array of the results: its axes, of which the first is "member", and attributes."""
+    """Describe an array of the results: its axes, of which the first is "member", and
+    attributes."""
 
     axes: tuple[str, ...]
     kind: str
@@ -47,8 +50,8 @@ class Field:
 class Bench:
     """Hold a study that is ready to run.
 
-    robot: with the study's numbers free; drives: by actuator; start: where runs start that vary nothing of it
-    cases: one for each controller
+    robot: with the study's numbers free; drives: by actuator; start: where runs start that vary
+    nothing of it cases: one for each controller
     """
 
     study: Study
@@ -62,7 +65,8 @@ class Bench:
         """Make a study ready.
 
         Raises:
-            StudyError: names that fit neither robot nor controllers, poses out of reach; where it stands in the study.
+            StudyError: names that fit neither robot nor controllers, poses out of reach; where it
+                stands in the study.
         """
         robot = Robot(study.mechanism, free=study.paths)
         for name in study.drives:
@@ -186,7 +190,8 @@ class Bench:
         return tuple(sizes[axis] for axis in field.axes)
 
     def unit(self, output: Output, component: str) -> str:
-        """Return the unit of an output's component: of slides or of turns, where a quantity has both."""
+        """Return the unit of an output's component: of slides or of turns, where a quantity has
+        both."""
         slide, *turn = output.unit.split(", ")
         if QUANTITIES[output.quantity].axis == "pose":
             angular = component not in ("x", "y", "z")
@@ -207,7 +212,8 @@ class Bench:
     # What varies
 
     def parameter(self, name: str, case: int) -> str | None:
-        """Return the parameter of the runs that a varied name stands for; none if it is another controller's, or a start's."""
+        """Return the parameter of the runs that a varied name stands for; none if it is another
+        controller's, or a start's."""
         if name in self.study.paths:
             return name
         section, _, rest = name.partition(".")
@@ -223,7 +229,8 @@ class Bench:
         )
 
     def parameters(self, case: int, values: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the runs' parameters (M) by name for varied values (M, varied); nan where a controller has none."""
+        """Return the runs' parameters (M) by name for varied values (M, varied); nan where a
+        controller has none."""
         names = [self.parameter(name, case) for name in self.study.varied]
         given = {name: values[:, i] for i, name in enumerate(names) if name is not None}
         return self.cases[case].values(self.robot, given)
@@ -334,7 +341,8 @@ class Bench:
         )
 
     def tool_error(self, case: int, times: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """Return the tool's distance (rows, pose) from the goal's at the saved times of a number (rows)."""
+        """Return the tool's distance (rows, pose) from the goal's at the saved times of a number
+        (rows)."""
         wanted = self._wanted_poses[case][times]
         if self.robot.planar:
             error = poses - wanted

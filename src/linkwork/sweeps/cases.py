@@ -1,6 +1,8 @@
-"""Cases: the ways to drive the robot that a study compares. Each has a controller, or constant forces, and its numbers.
+"""Cases: the ways to drive the robot that a study compares. Each has a controller, or constant
+forces, and its numbers.
 
-Numbers that vary are parameters of the runs, or weights, from which a controller's parameters follow: each member's.
+Numbers that vary are parameters of the runs, or weights, from which a controller's parameters
+follow: each member's.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ class Case:
     """Hold one way to drive the robot.
 
     law: the controller; goal: what it leads to; parameters: names of those of the runs
-    weights: names of numbers that parameters follow from; weighted: gives the controller that has other values of these
+    weights: names of numbers that parameters follow from; weighted: gives the controller that has
+    other values of these
     """
 
     law: Law | Sampler | None
@@ -40,7 +43,8 @@ class Case:
         return (*self.weights, *self.parameters)
 
     def values(self, robot: Robot, given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the runs' parameters (M) by name for given numbers (M); nan where weights do not make a controller."""
+        """Return the runs' parameters (M) by name for given numbers (M); nan where weights do not
+        make a controller."""
         weights = {name: column for name, column in given.items() if name in self.weights}
         if not weights or self.weighted is None:
             return dict(given)
@@ -59,7 +63,8 @@ class Case:
 def gains(
     robot: Robot, weighted: Callable[[Mapping[str, float]], Law], weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the values that a controller with these weights gives its own parameters; none if there is no such one."""
+    """Return the values that a controller with these weights gives its own parameters; none if
+    there is no such one."""
     found: dict[str, float] = {}
     seen = robot.observe(robot.home)
     source = replace(
@@ -80,7 +85,8 @@ def controlled(
     robot: Robot,
     drives: Mapping[str, Drive],
 ) -> Case:
-    """Return what a controller of the study leads the robot by; nominal: the robot with the study's own numbers.
+    """Return what a controller of the study leads the robot by; nominal: the robot with the study's
+    own numbers.
 
     Raises:
         StudyError: a controller that does not fit the robot.

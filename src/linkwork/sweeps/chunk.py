@@ -1,4 +1,5 @@
-"""Chunks: the results of some members of a study, a pure function of the study and the chunk's number."""
+"""Chunks: the results of some members of a study, a pure function of the study and the chunk's
+number."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ _LOCK = Lock()
 
 
 def compute(study: Study, index: int, threads: int | None = None) -> Results:
-    """Return the arrays of a chunk by name, as `Bench.fields` describes them; what a member did not reach is nan.
+    """Return the arrays of a chunk by name, as `Bench.fields` describes them; what a member did not
+    reach is nan.
 
     Raises:
         KeyboardInterrupt: also where that has ended runs early.
@@ -53,7 +55,8 @@ def run(
     results: Results,
     threads: int | None,
 ) -> None:
-    """Run those members (rows) that one controller leads, and put what comes of them into the results."""
+    """Run those members (rows) that one controller leads, and put what comes of them into the
+    results."""
     study = bench.study
     (state, status), parameters = starts(bench, values[rows]), bench.parameters(case, values[rows])
     for column in parameters.values():

@@ -1,8 +1,9 @@
-"""Controllers of a study: records of its file, made of what each law of `linkwork.control` says that files give of it.
+"""Controllers of a study: records of its file, made of what each law of `linkwork.control` says
+that files give of it.
 
-The models of controllers are the robot of the study with the numbers that its file gives, whatever varies in the robot
-that is controlled; `model` changes numbers of them, by path. A controller's gains are parameters of the runs; those of a
-linear-quadratic one follow from its weights.
+The models of controllers are the robot of the study with the numbers that its file gives, whatever
+varies in the robot that is controlled; `model` changes numbers of them, by path. A controller's
+gains are parameters of the runs; those of a linear-quadratic one follow from its weights.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ MODEL = "numbers of the model that differ from the robot's, by path"
 
 
 class SamplerRecord(Record):
-    """Call a controller at a fixed rate, and hold what it gives in between (`linkwork.control.Sampler`)."""
+    """Call a controller at a fixed rate, and hold what it gives in between
+    (`linkwork.control.Sampler`)."""
 
     def around(self, law: Law) -> control.Sampler:
         """Return the controller that calls another one so."""
@@ -49,7 +51,8 @@ class SamplerRecord(Record):
 
 
 def read(numbers: Mapping[str, Number], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a record for described numbers; defaults: of those that may be left out."""
+    """Return the fields of a record for described numbers; defaults: of those that may be left
+    out."""
     given = {}
     for name, of in numbers.items():
         kind = of.kind | Mapping[PathName, of.kind] if of.by else of.kind
@@ -92,7 +95,8 @@ class ControllerRecord(Record):
 
     @property
     def weights(self) -> tuple[str, ...]:
-        """The names of numbers that are no parameters of the runs, but that parameters follow from."""
+        """The names of numbers that are no parameters of the runs, but that parameters follow
+        from."""
         own = {field.name for field in fields(self.LAW)}
         given = {
             name: getattr(self, name) for name in self.FORM.takes if name not in (*own, "model")
@@ -118,7 +122,8 @@ class ControllerRecord(Record):
 
 @lru_cache(maxsize=16)
 def changed(robot: Robot, numbers: tuple[tuple[str, float], ...]) -> Robot:
-    """Return a robot with other numbers, by path; it is derived once for all controllers that believe in them."""
+    """Return a robot with other numbers, by path; it is derived once for all controllers that
+    believe in them."""
     try:
         return Robot(edited(robot.mechanism, dict(numbers)), robot.independent)
     except MechanismError as error:
@@ -134,7 +139,8 @@ def posed(model: Robot, goal: State) -> State:
 
 
 def record(law: type[Controller], form: Form) -> type[ControllerRecord]:
-    """Return the record of one form of a law: its goal, how it is sampled, its model, its type and its numbers.
+    """Return the record of one form of a law: its goal, how it is sampled, its model, its type and
+    its numbers.
 
     A law with states of its own is not sampled.
     """

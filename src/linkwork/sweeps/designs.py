@@ -1,11 +1,13 @@
-"""Designs: which values the members of a study have. Each is a pure function of the study and the member's number.
+"""Designs: which values the members of a study have. Each is a pure function of the study and the
+member's number.
 
-    grid      every combination of the levels, the last name varying fastest
-    random    independent values x = F^-1(u), u from a counter-based generator (Philox), so that member i is i's alone
-    sobol     the same with u from a scrambled Sobol sequence, which fills the space evenly; best with 2^k members
+    grid    every combination of the levels, the last name varying fastest
+    random  independent values x = F^-1(u), u from a counter-based generator (Philox), so that
+    member i is i's alone
+    sobol   the same with u from a scrambled Sobol sequence, which fills the space evenly; best with 2^k members
 
-Sources: Salmon et al., Parallel random numbers: as easy as 1, 2, 3 (2011); Owen, Scrambling Sobol' and Niederreiter-Xing
-points (1998).
+Sources: Salmon et al., Parallel random numbers: as easy as 1, 2, 3 (2011); Owen, Scrambling Sobol'
+and Niederreiter-Xing points (1998).
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ class Variation(Record, ABC):
     @property
     @abstractmethod
     def bounds(self) -> tuple[float, float]:
-        """The least and the largest value; of a distribution without end those it passes once in 10^9 members."""
+        """The least and the largest value; of a distribution without end those it passes once in
+        10^9 members."""
 
 
 class Distribution(Variation):
@@ -115,7 +118,8 @@ class Levels(Variation):
             raise MechanismError(f"low and high are both {self.low:g}; give two different ends")
         if self.spacing == "geometric" and self.low * self.high <= 0:
             raise MechanismError(
-                "geometric levels need ends of one sign that are not zero; give others, or even spacing"
+                "geometric levels need ends of one sign that are not zero; give others, or even "
+                "spacing"
             )
         return self
 
@@ -165,7 +169,8 @@ class Triangular(Bounded):
 
 
 class Normal(Distribution):
-    """Vary by Gauss's law with a mean and a standard deviation; cut off at low and high where these are given."""
+    """Vary by Gauss's law with a mean and a standard deviation; cut off at low and high where these
+    are given."""
 
     type: Literal["normal"] = "normal"
     mean: Real = Field(description="the mean")
@@ -195,14 +200,16 @@ class Normal(Distribution):
         left, right = (a, b) if a < 0 else (-b, -a)
         if not ndtr(right) - ndtr(left) > 0:
             raise MechanismError(
-                f"a normal distribution of mean {self.mean:g} and deviation {self.deviation:g} has no values between low "
-                f"and high, {a:.3g} and {b:.3g} deviations from the mean; widen them"
+                f"a normal distribution of mean {self.mean:g} and deviation {self.deviation:g} "
+                f"has no values between low and high, {a:.3g} and {b:.3g} deviations from the "
+                "mean; widen them"
             )
         return self
 
 
 class LogNormal(Distribution):
-    """Vary by Gauss's law in the logarithm about a median; deviation: standard deviation of the natural logarithm."""
+    """Vary by Gauss's law in the logarithm about a median; deviation: standard deviation of the
+    natural logarithm."""
 
     type: Literal["log_normal"] = "log_normal"
     median: Positive = Field(description="the median, above 0")
@@ -235,7 +242,8 @@ class Design(Record, ABC):
 
     @abstractmethod
     def points(self, variations: Sequence[Variation], first: int, last: int) -> np.ndarray:
-        """Return the values (last - first, variations) of the points from `first` to before `last`."""
+        """Return the values (last - first, variations) of the points from `first` to before
+        `last`."""
 
 
 class Grid(Design):

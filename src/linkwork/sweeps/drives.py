@@ -17,7 +17,8 @@ DRIVES: Mapping[str, type[control.Drive]] = {
 
 
 def drive(given: Mapping[str, Any], where: tuple[str, ...]) -> control.Drive:
-    """Return the drive that a mapping of its type and its numbers stands for (`linkwork.control`)."""
+    """Return the drive that a mapping of its type and its numbers stands for
+    (`linkwork.control`)."""
     numbers = dict(given)
     kind = numbers.pop("type", None)
     if kind not in DRIVES:

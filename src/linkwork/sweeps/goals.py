@@ -1,4 +1,5 @@
-"""Goals of a study: where its controllers lead the robot, as records of a file; a robot resolves them to states or motions."""
+"""Goals of a study: where its controllers lead the robot, as records of a file; a robot resolves
+them to states or motions."""
 
 from __future__ import annotations
 

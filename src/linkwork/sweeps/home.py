@@ -16,7 +16,8 @@ TOOL, JOINTS, RATES = "start.tool.", "start.joints.", "start.rates."
 
 
 def same_start(study: Study, robot: Robot) -> bool:
-    """Tell whether all members start at the same coordinates: nothing that varies is part of the loops or of the start."""
+    """Tell whether all members start at the same coordinates: nothing that varies is part of the
+    loops or of the start."""
     if any(name.startswith((TOOL, JOINTS)) for name in study.varied):
         return False
     function = functions.assembly(robot.equations)
@@ -30,7 +31,8 @@ def same_start(study: Study, robot: Robot) -> bool:
 
 
 def several_in_an_inertia(study: Study) -> bool:
-    """Tell whether several elements of one inertia vary, so that each may be possible and all together not."""
+    """Tell whether several elements of one inertia vary, so that each may be possible and all
+    together not."""
     places = [located(study.robot, path)[0] for path in study.paths]
     bodies = [where[:2] for where in places if "inertia" in where]
     return len(set(bodies)) < len(bodies)

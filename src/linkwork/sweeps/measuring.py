@@ -38,11 +38,12 @@ OF_POSITION = (
 def measured(
     bench: Bench, law: int, ensemble: Ensemble, wanted: Iterable[str], threads: int | None
 ) -> dict[str, np.ndarray]:
-    """Return the wanted quantities (members, times[, components]) of an ensemble; nan at times that a member did not reach.
+    """Return the wanted quantities (members, times[, components]) of an ensemble; nan at times that
+    a member did not reach.
 
-    Angles are those of the joints, turn by turn; tool_error is the tool's distance from the goal's motion, in the
-    coordinates of its pose, and tracking_error  x_d - x  of the actuated joints, as controllers see it.
-    law: which of the study's controllers; threads: all processors if left out
+    Angles are those of the joints, turn by turn; tool_error is the tool's distance from the goal's
+    motion, in the coordinates of its pose, and tracking_error  x_d - x  of the actuated joints, as
+    controllers see it. law: which of the study's controllers; threads: all processors if left out
     """
     wanted, crew = list(wanted), ensemble.members
     shape = (len(ensemble), len(bench.times))
@@ -64,7 +65,8 @@ def measured(
 
 
 def blocks(rows: Rows) -> Iterator[Rows]:
-    """Yield saved states some at a time: a block fits the processor's cache, and threads have something to share."""
+    """Yield saved states some at a time: a block fits the processor's cache, and threads have
+    something to share."""
     for first in range(0, len(rows.members), BLOCK):
         yield rows[first : first + BLOCK]
 
@@ -82,7 +84,8 @@ def wound(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> np.ndarray
 def everywhere(
     bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Return the wanted quantities of saved states (rows[, components]), also of those where singular poses are passed."""
+    """Return the wanted quantities of saved states (rows[, components]), also of those where
+    singular poses are passed."""
     still = [name for name in wanted if name in OF_POSITION] if rows.nodes else []
     moving = [name for name in wanted if name not in still]
     found = of_rows(bench, law, crew, rows, still) if still else {}
@@ -137,7 +140,8 @@ def of_rows(
 
 
 def tool(equations: Equations) -> ca.Function:
-    """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and matrix, row by row."""
+    """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
+    matrix, row by row."""
     position, orientation, angle = measures.tool_pose(
         equations.tree, next(iter(equations.mechanism.tools.values()))
     )
@@ -160,7 +164,8 @@ def poses(found: np.ndarray) -> np.ndarray:
 
 
 def reactions(bench: Bench, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """Return how large the moments, about the origins of F1, and the forces are that joints transmit (rows, joints).
+    """Return how large the moments, about the origins of F1, and the forces are that joints
+    transmit (rows, joints).
 
     The samples' chart has a row of parameters for each sample, or one for all.
     """
@@ -177,7 +182,8 @@ def reactions(bench: Bench, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
 
 
 def forced(crew: Members, rows: Rows, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return accelerations of the independent rates, commands and actuator forces of saved states."""
+    """Return accelerations of the independent rates, commands and actuator forces of saved
+    states."""
     q, v, z = rows.split()
     inputs = np.concatenate([crew.system.inputs(t), rows.held], axis=1)
     p = crew.p[rows.members] if len(crew.p) > 1 else crew.p

@@ -57,7 +57,8 @@ class Output:
         words = text.split(maxsplit=1)
         if len(words) != 2:
             raise MechanismError(
-                f"{shown(text)} is no output; give a reduction and a quantity, such as 'peak actuator_force'"
+                f"{shown(text)} is no output; give a reduction and a quantity, such as 'peak "
+                "actuator_force'"
             )
         reduction, (quantity, _, component) = words[0], words[1].partition(".")
         if reduction not in REDUCTIONS:
@@ -84,7 +85,8 @@ class Output:
         )
 
     def of(self, times: np.ndarray, values: np.ndarray, components: tuple[str, ...]) -> np.ndarray:
-        """Return the output (members[, components]) of a quantity's values (members, K[, components])."""
+        """Return the output (members[, components]) of a quantity's values (members, K[,
+        components])."""
         if self.component:
             values = values[..., components.index(self.component)]
         return REDUCTIONS[self.reduction][0](times, values)

@@ -1,4 +1,5 @@
-"""Quantities: what can be measured of the members of a study, with the axis of its components and its unit."""
+"""Quantities: what can be measured of the members of a study, with the axis of its components and
+its unit."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class StudyQuantity:
-    """Describe a quantity: the axis of its components, if it has any, and its unit, or two: of slides and of turns."""
+    """Describe a quantity: the axis of its components, if it has any, and its unit, or two: of
+    slides and of turns."""
 
     axis: str | None
     unit: str

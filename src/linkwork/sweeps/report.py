@@ -1,8 +1,8 @@
 """The report: what a study comes to, in a table and in plots, read from the store chunk by chunk.
 
-For each output: mean, standard deviation, least and largest value of the members that finished, and its correlation with
-each number that varies. Means and second moments of chunks are put together by Chan's formula.
-Source: Chan, Golub & LeVeque, Algorithms for computing the sample variance (1983).
+For each output: mean, standard deviation, least and largest value of the members that finished, and
+its correlation with each number that varies. Means and second moments of chunks are put together by
+Chan's formula. Source: Chan, Golub & LeVeque, Algorithms for computing the sample variance (1983).
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ PANELS = (8, 5)  # outputs and varied names that are drawn
 
 @dataclass(frozen=True, eq=False)
 class MemberMoments:
-    """Hold what members that finished come to: columns are the varied numbers, then all components of the outputs."""
+    """Hold what members that finished come to: columns are the varied numbers, then all components
+    of the outputs."""
 
     count: int
     mean: np.ndarray
@@ -101,7 +102,8 @@ class SummaryRow:
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """Hold what a study comes to: how many members ended in which way, and a row for each output."""
+    """Hold what a study comes to: how many members ended in which way, and a row for each
+    output."""
 
     statuses: Mapping[str, int]
     rows: tuple[SummaryRow, ...]
@@ -202,7 +204,8 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
 
 
 def figure(store: Store, found: Summary) -> Figure:
-    """Draw each output over each number that varies, and its distribution; a colour for each controller."""
+    """Draw each output over each number that varies, and its distribution; a colour for each
+    controller."""
     from linkwork.views.style import COLOURS, new_figure, styled
 
     varied = store.bench.study.varied[: PANELS[1]]

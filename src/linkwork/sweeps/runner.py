@@ -1,6 +1,8 @@
-"""The runner: compute the chunks of a study that are not finished, here or on a Dask cluster, and write them as they come.
+"""The runner: compute the chunks of a study that are not finished, here or on a Dask cluster, and
+write them as they come.
 
-There is one writer, this process, and never more than a few chunks under way: memory does not grow with the study.
+There is one writer, this process, and never more than a few chunks under way: memory does not grow
+with the study.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ _ALONE = Lock()
 
 @dataclass(frozen=True)
 class Outcome:
-    """Say what a sweep did: chunks that were finished before, corrupted ones among the computed, computed now."""
+    """Say what a sweep did: chunks that were finished before, corrupted ones among the computed,
+    computed now."""
 
     store: Store
     before: int
@@ -46,18 +49,20 @@ def sweep(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Compute a study into folder/results.zarr; what is finished there already is not computed again.
+    """Compute a study into folder/results.zarr; what is finished there already is not computed
+    again.
 
     Args:
         study: what to compute.
         folder: where the results are written; it is made if it is not there.
-        scheduler: address of a Dask scheduler, such as "tcp://host:8786"; left out, all is computed here.
+        scheduler: address of a Dask scheduler, such as "tcp://host:8786"; left out, all is computed
+            here.
         threads: to use here; all processors if left out.
         progress: called with the numbers of chunks finished and of all.
 
     Raises:
-        StudyError: a study that does not fit the robot, a store that is another study's or cannot be written, a scheduler
-            that is not there or is lost.
+        StudyError: a study that does not fit the robot, a store that is another study's or cannot
+            be written, a scheduler that is not there or is lost.
     """
     bench, report = bench_of(study), progress or (lambda done, total: None)
     store = Store.open(Path(folder) / RESULTS, bench)
@@ -133,7 +138,8 @@ def result(future: Any, index: int, address: str) -> Results:
         raise lost(address, error) from None
     except KilledWorker:
         raise StudyError(
-            f"chunk {index} ended several workers of {address}, most likely for want of memory; {KEPT}"
+            f"chunk {index} ended several workers of {address}, most likely for want of memory; "
+            f"{KEPT}"
         ) from None
     except ImportError as error:
         raise StudyError(
@@ -158,7 +164,8 @@ def connected(address: str) -> Client:
     except Exception:  # whatever comes of reading what another service says
         why = "something else answers"
     raise StudyError(
-        f"there is no Dask scheduler at {address} ({why}); start one ('dask scheduler'), or leave out --scheduler"
+        f"there is no Dask scheduler at {address} ({why}); start one ('dask scheduler'), or "
+        "leave out --scheduler"
     )
 
 
@@ -180,7 +187,8 @@ def require_workers(client: Client, address: str) -> int:
         client.wait_for_workers(1, timeout=PATIENCE)
     except (TimeoutError, OSError):
         raise StudyError(
-            f"the scheduler at {address} has no workers; start some ('dask worker {address}'); {KEPT}"
+            f"the scheduler at {address} has no workers; start some ('dask worker {address}'); "
+            f"{KEPT}"
         ) from None
     return len(client.scheduler_info(n_workers=-1)["workers"])
 

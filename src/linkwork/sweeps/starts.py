@@ -1,9 +1,11 @@
-"""Starts: close the loops of all members at a time, each with its own lengths, at its own coordinates or tool pose.
+"""Starts: close the loops of all members at a time, each with its own lengths, at its own
+coordinates or tool pose.
 
-    [Phi; J] s = -[phi; x - x_d],    q <- q + N s          Gauss-Newton steps of least length, for all members together
+    [Phi; J] s = -[phi; x - x_d],  q <- q + N s  Gauss-Newton steps of least length, for all members
+    together
 
-from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge so, or on another
-working mode, are assembled one by one, with shorter steps.
+from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge
+so, or on another working mode, are assembled one by one, with shorter steps.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ Values = Mapping[str, np.ndarray]
 
 
 def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
-    """Return a stack of states for members with varied values (M, varied), and 0 for each, UNREACHABLE, or REFUSED."""
+    """Return a stack of states for members with varied values (M, varied), and 0 for each,
+    UNREACHABLE, or REFUSED."""
     study, robot, count = bench.study, bench.robot, len(values)
     of = {name: values[:, i] for i, name in enumerate(study.varied)}
     q, v = np.tile(bench.start.q, (count, 1)), np.tile(bench.start.rates, (count, 1))
@@ -58,7 +61,8 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
 def closed_together(
     bench: Bench, q: np.ndarray, p: np.ndarray, of: Values
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return coordinates (M, nq) of members with parameters p (M, np), and which of them are closed."""
+    """Return coordinates (M, nq) of members with parameters p (M, np), and which of them are
+    closed."""
     robot, start = bench.robot, bench.study.start
     given = {name: np.full(len(q), value) for name, value in start.joints.items()}
     given |= {
@@ -90,7 +94,8 @@ def closed_together(
 def solved(
     robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return q (M, nq) with the given joint coordinates or tool poses, and where that was reached."""
+    """Return q (M, nq) with the given joint coordinates or tool poses, and where that was
+    reached."""
     q, closed, open_ = q.copy(), np.zeros(len(q), dtype=bool), np.arange(len(q))
     for _ in range(ROUNDS):
         part = {name: column[open_] for name, column in joints.items()}
@@ -123,8 +128,9 @@ def least_step(J: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.ndarray | None):
-    """Return the residuals (M, rows), their Jacobians in the tree's rates, the maps N from these to q', all in the
-    mechanism's own units, and whether joints' frames face each other as they should (M).
+    """Return the residuals (M, rows), their Jacobians in the tree's rates, the maps N from these to
+    q', all in the mechanism's own units, and whether joints' frames face each other as they should
+    (M).
     """
     kernel, nv = robot.kernel("assembly"), len(robot.equations.tree.rates)
     out = {
@@ -159,7 +165,8 @@ def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.nd
 
 
 def pose_error(planar: bool, out: Values, pose: np.ndarray) -> np.ndarray:
-    """Return how far the tools are from poses (M, 2 or 3 in the plane, 3 or 6 in space); turns the short way round."""
+    """Return how far the tools are from poses (M, 2 or 3 in the plane, 3 or 6 in space); turns the
+    short way round."""
     if planar:
         return np.concatenate(
             [out["position"][:, :2] - pose[:, :2], wrapped(out["angle"] - pose[:, 2:])], axis=1

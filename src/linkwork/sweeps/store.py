@@ -1,7 +1,9 @@
-"""The store: a Zarr group with the results of a study, written chunk by chunk and read by `xarray.open_zarr`.
+"""The store: a Zarr group with the results of a study, written chunk by chunk and read by
+`xarray.open_zarr`.
 
-Its arrays are those of `Bench.fields`, in chunks along "member" that are the study's. The array "checksum" tells which are
-finished: it is written last, so that whatever ends the program at any moment, a chunk is finished or done again.
+Its arrays are those of `Bench.fields`, in chunks along "member" that are the study's. The array
+"checksum" tells which are finished: it is written last, so that whatever ends the program at any
+moment, a chunk is finished or done again.
 """
 
 from __future__ import annotations
@@ -40,10 +42,12 @@ class Store:
 
     @classmethod
     def open(cls, path: Path, bench: Bench) -> Store:
-        """Open the store of a study, or make it, whole or not at all; what is damaged of its descriptions is mended.
+        """Open the store of a study, or make it, whole or not at all; what is damaged of its
+        descriptions is mended.
 
         Raises:
-            StudyError: a store of another study, something that is no store, a place that cannot be written.
+            StudyError: a store of another study, something that is no store, a place that cannot be
+                written.
         """
         import zarr
 
@@ -56,11 +60,13 @@ class Store:
                 arrays = {name: group[name] for name in (*bench.fields, CHECKSUM) if name in group}
         except Exception as error:  # whatever a decoder says of a file that is damaged
             raise StudyError(
-                f"{path} is no store of a study that can be read ({reason(error)}); remove it, or give another folder"
+                f"{path} is no store of a study that can be read ({reason(error)}); remove it, "
+                "or give another folder"
             ) from None
         if text != bench.study.text:
             raise StudyError(
-                f"{path} holds the results of another study ({other(text)}); give another folder, or remove it"
+                f"{path} holds the results of another study ({other(text)}); give another "
+                "folder, or remove it"
             )
         wanted = {
             name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()
@@ -69,7 +75,8 @@ class Store:
             CHECKSUM: (bench.study.chunks,)
         }:
             raise StudyError(
-                f"{path} was written by another version of the program; give another folder, or remove it"
+                f"{path} was written by another version of the program; give another folder, or "
+                "remove it"
             )
         mend(path, group, bench)
         return cls(path, bench, arrays)
@@ -87,7 +94,8 @@ class Store:
         """Write the arrays of a chunk, and last its checksum.
 
         Raises:
-            StudyError: the disk is full or otherwise not writable; what was finished before stays so.
+            StudyError: the disk is full or otherwise not writable; what was finished before stays
+                so.
         """
         with written(self.path):
             self.arrays[CHECKSUM][index] = 0
@@ -96,7 +104,8 @@ class Store:
             self.arrays[CHECKSUM][index] = np.uint64(digest(results))
 
     def state(self, index: int) -> str:
-        """Return "finished", "open", or "corrupted": finished once, but what is on disk is not what was written."""
+        """Return "finished", "open", or "corrupted": finished once, but what is on disk is not what
+        was written."""
         try:
             found = int(np.asarray(self.arrays[CHECKSUM][index]))
             if not found:
@@ -162,7 +171,8 @@ def coordinates(bench: Bench) -> dict[str, np.ndarray]:
 
 
 def mend(path: Path, group: Any, bench: Bench) -> None:
-    """Write anew what is not as it was made: the arrays' descriptions, which the group's repeats, times and names."""
+    """Write anew what is not as it was made: the arrays' descriptions, which the group's repeats,
+    times and names."""
     described = read_or_none(
         lambda: json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"]
     )
@@ -182,7 +192,8 @@ def mend(path: Path, group: Any, bench: Bench) -> None:
 
 
 def other(text: Any) -> str:
-    """Return the name of the study that a store says it is of; what is no study is another program's."""
+    """Return the name of the study that a store says it is of; what is no study is another
+    program's."""
     try:
         return Study.model_validate_json(text).name
     except Exception:  # whatever is there in its place
@@ -219,7 +230,8 @@ def written(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StudyError(
-            f"{path} cannot be written: {reason(error)}; what is finished is kept: the same command goes on from there"
+            f"{path} cannot be written: {reason(error)}; what is finished is kept: the same "
+            "command goes on from there"
         ) from None
 
 

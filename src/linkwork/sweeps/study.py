@@ -1,6 +1,8 @@
-"""Studies: which robots, starts, forces and controllers are simulated, and what is kept of the runs.
+"""Studies: which robots, starts, forces and controllers are simulated, and what is kept of the
+runs.
 
-A study is a YAML file with the fields of `Study`; its first line is `study: 1`. Units are SI, angles are in radians.
+A study is a YAML file with the fields of `Study`; its first line is `study: 1`. Units are SI,
+angles are in radians.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ class StudyError(MechanismError):
 
 
 class Start(Record):
-    """Say where runs start: at a tool pose, at joint coordinates (with a tool pose they choose the branch), with rates."""
+    """Say where runs start: at a tool pose, at joint coordinates (with a tool pose they choose the
+    branch), with rates."""
 
     tool: tuple[Real, ...] | None = Field(default=None, description="pose of the tool [m, rad]")
     joints: Mapping[PathName, Real] = Field(
@@ -59,9 +62,10 @@ class Start(Record):
 class Study(Record):
     """Describe a study.
 
-    What varies is named by the path of a number of the robot ("platform.mass"), or by its place here:
-    "start.tool.x", "start.joints.slide_1", "start.rates.slide_1", "forces.slide_1", "controllers.NAME.kp",
-    "drives.slide_1.resistance". Each controller is tried with every point of the design.
+    What varies is named by the path of a number of the robot ("platform.mass"), or by its place
+    here: "start.tool.x", "start.joints.slide_1", "start.rates.slide_1", "forces.slide_1",
+    "controllers.NAME.kp", "drives.slide_1.resistance". Each controller is tried with every point of
+    the design.
 
     Raises:
         MechanismError: one sentence that names the element, the value and what would be accepted.
@@ -306,7 +310,8 @@ def _robot(name: Any, folder: Path) -> Mechanism:
     if not file.suffix:
         known: Iterable[str] = robots.__all__
         raise MechanismError(
-            f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has {', '.join(known)}",
+            f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has "
+            f"{', '.join(known)}",
             ("robot",),
         )
     try:

@@ -1,6 +1,8 @@
-"""The viewer in the browser: the platform is dragged while the loops stay closed, runs are played, forces are shown.
+"""The viewer in the browser: the platform is dragged while the loops stay closed, runs are played,
+forces are shown.
 
-`session` is what happens, without a browser; `stage` and `panels` show it by viser, the optional extra `viewer`.
+`session` is what happens, without a browser; `stage` and `panels` show it by viser, the optional
+extra `viewer`.
 """
 
 from linkwork.viewer.session import Session, View

@@ -1,7 +1,7 @@
 """Arrows of forces, moments and velocities in a configuration.
 
-A force or velocity is an arrow of a length in proportion to the largest of its kind. A moment is an arc about its axis, by
-the right-hand rule; the largest is three quarters of a turn.
+A force or velocity is an arrow of a length in proportion to the largest of its kind. A moment is an
+arc about its axis, by the right-hand rule; the largest is three quarters of a turn.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ LEAST = 0.02  # part of the largest below which nothing is drawn
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Hold vectors (k, 3) in the ground's axes at places (k, 3) [m], and which of them are moments or turn (k)."""
+    """Hold vectors (k, 3) in the ground's axes at places (k, 3) [m], and which of them are moments
+    or turn (k)."""
 
     places: np.ndarray
     values: np.ndarray
@@ -55,14 +56,16 @@ NOTHING = Arrows.of(())
 
 @dataclass(frozen=True, eq=False)
 class ArrowLines:
-    """Hold what is drawn: arrows (k, 2, 3) from start to tip, and segments of arcs (k, 2, 3) [m]."""
+    """Hold what is drawn: arrows (k, 2, 3) from start to tip, and segments of arcs (k, 2, 3)
+    [m]."""
 
     arrows: np.ndarray
     arcs: np.ndarray
 
 
 def drawn(vectors: Arrows, largest: tuple[float, float], size: float) -> ArrowLines:
-    """Return the arrows and arcs of vectors; `largest` are the magnitudes that are drawn in full."""
+    """Return the arrows and arcs of vectors; `largest` are the magnitudes that are drawn in
+    full."""
     arrows, arcs = [], []
     for place, value, turning in zip(vectors.places, vectors.values, vectors.turning, strict=True):
         part = float(np.linalg.norm(value)) / max(largest[int(turning)], 1e-300)
@@ -93,7 +96,8 @@ def unit(vector: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Actuator:
-    """Place a rate of a joint: the body in which the axis (3) is fixed, the body and point (3) where it acts, its kind."""
+    """Place a rate of a joint: the body in which the axis (3) is fixed, the body and point (3)
+    where it acts, its kind."""
 
     axis_body: str
     axis: np.ndarray
@@ -113,7 +117,8 @@ def actuators_of(robot: Robot) -> tuple[Actuator, ...]:
 
 
 def actuator(label: str, name: str, joint: PairJoint) -> Actuator:
-    """Place a rate by the motion that it belongs to; those of a free turn are about the axes of the first frame."""
+    """Place a rate by the motion that it belongs to; those of a free turn are about the axes of the
+    first frame."""
     motions = after_turns(KINDS[joint.type].motions(joint))
     rates = [(motion, turned, k) for motion, turned in motions for k in range(motion.rates)]
     motion, turned, k = rates[joint.rates(name).index(label)]
@@ -156,7 +161,8 @@ class ArrowField:
         return Arrows.of(rows())
 
     def reactions(self, state: State, u: np.ndarray) -> Arrows:
-        """Return the forces [N] that joints exert on their second bodies under actuator forces u."""
+        """Return the forces [N] that joints exert on their second bodies under actuator forces
+        u."""
         poses, found = self.poses(state), self.robot.reactions(state, u)
         pairs = self.robot.mechanism.pairs
 

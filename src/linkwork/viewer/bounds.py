@@ -1,4 +1,5 @@
-"""Joint limits as rows: how far a configuration lies inside them, and how that changes with the tree's rates."""
+"""Joint limits as rows: how far a configuration lies inside them, and how that changes with the
+tree's rates."""
 
 from __future__ import annotations
 
@@ -16,11 +17,12 @@ SIDES = {-1: "lower", 1: "upper"}
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """Keep  side * x <= side * bound  for a joint coordinate x, or for the angle x = 2 acos |qw| of a free turn.
+    """Keep  side * x <= side * bound  for a joint coordinate x, or for the angle x = 2 acos |qw| of
+    a free turn.
 
     name; bound [m, rad]; side: -1 of a lower, 1 of an upper limit; unit: m or rad
-    places: of the coordinate (1) or the quaternion (4) among all coordinates; rates: of its rate (1), or of the angular
-    velocity (3), among all rates
+    places: of the coordinate (1) or the quaternion (4) among all coordinates; rates: of its rate
+    (1), or of the angular velocity (3), among all rates
     """
 
     name: str
@@ -38,7 +40,8 @@ class Bound:
         )
 
     def row(self, out: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return dx/dw (nv): the coordinate's rate; of a free turn the angular velocity about its axis."""
+        """Return dx/dw (nv): the coordinate's rate; of a free turn the angular velocity about its
+        axis."""
         rows = out["J_coordinates"][self.rates]
         if len(self.places) == 1:
             return rows[0]

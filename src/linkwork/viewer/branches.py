@@ -1,4 +1,5 @@
-"""Other branches of a pose: all configurations with the actuated joints, or the tool, where they are."""
+"""Other branches of a pose: all configurations with the actuated joints, or the tool, where they
+are."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ STARTS = 20_000
 
 
 def branches(robot: Robot, state: State, same: str) -> tuple[list[State], int]:
-    """Find the configurations with the same "actuators" (assembly modes) or the same "tool" (working modes).
+    """Find the configurations with the same "actuators" (assembly modes) or the same "tool"
+    (working modes).
 
     Returns:
         The configurations, among them the present one, and its index.

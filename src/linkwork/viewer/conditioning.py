@@ -1,8 +1,10 @@
-"""Conditioning: how well the actuators move the tool in a configuration, from 1 (alike in all directions) to 0 (singular).
+"""Conditioning: how well the actuators move the tool in a configuration, from 1 (alike in all
+directions) to 0 (singular).
 
-With an orthonormal basis N of the motions that the loops allow, the actuated rates are B z and the tool's twist is A z.
-The conditioning is  1 / cond(A B^+),  turns counted times a length. Where there is no tool, or a single freedom, it is the
-smallest singular value of B: the part of the worst motion that the actuators see.
+With an orthonormal basis N of the motions that the loops allow, the actuated rates are B z and the
+tool's twist is A z. The conditioning is  1 / cond(A B^+),  turns counted times a length. Where
+there is no tool, or a single freedom, it is the smallest singular value of B: the part of the worst
+motion that the actuators see.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ SMALL = 1e-12
 
 
 def conditioning(pursuit: Pursuit, out: Outputs) -> float:
-    """Return the conditioning (0 to 1) of a configuration by its outputs of `functions.assembly`."""
+    """Return the conditioning (0 to 1) of a configuration by its outputs of
+    `functions.assembly`."""
     robot, scale = pursuit.robot, pursuit.scale
     _, N = inverse(out["Phi"] * scale)
     names = robot.actuators if len(robot.actuators) >= robot.mobility else robot.independent
@@ -39,7 +42,8 @@ def conditioning(pursuit: Pursuit, out: Outputs) -> float:
 
 
 def colour(value: float) -> tuple[int, int, int]:
-    """Return the colour of a conditioning: vermilion where nearly singular, yellow, blue where good; by its logarithm."""
+    """Return the colour of a conditioning: vermilion where nearly singular, yellow, blue where
+    good; by its logarithm."""
     t = np.log(np.clip(value, WORST, BEST) / WORST) / np.log(BEST / WORST)
     stops = np.array([rgb(VERMILION), rgb(YELLOW), rgb(BLUE)], float)
     red, green, blue = (round(float(np.interp(t, (0, 0.5, 1), stops[:, k]))) for k in range(3))

@@ -1,10 +1,10 @@
 """Who is let in: the viewer's address with its token, and what of a browser's requests is answered.
 
-Any page that a user visits may send requests to this computer, and a websocket is not kept from other origins by browsers.
-So the address holds a token that nobody else knows; with it the page is given and a cookie set, and without either nothing
-is: no page, no websocket. A websocket that a page of another origin opens is refused even so. Both are checked by the server
-before viser sees anything.
-Sources: RFC 6455, sec. 10.2 (origins of websockets); RFC 6265 (cookies).
+Any page that a user visits may send requests to this computer, and a websocket is not kept from
+other origins by browsers. So the address holds a token that nobody else knows; with it the page is
+given and a cookie set, and without either nothing is: no page, no websocket. A websocket that a
+page of another origin opens is refused even so. Both are checked by the server before viser sees
+anything. Sources: RFC 6455, sec. 10.2 (origins of websockets); RFC 6265 (cookies).
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ PORT, PORTS = 8080, 50
 LOOPBACK = "127.0.0.1"
 UNAVAILABLE = (errno.EADDRNOTAVAIL,)
 MISSING = "the viewer needs viser; install linkwork with its extra: pip install 'linkwork[viewer]'"
-UNGUARDED = "this version of viser cannot be kept from strangers' pages; install the one that linkwork was tested with"
+UNGUARDED = (
+    "this version of viser cannot be kept from strangers' pages; install the one that linkwork "
+    "was tested with"
+)
 NO_TOKEN = "This page needs the whole address that linkwork printed, with its token.\n"
 OTHER_ORIGIN = "Pages of another origin cannot reach the viewer.\n"
 BUILDING = Lock()
@@ -76,10 +79,12 @@ class Door:
 
 
 def serve(host: str, port: int | None) -> tuple[viser.ViserServer, str]:
-    """Listen at an address, on a port that must be free, or the first free one from 8080 on; return the page's address, too.
+    """Listen at an address, on a port that must be free, or the first free one from 8080 on; return
+    the page's address, too.
 
     Raises:
-        LinkworkError: the port is in use or no port, the address is none of this computer, viser is not installed.
+        LinkworkError: the port is in use or no port, the address is none of this computer, viser is
+            not installed.
     """
     try:
         import viser
@@ -97,9 +102,11 @@ def serve(host: str, port: int | None) -> tuple[viser.ViserServer, str]:
 
 @contextmanager
 def kept(door: Door, used: list[Door]) -> Iterator[None]:
-    """Have what listens for websockets meanwhile ask the door first, and tell in `used` that it does.
+    """Have what listens for websockets meanwhile ask the door first, and tell in `used` that it
+    does.
 
-    viser hands on no request to judge, so the function that it calls to listen is exchanged while its server is made.
+    viser hands on no request to judge, so the function that it calls to listen is exchanged while
+    its server is made.
     """
     import websockets.asyncio.server as websockets
 
@@ -118,7 +125,8 @@ def kept(door: Door, used: list[Door]) -> Iterator[None]:
 
 
 def asking(door: Door, answer: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a way to answer requests that asks the door first, and has browsers remember the token."""
+    """Return a way to answer requests that asks the door first, and has browsers remember the
+    token."""
 
     def asked(connection: Any, request: Any) -> Any:
         refusal = door.refusal(request.path, request.headers)

@@ -1,4 +1,5 @@
-"""The scene as solids that a browser shows, each fixed in a carrier: a body, the ground, or a span between two points.
+"""The scene as solids that a browser shows, each fixed in a carrier: a body, the ground, or a span
+between two points.
 
 As they keep their shape, a pose moves only the carriers (`layout`).
 """
@@ -31,10 +32,12 @@ SHARP = 1e-6  # one less the cosine of the angle between two faces with an edge 
 
 @dataclass(frozen=True, eq=False)
 class Fixture:
-    """Hold a solid that is fixed in a carrier: a body, by name, or a span, by number; in the carrier's axes [m].
+    """Hold a solid that is fixed in a carrier: a body, by name, or a span, by number; in the
+    carrier's axes [m].
 
-    mesh: its shape, scaled along its own axes by `scale` (3), turned by R (3, 3), and moved by `position` (3). In a span
-    the scale along z is relative to the span's length. role: that of a part of the scene; of a body's hull "shell"
+    mesh: its shape, scaled along its own axes by `scale` (3), turned by R (3, 3), and moved by
+    `position` (3). In a span the scale along z is relative to the span's length. role: that of a
+    part of the scene; of a body's hull "shell"
     """
 
     carrier: str | int
@@ -48,7 +51,8 @@ class Fixture:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Hold two points by their bodies' names and their places (3) in these bodies' axes [m]; z leads from one to the other."""
+    """Hold two points by their bodies' names and their places (3) in these bodies' axes [m]; z
+    leads from one to the other."""
 
     bodies: tuple[str, str]
     points: tuple[np.ndarray, np.ndarray]
@@ -56,7 +60,8 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Fixtures:
-    """Hold all that is shown of a robot, and the spans that some of it is in; size, centre: of the mechanism [m]."""
+    """Hold all that is shown of a robot, and the spans that some of it is in; size, centre: of the
+    mechanism [m]."""
 
     parts: tuple[Fixture, ...]
     spans: tuple[Stretch, ...]
@@ -79,7 +84,8 @@ def fixtures_of(robot: Robot) -> Fixtures:
 
 
 class Maker:
-    """Make solids of parts that are given in the ground's axes, the bodies in these poses; `spans` by name and number."""
+    """Make solids of parts that are given in the ground's axes, the bodies in these poses; `spans`
+    by name and number."""
 
     def __init__(self, poses: dict[str, tuple[np.ndarray, np.ndarray]], size: float):
         self.poses, self.size = poses, size
@@ -116,7 +122,8 @@ class Maker:
         )
 
     def between(self, part: ScenePart, k: int, piece: PlacedMesh) -> Fixture:
-        """Fix a solid in the span between a point of a part and the next one, which move with two bodies."""
+        """Fix a solid in the span between a point of a part and the next one, which move with two
+        bodies."""
         bodies, points = (part.bodies[k], part.bodies[k + 1]), part.form.points[k : k + 2]  # pyright: ignore
         start, end = (
             (p - self.poses[of][0]) @ self.poses[of][1]

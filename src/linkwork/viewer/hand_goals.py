@@ -1,7 +1,8 @@
-"""Goals of posing by hand: the tool at a pose, or joints at coordinates; each says how far off a configuration is.
+"""Goals of posing by hand: the tool at a pose, or joints at coordinates; each says how far off a
+configuration is.
 
-A goal's error e and its Jacobian J in the tree's rates are lengths: turns count times a length, so that one metre and one
-such turn weigh the same.
+A goal's error e and its Jacobian J in the tree's rates are lengths: turns count times a length, so
+that one metre and one such turn weigh the same.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ Outputs = Mapping[str, np.ndarray]
 
 
 class HandGoal(Protocol):
-    """Measure how far configurations are from what is wanted, by the outputs of `functions.assembly`."""
+    """Measure how far configurations are from what is wanted, by the outputs of
+    `functions.assembly`."""
 
     @property
     def strict(self) -> bool:
-        """Tell whether a goal that cannot be reached is given up, instead of reached as nearly as possible."""
+        """Tell whether a goal that cannot be reached is given up, instead of reached as nearly as
+        possible."""
         ...
 
     def rows(self, out: Outputs) -> tuple[np.ndarray, np.ndarray]:
@@ -30,13 +33,15 @@ class HandGoal(Protocol):
         ...
 
     def towards(self, out: Outputs, part: float) -> HandGoal:
-        """Return the goal that lies on the way from a configuration to this one, at a part of it from 0 to 1."""
+        """Return the goal that lies on the way from a configuration to this one, at a part of it
+        from 0 to 1."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class ToolGoal:
-    """Want the tool at a position (3) [m] and, where `turns`, in an orientation R (3, 3), in the ground's axes.
+    """Want the tool at a position (3) [m] and, where `turns`, in an orientation R (3, 3), in the
+    ground's axes.
 
     length: what a turn of 1 rad counts as [m]; planar: whether only x, y and the angle count
     """
@@ -49,7 +54,8 @@ class ToolGoal:
     strict: bool = False
 
     def rows(self, out: Outputs) -> tuple[np.ndarray, np.ndarray]:
-        """Return e = (p - p_0, l * rotation vector of R R_0') and the tool's Jacobian, turns times l."""
+        """Return e = (p - p_0, l * rotation vector of R R_0') and the tool's Jacobian, turns times
+        l."""
         J, axes = out["J_tool"], (2 if self.planar else 3)
         error, rows = [(out["position"] - self.position)[:axes]], [J[3 : 3 + axes]]
         if self.turns:
@@ -70,8 +76,8 @@ class ToolGoal:
 class JointGoal:
     """Want joint coordinates at values [m, rad].
 
-    coordinates, rates: their indices among those of all joints; values; angular: which are angles; length: what an angle
-    of 1 rad counts as [m]
+    coordinates, rates: their indices among those of all joints; values; angular: which are angles;
+    length: what an angle of 1 rad counts as [m]
     """
 
     coordinates: np.ndarray
@@ -86,7 +92,8 @@ class JointGoal:
         return np.where(self.angular, self.length, 1.0)
 
     def rows(self, out: Outputs) -> tuple[np.ndarray, np.ndarray]:
-        """Return e = l (q_i - value) and the rows of these joints' rates; angles are measured the short way round."""
+        """Return e = l (q_i - value) and the rows of these joints' rates; angles are measured the
+        short way round."""
         scale = self.scale
         return scale * self.off(out), scale[:, None] * out["J_coordinates"][self.rates]
 

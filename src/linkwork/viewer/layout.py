@@ -1,6 +1,8 @@
-"""Where the parts of a robot are in a pose: frames of bodies and spans, and by them those of all parts at once.
+"""Where the parts of a robot are in a pose: frames of bodies and spans, and by them those of all
+parts at once.
 
-A unit quaternion (w, x, y, z) is that of the rotation matrix that turns a part's axes into the ground's.
+A unit quaternion (w, x, y, z) is that of the rotation matrix that turns a part's axes into the
+ground's.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ SHORTEST = 1e-9  # length of a span that still has a direction [m]
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Hold where parts are, in the ground's axes: positions (k, 3) [m], quaternions (k, 4), scales (k, 3)."""
+    """Hold where parts are, in the ground's axes: positions (k, 3) [m], quaternions (k, 4), scales
+    (k, 3)."""
 
     positions: np.ndarray
     turns: np.ndarray
@@ -89,9 +92,11 @@ def quaternions(turns: np.ndarray) -> np.ndarray:
 
 
 def quaternions_along(way: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return unit quaternions (k, 4) of the shortest turns of z along vectors (k, 3) of these lengths.
+    """Return unit quaternions (k, 4) of the shortest turns of z along vectors (k, 3) of these
+    lengths.
 
-    With d the direction, (w, x, y, z) is along (1 + d_z, -d_y, d_x, 0); where d = -z, half a turn about x.
+    With d the direction, (w, x, y, z) is along (1 + d_z, -d_y, d_x, 0); where d = -z, half a turn
+    about x.
     """
     d = way / np.maximum(lengths, SHORTEST)[:, None]
     w = 1 + d[:, 2]

@@ -1,6 +1,7 @@
 """Wishes of browsers, handed from their threads to the one that moves the robot.
 
-Of several wishes about the same thing only the last one counts: a drag that is faster than the robot skips poses.
+Of several wishes about the same thing only the last one counts: a drag that is faster than the
+robot skips poses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The controls beside the scene: what is wrong, joints and branches, the run with its curves, a simulation, what is shown."""
+"""The controls beside the scene: what is wrong, joints and branches, the run with its curves, a
+simulation, what is shown."""
 
 from __future__ import annotations
 
@@ -70,7 +71,10 @@ class Panels:
         )
         self.branches.on_update(self._by_hand(lambda: self.desk.show_branch(self._index())))
         for what, same in (("Assembly modes", "actuators"), ("Working modes", "tool")):
-            hint = f"Find all configurations with the {same} where {'they are' if same == 'actuators' else 'it is'}"
+            hint = (
+                f"Find all configurations with the {same} where "
+                f"{'they are' if same == 'actuators' else 'it is'}"
+            )
             button = self.gui.add_button(what, hint=hint)
             button.on_click(lambda _, same=same: self.desk.find_branches(same))
 
@@ -221,7 +225,8 @@ class Panels:
     # What changes
 
     def refresh(self, view: View, *, texts: bool) -> None:
-        """Show where joints and the run stand; `texts`: also what is written and drawn beside the scene."""
+        """Show where joints and the run stand; `texts`: also what is written and drawn beside the
+        scene."""
         if not texts:
             return
         now = monotonic()
@@ -271,7 +276,10 @@ def lines(session: Session, view: View) -> Iterator[str]:
     if view.time is not None:
         yield f" &middot; t = {view.time:.3f} s"
     yield f"<br>closure error {view.closure:.1e} &middot; conditioning {view.conditioning:.3f} "
-    yield f"<span style='background:rgb({red},{green},{blue});padding:0 0.8em;border-radius:2px'></span>"
+    yield (
+        f"<span style='background:rgb({red},{green},{blue});padding:0 "
+        "0.8em;border-radius:2px'></span>"
+    )
     if view.tool is not None:
         yield f"<br>tool at {', '.join(f'{x:.4f}' for x in np.round(view.tool[0], 4) + 0.0)} m"
     if view.notice:

@@ -11,7 +11,8 @@ SPEEDS = ("1/50", "1/10", "1/4", "1/2", "1", "2", "5", "10")
 class Player:
     """Hold where a run stands.
 
-    start, end: of the run [s]; time: now [s]; speed: run seconds per second; playing; looping: begin anew at the end
+    start, end: of the run [s]; time: now [s]; speed: run seconds per second; playing; looping:
+    begin anew at the end
     """
 
     start: float = 0.0
@@ -44,7 +45,8 @@ class Player:
         return replace(self, time=self.end, playing=False)
 
     def toggled(self) -> Player:
-        """Play or pause; at its end a run is played from the start. A run of one instant stands still."""
+        """Play or pause; at its end a run is played from the start. A run of one instant stands
+        still."""
         if self.playing or not self.end > self.start:
             return replace(self, playing=False)
         return replace(self, playing=True, time=self.start if self.ended else self.time)

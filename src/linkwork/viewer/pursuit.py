@@ -1,11 +1,13 @@
-"""Posing by hand: lead a robot from one closed configuration towards a goal, without opening a loop or changing branch.
+"""Posing by hand: lead a robot from one closed configuration towards a goal, without opening a loop
+or changing branch.
 
 The way is walked in short pieces. In each, Gauss-Newton steps s of the tree's rates solve
 
     minimise |e + J s|^2 + mu^2 |s|^2   subject to   phi + Phi s = 0,
 
-and limits that would be passed are kept as further rows  q_i = bound.  A goal out of reach is thus approached as nearly as
-the loops and the limits allow (a tool slides along the edge of the workspace), and what stands in the way is said.
+and limits that would be passed are kept as further rows  q_i = bound.  A goal out of reach is thus
+approached as nearly as the loops and the limits allow (a tool slides along the edge of the
+workspace), and what stands in the way is said.
 """
 
 from __future__ import annotations
@@ -50,7 +52,8 @@ FEW = 3  # names that are listed
 
 @dataclass(frozen=True)
 class HandReached:
-    """Tell where a pursuit stands: the state, whether the goal is reached, and if it cannot be, why (else empty)."""
+    """Tell where a pursuit stands: the state, whether the goal is reached, and if it cannot be, why
+    (else empty)."""
 
     state: State
     arrived: bool
@@ -79,7 +82,8 @@ class Pursuit:
     # Goals
 
     def tool_goal(self, position: np.ndarray, orientation: np.ndarray) -> ToolGoal:
-        """Want the tool at a position (3) [m] in an orientation (3, 3), as far as its freedoms go."""
+        """Want the tool at a position (3) [m] in an orientation (3, 3), as far as its freedoms
+        go."""
         return ToolGoal(position, orientation, self.length, self.turns, self.robot.planar)
 
     def joint_goal(self, targets: dict[str, float]) -> JointGoal:
@@ -119,7 +123,8 @@ class Pursuit:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """Return what turns rates of the tree, as lengths, into rates: 1 of a slide, 1 / l of a turn (nv)."""
+        """Return what turns rates of the tree, as lengths, into rates: 1 of a slide, 1 / l of a
+        turn (nv)."""
         slides, rates = slide_rates(self.robot), self.robot.equations.tree.rates
         return np.array([1.0 if label in slides else 1 / self.length for label in rates])
 
@@ -134,7 +139,8 @@ class Pursuit:
             pieces: most pieces to walk.
 
         Returns:
-            The state reached, closed; whether that is the goal; where there is no way on, what stands in it.
+            The state reached, closed; whether that is the goal; where there is no way on, what
+            stands in it.
         """
         q, out = state.q, self.assembler.still(state.q)
         for _ in range(pieces):
@@ -185,7 +191,8 @@ class Pursuit:
         return q_next, out_next, held
 
     def passed(self, start: Outputs, out: Outputs, held: Held) -> list[tuple[Bound, float]]:
-        """Return the limits that are passed, with the values to keep: the limits, or where these were passed before."""
+        """Return the limits that are passed, with the values to keep: the limits, or where these
+        were passed before."""
         found = []
         for bound in self.bounds:
             kept = bound.side * max(bound.side * bound.bound, bound.side * bound.value(start))
@@ -197,7 +204,8 @@ class Pursuit:
     def nearest(
         self, q: np.ndarray, out: Outputs, aim: HandGoal, held: Held
     ) -> tuple[np.ndarray, Outputs]:
-        """Return q nearest to an aim with the loops closed and limits kept, and the outputs there."""
+        """Return q nearest to an aim with the loops closed and limits kept, and the outputs
+        there."""
         e, J = aim.rows(out)
         damping, fresh, H_inverse, N = FIRST_DAMPING, True, np.empty(0), np.empty(0)
         for _ in range(ITERATIONS):
@@ -221,7 +229,8 @@ class Pursuit:
     def gauss_newton(
         self, closing: np.ndarray, N: np.ndarray, e: np.ndarray, J: np.ndarray, damping: float
     ) -> np.ndarray:
-        """Return the step s (nv) as lengths: the one that closes, and of those that keep closed (N) the best."""
+        """Return the step s (nv) as lengths: the one that closes, and of those that keep closed (N)
+        the best."""
         JN = J @ N
         mu = damping * float(np.linalg.norm(JN))
         left = JN.T @ JN + mu**2 * np.eye(JN.shape[1])
@@ -231,7 +240,8 @@ class Pursuit:
     def closed(
         self, q: np.ndarray, held: Held, H_inverse: np.ndarray
     ) -> tuple[np.ndarray, Outputs]:
-        """Close the loops from nearby, by Newton steps of least length with the rows of nearby; return q and the outputs."""
+        """Close the loops from nearby, by Newton steps of least length with the rows of nearby;
+        return q and the outputs."""
         out = self.assembler.still(q)
         last = np.inf
         for _ in range(CLOSING):
@@ -245,7 +255,8 @@ class Pursuit:
         return q, out
 
     def close(self, q: np.ndarray) -> np.ndarray | None:
-        """Return the configuration nearest to one that is slightly open; None where there is none nearby."""
+        """Return the configuration nearest to one that is slightly open; None where there is none
+        nearby."""
         H_inverse, _ = inverse(self.hard_rows(self.assembler.still(q), Held())[1])
         q, out = self.closed(unit(self.robot.equations.tree, q), Held(), H_inverse)
         return q if self.is_closed(out, Held()) else None
@@ -255,8 +266,8 @@ class Pursuit:
         return bool(np.abs(h).max(initial=0.0) <= 1e2 * CLOSED * self.robot.size)
 
     def hard_rows(self, out: Outputs, held: Held) -> tuple[np.ndarray, np.ndarray]:
-        """Return phi and  x - value  of the limits that are kept, over the mechanism's own units, and their Jacobian for
-        steps as lengths.
+        """Return phi and  x - value  of the limits that are kept, over the mechanism's own units,
+        and their Jacobian for steps as lengths.
         """
         h, H, heights = out["phi"], out["Phi"], self.assembler.units
         if held.bounds:
@@ -283,19 +294,26 @@ class Pursuit:
     # Obstacles
 
     def obstacle(self, out: Outputs, goal: HandGoal, held: Held) -> str:
-        """Say what keeps the robot from a goal: limits, joints that are stretched or folded, or too few freedoms.
+        """Say what keeps the robot from a goal: limits, joints that are stretched or folded, or too
+        few freedoms.
 
-        Where the goal has as many rows as there are freedoms, no way on means that J N is singular; its null space are
-        motions of the joints alone.
+        Where the goal has as many rows as there are freedoms, no way on means that J N is singular;
+        its null space are motions of the joints alone.
         """
         if held.bounds:
             return "; ".join(map(str, held.bounds))
         if goal.strict:
-            return "the loops cannot be closed any further this way while the other actuators hold still"
+            return (
+                "the loops cannot be closed any further this way while the other actuators hold "
+                "still"
+            )
         _, J = goal.rows(out)
         _, N = inverse(self.hard_rows(out, Held())[1])
         if N.shape[1] < len(J):
-            return f"the tool comes no nearer: the mechanism has {N.shape[1]} of the {len(J)} freedoms that lead there"
+            return (
+                f"the tool comes no nearer: the mechanism has {N.shape[1]} of the {len(J)} "
+                "freedoms that lead there"
+            )
         _, _, Vt = np.linalg.svd((J * self.scale) @ N)
         own = [
             self.robot.equations.tree.length if self.robot.unit(rate) == "m" else 1.0

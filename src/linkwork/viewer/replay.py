@@ -1,7 +1,8 @@
-"""A run as it is shown: the robot's configuration, rates and forces at any time between the run's samples.
+"""A run as it is shown: the robot's configuration, rates and forces at any time between the run's
+samples.
 
-Between two samples the tree's coordinates are taken on the straight line and the loops closed from there, so that what is
-shown is a closed configuration at every instant.
+Between two samples the tree's coordinates are taken on the straight line and the loops closed from
+there, so that what is shown is a closed configuration at every instant.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from linkwork.viewer.pursuit import Pursuit
 class Replay:
     """Hold a run's samples for one robot.
 
-    time (K,) [s]; q (K, nq): the tree's coordinates; v (K, n): independent rates, zero where the run does not tell them;
-    forces (K, actuators) [N, N m]
+    time (K,) [s]; q (K, nq): the tree's coordinates; v (K, n): independent rates, zero where the
+    run does not tell them; forces (K, actuators) [N, N m]
     """
 
     pursuit: Pursuit
@@ -42,7 +43,8 @@ class Replay:
         return not len(self.time)
 
     def state(self, t: float) -> State:
-        """Return the state at a time [s]; before the first sample the first, after the last one the last."""
+        """Return the state at a time [s]; before the first sample the first, after the last one the
+        last."""
         k, part = self.place(t)
         if part == 0:
             return self.robot.make_state(self.q[k], self.v[k])
@@ -73,7 +75,8 @@ def replay_of(pursuit: Pursuit, run: Run) -> Replay:
     """Read a run of this robot.
 
     Raises:
-        LinkworkError: the run is of another robot (other joints, or loops that do not close), or lacks joint positions.
+        LinkworkError: the run is of another robot (other joints, or loops that do not close), or
+            lacks joint positions.
     """
     robot = pursuit.robot
     foreign = foreign_run(robot, run)
@@ -120,7 +123,8 @@ def values(run: Run, name: str, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def unflipped(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return q (K, nq) with those of its quaternions at the other sign that would jump to it from one sample to the next."""
+    """Return q (K, nq) with those of its quaternions at the other sign that would jump to it from
+    one sample to the next."""
     q = q.copy()
     for places, _ in robot.equations.tree.quaternions:
         p = q[:, list(places)]
@@ -130,7 +134,8 @@ def unflipped(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def rates_of(robot: Robot, run: Run, samples: int) -> dict[str, np.ndarray] | None:
-    """Return the independent rates of a run by name, each (K,) [m/s, rad/s]; None where it does not tell all of them."""
+    """Return the independent rates of a run by name, each (K,) [m/s, rad/s]; None where it does not
+    tell all of them."""
     names = labels(run.coords.get("rate"))
     if "joint_rate" not in run.variables or not set(robot.independent) <= set(names):
         return None

@@ -1,7 +1,7 @@
 """What happens in the viewer, without a browser: one robot that is posed by hand or follows a run.
 
-A session is told what is wanted (drag, slide, play ...) and then, tick by tick, how much time has passed; `view` tells what
-is to be seen. All browsers that look at it see the same.
+A session is told what is wanted (drag, slide, play ...) and then, tick by tick, how much time has
+passed; `view` tells what is to be seen. All browsers that look at it see the same.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ SAMPLED = 25  # states of a run at which the largest reactions and velocities ar
 class View:
     """Hold what is to be seen of a robot at one instant.
 
-    placement: where all parts are; tool: position (3) [m] and orientation (3, 3) of the tool, or None
-    arrows: by kind, those that are shown; conditioning: 0 to 1; closure: largest |phi| [m, rad]
-    coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m], or None where none are defined
-    time: of the run [s], or None while posing; notice: one sentence on what stands in the way, or empty
+    placement: where all parts are; tool: position (3) [m] and orientation (3, 3) of the tool, or
+    None arrows: by kind, those that are shown; conditioning: 0 to 1; closure: largest |phi|
+    [m, rad] coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m],
+    or None where none are defined time: of the run [s], or None while posing; notice: one sentence
+    on what stands in the way, or empty
     """
 
     placement: Placement
@@ -54,9 +55,10 @@ class View:
 class Session:
     """Hold the present state of what is shown; all its methods belong to one thread.
 
-    state: what is shown; goal: what is wanted of it, if anything; replay, player: the run and where it stands
-    following: whether the state is that of the run; shown: kinds of arrows; notice: one sentence on what stands in the way
-    largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the run
+    state: what is shown; goal: what is wanted of it, if anything; replay, player: the run and where
+    it stands following: whether the state is that of the run; shown: kinds of arrows; notice: one
+    sentence on what stands in the way largest: magnitudes of straight and of turning arrows, by
+    kind, that are drawn in full along the run
     """
 
     robot: Robot
@@ -94,8 +96,8 @@ class Session:
     def sliders(self) -> dict[str, tuple[float, float]]:
         """Return the joint coordinates that are set by hand, with their ranges [m, rad].
 
-        These are the actuated ones, or where none are, the independent ones; a range is that of the limits, or half a
-        turn, or half the mechanism's size, to both sides.
+        These are the actuated ones, or where none are, the independent ones; a range is that of the
+        limits, or half a turn, or half the mechanism's size, to both sides.
         """
         names = self.robot.actuators or self.robot.independent
         found = {}
@@ -229,7 +231,8 @@ class Session:
         )
 
     def forces(self) -> np.ndarray | None:
-        """Return the actuators' forces [N, N m]: those of the run, or those that hold the pose; None where none do."""
+        """Return the actuators' forces [N, N m]: those of the run, or those that hold the pose;
+        None where none do."""
         if not self.robot.actuators:
             return None
         if self.following and self.replay is not None:
@@ -242,13 +245,15 @@ class Session:
             return None
 
     def arrows(self, kind: str, u: np.ndarray | None) -> ArrowLines:
-        """Return the arrows of one kind, the largest of the run (or, while posing, of the pose) drawn in full."""
+        """Return the arrows of one kind, the largest of the run (or, while posing, of the pose)
+        drawn in full."""
         vectors = self.of_kind(kind, self.state, u)
         largest = self.largest[kind] if self.following else vectors.largest()
         return drawn(vectors, largest, self.parts.size)
 
     def of_kind(self, kind: str, state: State, u: np.ndarray | None) -> Arrows:
-        """Return the vectors of one kind; none where they are not defined (a singular configuration)."""
+        """Return the vectors of one kind; none where they are not defined
+        (a singular configuration)."""
         try:
             if kind == "velocities":
                 return self.vectors.velocities(state)

@@ -1,4 +1,5 @@
-"""Runs that are started from the present pose: with constant forces, or held in the pose by springs and dampers."""
+"""Runs that are started from the present pose: with constant forces, or held in the pose by springs
+and dampers."""
 
 from __future__ import annotations
 
@@ -24,11 +25,13 @@ def simulate(
     Args:
         robot, state: where to start.
         controller: one of `CONTROLLERS`.
-        forces: constant forces of the actuators by name [N, N m]; a held robot bears them besides what holds it.
+        forces: constant forces of the actuators by name [N, N m]; a held robot bears them besides
+            what holds it.
         duration: T [s].
 
     Raises:
-        LinkworkError: a controller that does not fit the robot, a duration that is no positive number.
+        LinkworkError: a controller that does not fit the robot, a duration that is no positive
+            number.
     """
     samples = (
         int(np.clip(duration * SAMPLES_PER_SECOND + 1, 2, MOST_SAMPLES))
@@ -41,9 +44,11 @@ def simulate(
 
 
 def holding(robot: Robot, state: State, forces: Mapping[str, float]) -> Callable:
-    """Return the law  u = u_0 + forces + k (q_0 - q) - d q'  of the actuators: u_0 holds the pose at rest.
+    """Return the law  u = u_0 + forces + k (q_0 - q) - d q'  of the actuators: u_0 holds the pose
+    at rest.
 
-    With m the inertia that an actuator moves alone (the diagonal of M), k = m (2 pi f)^2 and d = 2 D m 2 pi f.
+    With m the inertia that an actuator moves alone (the diagonal of M), k = m (2 pi f)^2 and d = 2
+    D m 2 pi f.
     """
     if robot.independent != robot.actuators:
         raise LinkworkError(

@@ -1,4 +1,5 @@
-"""The scene in the browser: nodes for a robot's parts, moved by frames; arrows; the handle on the tool."""
+"""The scene in the browser: nodes for a robot's parts, moved by frames; arrows; the handle on the
+tool."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ FIELD_OF_VIEW = np.radians(40)
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Hold the node of parts of one mesh: their numbers (k), colours (k, 3), which are coloured by conditioning (k).
+    """Hold the node of parts of one mesh: their numbers (k), colours (k, 3), which are coloured by
+    conditioning (k).
 
     stretched: whether their scales change
     """
@@ -205,7 +207,8 @@ def lowest(parts: Sequence[Fixture], placement: Placement) -> float:
 
 
 def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Return the directions that are up and towards the viewer; a planar mechanism is seen along z."""
+    """Return the directions that are up and towards the viewer; a planar mechanism is seen along
+    z."""
     gravity = np.array(robot.mechanism.gravity)
     if robot.planar:
         flat = -gravity * (1, 1, 0)

@@ -15,7 +15,8 @@ TIME = "time"
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Hold curves of one quantity: time (K,) [s], labels, values (curves, K), and the unit of all."""
+    """Hold curves of one quantity: time (K,) [s], labels, values (curves, K), and the unit of
+    all."""
 
     time: np.ndarray
     labels: tuple[str, ...]
@@ -23,7 +24,8 @@ class Traces:
     unit: str
 
     def at(self, now: float) -> tuple[np.ndarray, ...]:
-        """Return times and curves, and a last curve that marks a time: a spike there as high as all curves are."""
+        """Return times and curves, and a last curve that marks a time: a spike there as high as all
+        curves are."""
         k = int(np.searchsorted(self.time, now, side="right"))
         time = np.insert(self.time, k, (now, now, now))
         here = [np.interp(now, self.time, curve) for curve in self.values]
@@ -52,7 +54,8 @@ def quantities(run: Run) -> tuple[str, ...]:
 
 
 def traces(run: Run, quantity: str, preferred: Sequence[str] = ()) -> Traces:
-    """Return the curves of a quantity, thinned to some hundred points: of the preferred components where it has any.
+    """Return the curves of a quantity, thinned to some hundred points: of the preferred components
+    where it has any.
 
     Else of its first eight.
     """

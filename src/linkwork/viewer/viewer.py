@@ -1,4 +1,5 @@
-"""The viewer: a server for browsers, and one thread that moves the robot as they wish, 30 times a second."""
+"""The viewer: a server for browsers, and one thread that moves the robot as they wish, 30 times a
+second."""
 
 from __future__ import annotations
 
@@ -32,9 +33,9 @@ FAILED = "this failed unexpectedly; the terminal shows why"
 class Viewer:
     """Show a robot, and a run of it, to browsers until it is closed.
 
-    The platform is dragged by a handle on the tool, actuated joints are set by sliders, runs are played, and new ones are
-    started from the present pose. Everybody who opens the page sees and moves the same robot. With no other thread
-    touching it, `session` holds what is shown.
+    The platform is dragged by a handle on the tool, actuated joints are set by sliders, runs are
+    played, and new ones are started from the present pose. Everybody who opens the page sees and
+    moves the same robot. With no other thread touching it, `session` holds what is shown.
 
     Args:
         robot: the robot.
@@ -46,7 +47,8 @@ class Viewer:
         url: where browsers find it, with the token that they are let in by
 
     Raises:
-        LinkworkError: a run of another robot, an address that cannot be listened on, a port in use, viser not installed.
+        LinkworkError: a run of another robot, an address that cannot be listened on, a port in use,
+            viser not installed.
     """
 
     def __init__(
@@ -89,7 +91,8 @@ class Viewer:
     # Wishes
 
     def post(self, wish: Callable[[], None], about: object = None) -> None:
-        """Hand a wish to the thread that owns the session; a later one about the same takes its place."""
+        """Hand a wish to the thread that owns the session; a later one about the same takes its
+        place."""
         self.mailbox.post(wish, about)
 
     async def _dragged(self, event: Any) -> None:
@@ -111,7 +114,8 @@ class Viewer:
         self.session.release()
 
     def find_branches(self, same: str) -> None:
-        """Look for all configurations with the same "actuators" or the same "tool" pose, and offer them."""
+        """Look for all configurations with the same "actuators" or the same "tool" pose, and offer
+        them."""
         self.post(
             lambda: self._work(
                 f"looking for all configurations with the same {same}", self._branches_of(same)
@@ -166,7 +170,8 @@ class Viewer:
         self.session.play()
 
     def _work(self, what: str, work: Callable[[], Callable[[], None]]) -> None:
-        """Carry out what takes long beside the scene, one at a time, and then what it returns in the session's thread."""
+        """Carry out what takes long beside the scene, one at a time, and then what it returns in
+        the session's thread."""
         if self.busy:
             self.session.notice = "one thing at a time: the last wish is still being carried out"
             return

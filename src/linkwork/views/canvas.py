@@ -1,7 +1,8 @@
-"""A canvas in two or three dimensions: lines, bars, faces, dots and text by their points in space, nearer ones on top.
+"""A canvas in two or three dimensions: lines, bars, faces, dots and text by their points in space,
+nearer ones on top.
 
-In two dimensions points are seen along z. In three, depth orders what lies on one level; it is that of the view in which
-the picture is drawn.
+In two dimensions points are seen along z. In three, depth orders what lies on one level; it is that
+of the view in which the picture is drawn.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ LAMP = (-0.45, 0.7)  # where the light comes from, to the right and upwards of t
 class Canvas:
     """Hold where and how strongly things are drawn.
 
-    axes: of matplotlib; points: all that are drawn (N, 3) [m]; size: largest extent of the mechanism [m]
-    towards: unit vector to the viewer (3), zero in the plane; strength: 1 in full, 0 white; level: below or above others
+    axes: of matplotlib; points: all that are drawn (N, 3) [m]; size: largest extent of the
+    mechanism [m] towards: unit vector to the viewer (3), zero in the plane; strength: 1 in full, 0
+    white; level: below or above others
     """
 
     axes: Any
@@ -65,7 +67,8 @@ class Canvas:
         return replace(self, strength=strength, level=level)
 
     def order(self, points: np.ndarray, level: float) -> float:
-        """Return where in the order of drawing something stands: by level, and on a level by depth."""
+        """Return where in the order of drawing something stands: by level, and on a level by
+        depth."""
         depth = (
             (points.reshape(-1, 3).mean(axis=0) - self.points.mean(axis=0))
             @ self.towards
@@ -107,7 +110,8 @@ class Canvas:
     def faces(
         self, faces: Sequence[np.ndarray], inside: Colour, edge: Colour, level: float, **look: Any
     ) -> None:
-        """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a solid in space."""
+        """Draw plane polygons (k, 3) of as many corners each: one in the plane, the faces of a
+        solid in space."""
         look |= {
             "fc": self.mixed(inside),
             "ec": self.mixed(edge),
@@ -125,7 +129,8 @@ class Canvas:
     def piece(
         self, piece: PlacedMesh, colour: Colour, level: float, gid: str | None = None
     ) -> None:
-        """Draw a solid: its outline in the plane; in space its faces, shaded, with dark edges of the flat ones."""
+        """Draw a solid: its outline in the plane; in space its faces, shaded, with dark edges of
+        the flat ones."""
         if self.flat:
             self.faces([piece.shadow], colour, EDGE, level, lw=1.3, gid=gid)
             return
@@ -163,7 +168,8 @@ class Canvas:
 
 
 def alike(faces: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return polygons with as many corners each, for what fills them up otherwise is not set: the last ones are repeated."""
+    """Return polygons with as many corners each, for what fills them up otherwise is not set: the
+    last ones are repeated."""
     most = max(map(len, faces))
     return [
         np.concatenate([face, np.repeat(face[-1:], most - len(face), axis=0)]) for face in faces

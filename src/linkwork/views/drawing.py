@@ -1,7 +1,8 @@
 """Draw a mechanism in a pose: all parts of its scene, by their form and role.
 
-A planar mechanism is drawn in the xy plane (`plane`), a spatial one in three dimensions (`space`). A stack of states is
-drawn as a stroboscopic picture: the last pose in full, the earlier ones the paler the longer ago. Driven joints are orange.
+A planar mechanism is drawn in the xy plane (`plane`), a spatial one in three dimensions (`space`).
+A stack of states is drawn as a stroboscopic picture: the last pose in full, the earlier ones the
+paler the longer ago. Driven joints are orange.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def plot_mechanism(
         The axes; `axes.figure` is the figure.
 
     Raises:
-        LinkworkError: a stack of more than one dimension or of no states, axes that do not fit, a name that is no joint's.
+        LinkworkError: a stack of more than one dimension or of no states, axes that do not fit, a
+            name that is no joint's.
     """
     if len(state.batch) > 1 or 0 in state.batch:
         raise LinkworkError(
@@ -58,7 +60,8 @@ def plot_mechanism(
         )
     if ax is not None and hasattr(ax, "get_zlim") == robot.planar:
         raise LinkworkError(
-            f"this robot is drawn in {'two' if robot.planar else 'three'} dimensions; give such axes"
+            f"this robot is drawn in {'two' if robot.planar else 'three'} dimensions; give such "
+            "axes"
         )
     shown = named(robot, names)
     scene = scene_of(robot, state.at(-1) if state.batch else state, state)
@@ -71,7 +74,8 @@ def plot_mechanism(
 
 
 def new_axes(points: np.ndarray, planar: bool) -> Any:
-    """Return axes of a new figure in two dimensions, or in three from where the points are seen well apart."""
+    """Return axes of a new figure in two dimensions, or in three from where the points are seen
+    well apart."""
     figure = new_figure(SIDE, SIDE)
     if planar:
         return figure.add_subplot()
@@ -126,7 +130,8 @@ def paint(canvas: Canvas, part: ScenePart) -> None:
 
 
 def paint_piece(canvas: Canvas, part: ScenePart, piece: PlacedMesh) -> None:
-    """Draw a solid; a pad as ground, and balls and what is seen along its axis as dots, but for the shapes of bodies."""
+    """Draw a solid; a pad as ground, and balls and what is seen along its axis as dots, but for the
+    shapes of bodies."""
     level, gid = part.look.level, part.name if part.standing else None
     if part.role == "stand":
         (plane if canvas.flat else space).draw_stand(canvas, piece.position)
@@ -145,7 +150,8 @@ def paint_piece(canvas: Canvas, part: ScenePart, piece: PlacedMesh) -> None:
 
 
 def paint_line(canvas: Canvas, part: ScenePart, line: Bar) -> None:
-    """Draw a line: a rail as ground, an arrow of a tool, a bar with dark edges, or a thin line, dashed between gears."""
+    """Draw a line: a rail as ground, an arrow of a tool, a bar with dark edges, or a thin line,
+    dashed between gears."""
     symbols, gid = plane if canvas.flat else space, part.name if part.standing else None
     if part.role == "rail":
         symbols.draw_rail(canvas, line.points)

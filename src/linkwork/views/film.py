@@ -1,8 +1,9 @@
-"""A film of a motion for a page: what is drawn as lists of points, and where the points are in every frame.
+"""A film of a motion for a page: what is drawn as lists of points, and where the points are in
+every frame.
 
-Points are integers, in parts of 1/10000 of the mechanism's size about its middle, so that a film is small and holds no
-text. The page's script (`templates/film.js`) draws it on a canvas and needs nothing from elsewhere; a mechanism in space
-may be turned.
+Points are integers, in parts of 1/10000 of the mechanism's size about its middle, so that a film is
+small and holds no text. The page's script (`templates/film.js`) draws it on a canvas and needs
+nothing from elsewhere; a mechanism in space may be turned.
 """
 
 from __future__ import annotations
@@ -35,10 +36,12 @@ SHORTEST = 3.0  # how long a film should last as it begins to play [s]
 
 @dataclass(frozen=True)
 class Stroke:
-    """Hold what is drawn through some points: a face, solid, bar, line, spring, dot or box, its colour and width [px].
+    """Hold what is drawn through some points: a face, solid, bar, line, spring, dot or box, its
+    colour and width [px].
 
     points: places in a frame; or of what stands still, in space (k, 3) [m]
-    corners: of a solid or box, in the frame that its four points span: its origin and the tips of its axes
+    corners: of a solid or box, in the frame that its four points span: its origin and the tips of
+    its axes
     """
 
     kind: str
@@ -52,7 +55,8 @@ class Stroke:
 class Film:
     """Hold the frames of a motion.
 
-    time: of the frames (F,) [s]; points: (F, N, 3) [m]; parts: what is drawn through them; fixed: what stands still
+    time: of the frames (F,) [s]; points: (F, N, 3) [m]; parts: what is drawn through them; fixed:
+    what stands still
     """
 
     time: np.ndarray
@@ -69,7 +73,8 @@ class Film:
 
     @property
     def speed(self) -> float:
-        """Return the speed at which the film begins to play: real time, or slower where it would be too short."""
+        """Return the speed at which the film begins to play: real time, or slower where it would be
+        too short."""
         length = float(np.ptp(self.time))
         return max((s for s in SPEEDS if s <= 1 and length >= s * SHORTEST), default=SPEEDS[0])
 
@@ -124,7 +129,8 @@ class Film:
 
 
 def film(robot: Robot, time: np.ndarray, states: State, frames: int = FRAMES) -> Film:
-    """Make the film of a motion: all samples, or as many of them as there shall be frames, evenly in time.
+    """Make the film of a motion: all samples, or as many of them as there shall be frames, evenly
+    in time.
 
     Args:
         robot: the robot; time: of the samples (K,) [s], increasing; states: at these times (K,).
@@ -142,7 +148,8 @@ def film(robot: Robot, time: np.ndarray, states: State, frames: int = FRAMES) ->
 
 
 class Shelf:
-    """Put away the points (F, k, 3) [m] of a scene's parts in all frames, one after the other; each body's frame once."""
+    """Put away the points (F, k, 3) [m] of a scene's parts in all frames, one after the other; each
+    body's frame once."""
 
     def __init__(self, scene: Scene):
         self.scene, self.count = scene, 0
@@ -161,7 +168,8 @@ class Shelf:
         return range(self.count - points.shape[1], self.count)
 
     def frame(self, body: str) -> range:
-        """Return the places of a corner and its neighbours of a cube that moves with a body from the ground's axes."""
+        """Return the places of a corner and its neighbours of a cube that moves with a body from
+        the ground's axes."""
         if body not in self.frames:
             self.frames[body] = self.add(moved(self.scene.size * CUBE, (body,), self.scene.moves))
         return self.frames[body]

@@ -1,7 +1,8 @@
 """Names beside joints, where they hide least of the picture.
 
-A name is a box that touches a circle about its joint. Of some directions from the joint the one is taken whose box is
-farthest from all that is drawn, beginning with the direction that leads out of the middle of the picture.
+A name is a box that touches a circle about its joint. Of some directions from the joint the one is
+taken whose box is farthest from all that is drawn, beginning with the direction that leads out of
+the middle of the picture.
 """
 
 from __future__ import annotations
@@ -59,7 +60,8 @@ def grouped(
 
 
 def placed(place: np.ndarray, half: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """Return the middle (2) of a box of half a size (2) beside a place, away from what is drawn (k, 2)."""
+    """Return the middle (2) of a box of half a size (2) beside a place, away from what is drawn
+    (k, 2)."""
     outwards = np.arctan2(*(place - drawn.mean(axis=0))[::-1])
     turns = 2 * np.pi / DIRECTIONS * np.arange(DIRECTIONS)
     angles = outwards + turns[np.argsort(np.minimum(turns, 2 * np.pi - turns), kind="stable")]

@@ -1,7 +1,9 @@
-"""Maps of the workspace: a quantity over a plane of poses as colour, singularity loci and the workspace's edge as lines.
+"""Maps of the workspace: a quantity over a plane of poses as colour, singularity loci and the
+workspace's edge as lines.
 
-Signed quantities, the determinants, have colours that part at zero; all others run from dark (low) to light (high).
-The colour maps, cividis and one from purple to orange, are read alike by people who see colours differently.
+Signed quantities, the determinants, have colours that part at zero; all others run from dark (low)
+to light (high). The colour maps, cividis and one from purple to orange, are read alike by people
+who see colours differently.
 """
 
 from __future__ import annotations
@@ -48,9 +50,10 @@ def plot_workspace(
     """Draw a quantity of a workspace over two coordinates of the tool's pose.
 
     Args:
-        mapped: of `linkwork.analysis.workspace`, over two coordinates; of more, choose by `mapped.sel(angle=...)`.
-        quantity: name of a quantity over these two: conditioning, det_A (where it is zero the robot is actuator-singular),
-            det_B, isotropic_force ..., or reachable.
+        mapped: of `linkwork.analysis.workspace`, over two coordinates; of more, choose by
+            `mapped.sel(angle=...)`.
+        quantity: name of a quantity over these two: conditioning, det_A (where it is zero the robot
+            is actuator-singular), det_B, isotropic_force ..., or reachable.
         ax: where to draw; left out: axes of a new figure.
         lines: draw where det_A or det_B vanishes, and the edge of what is reached.
 

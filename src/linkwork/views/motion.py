@@ -1,4 +1,5 @@
-"""A mechanism along a motion: poses at equal distances, the last in full, and the path of its tool."""
+"""A mechanism along a motion: poses at equal distances, the last in full, and the path of its
+tool."""
 
 from __future__ import annotations
 
@@ -89,7 +90,8 @@ def run_states(robot: Robot, run: Run) -> State:
 
 
 def spaced(robot: Robot, states: State, count: int) -> np.ndarray:
-    """Return the places of so many states at equal distances along a motion, its first and its last among them.
+    """Return the places of so many states at equal distances along a motion, its first and its last
+    among them.
 
     Distance is the way of all bodies' origins together.
     """

@@ -21,8 +21,8 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True)
 class PageTable:
-    """Hold a table: its columns' titles with units, rows of text, and a caption; all but the first column are numbers
-    where `numbers` says so."""
+    """Hold a table: its columns' titles with units, rows of text, and a caption; all but the first
+    column are numbers where `numbers` says so."""
 
     caption: str
     header: Sequence[str]
@@ -40,7 +40,8 @@ class Picture:
 
 
 def picture(name: str, caption: str, drawing: str) -> Picture:
-    """Turn a figure, written as SVG, into a picture for a page: no preamble, and identifiers that are its own."""
+    """Turn a figure, written as SVG, into a picture for a page: no preamble, and identifiers that
+    are its own."""
     from markupsafe import Markup
 
     drawing = drawing[drawing.index("<svg") :]

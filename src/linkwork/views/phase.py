@@ -1,4 +1,5 @@
-"""Phase portraits: rates over coordinates, one panel for each joint coordinate, one curve for each run."""
+"""Phase portraits: rates over coordinates, one panel for each joint coordinate, one curve for each
+run."""
 
 from __future__ import annotations
 
@@ -22,14 +23,16 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
 
     Args:
         runs: one run, or several of robots with the same joints.
-        coordinates: names of joint coordinates that have a rate of the same name (not of the quaternions of free
-            turns); left out: those of the actuated joints, or of all joints if none is actuated.
+        coordinates: names of joint coordinates that have a rate of the same name (not of the
+            quaternions of free turns); left out: those of the actuated joints, or of all joints if
+            none is actuated.
 
     Returns:
         A matplotlib figure.
 
     Raises:
-        LinkworkError: no run, a coordinate that one of the runs does not hold, or whose rate has another name.
+        LinkworkError: no run, a coordinate that one of the runs does not hold, or whose rate has
+            another name.
     """
     given = [runs] if isinstance(runs, Run) else list(runs)
     if not given:
@@ -75,7 +78,8 @@ def curve(run: Run, name: str) -> np.ndarray:
     """Return position and rate (2, K) of a joint coordinate."""
     if name not in portrayed(run):
         raise LinkworkError(
-            f"the run holds no coordinate {name!r} with a rate of its name; it holds {', '.join(portrayed(run))}"
+            f"the run holds no coordinate {name!r} with a rate of its name; it holds "
+            f"{', '.join(portrayed(run))}"
         )
     parts = (("joint_position", "coordinate"), ("joint_rate", "rate"))
     return np.stack(

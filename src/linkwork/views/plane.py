@@ -27,7 +27,8 @@ def draw_rail(canvas: Canvas, ends: np.ndarray) -> None:
 
 
 def floor_of(ends: np.ndarray, size: float) -> np.ndarray:
-    """Return the line (2, 3) under a slider on a rail, or the bearing of a rail that is seen as a point."""
+    """Return the line (2, 3) under a slider on a rail, or the bearing of a rail that is seen as a
+    point."""
     way = (ends[1] - ends[0]) * (1, 1, 0)
     length = np.linalg.norm(way)
     if length < STEEP * np.linalg.norm(ends[1] - ends[0]):

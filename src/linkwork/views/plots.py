@@ -51,8 +51,8 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
 
     Args:
         run: the run; or any dataset over time, such as that of `linkwork.analysis.along`.
-        quantities: name of a variable of the dataset, or several; left out: of a run the tool's pose, joint positions
-            and rates, and actuator forces, else all over time.
+        quantities: name of a variable of the dataset, or several; left out: of a run the tool's
+            pose, joint positions and rates, and actuator forces, else all over time.
 
     Returns:
         A matplotlib figure with one panel for each quantity and unit.
@@ -63,7 +63,8 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
     dataset = run.dataset if isinstance(run, Run) else run
     if not hasattr(dataset, "data_vars"):
         raise LinkworkError(
-            f"a run is drawn, not {type(run).__name__}; give what robot.simulate returns, or its dataset"
+            f"a run is drawn, not {type(run).__name__}; give what robot.simulate returns, or its "
+            "dataset"
         )
     if not (quantities is None or isinstance(quantities, str | Sequence)):
         raise LinkworkError(f"the quantities are {quantities!r}; give their names in a list")
@@ -118,7 +119,8 @@ def panels(dataset: xarray.Dataset, name: str) -> Iterator[Panel]:
 
 
 def units_of(dataset: xarray.Dataset, name: str, labels: Sequence[str]) -> list[str]:
-    """Return the unit of each component: of two ("m/s, rad/s") the first holds for lengths, the second for angles.
+    """Return the unit of each component: of two ("m/s, rad/s") the first holds for lengths, the
+    second for angles.
 
     Parts of quaternions have the unit 1.
     """

@@ -1,7 +1,9 @@
-"""The report of a run: one page that tells whose run it is, how it went, what it took, and shows it.
+"""The report of a run: one page that tells whose run it is, how it went, what it took, and shows
+it.
 
-It holds the mechanism, a picture and a film of the motion, the run's quantities over time, their peaks, the energy balance,
-how well the loops stayed closed, and how all this was computed. Nothing is loaded from anywhere; all names are escaped.
+It holds the mechanism, a picture and a film of the motion, the run's quantities over time, their
+peaks, the energy balance, how well the loops stayed closed, and how all this was computed. Nothing
+is loaded from anywhere; all names are escaped.
 """
 
 from __future__ import annotations
@@ -36,7 +38,10 @@ PLOTS = {
     "command": "Commands to the drives.",
     "actuator_force": "Forces and torques of the actuators.",
     "actuator_power": "Power of the actuators.",
-    "conditioning": "How well the actuated rates determine the others, over how well they do at home: 0 is singular.",
+    "conditioning": (
+        "How well the actuated rates determine the others, over how well they do at home: 0 is "
+        "singular."
+    ),
 }
 ENERGIES = ("kinetic_energy", "potential_energy", "work", "energy_balance")
 PEAKS = ("tool_pose", "joint_position", "joint_rate", "actuator_force", "actuator_power")
@@ -92,14 +97,20 @@ def render(robot: Robot, run: Run) -> str:
         closure=closure_table(run),
         computed=computed_table(robot, run),
         description=robot.mechanism.text,
-        made_by=f"Linkwork {version('linkwork')}, NumPy {np.__version__}, Python {platform.python_version()}",
+        made_by=(
+            f"Linkwork {version('linkwork')}, NumPy {np.__version__}, Python "
+            f"{platform.python_version()}"
+        ),
     )
 
 
 def portrait(robot: Robot, states: State) -> Picture:
     """Draw the robot along its motion."""
     axes: Any = plot_motion(robot, states)
-    caption = "The mechanism along its motion, the latest pose in full. Orange: what is driven; arrows: the tool's axes."
+    caption = (
+        "The mechanism along its motion, the latest pose in full. Orange: what is driven; "
+        "arrows: the tool's axes."
+    )
     return picture("motion", caption, svg(axes.figure, cropped=True))
 
 
@@ -128,7 +139,8 @@ def plots(data: xarray.Dataset) -> Iterator[Picture]:
 
 
 def driven(data: xarray.Dataset, name: str) -> xarray.Dataset:
-    """Return a dataset with few components of a quantity: of many joint coordinates or rates those that are driven."""
+    """Return a dataset with few components of a quantity: of many joint coordinates or rates those
+    that are driven."""
     for axis in ("coordinate", "rate"):
         if axis in data[name].dims and data.sizes[axis] > FEW:
             kept = np.isin(data[axis].values, data["actuator"].values)
@@ -157,8 +169,8 @@ def bodies_table(mechanism: Mechanism) -> PageTable:
         )
         alike.setdefault(entries, []).append(name)
     caption = (
-        "Bodies: mass, mass centre in the body's frame, and inertia about the mass centre: moments xx, yy, zz and products "
-        "xy, xz, yz."
+        "Bodies: mass, mass centre in the body's frame, and inertia about the mass centre: "
+        "moments xx, yy, zz and products xy, xz, yz."
     )
     header = ("bodies", "mass [kg]", "mass centre [m]", "moments [kg m²]", "products [kg m²]")
     return PageTable(
@@ -197,7 +209,8 @@ def bound(limits: Limits) -> str:
 
 
 def peaks_table(data: xarray.Dataset, name: str) -> PageTable | None:
-    """Return smallest and largest values of a quantity with their times, its root mean square and its last value."""
+    """Return smallest and largest values of a quantity with their times, its root mean square and
+    its last value."""
     if name not in data or not data[name].size:
         return None
     data = driven(data, name)
@@ -239,8 +252,9 @@ def energy_table(data: xarray.Dataset) -> PageTable | None:
         entries = (values[0], values[-1], values[-1] - values[0], values.min(), values.max())
         rows.append((name.replace("_", " "), *(short(float(entry), 4) for entry in entries)))
     caption = (
-        "Energy. The balance is kinetic and potential energy less those at the start and less the work done by actuators, "
-        "friction, dampers and external wrenches: zero for the exact motion."
+        "Energy. The balance is kinetic and potential energy less those at the start and less "
+        "the work done by actuators, friction, dampers and external wrenches: zero for the "
+        "exact motion."
     )
     header = ("energy", "at the start [J]", "at the end [J]", "change [J]", "least [J]", "most [J]")
     return PageTable(caption, header, rows)
@@ -283,12 +297,18 @@ def computed_table(robot: Robot, run: Run) -> PageTable:
         ("steps", f"{run.steps:,} taken, {run.rejected:,} rejected"),
         (
             "evaluations",
-            f"{run.nfev:,} of the equations of motion, {statistics.projections:,} projections on closed loops",
+            (
+                f"{run.nfev:,} of the equations of motion, {statistics.projections:,} "
+                "projections on closed loops"
+            ),
         ),
         ("independent rates", str(told.get("charts", "–"))),
         (
             "equations of motion",
-            f"{robot.kernel('motion').operations:,} arithmetic operations, compiled to machine code",
+            (
+                f"{robot.kernel('motion').operations:,} arithmetic operations, compiled to "
+                "machine code"
+            ),
         ),
     ]
     if told.get("parameters"):

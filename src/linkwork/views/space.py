@@ -1,4 +1,5 @@
-"""What is drawn of a spatial mechanism in its own way, in three dimensions: ground, tools, axes, and from where it is seen.
+"""What is drawn of a spatial mechanism in its own way, in three dimensions: ground, tools, axes,
+and from where it is seen.
 
 Ground is hatched: a level pad for what stands on it, a rail for what slides.
 """
@@ -85,7 +86,8 @@ def finish(canvas: Canvas) -> None:
 
 
 def fit(axes: Any) -> None:
-    """Let axes that have a figure for themselves stand in its middle and fill it, all that is written included."""
+    """Let axes that have a figure for themselves stand in its middle and fill it, all that is
+    written included."""
     figure, limits = axes.figure, (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())
     corners = np.array(list(product(*limits)))
     figure.set_layout_engine("none")
@@ -122,7 +124,8 @@ def written_box(axes: Any, text: Any) -> np.ndarray:
 
 
 def viewpoint(points: np.ndarray) -> tuple[float, float]:
-    """Return elevation and azimuth [deg] from where points (k, 3) are seen well apart: largest mean log distance."""
+    """Return elevation and azimuth [deg] from where points (k, 3) are seen well apart: largest mean
+    log distance."""
     unlike = np.unique(np.round(points / (np.ptp(points, axis=0).max() or 1.0), 3), axis=0)
     first, second = np.triu_indices(len(unlike), 1)
     gaps = unlike[first] - unlike[second]

@@ -1,4 +1,5 @@
-"""How figures look, and how they are written: one style, colours that everybody can tell apart, reproducible SVG."""
+"""How figures look, and how they are written: one style, colours that everybody can tell apart,
+reproducible SVG."""
 
 from __future__ import annotations
 
@@ -71,7 +72,8 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def svg(figure: Figure, *, cropped: bool = False) -> str:
-    """Return a figure as SVG: text as text, the same bytes every time, no date and no other metadata.
+    """Return a figure as SVG: text as text, the same bytes every time, no date and no other
+    metadata.
 
     cropped: leave out the empty margins.
     """
@@ -85,7 +87,8 @@ def svg(figure: Figure, *, cropped: bool = False) -> str:
 
 
 def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
-    """Write a figure as .svg or .pdf (lines and text as such, the same bytes every time) or as .png (300 dpi).
+    """Write a figure as .svg or .pdf (lines and text as such, the same bytes every time) or as .png
+    (300 dpi).
 
     Args:
         drawn: a figure, or axes of it.

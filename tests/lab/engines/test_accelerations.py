@@ -1,4 +1,5 @@
-"""Each engine's accelerations against Lagrange multipliers in maximal coordinates and against closed forms."""
+"""Each engine's accelerations against Lagrange multipliers in maximal coordinates and against
+closed forms."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from tests.oracle.lagrange import LagrangeOracle
 from tests.oracle.random_mechanisms import open_tree, planar_loops, random_state, spatial_loops
 
 TOLERANCES = {"pinocchio": 1e-10, "mujoco": 1e-3, "exudyn": 2e-5}
-"""Relative: rounding; MuJoCo's regularisation of its constraints; Exudyn's numerical derivatives of its constraints."""
+"""Relative: rounding; MuJoCo's regularisation of its constraints; Exudyn's numerical derivatives of
+its constraints."""
 
 
 @pytest.fixture(params=TOLERANCES)
@@ -28,10 +30,11 @@ def engine(request):
 
 
 def bennett(a: float = 0.4, alpha: float = 0.6, beta: float = 1.1, theta: float = 0.8) -> Mechanism:
-    """Build Bennett's linkage: four skew revolutes that move only because a / sin(alpha) = b / sin(beta).
+    """Build Bennett's linkage: four skew revolutes that move only because a / sin(alpha) = b /
+    sin(beta).
 
-    tan(theta_1 / 2) tan(theta_2 / 2) = sin((beta + alpha) / 2) / sin((beta - alpha) / 2), theta_3 = -theta_1,
-    theta_4 = -theta_2 (G. T. Bennett, A new mechanism, Engineering 76, 1903).
+    tan(theta_1 / 2) tan(theta_2 / 2) = sin((beta + alpha) / 2) / sin((beta - alpha) / 2), theta_3 =
+    -theta_1, theta_4 = -theta_2 (G. T. Bennett, A new mechanism, Engineering 76, 1903).
     """
     b = a * sin(beta) / sin(alpha)
     other = 2 * atan(sin((beta + alpha) / 2) / sin((beta - alpha) / 2) / tan(theta / 2))
@@ -62,7 +65,8 @@ def bennett(a: float = 0.4, alpha: float = 0.6, beta: float = 1.1, theta: float 
 
 
 def wedge(slope: float) -> Mechanism:
-    """Push a wedge along x under a follower that moves along y: a planar loop of three prismatic joints."""
+    """Push a wedge along x under a follower that moves along y: a planar loop of three prismatic
+    joints."""
     body = Inertia(zz=0.01)
     return Mechanism(
         gravity=(0.0, -9.81, 0.0),
@@ -111,7 +115,8 @@ def test_agrees_with_the_double_pendulum(engine):
 
 
 def test_agrees_with_the_slider_crank(engine):
-    """Its guide is the last joint and stays in the tree; one of its joints is described against the tree's direction."""
+    """Its guide is the last joint and stays in the tree; one of its joints is described against the
+    tree's direction."""
     crank = SliderCrank()
     model = engines.build(engine, crank.mechanism())
     theta, rate, h = 0.9, 1.7, 1e-5

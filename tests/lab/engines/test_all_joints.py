@@ -1,4 +1,5 @@
-"""All joint types and effects in the engines: against multipliers in maximal coordinates, each other, and the Robot."""
+"""All joint types and effects in the engines: against multipliers in maximal coordinates, each
+other, and the Robot."""
 
 from __future__ import annotations
 
@@ -19,14 +20,16 @@ from tests.oracle.maximal import MaximalOracle
 from tests.oracle.random_joints import TREE, random_loops, random_motion, random_tree
 
 TOLERANCES = {"pinocchio": 1e-10, "mujoco": 2e-2, "exudyn": 5e-6}
-"""Relative: rounding; MuJoCo's regularisation of its constraints; Exudyn's numerical derivatives of its constraints."""
+"""Relative: rounding; MuJoCo's regularisation of its constraints; Exudyn's numerical derivatives of
+its constraints."""
 EVERY = tuple(TOLERANCES)
 WITHOUT_SCREWS = [kind for kind in TREE[False] if kind != "screw"]
 
 
 @dataclass(frozen=True)
 class Case:
-    """Hold a mechanism at a state: all coordinates and rates, actuator forces, derivatives of all rates, body poses."""
+    """Hold a mechanism at a state: all coordinates and rates, actuator forces, derivatives of all
+    rates, body poses."""
 
     mechanism: Mechanism
     positions: np.ndarray
@@ -123,7 +126,8 @@ def backwards(kind: str) -> Mechanism:
 
 
 def directed(kind: str, side: int) -> Mechanism:
-    """Build a body on this joint and one on a hinge; the first joint's body of this side is the ground."""
+    """Build a body on this joint and one on a hinge; the first joint's body of this side is the
+    ground."""
     return next(
         mechanism
         for seed in range(20)
@@ -194,7 +198,8 @@ def robot(name: str) -> lw.Robot:
 
 @pytest.mark.parametrize("name", ["five_bar", "rrr3", "delta", "stewart", "agile_wrist", "andrews"])
 def test_robots_at_random_states(name):
-    """Independent rates, coordinates and code on one side; multipliers, regularisation on the other."""
+    """Independent rates, coordinates and code on one side; multipliers, regularisation on the
+    other."""
     it, rng = robot(name), np.random.default_rng(3)
     models = {e: engines.build(e, it.mechanism) for e in engines.available()}
     bounds = {"pinocchio": 1e-9, "mujoco": 1e-4, "exudyn": 1e-6}

@@ -1,4 +1,5 @@
-"""The kinematics that all engines share: poses, twists, what is held, against the oracle's and against differences."""
+"""The kinematics that all engines share: poses, twists, what is held, against the oracle's and
+against differences."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ NAMES = (GROUND, "body")
 def lone(
     kind: str, rng: np.random.Generator
 ) -> tuple[Mechanism, Tree, np.ndarray, np.ndarray, np.ndarray]:
-    """Return a body on one joint, coordinates, rates and their derivatives; quaternions are of length one."""
+    """Return a body on one joint, coordinates, rates and their derivatives; quaternions are of
+    length one."""
     poses = {name: random_pose(rng, False) for name in NAMES}
     connects = (NAMES[0], NAMES[1]) if rng.random() < 0.5 else (NAMES[1], NAMES[0])
     joint, _ = random_joint(rng, False, connects, kind, poses)
@@ -44,7 +46,8 @@ def nearby(
 
 @pytest.mark.parametrize("kind", [kind for kind in MOTIONS if kind not in ("fixed", "rod")])
 def test_bodies_move_as_the_joints_say(kind):
-    """The pose is the oracle's; twists and their derivatives are those of differences; all is read back."""
+    """The pose is the oracle's; twists and their derivatives are those of differences; all is read
+    back."""
     rng = np.random.default_rng(len(kind))
     for _ in range(4):
         mechanism, tree, q, w, dw = lone(kind, rng)
@@ -82,7 +85,8 @@ def frame_of(frame) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", MOTIONS)
 def test_gaps_open_by_the_rows(kind):
-    """For a small pull in any direction from a closed pose, gaps = H t to first order, and rates = F t see none of it."""
+    """For a small pull in any direction from a closed pose, gaps = H t to first order, and rates =
+    F t see none of it."""
     rng = np.random.default_rng(7)
     for _ in range(4):
         placed = {name: random_pose(rng, False) for name in ("first", "second")}
@@ -104,7 +108,8 @@ def test_gaps_open_by_the_rows(kind):
 
 
 def test_relative_motion_across_joints_differentiates():
-    """Along a motion of a tree, between two bodies that no joint connects: no component of it vanishes."""
+    """Along a motion of a tree, between two bodies that no joint connects: no component of it
+    vanishes."""
     mechanism = random_tree(3, 8, kinds=("revolute", "universal", "prismatic", "screw"))
     tree, rng = spanning_tree(mechanism), np.random.default_rng(4)
     start, rates, bend = rng.normal(size=(3, len(mechanism.rates)))

@@ -1,4 +1,5 @@
-"""The same mechanism in other words: mass is kept, names are kept, poses of bodies on rods are found."""
+"""The same mechanism in other words: mass is kept, names are kept, poses of bodies on rods are
+found."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def test_a_link_has_its_mass_at_its_ends():
 
 
 def test_links_keep_the_energy():
-    """The Delta robot with links moves with the energy of the one with rods, whatever its motion."""
+    """The Delta robot with links moves with the energy of the one with rods, whatever its
+    motion."""
     mechanism = delta()
     linked = with_links(mechanism)
     assert len(linked.bodies) == len(mechanism.bodies) + 6

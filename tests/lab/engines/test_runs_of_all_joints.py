@@ -1,4 +1,5 @@
-"""The engines' motions where joints are balls, screws, rods and gears, and where springs, friction and rotors act."""
+"""The engines' motions where joints are balls, screws, rods and gears, and where springs, friction
+and rotors act."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def brick(joint: FreeJoint | SphericalJoint, gravity: tuple[float, float, float]
 
 
 def angular_momentum(run: engines.EngineRun) -> np.ndarray:
-    """Return the angular momentum about the mass centre (k, 3), the last three rates being the angular velocity."""
+    """Return the angular momentum about the mass centre (k, 3), the last three rates being the
+    angular velocity."""
     R, omega = run.body_poses[:, 0, :3, :3], run.rates[:, -3:]
     local = np.einsum("kji,kj->ki", R, omega)
     return np.einsum("kij,kj->ki", R, MOMENTS * local)
@@ -135,7 +137,8 @@ def test_constant_forces_and_functions_are_the_same(engine):
 
 @pytest.mark.parametrize(("engine", "bound"), [("pinocchio", 1e-6), ("exudyn", 2e-3)])
 def test_bricards_linkage_keeps_its_energy(engine, bound):
-    """Six hinges, none of whose rows is superfluous in name, but one of which is in fact: all in all one freedom."""
+    """Six hinges, none of whose rows is superfluous in name, but one of which is in fact: all in
+    all one freedom."""
     pytest.importorskip(engine, reason=f"the optional engine {engine} is not installed")
     mechanism = bricard()
     oracle = MaximalOracle(mechanism)

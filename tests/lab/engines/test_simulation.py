@@ -1,4 +1,5 @@
-"""The engines' motions: against each other, against a conserved quantity, and the numbers a run reports."""
+"""The engines' motions: against each other, against a conserved quantity, and the numbers a run
+reports."""
 
 from __future__ import annotations
 
@@ -148,7 +149,8 @@ def test_poses_are_those_the_engines_compute():
 
 
 def test_joints_are_read_off_the_bodies():
-    """Angles stay near the start by whole turns, rates and accelerations match; a gap opened on purpose is found."""
+    """Angles stay near the start by whole turns, rates and accelerations match; a gap opened on
+    purpose is found."""
     mechanism = prr3()
     oracle = LagrangeOracle(mechanism)
     positions, speeds = random_state(mechanism, np.random.default_rng(2))

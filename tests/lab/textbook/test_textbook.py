@@ -1,4 +1,5 @@
-"""The textbook formulation against identities, closed forms, finite differences and the paper's own loop equations."""
+"""The textbook formulation against identities, closed forms, finite differences and the paper's own
+loop equations."""
 
 from __future__ import annotations
 
@@ -171,7 +172,8 @@ def test_twists_are_those_of_the_moving_bodies(at):
 
 
 def test_T_annihilates_the_constraint_wrenches(at):
-    """The oracle's constraint rows act on the bodies' twists: A T = 0, so wrenches A' lambda do no work on T."""
+    """The oracle's constraint rows act on the bodies' twists: A T = 0, so wrenches A' lambda do no
+    work on T."""
     book, q, _ = at
     oracle = LagrangeOracle(book.mechanism)
     placed = oracle._placed(q)
@@ -274,7 +276,8 @@ def test_slider_crank_through_the_whole_turn():
 
 
 def bennett(a: float = 0.5, alpha: float = 0.7, beta: float = 1.2, theta: float = 1.0) -> Mechanism:
-    """Describe a Bennett linkage: opposite links alike, sin(alpha) / a = sin(beta) / b, four revolutes, one freedom."""
+    """Describe a Bennett linkage: opposite links alike, sin(alpha) / a = sin(beta) / b, four
+    revolutes, one freedom."""
     b = a * sin(beta) / sin(alpha)
     far = {
         1: Frame(position=(a, 0, 0), rotation=(alpha, 0, 0)),
@@ -302,12 +305,14 @@ def bennett(a: float = 0.5, alpha: float = 0.7, beta: float = 1.2, theta: float 
 
 
 def bennett_angle(alpha: float, beta: float, theta: float) -> float:
-    """Return theta_2: tan(theta_1 / 2) tan(theta_2 / 2) = sin((beta + alpha) / 2) / sin((beta - alpha) / 2)."""
+    """Return theta_2: tan(theta_1 / 2) tan(theta_2 / 2) = sin((beta + alpha) / 2) / sin((beta -
+    alpha) / 2)."""
     return 2 * np.arctan(sin((beta + alpha) / 2) / sin((beta - alpha) / 2) / np.tan(theta / 2))
 
 
 def test_bennett_linkage_moves_with_three_redundant_rows():
-    """Four revolutes close a spatial loop of one freedom (Bennett 1903): three of six rows are independent."""
+    """Four revolutes close a spatial loop of one freedom (Bennett 1903): three of six rows are
+    independent."""
     book = Textbook(bennett())
     q, oracle = book.reference, LagrangeOracle(book.mechanism)
     assert len(book.rows) == 3

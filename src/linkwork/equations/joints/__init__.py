@@ -2,13 +2,13 @@
 
 A kind says two things about a joint with frames F1 (first body) and F2 (second body):
 
-- `motions`: the elementary motions that lead from F1 to F2, in order; each a turn about, a slide along, or a screw
-  motion on a constant axis, or a free turn;
-- `rows`: what stays zero, most often a position row  e . (p_2 - p_1) = 0  or a direction row  e . f = 0
-  with e fixed in F1 and f in F2. All vectors are components in the joint's frames.
+- `motions`: the elementary motions that lead from F1 to F2, in order; each a turn about, a slide
+  along, or a screw motion on a constant axis, or a free turn;
+- `rows`: what stays zero, most often a position row  e . (p_2 - p_1) = 0  or a direction row  e . f
+  = 0 with e fixed in F1 and f in F2. All vectors are components in the joint's frames.
 
-The recursions of the tree, the closure of loops and the reading of coordinates are built from these two alone. Gears
-connect coordinates, not frames: they are rows of their own (`gears`).
+The recursions of the tree, the closure of loops and the reading of coordinates are built from these
+two alone. Gears connect coordinates, not frames: they are rows of their own (`gears`).
 """
 
 from linkwork.equations.joints import (

@@ -13,10 +13,12 @@ from linkwork.equations.algebra import Number, Vector, present
 
 @dataclass(frozen=True)
 class Motion:
-    """Describe an elementary motion: turn about and slide along constant axes, or turn freely (`ball`).
+    """Describe an elementary motion: turn about and slide along constant axes, or turn freely
+    (`ball`).
 
-    A unit rate turns about `turn` (unit or zero) and slides by `slide`, both fixed in the inner and in the outer frame; a
-    ball has three rates, the angular velocity in the axes of the description's first frame, and four coordinates.
+    A unit rate turns about `turn` (unit or zero) and slides by `slide`, both fixed in the inner and
+    in the outer frame; a ball has three rates, the angular velocity in the axes of the
+    description's first frame, and four coordinates.
     """
 
     turn: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -50,7 +52,8 @@ class Row:
 
     position row    e . (p_2 - p_1)                   where f is None
     direction row   e . f                             where f is given; f has the same components in F1 and F2 but for
-                                                      a `crossing` row, where e is fixed in F1 alone and f in F2
+                                                      a `crossing` row, where e is fixed in F1 alone
+                                                      and f in F2
     screw row       e . (p_2 - p_1) - pitch angle     where pitch is given; e is the axis
     distance row    (|p_2 - p_1|^2 - l^2) / (2 l)     where length is given; e is not used
     """
@@ -64,7 +67,8 @@ class Row:
 
     @property
     def moment(self) -> np.ndarray:
-        """Return f x e, the direction about which a direction row allows no turn (zero for the other rows)."""
+        """Return f x e, the direction about which a direction row allows no turn (zero for the
+        other rows)."""
         return np.zeros(3) if self.f is None else np.cross(self.f, self.e)
 
     def exchanged(self) -> Row:
@@ -77,7 +81,8 @@ class Kind:
     """Describe a joint kind by functions of the joint's data.
 
     motions: from F1 to F2, in order
-    rows: takes the joint and a preferred first direction; `exchanged` gives the rows with F1 and F2 exchanged
+    rows: takes the joint and a preferred first direction; `exchanged` gives the rows with F1 and F2
+    exchanged
     """
 
     motions: Callable[[Any], tuple[Motion, ...]]
@@ -93,14 +98,16 @@ def slide(axis: object) -> Motion:
 
 
 def coincident(preferred: np.ndarray) -> tuple[Row, ...]:
-    """Return the three position rows of a common origin, along directions of which the first is preferred."""
+    """Return the three position rows of a common origin, along directions of which the first is
+    preferred."""
     axis = np.eye(3)[int(np.argmin(np.abs(preferred)))]
     e1, e2 = transversals(axis, preferred)
     return tuple(Row(f"position {number}", e) for number, e in enumerate((e1, e2, axis), start=1))
 
 
 def transversals(axis: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors e_1, e_2 with e_1 x e_2 = axis, e_1 as near as possible to a preferred direction."""
+    """Return two unit vectors e_1, e_2 with e_1 x e_2 = axis, e_1 as near as possible to a
+    preferred direction."""
     for candidate in (preferred, *np.eye(3)):
         e1 = candidate - axis * (axis @ candidate)
         length = np.linalg.norm(e1)

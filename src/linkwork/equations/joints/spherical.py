@@ -1,7 +1,8 @@
 """Spherical joint: F2 turns freely about the common origin.
 
-R_12 = R(p), p a unit quaternion,  p_12 = 0      motion subspace  S = [1; 0], the angular velocity in F1's axes
-closure rows, x, y, z the frame's axes:          x . p_12 = 0,  y . p_12 = 0,  z . p_12 = 0        (three positions)
+R_12 = R(p), p a unit quaternion,  p_12 = 0  motion subspace  S = [1; 0], the angular velocity in
+F1's axes
+closure rows, x, y, z the frame's axes:      x . p_12 = 0,  y . p_12 = 0,  z . p_12 = 0        (three positions)
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""An MJCF document as its author means it: files included, defaults applied, angles and orientations understood.
+"""An MJCF document as its author means it: files included, defaults applied, angles and
+orientations understood.
 
-Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (elements, attributes and their defaults).
+Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (elements, attributes and
+their defaults).
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ MAIN = "main"
 
 @dataclass(frozen=True)
 class Class:
-    """Hold a class of defaults: the class that it begins with, and its own settings by kind of element, in their order."""
+    """Hold a class of defaults: the class that it begins with, and its own settings by kind of
+    element, in their order."""
 
     parent: Class | None = None
     own: dict[str, list[Mapping[str, str]]] = field(default_factory=dict)
@@ -56,9 +59,11 @@ class Compiler:
 
     Attributes:
         degrees: angles are in degrees.
-        euler: order of the axes of Euler angles; small letters turn about the moving axes, capitals about the fixed ones.
+        euler: order of the axes of Euler angles; small letters turn about the moving axes, capitals
+            about the fixed ones.
         autolimits: a range alone makes a limit.
-        from_geoms: "true", "false", or "auto" where the geoms give the inertia of bodies without <inertial>.
+        from_geoms: "true", "false", or "auto" where the geoms give the inertia of bodies without
+            <inertial>.
         groups: first and last group of geoms that have mass.
         least_mass, least_inertia: smaller ones of moving bodies are raised to these [kg, kg m^2].
         total_mass: all masses are scaled to this sum, if positive [kg].
@@ -116,7 +121,8 @@ def flag(element: Element, name: str, default: bool) -> bool:
 
 @dataclass(frozen=True)
 class Document:
-    """Hold the root element with all files included, the compiler's settings and the defaults by class."""
+    """Hold the root element with all files included, the compiler's settings and the defaults by
+    class."""
 
     root: Element
     compiler: Compiler
@@ -144,10 +150,12 @@ class Document:
         )
 
     def resolved(self, element: Element, kind: str, childclass: str = MAIN) -> Element:
-        """Return an element with the defaults of its class, or of the class its body gives to its children.
+        """Return an element with the defaults of its class, or of the class its body gives to its
+        children.
 
         Args:
-            kind: what defaults call the element; all actuators share one entry, as do all equalities and all tendons.
+            kind: what defaults call the element; all actuators share one entry, as do all
+                equalities and all tendons.
         """
         name = element.attributes.get("class", childclass)
         if name not in self.defaults:
@@ -222,7 +230,8 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
 
 
 class _Including:
-    """Put the contents of files in the place of <include file="...">; they lie in the model's own folder.
+    """Put the contents of files in the place of <include file="...">; they lie in the model's own
+    folder.
 
     What is too deep, too large or too much for one file is so for all together.
     """

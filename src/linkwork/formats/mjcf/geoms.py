@@ -1,7 +1,8 @@
 """Geoms of an MJCF model: what they weigh, and what they show.
 
-A geom is measured by `size`: the radius of a sphere, radius and half length of a capsule or cylinder along z, the half axes
-of an ellipsoid or box. It is shown where MuJoCo shows it when it opens a model: in one of the groups 0 to 2, not transparent.
+A geom is measured by `size`: the radius of a sphere, radius and half length of a capsule or
+cylinder along z, the half axes of an ellipsoid or box. It is shown where MuJoCo shows it when it
+opens a model: in one of the groups 0 to 2, not transparent.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ BETWEEN = "between_joints"  # class of what an export draws of a body without sh
 
 
 def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -> list[Solid]:
-    """Return the geom's mass in the body's frame; nothing for shapes without mass or not known here.
+    """Return the geom's mass in the body's frame; nothing for shapes without mass or not known
+    here.
 
     Args:
         element: with its defaults.
@@ -38,8 +40,8 @@ def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -
     if kind not in SIZES:
         notes.on(
             element,
-            f"is a {kind}, whose mass is left out: only spheres, boxes, capsules, cylinders and ellipsoids are "
-            "weighed; give the body an <inertial>",
+            f"is a {kind}, whose mass is left out: only spheres, boxes, capsules, cylinders and "
+            "ellipsoids are weighed; give the body an <inertial>",
             alters=True,
         )
         return []
@@ -69,7 +71,8 @@ def shown(
     materials: Mapping[str, Element],
     notes: Notes,
 ) -> list[Shape]:
-    """Return the geom's shape in the body's frame; nothing for what MuJoCo hides or is no shape here."""
+    """Return the geom's shape in the body's frame; nothing for what MuJoCo hides or is no shape
+    here."""
     if not is_shown(element):
         return []
     colour = rgba(element, materials)
@@ -79,7 +82,10 @@ def shown(
     if kind not in SHAPES:
         notes.on(
             element,
-            f"is no shape here and is not shown: its type is {kind}, not one of {', '.join(SHAPES)}",
+            (
+                f"is no shape here and is not shown: its type is {kind}, not one of "
+                f"{', '.join(SHAPES)}"
+            ),
         )
         return []
     if colour is not None and colour[3] < 1:
@@ -112,7 +118,8 @@ def size_of(shape: Shape) -> tuple[float, ...] | None:
 
 
 def is_shown(element: Element) -> bool:
-    """Tell whether MuJoCo shows a geom when it opens a model, and an export did not draw it for want of shapes."""
+    """Tell whether MuJoCo shows a geom when it opens a model, and an export did not draw it for
+    want of shapes."""
     return element.number("group", 0.0) < HIDDEN and element.attributes.get("class") != BETWEEN
 
 
@@ -140,7 +147,8 @@ def measured(document: Document, element: Element) -> tuple[np.ndarray, np.ndarr
 
 
 def fromto(element: Element) -> tuple[np.ndarray, float]:
-    """Return the pose in the middle between two points, z along their line, and half their distance."""
+    """Return the pose in the middle between two points, z along their line, and half their
+    distance."""
     ends = np.array(element.numbers("fromto", (6,))).reshape(2, 3)
     along = ends[0] - ends[1]
     half = np.linalg.norm(along) / 2
@@ -160,7 +168,8 @@ def materials_of(document: Document) -> dict[str, Element]:
 
 
 def rgba(element: Element, materials: Mapping[str, Element]) -> tuple[float, ...] | None:
-    """Return red, green, blue and opacity of a geom, or of its material where that has no texture; None if not given."""
+    """Return red, green, blue and opacity of a geom, or of its material where that has no texture;
+    None if not given."""
     if "rgba" in element.attributes:
         return element.numbers("rgba", (4,))
     material = materials.get(element.attributes.get("material", ""))

@@ -1,16 +1,18 @@
 """The joints of an MJCF body as joints of a mechanism.
 
-A body of several hinges and slides hangs on a chain through massless bodies, so that every joint keeps its name. Where
-nothing is lost by it the joints are one: without names, or with those that an exported joint has ("wrist.angle_1",
-"wrist.angle_2"), two crossing perpendicular hinges are a universal joint, a hinge and a slide of one axis a cylindrical
-one, two slides and a hinge across them a planar one, three perpendicular slides and a ball a free one. A hinge and a
-slide of one axis that a linear joint equality couples are a screw.
+A body of several hinges and slides hangs on a chain through massless bodies, so that every joint
+keeps its name. Where nothing is lost by it the joints are one: without names, or with those that an
+exported joint has ("wrist.angle_1", "wrist.angle_2"), two crossing perpendicular hinges are a
+universal joint, a hinge and a slide of one axis a cylindrical one, two slides and a hinge across
+them a planar one, three perpendicular slides and a ball a free one. A hinge and a slide of one axis
+that a linear joint equality couples are a screw.
 
-A joint whose pieces stand in reverse order was written from its second body: it leads from the body to its parent.
-The rates of a ball are components in the axes of F1: these are the axes of its actuators, if they are named "ball.wx".
+A joint whose pieces stand in reverse order was written from its second body: it leads from the body
+to its parent. The rates of a ball are components in the axes of F1: these are the axes of its
+actuators, if they are named "ball.wx".
 
-With F1 the joint frame where the body stands at qpos0, and J the joint's motion, the second frame is F2 = F1 J(ref):
-coordinates here are the file's own.
+With F1 the joint frame where the body stands at qpos0, and J the joint's motion, the second frame
+is F2 = F1 J(ref): coordinates here are the file's own.
 """
 
 from __future__ import annotations
@@ -58,7 +60,8 @@ class Coupling:
 
 @dataclass(frozen=True)
 class DrivenBall:
-    """Hold the axes along which a ball is driven, in the body at qpos0, and whether they move with the body."""
+    """Hold the axes along which a ball is driven, in the body at qpos0, and whether they move with
+    the body."""
 
     axes: np.ndarray
     from_body: bool = False
@@ -70,7 +73,8 @@ class Joints:
 
     Attributes:
         joints, bodies: by name.
-        slots: the coordinates of each joint of the file, in the order of qpos; none for the slide of a screw.
+        slots: the coordinates of each joint of the file, in the order of qpos; none for the slide
+            of a screw.
         coordinates: by the name of a hinge or slide in the file.
         balls, floats: the joint by the name of a ball or a free joint in the file.
         last: by the name of a body, the joint that carries it.
@@ -91,7 +95,8 @@ class Joints:
 
 @dataclass(frozen=True)
 class Group:
-    """Hold one joint to be: its type, its pieces with the freedom that each brings, its frames at qpos0, its fields."""
+    """Hold one joint to be: its type, its pieces with the freedom that each brings, its frames at
+    qpos0, its fields."""
 
     type: type[PairJoint]
     name: str | None
@@ -126,7 +131,8 @@ def read_joints(
     """Return the joints of all bodies.
 
     Args:
-        couplings: joint equalities by the name of the coupled joint that nothing else moves or uses.
+        couplings: joint equalities by the name of the coupled joint that nothing else moves or
+            uses.
         drives: how balls are driven, by name.
         names, body_names: give names to joints and to massless bodies.
     """
@@ -175,7 +181,8 @@ def _joint(group: Group, connects: tuple[str, str], place: np.ndarray, name: str
 
 
 def _effects(group: Group) -> dict[str, Any]:
-    """Return friction, spring, limits and rotor inertia as the fields of the joint; a free joint has them in every freedom."""
+    """Return friction, spring, limits and rotor inertia as the fields of the joint; a free joint
+    has them in every freedom."""
     parts = list(zip(group.freedoms, group.pieces, strict=True))
     if group.pieces[0].kind == "free":
         parts = [(freedom, group.pieces[0]) for freedom in FreeJoint.freedoms]
@@ -215,7 +222,7 @@ def _record(made: Joints, group: Group, name: str) -> None:
                 made.slots.append(())
 
 
-# ---------------------------------------------------------------------------------------------------------- grouping
+# ----------------------------------------------------------------------------------------- grouping
 
 
 def _groups(
@@ -235,7 +242,8 @@ def _groups(
 
 
 def _several(pieces: list[Piece]) -> Group | None:
-    """Return the joint that the first few pieces are together, as they stand or written from the second body."""
+    """Return the joint that the first few pieces are together, as they stand or written from the
+    second body."""
     group = _free(pieces[:4]) or _planar(pieces[:3]) or _pair(pieces[:2])
     if group is not None:
         return group
@@ -248,7 +256,8 @@ def _several(pieces: list[Piece]) -> Group | None:
 
 
 def _common_name(pieces: list[Piece], freedoms: tuple[str, ...]) -> tuple[bool, str | None]:
-    """Tell whether pieces may be one joint: they have no names (None is returned) or those of one exported joint."""
+    """Tell whether pieces may be one joint: they have no names (None is returned) or those of one
+    exported joint."""
     names = [piece.name for piece in pieces]
     if not any(names):
         return True, None
@@ -352,7 +361,8 @@ def _free(pieces: list[Piece]) -> Group | None:
 def _screw(
     pieces: list[Piece], couplings: Mapping[str, Coupling], screws: set[str]
 ) -> Group | None:
-    """Return a screw, if the slide of a hinge and a slide follows the hinge by a joint equality and has no effects."""
+    """Return a screw, if the slide of a hinge and a slide follows the hinge by a joint equality and
+    has no effects."""
     if {piece.kind for piece in pieces} != {"hinge", "slide"} or not _parallel(
         *(piece.axis for piece in pieces)
     ):

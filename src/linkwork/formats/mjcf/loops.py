@@ -1,14 +1,16 @@
 """The equality constraints and tendons of an MJCF model as joints.
 
     connect, alone                      a spherical joint; a revolute one where the tree between the two bodies moves in a
-                                        plane anyway (hinges of one direction, slides across it): the motion is the same
+                                        plane anyway (hinges of one direction, slides across it):
+                                        the motion is the same
     connects of the same two bodies     on one line: a revolute joint about it; on no line: a fixed joint
     weld                                a fixed joint; without torque (torquescale 0) a connect
     joint, linear                       a gear, a locked joint where only one is named
     tendon of two sites, held           a rod; with stiffness or damping a spring between two points
     tendon of joints, held              a gear
 
-Where body names and an anchor are given, the two bodies fit together at qpos0; sites fit where they are.
+Where body names and an anchor are given, the two bodies fit together at qpos0; sites fit where they
+are.
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Tie:
-    """Hold a connect or weld: the two bodies, and the frames in them that meet (of a connect only the origins count)."""
+    """Hold a connect or weld: the two bodies, and the frames in them that meet (of a connect only
+    the origins count)."""
 
     element: Element
     bodies: tuple[str, str]
@@ -113,7 +116,7 @@ class LoopReader:
         found.sites = {site for tie in (*found.points, *found.welds) for site in tie.sites}
         return found
 
-    # ------------------------------------------------------------------------------------------------ connect, weld
+    # -------------------------------------------------------------------------------- connect, weld
 
     def _tie(self, element: Element) -> Tie:
         if "site1" in element.attributes:
@@ -168,7 +171,8 @@ class LoopReader:
         return made
 
     def _connected(self, ties: list[Tie]) -> list[tuple[str, PairJoint]]:
-        """Return the one joint that several connects of the same two bodies are, or one spherical joint for each."""
+        """Return the one joint that several connects of the same two bodies are, or one spherical
+        joint for each."""
         connects, name = ties[0].bodies, tie_name(ties[0])
         if len(ties) > CONNECTS:
             raise ties[0].element.refusal(
@@ -206,7 +210,8 @@ class LoopReader:
     def _hinge(
         self, connects: tuple[str, str], centre: np.ndarray, axes: list[np.ndarray]
     ) -> RevoluteJoint:
-        """Return a revolute joint about z of its frames, at zero where the bodies stand at qpos0."""
+        """Return a revolute joint about z of its frames, at zero where the bodies stand at
+        qpos0."""
         one, two = (self.at_zero[body][:3, :3] for body in connects)
         first = poses.across(axes[0], np.eye(3)[np.argmin(abs(axes[0]))])
         second = poses.across(axes[1], two.T @ one @ first[:, 0])
@@ -217,12 +222,16 @@ class LoopReader:
         return RevoluteJoint(connects=connects, frames=frames)
 
     def _ball(self, tie: Tie) -> PairJoint:
-        """Return a spherical joint, at rest where the bodies stand at qpos0; a revolute one in a planar loop."""
+        """Return a spherical joint, at rest where the bodies stand at qpos0; a revolute one in a
+        planar loop."""
         normal = self._normal(tie.bodies)
         if normal is not None:
             self.notes.on(
                 tie.element,
-                "closes a loop that moves in a plane and is taken as a revolute joint across it; nothing is lost",
+                (
+                    "closes a loop that moves in a plane and is taken as a revolute joint "
+                    "across it; nothing is lost"
+                ),
             )
             axes = [self.at_zero[body][:3, :3].T @ normal for body in tie.bodies]
             return self._hinge(tie.bodies, np.array(tie.points), axes)
@@ -234,7 +243,8 @@ class LoopReader:
         return SphericalJoint(connects=tie.bodies, frames=frames)
 
     def _normal(self, bodies: tuple[str, str]) -> np.ndarray | None:
-        """Return the normal of the plane in which the tree moves one body relative to another, if it is a plane."""
+        """Return the normal of the plane in which the tree moves one body relative to another, if
+        it is a plane."""
         chains = [self.tree.chain(body) for body in bodies]
         common = {node.name for node in chains[0]} & {node.name for node in chains[1]}
         between = [node for chain in chains for node in chain if node.name not in common]
@@ -244,7 +254,7 @@ class LoopReader:
             for piece in node.pieces
         )
 
-    # ------------------------------------------------------------------------------------------------ joint, tendon
+    # -------------------------------------------------------------------------------- joint, tendon
 
     def _coupling(self, element: Element) -> list[Coupling]:
         offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
@@ -259,14 +269,17 @@ class LoopReader:
                 raise element.refusal(f"there is no joint {name!r}")
             if self.pieces[name].kind not in ("hinge", "slide"):
                 raise element.refusal(
-                    f"{name!r} is a {self.pieces[name].kind} joint; only hinges and slides are coupled"
+                    f"{name!r} is a {self.pieces[name].kind} joint; only hinges and slides are "
+                    "coupled"
                 )
         return [Coupling(element, names[0], names[1] if ratio else "", offset, ratio)]
 
     def gears(self, ties: Ties, joints: Joints, names: FreeNames) -> dict[str, Joint]:
-        """Return the gears and locks that joint equalities are, but those that became parts of screws.
+        """Return the gears and locks that joint equalities are, but those that became parts of
+        screws.
 
-        q1 - ref1 = a0 + a1 (q2 - ref2):  a gear of the ratios 1 and -a1 and the offset a0 + ref1 - a1 ref2.
+        q1 - ref1 = a0 + a1 (q2 - ref2):  a gear of the ratios 1 and -a1 and the offset a0 + ref1 -
+        a1 ref2.
         """
         made: dict[str, Joint] = {}
         for number, coupling in enumerate(ties.couplings, start=1):
@@ -331,7 +344,8 @@ class LoopReader:
         return rods, springs, used
 
     def _held(self, equalities: Iterable[Element]) -> dict[str, tuple[Element, float]]:
-        """Return the tendons that are held at a length: the equality, and the difference to the length at qpos0."""
+        """Return the tendons that are held at a length: the equality, and the difference to the
+        length at qpos0."""
         held = {}
         for element in equalities:
             offset, ratio, *higher = (
@@ -373,7 +387,10 @@ class LoopReader:
         if stiffness or damping:
             low, *high = element.numbers("springlength", (1, 2), (-1.0,))
             if high and high[0] != low:
-                remark = "has a spring without force over a range of lengths; it is taken to rest at the lower end"
+                remark = (
+                    "has a spring without force over a range of lengths; it is taken to rest at "
+                    "the lower end"
+                )
                 self.notes.on(element, remark, alters=True)
             springs[name] = element.make(
                 PointSpring,
@@ -427,7 +444,8 @@ def _pulls(tendon: Element) -> bool:
 
 
 def tie_name(tie: Tie) -> str:
-    """Return the name of a joint from its equality; the connects of an exported joint share what stands before the dot."""
+    """Return the name of a joint from its equality; the connects of an exported joint share what
+    stands before the dot."""
     name = tie.element.attributes.get("name")
     if name is None:
         return "_".join(("loop", *(body for body in tie.bodies if body != GROUND)))

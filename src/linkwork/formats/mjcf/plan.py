@@ -1,17 +1,18 @@
 """How a mechanism is held by MJCF: a tree of bodies, and what ties the loops.
 
     tree     a minimum spanning tree from ground: fixed joints first, then those that MuJoCo only knows inside a tree
-             (with effects, driven or geared; prismatic, screw, cylindrical, universal, planar), then revolute, spherical
-             and free ones (three slides and a ball, but for free bodies without effects); a body that only rods reach
-             gets a free joint
+             (with effects, driven or geared; prismatic, screw, cylindrical, universal, planar),
+             then revolute, spherical and free ones (three slides and a ball, but for free bodies
+             without effects); a body that only rods reach gets a free joint
     cut      a revolute joint is two connects on its axis, or one in a loop that moves in a plane; a spherical one is a
-             connect; a rod is a tendon held at its length; any other joint leads to a part of its body, with an equal
-             share of its mass, and a weld joins part and body
+             connect; a rod is a tendon held at its length; any other joint leads to a part of its
+             body, with an equal share of its mass, and a weld joins part and body
     massless bodies with one joint in and one out vanish: MJCF puts several joints into one body
     ball     with slides after it, as of a free joint seen from its second body: in a loop it gets a body of its own, for
              MuJoCo's constraints leave out how a ball turns the slides in its body (`mj_jacDot`)
 
-All places are at home, where the loops are closed, in the ground's axes; MuJoCo's qpos0 is this configuration.
+All places are at home, where the loops are closed, in the ground's axes; MuJoCo's qpos0 is this
+configuration.
 """
 
 from __future__ import annotations
@@ -45,14 +46,16 @@ from linkwork.mechanism import (
 )
 
 ADVANCE = "advance"  # name of a screw's slide
-ARM = 0.2  # distance of the two points that hold a revolute joint's axis, as part of the mechanism's size
+ARM = 0.2
+"""Distance of the two points that hold a revolute joint's axis, as part of the mechanism's size."""
 Effects = tuple[Friction, Spring, Limits, float]
 NO_EFFECTS: Effects = (Friction(), Spring(), Limits(), 0.0)
 
 
 @dataclass(frozen=True)
 class Home:
-    """Hold a closed configuration: X_ground_body of all bodies and ground, and all joint coordinates."""
+    """Hold a closed configuration: X_ground_body of all bodies and ground, and all joint
+    coordinates."""
 
     poses: Mapping[str, np.ndarray]
     coordinates: Mapping[str, float]
@@ -66,7 +69,8 @@ class Home:
         return near, far
 
     def size(self, mechanism: Mechanism) -> float:
-        """Return the largest distance of a joint from the first one [m], or 1 where all are in one place."""
+        """Return the largest distance of a joint from the first one [m], or 1 where all are in one
+        place."""
         points = [X[:3, 3] for joint in mechanism.pairs.values() for X in self.frames(joint)]
         reach = max((float(np.linalg.norm(point - points[0])) for point in points), default=0.0)
         return reach if reach > 1e-9 else 1.0
@@ -74,7 +78,8 @@ class Home:
 
 @dataclass(frozen=True)
 class Move:
-    """Hold one MuJoCo joint: a point on its axis and the axis, in ground at home; its coordinate there; its effects.
+    """Hold one MuJoCo joint: a point on its axis and the axis, in ground at home; its coordinate
+    there; its effects.
 
     One that is `backwards` moves the first of the joint's two bodies relative to the second.
     """
@@ -88,13 +93,15 @@ class Move:
     backwards: bool = False
 
     def reversed(self) -> Move:
-        """Return the joint that moves the first body relative to the second by the same coordinate."""
+        """Return the joint that moves the first body relative to the second by the same
+        coordinate."""
         return replace(self, axis=-self.axis, backwards=not self.backwards)
 
 
 @dataclass(frozen=True)
 class Seat:
-    """Hold one MJCF body: a body or a part of it, the seat it stands in, the joints between, and its share of the mass."""
+    """Hold one MJCF body: a body or a part of it, the seat it stands in, the joints between, and
+    its share of the mass."""
 
     name: str
     body: str
@@ -105,7 +112,8 @@ class Seat:
 
 @dataclass(frozen=True)
 class Tie:
-    """Hold what closes a loop: points of two seats held together or at a distance, or two seats welded."""
+    """Hold what closes a loop: points of two seats held together or at a distance, or two seats
+    welded."""
 
     kind: Literal["connect", "weld", "rod"]
     name: str
@@ -119,8 +127,8 @@ class Plan:
     """Hold how MJCF holds a mechanism.
 
     Attributes:
-        tree: parent and body by the joint between them (or, for bodies that only rods reach, by a name given here),
-            parents first.
+        tree: parent and body by the joint between them (or, for bodies that only rods reach, by a
+            name given here), parents first.
         seats: the bodies of the model, depth first.
         ties: what closes the loops.
         light: the seats that move and have no mass, nor has what is fixed to them.
@@ -201,7 +209,7 @@ class _Planner:
             tree, self._ordered(), tuple(ties), self._light(), tuple(dropped), tuple(floating)
         )
 
-    # --------------------------------------------------------------------------------------------------------- tree
+    # ----------------------------------------------------------------------------------------- tree
 
     def _rank(self, name: str, joint: PairJoint) -> int | None:
         match joint:
@@ -220,7 +228,8 @@ class _Planner:
         return 1
 
     def _tree(self) -> tuple[dict[str, tuple[str, str]], list[str]]:
-        """Return parent and body by joint (or, for bodies that only rods reach, by a name given here), and those names."""
+        """Return parent and body by joint (or, for bodies that only rods reach, by a name given
+        here), and those names."""
         depth, tree, floating = {GROUND: 0}, {}, []
         ranks = {name: self._rank(name, joint) for name, joint in self.mechanism.pairs.items()}
         edges = [
@@ -255,17 +264,19 @@ class _Planner:
         return tree, floating
 
     def _needs_part(self, name: str, joint: PairJoint) -> bool:
-        """Tell whether a joint that closes a loop must stay a joint, leading to a part of its body."""
+        """Tell whether a joint that closes a loop must stay a joint, leading to a part of its
+        body."""
         if isinstance(joint, FixedJoint | RodJoint):
             return False
         return name in self.needed or not isinstance(
             joint, RevoluteJoint | SphericalJoint | FreeJoint
         )
 
-    # -------------------------------------------------------------------------------------------------------- joints
+    # --------------------------------------------------------------------------------------- joints
 
     def _moves(self, name: str, parent: str) -> tuple[Move, ...]:
-        """Return the MuJoCo joints of a joint, seen from a parent: backwards in order and sense from its second body."""
+        """Return the MuJoCo joints of a joint, seen from a parent: backwards in order and sense
+        from its second body."""
         joint = self.mechanism.pairs[name]
         moves = self._forward(name, joint)
         return (
@@ -319,18 +330,19 @@ class _Planner:
         return Move("free", name, self.home.poses[body][:3, 3], np.zeros(3))
 
     def _require_neutral(self, name: str, effects: Effects) -> None:
-        """Refuse what MuJoCo measures from qpos0 and the mechanism from where the two frames agree."""
+        """Refuse what MuJoCo measures from qpos0 and the mechanism from where the two frames
+        agree."""
         _, spring, limits, _ = effects
         near, far = self.home.frames(self.mechanism.pairs[name])
         if (spring.stiffness or limits.upper is not None) and np.max(
             abs(near[:3, :3] - far[:3, :3])
         ) > 1e-9:
             raise MechanismError(
-                f"joints.{name}: has a spring or a limit and is turned at home; MuJoCo measures the turn of a ball joint from "
-                "home, so that the two frames must agree there"
+                f"joints.{name}: has a spring or a limit and is turned at home; MuJoCo measures "
+                "the turn of a ball joint from home, so that the two frames must agree there"
             )
 
-    # ---------------------------------------------------------------------------------------------------------- ties
+    # ----------------------------------------------------------------------------------------- ties
 
     def _ties(self, name: str, joint: PairJoint) -> list[Tie]:
         near, far = self.home.frames(joint)
@@ -374,7 +386,7 @@ class _Planner:
             seat = self.seats[seat].parent
         return chain
 
-    # ----------------------------------------------------------------------------------------------- massless bodies
+    # ------------------------------------------------------------------------------ massless bodies
 
     def _stack_massless(self, ties: list[Tie]) -> None:
         """Put the joints of massless bodies into the one body that stands in each."""
@@ -401,7 +413,8 @@ class _Planner:
             )
 
     def _part_balls(self, ties: list[Tie]) -> None:
-        """Give balls in loops that slides follow a body of their own, which has no share of the mass."""
+        """Give balls in loops that slides follow a body of their own, which has no share of the
+        mass."""
         for seat in {seat.name: seat for tie in ties for seat in self._between(tie.seats)}.values():
             after = next(
                 (k + 1 for k, move in enumerate(seat.moves) if move.kind == "ball"), len(seat.moves)
@@ -454,6 +467,7 @@ def turns_after_a_ball(first: tuple[Move, ...], then: tuple[Move, ...]) -> bool:
 
 
 def carried(joint: PairJoint) -> str:
-    """Return the body that a joint that closes a loop carries a part of: its second, if that is not ground."""
+    """Return the body that a joint that closes a loop carries a part of: its second, if that is not
+    ground."""
     first, second = joint.connects
     return first if second == GROUND else second

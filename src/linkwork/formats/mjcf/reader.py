@@ -1,7 +1,8 @@
 """MJCF, the model format of MuJoCo, read as a mechanism.
 
-The bodies' tree becomes bodies and joints, equality constraints and tendons become the joints that they are
-(`mjcf_loops`), actuators name rates, sites become tools. The reference is the keyframe "home", or qpos0.
+The bodies' tree becomes bodies and joints, equality constraints and tendons become the joints that
+they are (`mjcf_loops`), actuators name rates, sites become tools. The reference is the keyframe
+"home", or qpos0.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ HOME = "home"
 
 
 def read_mjcf(root: Element, notes: Notes) -> Mechanism:
-    """Read a document whose root is <mujoco>; what is left out or taken otherwise goes to the notes.
+    """Read a document whose root is <mujoco>; what is left out or taken otherwise goes to the
+    notes.
 
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
@@ -100,7 +102,8 @@ def _gravity(document: Document) -> tuple[float, float, float]:
 
 
 def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
-    """Return the joint equalities by the joint that they move, where nothing else drives or couples that joint."""
+    """Return the joint equalities by the joint that they move, where nothing else drives or couples
+    that joint."""
     used = Counter(name for coupling in ties.couplings for name in (coupling.joint, coupling.other))
     used.update(
         element.attributes.get("joint") or element.attributes.get("jointinparent", "")
@@ -114,7 +117,7 @@ def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
     return {item.joint: item for item in ties.couplings if item.other and used[item.joint] == 1}
 
 
-# ------------------------------------------------------------------------------------------------------------- parts
+# -------------------------------------------------------------------------------------------- parts
 
 
 def _join_parts(
@@ -122,8 +125,9 @@ def _join_parts(
 ) -> None:
     """Make one body of the parts that an export made of it.
 
-    A joint that closes a loop and is no hinge or ball leads to a part of its body, named "body.joint" and welded to the
-    body. Where a leaf of the tree is such a part, the joint leads to the body itself, which has the mass of both.
+    A joint that closes a loop and is no hinge or ball leads to a part of its body, named
+    "body.joint" and welded to the body. Where a leaf of the tree is such a part, the joint leads to
+    the body itself, which has the mass of both.
     """
     parents = {node.parent for node in tree.nodes.values()}
     uses = Counter(body for tie in (*ties.points, *ties.welds) for body in tie.bodies)
@@ -161,7 +165,7 @@ def _is_part(tree: Tree, weld: Tie, body: str) -> bool:
     return None not in names and str(names[1]).startswith(f"{names[0]}.")
 
 
-# --------------------------------------------------------------------------------------------------------- actuators
+# ---------------------------------------------------------------------------------------- actuators
 
 
 def _driven_sites(document: Document) -> set[str]:
@@ -195,7 +199,8 @@ def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, .
 
 
 def _ball_drives(document: Document) -> dict[str, DrivenBall]:
-    """Return how balls are driven, by name of the ball, where actuators are named "ball.wx" and so on."""
+    """Return how balls are driven, by name of the ball, where actuators are named "ball.wx" and so
+    on."""
     wanted: dict[tuple[str, bool], dict[int, np.ndarray]] = {}
     for element in document.each("actuator"):
         index = ANGULAR_VELOCITY.get(element.attributes.get("name", "").rpartition(".")[2])
@@ -226,7 +231,10 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
         if gear[0] != 1:
             notes.on(
                 element,
-                f"has a gear of {gear[0]:g}, which is left out: the force here is the one at the joint",
+                (
+                    f"has a gear of {gear[0]:g}, which is left out: the force here is the one at "
+                    "the joint"
+                ),
             )
         return joints.coordinates[name]
     whole = name in joints.floats
@@ -241,19 +249,23 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
     if not one or not (in_parent != group.backwards or (whole and axis < 3)):
         notes.on(
             element,
-            f"is left out: its axis is none of the axes of {owner!r} (jointinparent and a gear of length 1 are read)",
+            (
+                f"is left out: its axis is none of the axes of {owner!r} (jointinparent and a "
+                "gear of length 1 are read)"
+            ),
         )
         return None
     return rates[axis]
 
 
-# --------------------------------------------------------------------------------------------------------- reference
+# ---------------------------------------------------------------------------------------- reference
 
 
 def _reference(
     document: Document, tree: Tree, joints: Joints, closing: dict[str, PairJoint]
 ) -> dict[str, float]:
-    """Return the joint coordinates of the keyframe "home", or those of qpos0; what is at zero is left out."""
+    """Return the joint coordinates of the keyframe "home", or those of qpos0; what is at zero is
+    left out."""
     pieces = tree.pieces()
     positions = tree.positions()
     home = next(

@@ -1,7 +1,8 @@
-"""What an MJCF document says that is not read: every element and attribute without an effect here is named.
+"""What an MJCF document says that is not read: every element and attribute without an effect here
+is named.
 
-Three kinds of attributes: read (in the readers), without an effect on the motion (how things look, how MuJoCo solves),
-and all others, which are noted. The same holds for elements.
+Three kinds of attributes: read (in the readers), without an effect on the motion (how things look,
+how MuJoCo solves), and all others, which are noted. The same holds for elements.
 """
 
 from __future__ import annotations
@@ -154,7 +155,10 @@ def survey(document: Document, notes: Notes) -> None:
                 if flag.attributes.get(force) == "disable":
                     notes.on(
                         flag,
-                        f"switches {force} off, which is left out: take such elements out of the file instead",
+                        (
+                            f"switches {force} off, which is left out: take such elements out of "
+                            "the file instead"
+                        ),
                         alters=force in PASSIVE,
                     )
 

@@ -1,9 +1,12 @@
-"""The tree of an MJCF model: bodies inside one another, each with its mass, its shapes, its joints and its sites.
+"""The tree of an MJCF model: bodies inside one another, each with its mass, its shapes, its joints
+and its sites.
 
-At the reference configuration qpos0 (every hinge and slide at its `ref`, balls at no turn) a body stands in its parent
-where pos and orientation say; its joints then move it one after the other, each with the ones after it:
+At the reference configuration qpos0 (every hinge and slide at its `ref`, balls at no turn) a body
+stands in its parent where pos and orientation say; its joints then move it one after the other,
+each with the ones after it:
 
-    X_parent_body = X_0 M_1(q_1) M_2(q_2) ...,   M = Trans(anchor) Rot(axis, q - ref) Trans(-anchor)  or  Trans((q - ref) axis)
+    X_parent_body = X_0 M_1(q_1) M_2(q_2) ...,  M = Trans(anchor) Rot(axis, q - ref) Trans(-anchor)
+    or  Trans((q - ref) axis)
 """
 
 from __future__ import annotations
@@ -46,7 +49,8 @@ COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
 
 @dataclass(frozen=True)
 class Piece:
-    """Hold one <joint> of a body: what it lets happen, about what, in the body's frame at qpos0, and its effects."""
+    """Hold one <joint> of a body: what it lets happen, about what, in the body's frame at qpos0,
+    and its effects."""
 
     kind: Kind
     element: Element
@@ -88,7 +92,8 @@ class Piece:
 
 @dataclass(frozen=True)
 class Node:
-    """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass, its shapes."""
+    """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass, its
+    shapes."""
 
     name: str
     raw: str | None
@@ -102,7 +107,8 @@ class Node:
 
 @dataclass
 class Tree:
-    """Hold the bodies in MuJoCo's order, parents first, and the named sites: body, pose X_body_site."""
+    """Hold the bodies in MuJoCo's order, parents first, and the named sites: body, pose
+    X_body_site."""
 
     nodes: dict[str, Node] = field(default_factory=dict)
     sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
@@ -119,7 +125,8 @@ class Tree:
         return chain
 
     def poses(self, positions: Mapping[int, np.ndarray] | None = None) -> dict[str, np.ndarray]:
-        """Return X_ground_body of all bodies at qpos0, or with each joint (numbered in order) at its coordinates."""
+        """Return X_ground_body of all bodies at qpos0, or with each joint (numbered in order) at
+        its coordinates."""
         found, number = {GROUND: np.eye(4)}, 0
         for name, node in self.nodes.items():
             X = node.pose
@@ -137,7 +144,8 @@ class Tree:
         return found
 
     def positions(self, springs: bool = False) -> dict[int, np.ndarray]:
-        """Return qpos0 by the number of the joint; with `springs` MuJoCo's qpos_spring, where the joints' springs rest."""
+        """Return qpos0 by the number of the joint; with `springs` MuJoCo's qpos_spring, where the
+        joints' springs rest."""
         found = {}
         for number, (node, piece) in enumerate(self.pieces()):
             match piece.kind:
@@ -157,7 +165,8 @@ class Tree:
 
 
 def plane_normal(motions: Iterable[tuple[Kind, np.ndarray]]) -> np.ndarray | None:
-    """Return the direction about which all hinges turn and across which all slides move; None where there is none.
+    """Return the direction about which all hinges turn and across which all slides move; None where
+    there is none.
 
     What lies between two bodies then moves the one in a plane of the other, wherever it stands.
     """
@@ -289,7 +298,7 @@ class _Reader:
         )
         self.tree.sites[name] = body, X @ place
 
-    # ------------------------------------------------------------------------------------------------------- joints
+    # --------------------------------------------------------------------------------------- joints
 
     def piece(self, element: Element, X: np.ndarray) -> Piece:
         """Read a joint; X is the pose of the <frame> around it in the body."""
@@ -297,7 +306,8 @@ class _Reader:
         axis = np.array(element.vector("axis", (0.0, 0.0, 1.0)))
         if np.linalg.norm(axis) < 1e-12:
             raise element.refusal(
-                f"axis '{element.attributes['axis']}' has no length; give a direction such as '0 0 1'"
+                f"axis '{element.attributes['axis']}' has no length; give a direction such as '0 "
+                "0 1'"
             )
         springref = (
             self.scaled(kind, element.number("springref", 0.0))
@@ -319,8 +329,8 @@ class _Reader:
         if friction.coulomb:
             self.notes.on(
                 element,
-                "has dry friction, which is smoothed here: frictionloss is the Coulomb force, reached at rates well above "
-                f"{friction.coulomb_rate:g} rad/s or m/s",
+                "has dry friction, which is smoothed here: frictionloss is the Coulomb force, "
+                f"reached at rates well above {friction.coulomb_rate:g} rad/s or m/s",
                 alters=True,
             )
         return Piece(
@@ -367,7 +377,7 @@ class _Reader:
             upper=None if upper >= UNLIMITED else upper,
         )
 
-    # --------------------------------------------------------------------------------------------------------- mass
+    # ----------------------------------------------------------------------------------------- mass
 
     def solid(self, element: Element, parts: _Parts) -> Solid:
         """Return the mass of a body, from <inertial> or from its geoms."""
@@ -403,7 +413,7 @@ class _Reader:
             tensor = np.diag(element.vector("diaginertia", (0.0, 0.0, 0.0)))
         return Solid(element.number("mass"), np.zeros(3), tensor).seen(X)
 
-    # ------------------------------------------------------------------------------------------------------- shapes
+    # --------------------------------------------------------------------------------------- shapes
 
     def shapes(self, parts: _Parts) -> tuple[Shape, ...]:
         """Return the shapes of a body."""

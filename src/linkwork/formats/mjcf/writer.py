@@ -1,10 +1,12 @@
 """A mechanism written as MJCF, the model format of MuJoCo.
 
-Names survive: a joint of several freedoms becomes hinges and slides named "joint.freedom". qpos0 is the home
-configuration, where the loops are closed, and hinges and slides have the mechanism's own coordinates (`ref`).
+Names survive: a joint of several freedoms becomes hinges and slides named "joint.freedom". qpos0 is
+the home configuration, where the loops are closed, and hinges and slides have the mechanism's own
+coordinates (`ref`).
 
-MuJoCo's equality constraints are soft: at a closed state the accelerations differ from those of rigid loops by about
-(1 - d)/d of what the constraint forces do, with the impedance d = 0.9999, the greatest that MuJoCo takes.
+MuJoCo's equality constraints are soft: at a closed state the accelerations differ from those of
+rigid loops by about (1 - d)/d of what the constraint forces do, with the impedance d = 0.9999, the
+greatest that MuJoCo takes.
 """
 
 from __future__ import annotations
@@ -46,15 +48,19 @@ OPTION = {
 POINT_RADIUS = 1e-4  # radius of gyration given to bodies without inertia, which MuJoCo refuses [m]
 LEAST = 1e-14  # least moment of inertia that is written; MuJoCo refuses those below 1e-15 [kg m^2]
 POINT_MASS = 1e-8  # mass given to bodies without it, as part of the mechanism's mass
-FLAT = 1e-10  # what is added to flat bodies, as part of their greatest moment: MuJoCo has no tolerance for a + b >= c
+FLAT = 1e-10
+"""What is added to flat bodies, as part of their greatest moment: MuJoCo has no tolerance for a + b
+>= c."""
 STROKE = 0.01  # radius of what is drawn, as part of the mechanism's size
 
 
 def write_mjcf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
-    """Write a mechanism as an MJCF file with its loops closed; return notes on what MuJoCo takes otherwise.
+    """Write a mechanism as an MJCF file with its loops closed; return notes on what MuJoCo takes
+    otherwise.
 
     Raises:
-        MechanismError: MJCF cannot hold the mechanism, its loops cannot be closed, or the file cannot be written.
+        MechanismError: MJCF cannot hold the mechanism, its loops cannot be closed, or the file
+            cannot be written.
     """
     text, notes = to_mjcf(mechanism, home_of(mechanism))
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -140,7 +146,7 @@ class _Writer:
         ET.indent(self.root)
         return ET.tostring(self.root, encoding="unicode") + "\n"
 
-    # -------------------------------------------------------------------------------------------------------- bodies
+    # --------------------------------------------------------------------------------------- bodies
 
     def _check(self) -> None:
         if WORLD in self.mechanism.bodies:
@@ -150,7 +156,8 @@ class _Writer:
         self.total = sum(body.mass for body in self.mechanism.bodies.values())
         if any(len(self.plan.chain(name)) > xml.DEEPEST - 10 for name in self.plan.seats):
             raise MechanismError(
-                f"joints: a chain of more than {xml.DEEPEST - 10} bodies is too deep for a file of nested bodies"
+                f"joints: a chain of more than {xml.DEEPEST - 10} bodies is too deep for a file "
+                "of nested bodies"
             )
         tied = {end for tie in self.plan.ties for end in tie.seats}
         inner = {seat.parent for seat in self.plan.seats.values()}
@@ -160,8 +167,8 @@ class _Writer:
             )
             if seat.name in self.plan.light and (useless or not self.total):
                 raise MechanismError(
-                    f"bodies.{seat.body}: moves without mass and inertia, which MuJoCo refuses; give it some (a massless "
-                    "body is written only inside a chain of joints)"
+                    f"bodies.{seat.body}: moves without mass and inertia, which MuJoCo refuses; "
+                    "give it some (a massless body is written only inside a chain of joints)"
                 )
 
     def _body(self, seat: Seat) -> None:
@@ -189,23 +196,26 @@ class _Writer:
         if body.inertia.planar:
             I = seat.share * body.inertia.zz * np.eye(3)  # noqa: E741
             self.notes.say(
-                "bodies that give zz alone are written with xx = yy = zz, which a planar motion does not feel"
+                "bodies that give zz alone are written with xx = yy = zz, which a planar motion "
+                "does not feel"
             )
         if not seat.share:
             mass = POINT_MASS * self.total
             self.notes.say(
-                f"{seat.name}: is a body of {mass:.3g} kg between a ball and slides, which MuJoCo's loops want apart"
+                f"{seat.name}: is a body of {mass:.3g} kg between a ball and slides, which "
+                "MuJoCo's loops want apart"
             )
         elif seat.name in self.plan.light:
             mass = POINT_MASS * self.total
             self.notes.say(
-                f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added"
+                f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg "
+                "are added"
             )
         a, b, c = np.linalg.eigvalsh(I)
         if not rigid(a, b, c):
             raise MechanismError(
-                f"bodies.{seat.body}.inertia: one moment exceeds the sum of the others, which MuJoCo refuses; give moments of "
-                "a rigid body"
+                f"bodies.{seat.body}.inertia: one moment exceeds the sum of the others, which "
+                "MuJoCo refuses; give moments of a rigid body"
             )
         if a + b < c * (1 + FLAT):
             I = I + FLAT * c * np.eye(3)  # noqa: E741
@@ -214,8 +224,8 @@ class _Writer:
             I = I + added * np.eye(3)  # noqa: E741
             if seat.share:
                 self.notes.say(
-                    f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; a radius of gyration "
-                    f"of {np.sqrt(added / mass):.3g} m is added"
+                    f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; "
+                    f"a radius of gyration of {np.sqrt(added / mass):.3g} m is added"
                 )
         elements = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
         centre = numbers(body.centre_of_mass)
@@ -244,7 +254,8 @@ class _Writer:
         return element
 
     def _draw(self, element: ET.Element, seat: Seat, into: np.ndarray) -> None:
-        """Add the body's shapes; without any, bars from its first joint to all others. They have no mass."""
+        """Add the body's shapes; without any, bars from its first joint to all others. They have no
+        mass."""
         shapes = self.mechanism.bodies[seat.body].shapes
         if shapes:
             if seat.name == seat.body:
@@ -295,7 +306,7 @@ class _Writer:
             attrib={"name": name} | placed(poses.inverse(self.home.poses[body]) @ X),
         )
 
-    # ---------------------------------------------------------------------------------------------------------- ties
+    # ----------------------------------------------------------------------------------------- ties
 
     def _tie(self, tie: Tie) -> None:
         one, two = (WORLD if seat == GROUND else seat for seat in tie.seats)
@@ -344,7 +355,8 @@ class _Writer:
             )
 
     def _gears(self) -> None:
-        """Couple hinges and slides: a screw's advance, two of them by a joint equality, more by a tendon of joints."""
+        """Couple hinges and slides: a screw's advance, two of them by a joint equality, more by a
+        tendon of joints."""
         for name, joint in self.mechanism.joints.items():
             if isinstance(joint, ScrewJoint):
                 slide, ratio = f"{name}.{ADVANCE}", numbers((0, joint.pitch, 0, 0, 0))
@@ -354,7 +366,8 @@ class _Writer:
             for label in ratios:
                 if label not in self.moves or self.moves[label].kind not in ("hinge", "slide"):
                     raise MechanismError(
-                        f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and cannot be geared"
+                        f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and "
+                        "cannot be geared"
                     )
             gap = gear.offset - sum(
                 ratio * self.moves[label].ref for label, ratio in ratios.items()
@@ -378,7 +391,7 @@ class _Writer:
     def _add(self, section: str, tag: str, **attributes: str) -> ET.Element:
         return ET.SubElement(self.sections[section], tag, attributes)
 
-    # ----------------------------------------------------------------------------------------------------- actuators
+    # ------------------------------------------------------------------------------------ actuators
 
     def _actuator(self, rate: str) -> None:
         if rate in self.moves and self.moves[rate].kind in ("hinge", "slide"):
@@ -415,7 +428,7 @@ class _Writer:
                         qpos.append(move.ref)
         self._add("keyframe", "key", name="home", qpos=numbers(qpos))
 
-    # --------------------------------------------------------------------------------------------------------- notes
+    # ---------------------------------------------------------------------------------------- notes
 
     def _say(self) -> None:
         """Note what MuJoCo takes otherwise than the mechanism."""
@@ -426,22 +439,26 @@ class _Writer:
         kinds = {tie.kind for tie in self.plan.ties}
         if kinds or self.mechanism.gears:
             say(
-                "MuJoCo's loops are soft: accelerations differ by about 1e-4 of what the constraint forces do, and gaps open"
+                "MuJoCo's loops are soft: accelerations differ by about 1e-4 of what the "
+                "constraint forces do, and gaps open"
             )
         if "rod" in kinds:
             say(
-                "rods are exact at rest only: MuJoCo leaves out what the rates add to the second derivative of a held tendon"
+                "rods are exact at rest only: MuJoCo leaves out what the rates add to the "
+                "second derivative of a held tendon"
             )
         if any(friction.coulomb for friction, *_ in effects):
             say(
-                "Coulomb friction is written as frictionloss, which holds still at rest instead of being smooth about rate zero"
+                "Coulomb friction is written as frictionloss, which holds still at rest instead "
+                "of being smooth about rate zero"
             )
         if any(limits != Limits() for _, _, limits, _ in effects):
             say("limits are stops in MuJoCo; here passing them is only reported")
         if "weld" in kinds:
             parts = ", ".join(tie.name for tie in self.plan.ties if tie.kind == "weld")
             say(
-                f"{parts}: closes a loop by a joint that MuJoCo has in trees only; it leads to a part of its body, welded to it"
+                f"{parts}: closes a loop by a joint that MuJoCo has in trees only; it leads to a "
+                "part of its body, welded to it"
             )
         balls = {
             move.name.removesuffix(".turn") for move in self.moves.values() if move.kind == "ball"
@@ -453,7 +470,8 @@ class _Writer:
         ]
         if turned:
             say(
-                f"{', '.join(turned)}: MuJoCo measures the turn of a ball joint from home, not from where the two frames agree"
+                f"{', '.join(turned)}: MuJoCo measures the turn of a ball joint from home, not "
+                "from where the two frames agree"
             )
         for name in self.plan.dropped:
             say(
@@ -464,7 +482,8 @@ class _Writer:
         gone = [body for body in self.mechanism.bodies if body not in self.plan.seats]
         if gone:
             say(
-                f"{', '.join(gone)}: has no mass; its joints stand in the next body, as MJCF writes several joints at once"
+                f"{', '.join(gone)}: has no mass; its joints stand in the next body, as MJCF "
+                "writes several joints at once"
             )
         unshown = [
             name
@@ -473,7 +492,8 @@ class _Writer:
         ]
         if unshown:
             say(
-                f"{', '.join(unshown)}: has shapes that are left out: polygons, or those of a body that is no body in MJCF"
+                f"{', '.join(unshown)}: has shapes that are left out: polygons, or those of a "
+                "body that is no body in MJCF"
             )
 
     def _turned(self, joint: PairJoint) -> bool:

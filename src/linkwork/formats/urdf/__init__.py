@@ -1,4 +1,5 @@
-"""URDF, the model format of ROS, read: model, shapes -> reader;  sidecars hold the loops that URDF has no place for."""
+"""URDF, the model format of ROS, read: model, shapes -> reader;  sidecars hold the loops that URDF
+has no place for."""
 
 from linkwork.formats.urdf.reader import read_urdf as read
 

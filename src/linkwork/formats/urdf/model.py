@@ -19,7 +19,8 @@ FRAME_MASS = 1e-6  # links lighter than this that are fixed and carry nothing ar
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """Hold a joint as the file gives it: its type, links, X_parent_joint and unit axis; a file beside may change the type."""
+    """Hold a joint as the file gives it: its type, links, X_parent_joint and unit axis; a file
+    beside may change the type."""
 
     element: Element
     name: str
@@ -41,7 +42,8 @@ class UrdfModel:
         base: the root link.
         carriers: the joint that carries a link, by link.
         carried: the links that a link carries, by link.
-        frames: the links that are frames of others: the body that they are fixed to, and X_body_link.
+        frames: the links that are frames of others: the body that they are fixed to, and
+            X_body_link.
         bodies, labels: what the links and the joints are called here.
         names: gives names to joints.
     """
@@ -85,7 +87,8 @@ class UrdfModel:
         self.joints[joint.name] = self.carriers[joint.child] = joint
 
     def merge(self, joint: UrdfJoint, between: list[UrdfJoint]) -> None:
-        """Take one joint in the place of a chain; `between` are the joints before it, whose links vanish."""
+        """Take one joint in the place of a chain; `between` are the joints before it, whose links
+        vanish."""
         for old in between:
             del self.joints[old.name], self.carriers[old.child], self.links[old.child]
         self.carried[joint.parent] = [
@@ -94,7 +97,8 @@ class UrdfModel:
         self.put(joint)
 
     def find_frames(self) -> None:
-        """Find the links that are frames of others: light, fixed, and carrying only such links themselves."""
+        """Find the links that are frames of others: light, fixed, and carrying only such links
+        themselves."""
         found: set[str] = set()
         for link in reversed(self.links):
             fixed = link != self.base and self.carriers[link].type == "fixed"
@@ -125,8 +129,8 @@ def read_model(root: Element, notes: Notes) -> UrdfModel:
             raise element.refusal("has the name of another joint; names are given once")
         if joint.child in model.carriers:
             raise element.refusal(
-                f"carries {joint.child!r}, as {model.carriers[joint.child].name!r} does; URDF is a tree: close loops by <loop> "
-                "or a robot.yaml"
+                f"carries {joint.child!r}, as {model.carriers[joint.child].name!r} does; URDF is "
+                "a tree: close loops by <loop> or a robot.yaml"
             )
         model.put(joint)
         model.carried.setdefault(joint.parent, []).append(joint.child)

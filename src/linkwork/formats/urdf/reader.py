@@ -1,7 +1,8 @@
 """URDF read as a mechanism, with the two conventions in use for loops (`sidecars`).
 
-The root link is ground. A joint's first frame is its <origin>, its second the child link's own frame; hinges and slides
-are at zero where these agree. Links without mass that are fixed to others and carry nothing are frames: they become tools.
+The root link is ground. A joint's first frame is its <origin>, its second the child link's own
+frame; hinges and slides are at zero where these agree. Links without mass that are fixed to others
+and carry nothing are frames: they become tools.
 
 Source: the URDF specification, https://wiki.ros.org/urdf/XML.
 """
@@ -69,7 +70,8 @@ SILENT = {
 
 
 def read_urdf(root: Element, notes: Notes) -> Mechanism:
-    """Read a document whose root is <robot>, and `robot.yaml` or the file of its own name beside it.
+    """Read a document whose root is <robot>, and `robot.yaml` or the file of its own name beside
+    it.
 
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
@@ -147,7 +149,7 @@ def _says_nothing(element: Element) -> bool:
     )
 
 
-# ------------------------------------------------------------------------------------------------------------ bodies
+# ------------------------------------------------------------------------------------------- bodies
 
 
 def _solids(model: UrdfModel, notes: Notes) -> dict[str, Solid]:
@@ -168,7 +170,8 @@ def _solids(model: UrdfModel, notes: Notes) -> dict[str, Solid]:
 
 
 def _solid(link: Element, size: float, notes: Notes) -> Solid:
-    """Return the mass of a link in its own axes; `size` is the robot's [m], for what is rounding in its inertia."""
+    """Return the mass of a link in its own axes; `size` is the robot's [m], for what is rounding in
+    its inertia."""
     inertial = link.first("inertial")
     if inertial is None:
         return Solid(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -183,7 +186,10 @@ def _solid(link: Element, size: float, notes: Notes) -> Solid:
     if not rigid(*np.linalg.eigvalsh(tensor)):
         notes.on(
             link,
-            "has moments of inertia that no rigid body has, one above the sum of the others; they are kept",
+            (
+                "has moments of inertia that no rigid body has, one above the sum of the "
+                "others; they are kept"
+            ),
         )
     return Solid(mass, np.zeros(3), tensor).seen(origin(inertial))
 
@@ -198,7 +204,7 @@ def _body(link: Element, solid: Solid, shapes: tuple[Shape, ...]) -> Body:
         raise link.refusal(str(error)) from None
 
 
-# ------------------------------------------------------------------------------------------------------------ joints
+# ------------------------------------------------------------------------------------------- joints
 
 
 def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
@@ -284,7 +290,8 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
 
 
 def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
-    """Return the joints of the transmissions; without any, all hinges and slides of a tree that mimic none."""
+    """Return the joints of the transmissions; without any, all hinges and slides of a tree that
+    mimic none."""
     driven = [
         part
         for transmission in model.root.each("transmission")
@@ -316,6 +323,7 @@ def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     )
     if moving:
         notes.say(
-            f"{where}: nothing says which joints are driven; all hinges and slides that mimic no other are actuators"
+            f"{where}: nothing says which joints are driven; all hinges and slides that mimic no "
+            "other are actuators"
         )
     return moving

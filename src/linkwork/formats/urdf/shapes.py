@@ -1,7 +1,7 @@
 """What a URDF file shows of its links: the <visual> elements that are simple shapes.
 
-A cylinder or capsule is along z, and its length is that of the cylinder. What links that are frames show belongs to the
-bodies they are fixed to.
+A cylinder or capsule is along z, and its length is that of the cylinder. What links that are frames
+show belongs to the bodies they are fixed to.
 
 Source: the URDF specification, https://wiki.ros.org/urdf/XML/link.
 """
@@ -84,7 +84,8 @@ def _shape(
 
 
 def _colour(visual: Element, colours: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:
-    """Return the colour of a <visual>, by its own <material> or by the name of one of the file's."""
+    """Return the colour of a <visual>, by its own <material> or by the name of one of the
+    file's."""
     material = visual.first("material")
     if material is None:
         return None

@@ -2,23 +2,24 @@
 
 URDF+ (generalized_rbda): inside the file itself,
 
-    <loop name type><predecessor link><origin/></predecessor><successor link><origin/></successor><axis/></loop>
-    <coupling name><predecessor link/><successor link/><ratio value/></coupling>
-    <joint ... independent="true|false">
+    <loop name type><predecessor link><origin/></predecessor><successor
+    link><origin/></successor><axis/></loop> <coupling name><predecessor link/><successor
+    link/><ratio value/></coupling> <joint ... independent="true|false">
 
-A coupling holds ratio * (sum of the joints from the nearest common link to the predecessor) - (the same to the
-successor) = 0. Independent joints are the actuators; a joint that does not say is one.
+A coupling holds ratio * (sum of the joints from the nearest common link to the predecessor) - (the
+same to the successor) = 0. Independent joints are the actuators; a joint that does not say is one.
 
 LAAS (example-parallel-robots): a file robot.yaml, or of the model's own name, beside it,
 
     closed_loop: [[frame, frame], ...]   type: [6d | 3d, ...]   name_mot: [joint, ...]
     joint_name: [joint, ...]             joint_type: [SPHERICAL | FIXED | UJOINT_XY | ..., ...]
 
-6d is a fixed joint between two frames (links, or joints: then the frame of what they carry), 3d a spherical one; a joint
-that is SPHERICAL, FIXED or UJOINT_ab is of that type whatever the URDF says. Three hinges through one point with
-nothing but massless links between are a spherical joint.
+6d is a fixed joint between two frames (links, or joints: then the frame of what they carry), 3d a
+spherical one; a joint that is SPHERICAL, FIXED or UJOINT_ab is of that type whatever the URDF says.
+Three hinges through one point with nothing but massless links between are a spherical joint.
 
-Source: https://github.com/ROAM-Lab-ND/generalized_rbda, https://github.com/Gepetto/example-parallel-robots (readers).
+Source: https://github.com/ROAM-Lab-ND/generalized_rbda,
+https://github.com/Gepetto/example-parallel-robots (readers).
 """
 
 from __future__ import annotations
@@ -86,7 +87,10 @@ class Closures:
         for closure in self.closures:
             (one, X), (two, Y) = map(model.seat, closure.links)
             if one == two:
-                fault = f"the loop {closure.name!r} connects {one!r} to itself, to which both its links are fixed"
+                fault = (
+                    f"the loop {closure.name!r} connects {one!r} to itself, to which both its "
+                    "links are fixed"
+                )
                 raise MechanismError(f"{model.root.file}: {fault}")
             frames = poses.frame_of(X @ closure.frames[0]), poses.frame_of(Y @ closure.frames[1])
             axis = {} if closure.axis is None else {"axis": tuple(map(float, closure.axis))}
@@ -95,7 +99,8 @@ class Closures:
 
 
 def read_closures(model: UrdfModel, notes: Notes) -> Closures:
-    """Read the loops in the file and those beside it; joints of the model change their type as the file beside says."""
+    """Read the loops in the file and those beside it; joints of the model change their type as the
+    file beside says."""
     found = Closures()
     _read_urdf_plus(model, found)
     path = _beside(model.root.file)
@@ -104,7 +109,7 @@ def read_closures(model: UrdfModel, notes: Notes) -> Closures:
     return found
 
 
-# -------------------------------------------------------------------------------------------------------------- URDF+
+# -------------------------------------------------------------------------------------------- URDF+
 
 
 def _read_urdf_plus(model: UrdfModel, found: Closures) -> None:
@@ -168,13 +173,14 @@ def _coupling(element: Element, model: UrdfModel) -> Joint:
                 continue
             if joint.type not in ONE_FREEDOM:
                 raise element.refusal(
-                    f"couples across {joint.name!r}, a {joint.type} joint; only hinges and slides are coupled"
+                    f"couples across {joint.name!r}, a {joint.type} joint; only hinges and "
+                    "slides are coupled"
                 )
             ratios[model.labels[joint.name]] = factor
     return element.make(GearJoint, ratios=ratios)
 
 
-# --------------------------------------------------------------------------------------------------------------- LAAS
+# --------------------------------------------------------------------------------------------- LAAS
 
 
 def _beside(path: Path) -> Path | None:
@@ -257,7 +263,8 @@ class _Laas:
             if name not in self.model.joints:
                 file = self.model.root.file.name
                 self.notes.say(
-                    f"{self.path.name}: the type of {xml.shortened(name)} is left out: {file} has no such joint"
+                    f"{self.path.name}: the type of {xml.shortened(name)} is left out: {file} "
+                    "has no such joint"
                 )
                 continue
             joint, axes = self.model.joints[name], UNIVERSAL.fullmatch(kind)
@@ -273,7 +280,8 @@ class _Laas:
             self.model.put(changed)
 
     def _merge_spherical(self, driven: set[str]) -> None:
-        """Make one spherical joint of three hinges through one point that carry each other by massless links."""
+        """Make one spherical joint of three hinges through one point that carry each other by
+        massless links."""
         light = LIGHT * sum(map(weight, self.model.links.values()))
         for last in list(self.model.joints.values()):
             trio = self._trio(last, driven, light)
@@ -286,17 +294,22 @@ class _Laas:
             )
             file = self.model.root.file.name
             self.notes.say(
-                f"{file}: {first.name}, {second.name} and {last.name} are one spherical joint, {last.name!r}{lost}",
+                f"{file}: {first.name}, {second.name} and {last.name} are one spherical joint, "
+                f"{last.name!r}{lost}",
                 alters=bool(lost),
             )
 
     def _lost(self, *trio: UrdfJoint) -> str:
-        """Say what a spherical joint in the place of three hinges leaves out: their distance, and their links' mass."""
+        """Say what a spherical joint in the place of three hinges leaves out: their distance, and
+        their links' mass."""
         apart = sum(float(np.linalg.norm(joint.origin[:3, 3])) for joint in trio[1:])
         mass = sum(weight(self.model.links[joint.parent]) for joint in trio[1:])
         if apart <= poses.TINY and not mass:
             return ""
-        return f"; the distances of {apart:.2g} m and the mass of {mass:.2g} kg between them are left out"
+        return (
+            f"; the distances of {apart:.2g} m and the mass of {mass:.2g} kg between them are "
+            "left out"
+        )
 
     def _trio(
         self, last: UrdfJoint, driven: set[str], light: float

@@ -1,6 +1,8 @@
-"""The same mechanism in independent engines: Pinocchio, MuJoCo, Exudyn. Each is optional and imported when asked for.
+"""The same mechanism in independent engines: Pinocchio, MuJoCo, Exudyn. Each is optional and
+imported when asked for.
 
-They check this package's equations and are what it is timed against; nothing here is needed to simulate.
+They check this package's equations and are what it is timed against; nothing here is needed to
+simulate.
 """
 
 from __future__ import annotations
@@ -36,10 +38,10 @@ def build(name: str, mechanism: Mechanism, guess: Mapping[str, np.ndarray] | Non
 
     Args:
         name: "pinocchio", "mujoco" or "exudyn".
-        mechanism: any mechanism. MuJoCo holds all of it; Pinocchio has no gears; Exudyn has gears of two coordinates
-            only, and no rotors on free turns.
-        guess: approximate poses X_GB (4, 4) of bodies that nothing but rods reaches, whose pose no joint coordinate
-            tells; the ground's frame where left out.
+        mechanism: any mechanism. MuJoCo holds all of it; Pinocchio has no gears; Exudyn has gears
+            of two coordinates only, and no rotors on free turns.
+        guess: approximate poses X_GB (4, 4) of bodies that nothing but rods reaches, whose pose no
+            joint coordinate tells; the ground's frame where left out.
 
     Raises:
         EngineError: there is no such engine, it is not installed, or it cannot hold this mechanism.

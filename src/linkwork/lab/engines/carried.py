@@ -1,4 +1,5 @@
-"""What Pinocchio and MuJoCo carry out: the description with free joints for bodies that only rods reach, and links for rods.
+"""What Pinocchio and MuJoCo carry out: the description with free joints for bodies that only rods
+reach, and links for rods.
 
 Both add coordinates, which follow from those of the described joints.
 """
@@ -25,9 +26,10 @@ class Carried:
 
     Attributes:
         mechanism: the description.
-        hanging, tree: with free joints for the bodies `hung` that only rods reach; where its bodies are is known from
-            the joints.
-        whole: with links for rods, too; its first coordinates, rates and bodies are the description's.
+        hanging, tree: with free joints for the bodies `hung` that only rods reach; where its bodies
+            are is known from the joints.
+        whole: with links for rods, too; its first coordinates, rates and bodies are the
+            description's.
         guess: approximate poses (4, 4) of the hung bodies.
     """
 
@@ -39,7 +41,8 @@ class Carried:
     guess: Guess
 
     def state(self, positions: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return all coordinates and rates of the whole at a state of the described joints, shapes (nq,) and (nv,)."""
+        """Return all coordinates and rates of the whole at a state of the described joints, shapes
+        (nq,) and (nv,)."""
         positions, rates = checked(self.mechanism, positions, rates)
         if self.whole is self.mechanism:
             return positions, rates
@@ -52,7 +55,8 @@ class Carried:
     def joints(
         self, hanging: BodyMotion, positions: np.ndarray, rates: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Add the coordinates and rates of the joints that the description lacks, from the motion of the hanging bodies."""
+        """Add the coordinates and rates of the joints that the description lacks, from the motion
+        of the hanging bodies."""
         motion = (
             hanging
             if self.whole is self.hanging
@@ -110,7 +114,8 @@ def run_of(
     start: np.ndarray,
     seconds: float,
 ) -> EngineRun:
-    """Complete a run from the engine's q, v and v' at the instants; it began at `start`, all joints' coordinates."""
+    """Complete a run from the engine's q, v and v' at the instants; it began at `start`, all
+    joints' coordinates."""
     motion, mechanism = plan.bodies(q, v, a), plan.carried.mechanism
     joints = read_joints(mechanism, motion, start)
     return EngineRun(

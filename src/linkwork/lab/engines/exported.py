@@ -1,11 +1,14 @@
-"""The joints of an exported MJCF model in the description's terms: its qpos, qvel and qacc, and what acts from outside.
+"""The joints of an exported MJCF model in the description's terms: its qpos, qvel and qacc, and
+what acts from outside.
 
-MuJoCo measures a ball from home, in the axes of the body that it carries. With the joint's frames F1 and F2 (F2 and F1
-for a ball that leads backwards) and the body B in ground at home,
+MuJoCo measures a ball from home, in the axes of the body that it carries. With the joint's frames
+F1 and F2 (F2 and F1 for a ball that leads backwards) and the body B in ground at home,
 
-    R_mujoco = A R B',   v_mujoco = B R' w,   A = R_B' R_F1,   B = R_B' R_F2              (R = R_12, w in F1's axes)
+    R_mujoco = A R B',  v_mujoco = B R' w,  A = R_B' R_F1,  B = R_B' R_F2  (R = R_12, w in F1's
+    axes)
 
-A free joint of MuJoCo holds the body's own pose, its velocity in ground's axes and its angular velocity in its own.
+A free joint of MuJoCo holds the body's own pose, its velocity in ground's axes and its angular
+velocity in its own.
 """
 
 from __future__ import annotations
@@ -32,11 +35,13 @@ QUATERNION = (0, 1, 2, 3)  # places of w, x, y, z
 
 @dataclass(frozen=True)
 class Layout:
-    """Translate between the described joints and a model's qpos and qvel; leading dimensions are kept.
+    """Translate between the described joints and a model's qpos and qvel; leading dimensions are
+    kept.
 
     Attributes:
         carried, tree: what the model holds, and the joints that carry its bodies.
-        vectors: the turns, slides and balls in the joints' own axes, with the effects that act from outside.
+        vectors: the turns, slides and balls in the joints' own axes, with the effects that act from
+            outside.
         joint_forces: the forces of these effects.
         q, v: places of the vectors' entries in qpos and qvel.
         balls: the balls with A and B.
@@ -94,7 +99,8 @@ class Layout:
         return along_tree(self.carried.whole, self.tree, *joints, floating)
 
     def _in_joints(self, q: np.ndarray, *speeds: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return q, and rates or accelerations, of turns, slides and balls in the joints' own axes."""
+        """Return q, and rates or accelerations, of turns, slides and balls in the joints' own
+        axes."""
         q, own = q[..., self.q], [values[..., self.v] for values in speeds]
         for ball, A, B in self.balls:
             q[..., ball.q] = quaternions(A.T @ self.vectors.rotation(q, ball) @ B)

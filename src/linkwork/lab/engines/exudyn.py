@@ -1,12 +1,14 @@
 """The mechanism in Exudyn: rigid bodies in space with Euler parameters, every joint a constraint.
 
-    M q'' + Q(q, q') = S' u + Phi' lambda,   phi(q) = 0                 (q: seven coordinates per body)
+    M q'' + Q(q, q') = S' u + Phi' lambda,   phi(q) = 0              (q: seven coordinates per body)
 
-Loops are nothing special here, but dependent rows would make the system singular: of the rows of the joints that close
-loops, and of the gears, those kept are the independent ones at the initial state, chosen by a pivoted QR decomposition.
-The integrator is the generalised-alpha method of order 2; it satisfies phi = 0 to rounding.
+Loops are nothing special here, but dependent rows would make the system singular: of the rows of
+the joints that close loops, and of the gears, those kept are the independent ones at the initial
+state, chosen by a pivoted QR decomposition. The integrator is the generalised-alpha method of order
+2; it satisfies phi = 0 to rounding.
 
-A joint of many freedoms on which something acts is carried out as a chain of joints of one freedom with massless bodies.
+A joint of many freedoms on which something acts is carried out as a chain of joints of one freedom
+with massless bodies.
 """
 
 from __future__ import annotations
@@ -52,13 +54,16 @@ class ExudynEngine:
     """Evaluate and simulate a mechanism with Exudyn's implicit solver.
 
     Args:
-        mechanism: the description. Gears have two coordinates; there are no rotors on free turns; no joint with a
-            screw, a gear or a rotor closes a loop of such joints.
-        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where left out.
+        mechanism: the description. Gears have two coordinates; there are no rotors on free turns;
+            no joint with a screw, a gear or a rotor closes a loop of such joints.
+        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where
+            left out.
 
     Attributes:
-        carried: the mechanism with free joints for bodies that only rods reach and with chains for loaded joints.
-        tree: a spanning tree of it, which sets the bodies' initial poses and twists and tells which joints close loops.
+        carried: the mechanism with free joints for bodies that only rods reach and with chains for
+            loaded joints.
+        tree: a spanning tree of it, which sets the bodies' initial poses and twists and tells which
+            joints close loops.
 
     Raises:
         EngineError: Exudyn is missing or cannot hold the mechanism.
@@ -85,7 +90,8 @@ class ExudynEngine:
     ) -> np.ndarray:
         """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`.
 
-        They are the solver's initial accelerations, for which Exudyn differentiates the constraints by differences.
+        They are the solver's initial accelerations, for which Exudyn differentiates the constraints
+        by differences.
         """
         held = checked_forces(self.mechanism, forces)
         motion, _ = self._solve(positions, rates, held, np.array([0.0, GLIMPSE]))
@@ -124,7 +130,8 @@ class ExudynEngine:
     def _solve(
         self, positions: np.ndarray, rates: np.ndarray, forces: Forces, time: np.ndarray
     ) -> tuple[BodyMotion, float]:
-        """Build the system at a state, run it through the instants, and return the bodies' motion and the wall time."""
+        """Build the system at a state, run it through the instants, and return the bodies' motion
+        and the wall time."""
         positions, rates = checked(self.mechanism, positions, rates)
         start = bodies_at(self.carried, self.tree, positions, rates, self.hung, self.guess)
         joints = read_joints(
@@ -140,7 +147,8 @@ class ExudynEngine:
             solver_settings(time), solverType=exu.DynamicSolverType.GeneralizedAlpha
         ):
             raise EngineError(
-                f"Exudyn's solver stopped in {self.mechanism.name!r}; try steps below {time[1]:.6g} s"
+                f"Exudyn's solver stopped in {self.mechanism.name!r}; try steps below "
+                f"{time[1]:.6g} s"
             )
         seconds = perf_counter() - begin
         return recorded(built, names, numbers), seconds
@@ -155,8 +163,8 @@ class ExudynEngine:
         for cut in self.tree.cuts:
             if cut.joint in needed:
                 raise EngineError(
-                    f"joints.{cut.joint}: closes a loop of screws and of joints with gears and rotors, which Exudyn "
-                    "cannot hold; use mujoco"
+                    f"joints.{cut.joint}: closes a loop of screws and of joints with gears and "
+                    "rotors, which Exudyn cannot hold; use mujoco"
                 )
         for name, joint in self.carried.pairs.items():
             if TURN in joint.freedoms and effects_of(joint)[TURN][3]:
@@ -165,10 +173,11 @@ class ExudynEngine:
                 )
 
     def independent_rows(self, positions: np.ndarray) -> dict[str, tuple[int, ...]]:
-        """Return for each joint which of what it holds Exudyn has to hold (indices of `HELD`) at a closed configuration.
+        """Return for each joint which of what it holds Exudyn has to hold (indices of `HELD`) at a
+        closed configuration.
 
-        The tree's joints keep all their rows. Those of the cut joints and of the gears act on the tree's rates by a
-        matrix; pivoted QR finds the independent ones among them.
+        The tree's joints keep all their rows. Those of the cut joints and of the gears act on the
+        tree's rates by a matrix; pivoted QR finds the independent ones among them.
         """
         kept = {name: HELD.get(joint.type, (0,)) for name, joint in self.carried.joints.items()}
         unit = np.eye(len(self.carried.rates))

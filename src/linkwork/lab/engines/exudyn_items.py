@@ -1,9 +1,11 @@
-"""What an Exudyn system is made of: bodies, joints, gears, rotors, springs, friction, loads, sensors.
+"""What an Exudyn system is made of: bodies, joints, gears, rotors, springs, friction, loads,
+sensors.
 
-Exudyn's bodies are referred to their mass centres, with axes that are all parallel where the tree's joints stand at zero.
-Only then does Exudyn's relative coordinate of two bodies, by which screws, gears and rotors are built, mean the coordinate
-of the joint between them. A rotor is a mass of one freedom whose coordinate is tied to the joint's. Springs and viscous
-friction are Exudyn's own; it calls back for smoothed Coulomb friction and for springs of free turns.
+Exudyn's bodies are referred to their mass centres, with axes that are all parallel where the tree's
+joints stand at zero. Only then does Exudyn's relative coordinate of two bodies, by which screws,
+gears and rotors are built, mean the coordinate of the joint between them. A rotor is a mass of one
+freedom whose coordinate is tied to the joint's. Springs and viscous friction are Exudyn's own; it
+calls back for smoothed Coulomb friction and for springs of free turns.
 """
 
 from __future__ import annotations
@@ -315,7 +317,8 @@ def add_joint_forces(
 
 
 def resistance(friction: Friction) -> Callable[..., float]:
-    """Return Exudyn's function of a spring, damper and smoothed Coulomb friction: k (q - rest) + (c + F / s) w."""
+    """Return Exudyn's function of a spring, damper and smoothed Coulomb friction: k (q - rest) +
+    (c + F / s) w."""
 
     def force(
         _system: Any, _time: float, _item: Any, q: float, w: float, k: float, c: float, rest: float
@@ -328,7 +331,8 @@ def resistance(friction: Friction) -> Callable[..., float]:
 def ball_resistance(
     stiffness: float, damping: float, friction: Friction
 ) -> Callable[..., np.ndarray]:
-    """Return Exudyn's function of the same for a free turn, which gives angles of turns about x, y and z in this order."""
+    """Return Exudyn's function of the same for a free turn, which gives angles of turns about x, y
+    and z in this order."""
 
     def torque(
         _system: Any, _time: float, _item: Any, _d: Any, angles: Any, _v: Any, omega: Any, *_: Any
@@ -364,7 +368,8 @@ def add_point_spring(built: BuiltSystem, spring: PointSpring) -> None:
 
 
 def add_actuators(built: BuiltSystem, forces: Forces) -> None:
-    """Add for each actuator a pair of loads on the two bodies, in the axes of the joint's first frame."""
+    """Add for each actuator a pair of loads on the two bodies, in the axes of the joint's first
+    frame."""
     asked = lru_cache(maxsize=1)(forces) if callable(forces) else forces
     for place, name in enumerate(built.mechanism.actuators):
         item, step = next(
@@ -388,7 +393,8 @@ def add_actuators(built: BuiltSystem, forces: Forces) -> None:
 
 
 def pushing(direction: np.ndarray, place: int, forces: Forces, frame: Any) -> dict[str, Any]:
-    """Return the fields of a load along a direction of its own marker's frame, or of another marker's."""
+    """Return the fields of a load along a direction of its own marker's frame, or of another
+    marker's."""
     if not callable(forces) and frame is None:
         return {"bodyFixed": True, "loadVector": direction * forces[place]}
 

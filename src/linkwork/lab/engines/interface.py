@@ -26,14 +26,15 @@ class EngineRun:
 
     Attributes:
         time: instants, shape (k,) [s].
-        positions: all joint coordinates in the order of `mechanism.coordinates`, shape (k, nq) [m, rad].
-        rates, joint_accelerations: all joint rates in the order of `mechanism.rates` and their derivatives, shape
-            (k, nv) [m, rad; /s, /s^2].
+        positions: all joint coordinates in the order of `mechanism.coordinates`, shape (k, nq)
+            [m, rad].
+        rates, joint_accelerations: all joint rates in the order of `mechanism.rates` and their
+            derivatives, shape (k, nv) [m, rad; /s, /s^2].
         accelerations: derivatives of the actuated rates, shape (k, n) [m/s^2, rad/s^2].
         body_poses: X_GB of the bodies in the order of `mechanism.bodies`, shape (k, r, 4, 4) [m].
         closure_error: largest distance between the two sides of any joint over the run [m].
-        alignment_error: largest angle between directions that a joint keeps parallel, over the run [rad]; the misfit of
-            a gear counts here, in its own unit.
+        alignment_error: largest angle between directions that a joint keeps parallel, over the run
+            [rad]; the misfit of a gear counts here, in its own unit.
         seconds: wall time of the integration alone [s].
     """
 
@@ -54,7 +55,8 @@ class EngineRun:
 
 
 class Engine(Protocol):
-    """Answer for one mechanism: accelerations at a state, and the motion under given actuator forces."""
+    """Answer for one mechanism: accelerations at a state, and the motion under given actuator
+    forces."""
 
     name: str
     version: str
@@ -66,9 +68,10 @@ class Engine(Protocol):
         """Return the derivatives of the actuated rates, shape (n,) [m/s^2, rad/s^2].
 
         Args:
-            positions: all joint coordinates in the order of `mechanism.coordinates`, shape (nq,) [m, rad].
-            rates: all joint rates in the order of `mechanism.rates`, shape (nv,) [m/s, rad/s]. Both close the loops (an
-                engine with a spanning tree reads the joints of its tree only).
+            positions: all joint coordinates in the order of `mechanism.coordinates`, shape (nq,)
+                [m, rad].
+            rates: all joint rates in the order of `mechanism.rates`, shape (nv,) [m/s, rad/s]. Both
+                close the loops (an engine with a spanning tree reads the joints of its tree only).
             forces: of the actuators in the order of `mechanism.actuators`, shape (n,) [N, N m].
         """
         ...
@@ -76,7 +79,8 @@ class Engine(Protocol):
     def joint_accelerations(
         self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
     ) -> np.ndarray:
-        """Return the derivatives of all joint rates in the order of `mechanism.rates`, shape (nv,)."""
+        """Return the derivatives of all joint rates in the order of `mechanism.rates`, shape
+        (nv,)."""
         ...
 
     def simulate(
@@ -102,14 +106,16 @@ def load_engine(module: str, title: str) -> Any:
 def checked(
     mechanism: Mechanism, positions: np.ndarray, rates: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions (nq,) and rates (nv,) of all joints as vectors; other shapes and non-numbers are refused."""
+    """Return positions (nq,) and rates (nv,) of all joints as vectors; other shapes and non-numbers
+    are refused."""
     for title, names, values in (
         ("positions", mechanism.coordinates, positions),
         ("rates", mechanism.rates, rates),
     ):
         if np.shape(values) != (len(names),) or not np.all(np.isfinite(values)):
             raise EngineError(
-                f"{title}: give {len(names)} finite numbers, one for each of the joints', not {values!r}"
+                f"{title}: give {len(names)} finite numbers, one for each of the joints', not "
+                f"{values!r}"
             )
     return np.asarray(positions, dtype=float), np.asarray(rates, dtype=float)
 

@@ -1,15 +1,17 @@
-"""What each joint type means to the engines: a chain of elementary steps, coordinates read off poses, rows that vanish.
+"""What each joint type means to the engines: a chain of elementary steps, coordinates read off
+poses, rows that vanish.
 
-The frames of a joint are turned so that its geometry is always the same one: the axis is z; a universal joint's axes are
-x of the first and y of the second frame. Then, for the pose X_12 = (R, p) of the second frame in the first,
+The frames of a joint are turned so that its geometry is always the same one: the axis is z; a
+universal joint's axes are x of the first and y of the second frame. Then, for the pose X_12 =
+(R, p) of the second frame in the first,
 
-    revolute      Rot(z, q)                       cylindrical   Rot(z, angle) Trans(z, slide)
-    prismatic     Trans(z, q)                     universal     Rot(x, angle_1) Rot(y, angle_2)
-    screw         Rot(z, q) Trans(z, pitch q)     planar        Trans(x, x) Trans(y, y) Rot(z, angle)
-    spherical     R of the quaternion             free          Trans(x, x) Trans(y, y) Trans(z, z) R of the quaternion
+    revolute   Rot(z, q)                    cylindrical  Rot(z, angle) Trans(z, slide)
+    prismatic  Trans(z, q)                  universal    Rot(x, angle_1) Rot(y, angle_2)
+    screw      Rot(z, q) Trans(z, pitch q)  planar       Trans(x, x) Trans(y, y) Rot(z, angle)
+    spherical  R of the quaternion          free         Trans(x, x) Trans(y, y) Trans(z, z) R of the quaternion
 
-and with the twist t = (omega, v) of the second frame seen in the first: rates = F t, and H t = 0 for what is held. Leading
-dimensions (instants of time) are kept everywhere.
+and with the twist t = (omega, v) of the second frame seen in the first: rates = F t, and H t = 0
+for what is held. Leading dimensions (instants of time) are kept everywhere.
 """
 
 from __future__ import annotations
@@ -65,7 +67,8 @@ RATES = {
     "free": (3, 4, 5, 0, 1, 2),
     "rod": (),
 }
-"""The components of the twist (omega, v) that are the rates; a universal joint's second see `rate_rows`."""
+"""The components of the twist (omega, v) that are the rates; a universal joint's second see
+`rate_rows`."""
 
 HELD = {
     "fixed": (0, 1, 2, 3, 4, 5),
@@ -79,19 +82,24 @@ HELD = {
     "free": (),
     "rod": (0,),
 }
-"""What is held: translations (0, 1, 2) and rotations (3, 4, 5) along x, y, z; a screw's 2 and a rod's 0 see `held_rows`."""
+"""What is held: translations (0, 1, 2) and rotations (3, 4, 5) along x, y, z; a screw's 2 and a
+rod's 0 see `held_rows`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Move by one elementary motion along or about an axis of the joint's first frame, or by a ball.
+    """Move by one elementary motion along or about an axis of the joint's first frame, or by a
+    ball.
 
     Attributes:
         motion: turn, slide, screw (a turn that advances by `pitch` per radian) or ball.
         axis: unit vector; a ball's means nothing.
-        coordinates, rates: the joint's coordinates (a ball: four) and rates (a ball: three) that this step takes.
-        backwards: the step leads from the joint's second frame to its first, which a ball must know.
-        follows: the step is the slide of a split screw, by `pitch` times the coordinate of its turn.
+        coordinates, rates: the joint's coordinates (a ball: four) and rates (a ball: three) that
+            this step takes.
+        backwards: the step leads from the joint's second frame to its first, which a ball must
+            know.
+        follows: the step is the slide of a split screw, by `pitch` times the coordinate of its
+            turn.
     """
 
     motion: Motion
@@ -112,7 +120,8 @@ class Step:
         return replace(self, motion="turn"), replace(self, motion="slide", follows=True)
 
     def reversed(self) -> Step:
-        """Return the inverse motion: about or along the opposite axis, so that its coordinate keeps its sign."""
+        """Return the inverse motion: about or along the opposite axis, so that its coordinate keeps
+        its sign."""
         return replace(
             self,
             axis=self.axis if self.motion == "ball" else -self.axis,
@@ -122,7 +131,8 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """Join two bodies: X_12 = F_1 S_1 S_2 ... F_2^-1 with turned frames F and the steps S in between.
+    """Join two bodies: X_12 = F_1 S_1 S_2 ... F_2^-1 with turned frames F and the steps S in
+    between.
 
     Attributes:
         joint, kind: name and type of the joint.
@@ -209,7 +219,8 @@ def upright(z: np.ndarray) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-# Coordinates and rates, read off the second frame's pose X and twist in the first; (..., 4, 4) and (..., 6)
+# Coordinates and rates, read off the second frame's pose X and twist in the first; (..., 4, 4) and
+# (..., 6)
 
 
 def coordinates_at(item: Edge, pose: np.ndarray) -> np.ndarray:
@@ -247,8 +258,8 @@ def quaternion_of(R: np.ndarray) -> np.ndarray:
 def rate_rows(item: Edge, pose: np.ndarray) -> np.ndarray:
     """Return F with rates = F t at X_12, shape (..., nv, 6).
 
-    The rates' derivatives are F t': the one row that moves, a universal joint's y axis of its second frame, moves
-    perpendicular to omega.
+    The rates' derivatives are F t': the one row that moves, a universal joint's y axis of its
+    second frame, moves perpendicular to omega.
     """
     shown = RATES[item.kind]
     unit = np.eye(6)[list(shown)].reshape(len(shown), 6)
@@ -280,7 +291,8 @@ def held_rows(item: Edge, pose: np.ndarray) -> np.ndarray:
 
 
 def gaps(item: Edge, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what should vanish at X_12 in the order of `HELD`: translations (..., a) [m], then turns (..., b) [rad].
+    """Return what should vanish at X_12 in the order of `HELD`: translations (..., a) [m], then
+    turns (..., b) [rad].
 
     To first order they change by H t where they are small.
     """

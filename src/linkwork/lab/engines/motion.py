@@ -1,7 +1,8 @@
 """Motion of bodies from motion of joints, and back.
 
-A pose X_GB is a 4 x 4 matrix; a twist is (angular, linear) of a body's origin in the ground's axes, and the acceleration
-of a body is the derivative of its twist. Leading dimensions (instants of time) are kept everywhere.
+A pose X_GB is a 4 x 4 matrix; a twist is (angular, linear) of a body's origin in the ground's axes,
+and the acceleration of a body is the derivative of its twist. Leading dimensions (instants of time)
+are kept everywhere.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from linkwork.mechanism import GROUND, Mechanism
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Hold poses, shape (..., r, 4, 4), twists and their derivatives, shape (..., r, 6), of the named bodies' origins."""
+    """Hold poses, shape (..., r, 4, 4), twists and their derivatives, shape (..., r, 6), of the
+    named bodies' origins."""
 
     names: tuple[str, ...]
     poses: np.ndarray
@@ -50,7 +52,8 @@ class BodyMotion:
         )
 
     def across(self, item: Edge) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return pose X_12, twist and its derivative of a joint's second frame, seen and resolved in its first.
+        """Return pose X_12, twist and its derivative of a joint's second frame, seen and resolved
+        in its first.
 
         d = p_2 - p_1;  v_12 = v_2 - v_1 - omega_1 x d;
         a_12 = a_2 - a_1 - alpha_1 x d - omega_1 x (omega_1 x d) - 2 omega_1 x v_12;
@@ -88,7 +91,8 @@ def applied(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Moving:
-    """Hold a frame's pose, angular velocity, velocity of its origin, and their derivatives, in the ground's axes."""
+    """Hold a frame's pose, angular velocity, velocity of its origin, and their derivatives, in the
+    ground's axes."""
 
     pose: np.ndarray
     omega: np.ndarray
@@ -102,7 +106,8 @@ class Moving:
         return replace(self._at(pose[..., :3, 3] - self.pose[..., :3, 3]), pose=pose)
 
     def across(self, step: Step, q: np.ndarray, w: np.ndarray, dw: np.ndarray) -> Moving:
-        """Return the motion beyond a step with coordinates q (..., 1 or 4), rates w (..., 1 or 3), derivatives dw."""
+        """Return the motion beyond a step with coordinates q (..., 1 or 4), rates w (..., 1 or 3),
+        derivatives dw."""
         R = self.pose[..., :3, :3]
         if step.motion == "ball":
             turn = rotations(Rotation.from_quat(q.reshape(-1, 4), scalar_first=True), q)
@@ -156,13 +161,15 @@ def along_tree(
 ) -> BodyMotion:
     """Return the bodies' motion from the tree's joints.
 
-    X_2 = X_1 F_1 S F_2^-1, and from the first frame to the second, d being the step's own displacement:
-    omega_2 = omega_1 + w;  v_2 = v_1 + omega_1 x d + d';
-    alpha_2 = alpha_1 + omega_1 x w + w';  a_2 = a_1 + alpha_1 x d + omega_1 x (omega_1 x d) + 2 omega_1 x d' + d''.
+    X_2 = X_1 F_1 S F_2^-1, and from the first frame to the second, d being the step's own
+    displacement: omega_2 = omega_1 + w;  v_2 = v_1 + omega_1 x d + d';
+    alpha_2 = alpha_1 + omega_1 x w + w';  a_2 = a_1 + alpha_1 x d + omega_1 x (omega_1 x d) + 2
+    omega_1 x d' + d''.
 
     Args:
         mechanism, tree: the description and its tree.
-        positions, rates, accelerations: of all joints, shapes (..., nq) and (..., nv) twice; of the cut joints unused.
+        positions, rates, accelerations: of all joints, shapes (..., nq) and (..., nv) twice; of the
+            cut joints unused.
         known: bodies whose motion is known without their joints.
     """
     accelerations = np.zeros_like(rates) if accelerations is None else accelerations
@@ -208,7 +215,8 @@ def places(names: tuple[str, ...]) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class JointMotion:
-    """Hold what the bodies' motion says of the joints: coordinates (k, nq), rates and their derivatives (k, nv), gaps."""
+    """Hold what the bodies' motion says of the joints: coordinates (k, nq), rates and their
+    derivatives (k, nv), gaps."""
 
     positions: np.ndarray
     rates: np.ndarray
@@ -218,7 +226,8 @@ class JointMotion:
 
 
 def read_joints(mechanism: Mechanism, motion: BodyMotion, start: np.ndarray) -> JointMotion:
-    """Read the joints off, at k instants; angles are continuous in time and begin within half a turn of `start`, (nq,).
+    """Read the joints off, at k instants; angles are continuous in time and begin within half a
+    turn of `start`, (nq,).
 
     Quaternions are continuous too, and begin on the side of `start`.
     """
@@ -249,7 +258,8 @@ def read_joints(mechanism: Mechanism, motion: BodyMotion, start: np.ndarray) -> 
 
 
 def continuous(item: Edge, values: np.ndarray, start: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Return the coordinates of a joint (k, nq) by name, without jumps in time, from the side of `start` on."""
+    """Return the coordinates of a joint (k, nq) by name, without jumps in time, from the side of
+    `start` on."""
     shown: dict[str, np.ndarray] = {}
     columns = iter(np.moveaxis(values, -1, 0))
     for step in item.steps:

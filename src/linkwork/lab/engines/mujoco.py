@@ -1,15 +1,18 @@
-"""The mechanism in MuJoCo: the model file that `linkwork.formats` writes of it, with stiffer constraints.
+"""The mechanism in MuJoCo: the model file that `linkwork.formats` writes of it, with stiffer
+constraints.
 
-    M v' + h = S' u + J' f,   J v' + gamma + R f = -b r' - k r          (r: the gaps, R: MuJoCo's regularisation)
+    M v' + h = S' u + J' f,  J v' + gamma + R f = -b r' - k r  (r: the gaps, R: MuJoCo's
+    regularisation)
 
-`linkwork.formats.mjcf.plan` says how MJCF holds a mechanism. Two things are put in other words first: rods are links with
-borrowed mass (a tendon between their ends would lack gamma), and Coulomb friction and the springs of balls, which MuJoCo
-takes otherwise, are forces added from outside.
+`linkwork.formats.mjcf.plan` says how MJCF holds a mechanism. Two things are put in other words
+first: rods are links with borrowed mass (a tendon between their ends would lack gamma), and Coulomb
+friction and the springs of balls, which MuJoCo takes otherwise, are forces added from outside.
 
-The constraints' impedance is 0.9999, MuJoCo's greatest, and R, which MuJoCo takes from its estimates of inverse inertia,
-is scaled down by `softness`. As J v' + gamma is in the equation, the restoring terms only have to undo drift: critical
-damping with a time constant far above the step. (The shortest allowed, two steps, costs the Runge-Kutta method its
-order: accelerations are then off by 1e-4.)
+The constraints' impedance is 0.9999, MuJoCo's greatest, and R, which MuJoCo takes from its
+estimates of inverse inertia, is scaled down by `softness`. As J v' + gamma is in the equation, the
+restoring terms only have to undo drift: critical damping with a time constant far above the step.
+(The shortest allowed, two steps, costs the Runge-Kutta method its order: accelerations are then off
+by 1e-4.)
 """
 
 from __future__ import annotations
@@ -44,7 +47,8 @@ mj = load_engine("mujoco", "MuJoCo")
 SOLREF = (0.05, 1.0)  # time constant of the restoring terms [s] and their damping ratio
 TOLERANCE, ITERATIONS = 1e-10, 50  # of MuJoCo's Newton solver
 UNUSED = ("CONTACT", "LIMIT", "FRICTIONLOSS", "SENSOR", "WARMSTART", "ISLAND", "CLAMPCTRL")
-"""Features switched off: none is in the model; without warm starts a result depends on its state alone."""
+"""Features switched off: none is in the model; without warm starts a result depends on its state
+alone."""
 
 
 class MujocoEngine:
@@ -52,18 +56,22 @@ class MujocoEngine:
 
     Args:
         mechanism: the description; every body that moves has mass and inertia.
-        softness: factor on MuJoCo's estimate of the inverse inertia that a constraint feels, to which R is
-            proportional; 1 is MuJoCo as it comes, smaller is stiffer until rounding wins (near 1e-4).
-        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where left out.
+        softness: factor on MuJoCo's estimate of the inverse inertia that a constraint feels, to
+            which R is proportional; 1 is MuJoCo as it comes, smaller is stiffer until rounding wins
+            (near 1e-4).
+        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where
+            left out.
 
     Attributes:
         plan: the joints of the model in the description's terms.
         text: the model as MJCF.
         model, data: MuJoCo's own objects.
-        seats: for each body (and part of a body) its name in MuJoCo, and its pose in that body's frame.
+        seats: for each body (and part of a body) its name in MuJoCo, and its pose in that body's
+            frame.
 
     Raises:
-        EngineError: MuJoCo is missing or refuses the model, or a body has no mass that its rods could borrow.
+        EngineError: MuJoCo is missing or refuses the model, or a body has no mass that its rods
+            could borrow.
     """
 
     name = "mujoco"
@@ -79,7 +87,8 @@ class MujocoEngine:
             tree = plan(held, home, pushed)
             for seat in tree.light:
                 raise EngineError(
-                    f"MuJoCo refuses {mechanism.name!r}: it wants mass and inertia of all that moves, as of 'body {seat}'"
+                    f"MuJoCo refuses {mechanism.name!r}: it wants mass and inertia of all that "
+                    f"moves, as of 'body {seat}'"
                 )
             self.text, _ = to_mjcf(held, home, tree)
             spec = mj.MjSpec.from_string(self.text)
@@ -96,7 +105,8 @@ class MujocoEngine:
 
     @property
     def columns(self) -> np.ndarray:
-        """Return for each of qpos its place among all joint coordinates; -1 for those of a floating body."""
+        """Return for each of qpos its place among all joint coordinates; -1 for those of a floating
+        body."""
         found = np.full(self.model.nq, -1)
         found[self.plan.q] = self.plan.vectors.columns
         return found
@@ -130,7 +140,8 @@ class MujocoEngine:
     def evaluation(
         self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
     ) -> Callable[[], object]:
-        """Return MuJoCo's own forward dynamics at a state as a call without arguments or wrapping, for timing."""
+        """Return MuJoCo's own forward dynamics at a state as a call without arguments or wrapping,
+        for timing."""
         self._set_state(positions, rates, forces)
         return partial(mj.mj_forward, self.model, self.data)
 
@@ -144,7 +155,8 @@ class MujocoEngine:
     def joint_accelerations(
         self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
     ) -> np.ndarray:
-        """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`."""
+        """Return the derivatives of all joint rates, shape (nv,); see
+        `Engine.joint_accelerations`."""
         self.evaluation(positions, rates, forces)()
         state = self.data.qpos[None], self.data.qvel[None], self.data.qacc[None]
         return joints_of(self.plan, *state, np.asarray(positions)).accelerations[0]
@@ -154,8 +166,8 @@ class MujocoEngine:
     ) -> EngineRun:
         """Return the motion by MuJoCo's Runge-Kutta method of order 4; see `Engine.simulate`.
 
-        The forces are asked for in every stage, through MuJoCo's control callback: one process-wide slot, so that two
-        simulations cannot run at once in two threads.
+        The forces are asked for in every stage, through MuJoCo's control callback: one process-wide
+        slot, so that two simulations cannot run at once in two threads.
         """
         pushing, time = in_time(self.mechanism, forces), instants(duration, step)
         self.model.opt.timestep = time[1]

@@ -1,12 +1,15 @@
-"""The mechanism in Pinocchio: a spanning tree whose loops are closed by constraints with multipliers.
+"""The mechanism in Pinocchio: a spanning tree whose loops are closed by constraints with
+multipliers.
 
     M v' + h = S' u + J' lambda,   J v' + gamma = 0                   (v: the rates of the tree)
 
-A joint of many freedoms is a chain of Pinocchio's own with nothing in between. A cut spherical joint becomes the
-coincidence of a point, a cut revolute joint that of one point where its loop is planar, else of two points of its axis: 6
-rows, of which 5 are independent. Other cut joints stay in the tree and lead to one part of their body; the parts are
-welded (6 rows). Rods are links with borrowed mass. Dependent rows are left in: the proximal iterations (mu = 1e-6) solve
-the equations as they stand. Springs, dampers and friction are forces added from outside, rotors are Pinocchio's armature.
+A joint of many freedoms is a chain of Pinocchio's own with nothing in between. A cut spherical
+joint becomes the coincidence of a point, a cut revolute joint that of one point where its loop is
+planar, else of two points of its axis: 6 rows, of which 5 are independent. Other cut joints stay in
+the tree and lead to one part of their body; the parts are welded (6 rows). Rods are links with
+borrowed mass. Dependent rows are left in: the proximal iterations (mu = 1e-6) solve the equations
+as they stand. Springs, dampers and friction are forces added from outside, rotors are Pinocchio's
+armature.
 """
 
 from __future__ import annotations
@@ -38,7 +41,8 @@ from linkwork.mechanism import GROUND, Mechanism, PointSpring
 
 pin = load_engine("pinocchio", "Pinocchio")
 
-ACCURACY = 1e-6  # of the proximal iterations, absolute and relative; the accelerations are then good to 1e-11
+ACCURACY = 1e-6
+"""Of the proximal iterations, absolute and relative; the accelerations are then good to 1e-11."""
 REGULARISATION = (
     1e-6  # mu of the proximal iterations; smaller ones do harm where redundant rows drift apart
 )
@@ -51,15 +55,18 @@ class PinocchioEngine:
 
     Args:
         mechanism: the description; it has no gears.
-        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where left out.
+        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where
+            left out.
 
     Attributes:
         plan: the spanning tree chosen in the description, and the translation of its coordinates.
         model, data, constraints, constraint_data, proximal: Pinocchio's own objects.
-        seats: for each body (and part of a body) its Pinocchio joint, and its pose in that joint's frame.
+        seats: for each body (and part of a body) its Pinocchio joint, and its pose in that joint's
+            frame.
 
     Raises:
-        EngineError: Pinocchio is missing, there is a gear, or a body has no mass that its rods could borrow.
+        EngineError: Pinocchio is missing, there is a gear, or a body has no mass that its rods
+            could borrow.
     """
 
     name = "pinocchio"
@@ -68,7 +75,8 @@ class PinocchioEngine:
     def __init__(self, mechanism: Mechanism, guess: Guess | None = None):
         for name in mechanism.gears:
             raise EngineError(
-                f"joints.{name}: Pinocchio has no constraint that could hold a gear; use mujoco or exudyn"
+                f"joints.{name}: Pinocchio has no constraint that could hold a gear; use mujoco "
+                "or exudyn"
             )
         self.mechanism, self.plan = mechanism, plan(mechanism, QUATERNION, guess or {})
         self.model = pin.Model()
@@ -122,7 +130,8 @@ class PinocchioEngine:
         )
 
     def _forces(self, q: np.ndarray, v: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Return tau of the actuators, of springs and friction in joints, and of springs between points."""
+        """Return tau of the actuators, of springs and friction in joints, and of springs between
+        points."""
         tau = self.plan.forces(q, v, forces)
         if self.mechanism.springs:
             pin.computeJointJacobians(self.model, self.data, q)
@@ -174,7 +183,8 @@ class PinocchioEngine:
     def evaluation(
         self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
     ) -> Callable[[], object]:
-        """Return Pinocchio's own forward dynamics at a state as a call without arguments or wrapping, for timing."""
+        """Return Pinocchio's own forward dynamics at a state as a call without arguments or
+        wrapping, for timing."""
         return partial(pin.constraintDynamics, *self._arguments(positions, rates, forces))
 
     def accelerations(
@@ -187,7 +197,8 @@ class PinocchioEngine:
     def joint_accelerations(
         self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
     ) -> np.ndarray:
-        """Return the derivatives of all joint rates, shape (nv,); see `Engine.joint_accelerations`."""
+        """Return the derivatives of all joint rates, shape (nv,); see
+        `Engine.joint_accelerations`."""
         q, v, a = self._solved(positions, rates, forces)
         return joints_of(self.plan, q[None], v[None], a[None], np.asarray(positions)).accelerations[
             0
@@ -201,19 +212,20 @@ class PinocchioEngine:
     def _finite(self, accelerations: np.ndarray) -> np.ndarray:
         if not np.all(np.isfinite(accelerations)):
             raise EngineError(
-                f"{self.mechanism.name}: Pinocchio finds no accelerations; a body that the tree moves without inertia "
-                "makes its mass matrix singular"
+                f"{self.mechanism.name}: Pinocchio finds no accelerations; a body that the tree "
+                "moves without inertia makes its mass matrix singular"
             )
         return accelerations
 
     def inverse_dynamics(
         self, positions: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
     ) -> np.ndarray:
-        """Return the actuator forces for derivatives of the actuated rates, both of shape (n,) [N, N m].
+        """Return the actuator forces for derivatives of the actuated rates, both of shape (n,)
+        [N, N m].
 
         Accelerations are affine in the forces. With the null space N of J and the actuators' S,
 
-            S' v' = S' v'_0 + G u,      G = S' N (N' M N)^-1 N' S         (v'_0 without actuator forces)
+            S' v' = S' v'_0 + G u,      G = S' N (N' M N)^-1 N' S     (v'_0 without actuator forces)
 
         Where actuators are redundant, u is the least one.
         """
@@ -244,8 +256,8 @@ class PinocchioEngine:
     ) -> EngineRun:
         """Return the motion by the classical Runge-Kutta method of order 4; see `Engine.simulate`.
 
-        Nothing holds the loops closed but the accelerations: `closure_error` shows the drift. Quaternions are moved as
-        four numbers and made unit ones again in every stage.
+        Nothing holds the loops closed but the accelerations: `closure_error` shows the drift.
+        Quaternions are moved as four numbers and made unit ones again in every stage.
         """
         pushing, time = in_time(self.mechanism, forces), instants(duration, step)
         model, data, q, v, _, *constraints = self._arguments(positions, rates, pushing(0.0))
@@ -297,7 +309,8 @@ class PinocchioEngine:
 
 
 def joint_models(item: Edge) -> list[tuple[str, Any, Any]]:
-    """Return Pinocchio's joints for a joint: a name, the joint, and the pose whose z axis it moves about or along."""
+    """Return Pinocchio's joints for a joint: a name, the joint, and the pose whose z axis it moves
+    about or along."""
     if item.kind == "universal":
         first, second = item.steps
         return [

@@ -21,7 +21,8 @@ class Plan:
     Attributes:
         carried, tree: what the engine moves.
         branches, ties: what the engine has to set up.
-        vectors, joint_forces: the engine's q and v, and the forces of springs and friction in its joints.
+        vectors, joint_forces: the engine's q and v, and the forces of springs and friction in its
+            joints.
         drives: the actuators' places in v.
     """
 
@@ -34,7 +35,8 @@ class Plan:
     drives: Drives
 
     def state(self, positions: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the engine's q and v at a state of the described joints, shapes (nq,) and (nv,)."""
+        """Return the engine's q and v at a state of the described joints, shapes (nq,) and
+        (nv,)."""
         return self.vectors.into(*self.carried.state(positions, rates))
 
     def forces(self, q: np.ndarray, v: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -58,7 +60,8 @@ def plan(mechanism: Mechanism, order: Quaternion, guess: Guess) -> Plan:
     Args:
         mechanism: the description.
         order: places of w, x, y, z in the engine's quaternions.
-        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where left out.
+        guess: approximate poses (4, 4) of bodies that only rods reach; the ground's frame where
+            left out.
     """
     carried = carry(mechanism, guess)
     tree = spanning_tree(carried.whole)

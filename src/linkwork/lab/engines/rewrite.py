@@ -1,10 +1,12 @@
-"""The same mechanism in other words, where an engine lacks a joint or an effect: rods as links, joints as chains.
+"""The same mechanism in other words, where an engine lacks a joint or an effect: rods as links,
+joints as chains.
 
-A rod without mass cannot be a link of a tree: the tree's mass matrix would be singular. But mass points may be moved
-freely between bodies that hold the same point: a link of length l with a point of mass m at either end, taken away from
-the bodies there, has the same energy, hence the same motion. Its spin about itself stays at rest. As much as half the
-mass that a body can spare at these points is taken: m < 1 / lambda, lambda the greatest eigenvalue of P' J^-1 P, where
-J = sum of m [x; 1][x; 1]' over the body's mass and P = [x; 1] of the points.
+A rod without mass cannot be a link of a tree: the tree's mass matrix would be singular. But mass
+points may be moved freely between bodies that hold the same point: a link of length l with a point
+of mass m at either end, taken away from the bodies there, has the same energy, hence the same
+motion. Its spin about itself stays at rest. As much as half the mass that a body can spare at these
+points is taken: m < 1 / lambda, lambda the greatest eigenvalue of P' J^-1 P, where J = sum of m
+[x; 1][x; 1]' over the body's mass and P = [x; 1] of the points.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ SPARE = 0.5  # part of the mass that a body can spare which its rods take
 def inertia_tensor(body: Body) -> np.ndarray:
     """Return the inertia tensor about the mass centre in the body's axes, shape (3, 3) [kg m^2].
 
-    A planar body gives zz alone; its xx and yy play no part in the motion, and xx = yy = zz make a valid rigid body.
+    A planar body gives zz alone; its xx and yy play no part in the motion, and xx = yy = zz make a
+    valid rigid body.
     """
     return body.inertia.zz * np.eye(3) if body.inertia.planar else body.inertia.tensor()
 
@@ -59,7 +62,8 @@ def inertia_tensor(body: Body) -> np.ndarray:
 def with_free_joints(mechanism: Mechanism) -> tuple[Mechanism, tuple[str, ...]]:
     """Hang the bodies that only rods reach on free joints to ground, and return them too.
 
-    Of bodies that other joints connect to each other, the first one hangs. The free joints are the last joints.
+    Of bodies that other joints connect to each other, the first one hangs. The free joints are the
+    last joints.
     """
     graph = mechanism.graph()
     for name, joint in mechanism.pairs.items():
@@ -77,7 +81,8 @@ def with_free_joints(mechanism: Mechanism) -> tuple[Mechanism, tuple[str, ...]]:
 
 
 def with_links(mechanism: Mechanism) -> Mechanism:
-    """Replace every rod by a link between two spherical joints; joint coordinates of its own come last.
+    """Replace every rod by a link between two spherical joints; joint coordinates of its own come
+    last.
 
     Raises:
         EngineError: a body has no mass that its rods could borrow.
@@ -127,13 +132,15 @@ def spare_mass(mechanism: Mechanism, name: str, points: np.ndarray) -> float:
     greatest = float(np.linalg.eigvalsh(P.T @ inverse @ P)[-1])
     if not body.mass or np.max(abs(P - J @ inverse @ P)) > 1e-6 * np.max(abs(P)):
         raise EngineError(
-            f"bodies.{name}: has no mass around the rods' ends to share with them; give it mass and inertia"
+            f"bodies.{name}: has no mass around the rods' ends to share with them; give it mass "
+            "and inertia"
         )
     return SPARE / greatest
 
 
 def moments(body: Body) -> np.ndarray:
-    """Return J, the integral of [x; 1][x; 1]' over the body's mass, shape (4, 4), x in the body's frame."""
+    """Return J, the integral of [x; 1][x; 1]' over the body's mass, shape (4, 4), x in the body's
+    frame."""
     c = homogeneous(np.array([body.centre_of_mass]))
     tensor = inertia_tensor(body)
     J = body.mass * (c @ c.T)
@@ -166,7 +173,8 @@ def lightened(body: Body, mass: float, points: np.ndarray) -> Body:
 
 
 def dumbbell(length: float, near: float, far: float) -> Body:
-    """Return a link along z with mass points at its ends; zz, which its spin at rest does not feel, is half of xx."""
+    """Return a link along z with mass points at its ends; zz, which its spin at rest does not feel,
+    is half of xx."""
     mass = near + far
     across = near * far / mass * length**2
     return Body(
@@ -180,9 +188,11 @@ def dumbbell(length: float, near: float, far: float) -> Body:
 
 
 def in_steps(mechanism: Mechanism, names: set[str]) -> Mechanism:
-    """Replace these joints by chains of joints of one freedom (and a spherical one) with massless bodies in between.
+    """Replace these joints by chains of joints of one freedom (and a spherical one) with massless
+    bodies in between.
 
-    The joints of a chain are called so that all coordinates and rates keep their names and their order.
+    The joints of a chain are called so that all coordinates and rates keep their names and their
+    order.
     """
     joints: dict[str, Joint] = {}
     links: list[str] = []
@@ -244,7 +254,8 @@ def vector(values: np.ndarray) -> Vector3:
 
 
 def effects_apart(mechanism: Mechanism) -> tuple[Mechanism, Mechanism]:
-    """Return a mechanism with the effects that MuJoCo has as they are, and one with the others; limits are left out.
+    """Return a mechanism with the effects that MuJoCo has as they are, and one with the others;
+    limits are left out.
 
     MuJoCo's dry friction holds still at rest, and it measures the turn of a ball from home.
     """

@@ -1,7 +1,9 @@
-"""Where all bodies are and how they move when the coordinates and rates of the described joints are given.
+"""Where all bodies are and how they move when the coordinates and rates of the described joints are
+given.
 
-Bodies that only rods reach hang on free joints (`with_free_joints`), whose coordinates x and rates w nobody gave: Newton's
-method closes all joints by them,  H_x dx = -gaps,  H_x w = -H_q q',  where H are the rows that the cut joints hold.
+Bodies that only rods reach hang on free joints (`with_free_joints`), whose coordinates x and rates
+w nobody gave: Newton's method closes all joints by them,  H_x dx = -gaps,  H_x w = -H_q q',  where
+H are the rows that the cut joints hold.
 """
 
 from __future__ import annotations
@@ -55,8 +57,8 @@ def bodies_at(
         x = moved(x, len(positions), step * min(1.0, 0.5 / max(np.max(abs(step)), 0.5)))
     else:
         raise EngineError(
-            f"{mechanism.name}: the rods of {', '.join(hung)} miss their ends by {np.max(abs(gap)):.3g} m from the guess "
-            "of its pose; give a nearer one"
+            f"{mechanism.name}: the rods of {', '.join(hung)} miss their ends by "
+            f"{np.max(abs(gap)):.3g} m from the guess of its pose; give a nearer one"
         )
     w[free] = -np.linalg.lstsq(rows[:, free], rows[:, : len(rates)] @ rates, rcond=1e-9)[0]
     return along_tree(mechanism, tree, x, w)
@@ -65,7 +67,8 @@ def bodies_at(
 def closure(
     mechanism: Mechanism, tree: Tree, positions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the gaps (h,) of the cut joints and the rows (h, nv) by which all joint rates open them."""
+    """Return the gaps (h,) of the cut joints and the rows (h, nv) by which all joint rates open
+    them."""
     rates = np.eye(len(mechanism.rates))
     motion = along_tree(
         mechanism, tree, np.broadcast_to(positions, (len(rates), len(positions))), rates
@@ -86,7 +89,8 @@ def coordinates_of(pose: np.ndarray) -> np.ndarray:
 
 
 def moved(x: np.ndarray, first: int, step: np.ndarray) -> np.ndarray:
-    """Move the free joints, whose coordinates begin at `first`, by a step (6 each) along their rates."""
+    """Move the free joints, whose coordinates begin at `first`, by a step (6 each) along their
+    rates."""
     x = x.copy()
     for own, part in zip(x[first:].reshape(-1, 7), step.reshape(-1, 6), strict=True):
         own[:3] += part[:3]
@@ -96,7 +100,8 @@ def moved(x: np.ndarray, first: int, step: np.ndarray) -> np.ndarray:
 
 
 def with_link_motion(described: Mechanism, linked: Mechanism, motion: BodyMotion) -> BodyMotion:
-    """Add the links that stand for rods: along z from end to end, d = p_2 - p_1, omega = d x d' / d^2 (no spin)."""
+    """Add the links that stand for rods: along z from end to end, d = p_2 - p_1, omega = d x d' /
+    d^2 (no spin)."""
     poses, twists = list(np.moveaxis(motion.poses, -3, 0)), list(np.moveaxis(motion.twists, -2, 0))
     rods = [joint for joint in described.pairs.values() if isinstance(joint, RodJoint)]
     for rod in rods:

@@ -1,8 +1,10 @@
-"""The spanning tree that the engines set up: which joints carry the bodies, and what closes the loops.
+"""The spanning tree that the engines set up: which joints carry the bodies, and what closes the
+loops.
 
-Every body hangs on ground by a chain of joints; the joints left over are cut. Where a point of one body stays at a point
-of another, a cut joint becomes a tie between the two points. A joint of another kind, and one with an actuator, a gear,
-a spring, friction or a rotor, is carried instead: it stays, leads to one part of its body, and the parts are welded.
+Every body hangs on ground by a chain of joints; the joints left over are cut. Where a point of one
+body stays at a point of another, a cut joint becomes a tie between the two points. A joint of
+another kind, and one with an actuator, a gear, a spring, friction or a rotor, is carried instead:
+it stays, leads to one part of its body, and the parts are welded.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ class Tree:
     Attributes:
         edges: the joints that reach every body from ground, depth first, parent before child.
         cuts: the joints that close loops; they lead to a body, never to ground.
-        carried: the names of the cut joints that stay in the model and lead to a part of their body.
+        carried: the names of the cut joints that stay in the model and lead to a part of their
+            body.
     """
 
     edges: tuple[Edge, ...]
@@ -38,7 +41,8 @@ class Tree:
 
 
 def coupled(mechanism: Mechanism) -> set[str]:
-    """Return the joints whose coordinates something is tied to: a gear, a rotor, the advance of a screw."""
+    """Return the joints whose coordinates something is tied to: a gear, a rotor, the advance of a
+    screw."""
     owner = {
         label: name for name, joint in mechanism.joints.items() for label in joint.coordinates(name)
     }
@@ -68,9 +72,9 @@ def has_forces(joint: PairJoint) -> bool:
 def spanning_tree(mechanism: Mechanism) -> Tree:
     """Choose a minimum spanning tree from ground by Prim's rule; rods never enter.
 
-    Fixed joints enter first, then geared joints, screws and those with rotors, then those with actuators, springs or friction,
-    then the kinds that cannot be tied; revolute, spherical and free joints enter last, in this order. Among equals the
-    chain nearest to ground grows.
+    Fixed joints enter first, then geared joints, screws and those with rotors, then those with
+    actuators, springs or friction, then the kinds that cannot be tied; revolute, spherical and free
+    joints enter last, in this order. Among equals the chain nearest to ground grows.
 
     Raises:
         EngineError: nothing but rods reaches a body.
@@ -117,9 +121,11 @@ def spanning_tree(mechanism: Mechanism) -> Tree:
 
 
 def planar_loop(tree: Tree, cut: Edge) -> bool:
-    """Tell whether a revolute cut joint closes a planar loop: turns about parallel axes, slides across them.
+    """Tell whether a revolute cut joint closes a planar loop: turns about parallel axes, slides
+    across them.
 
-    Turning about parallel axes leaves their directions alone, so that they may be compared with all coordinates zero.
+    Turning about parallel axes leaves their directions alone, so that they may be compared with all
+    coordinates zero.
     """
     up = {item.bodies[1]: item for item in tree.edges}
 
@@ -145,7 +151,8 @@ def planar_loop(tree: Tree, cut: Edge) -> bool:
 
 @dataclass(frozen=True)
 class Branch:
-    """Carry one part of a body on a joint: the part's name and its share of the body's mass and inertia."""
+    """Carry one part of a body on a joint: the part's name and its share of the body's mass and
+    inertia."""
 
     edge: Edge
     part: str
@@ -154,7 +161,8 @@ class Branch:
 
 @dataclass(frozen=True)
 class Tie:
-    """Close a loop between two parts of bodies: hold two points together, or two frames (a weld)."""
+    """Close a loop between two parts of bodies: hold two points together, or two frames
+    (a weld)."""
 
     kind: Literal["point", "weld"]
     parts: tuple[str, str]
@@ -162,7 +170,8 @@ class Tie:
 
 
 def branches(tree: Tree) -> tuple[Branch, ...]:
-    """Return the joints of the tree and the carried ones, depth first, each with the part that it leads to.
+    """Return the joints of the tree and the carried ones, depth first, each with the part that it
+    leads to.
 
     The parts of a body share its mass equally; the one in the tree bears the body's own name.
     """
@@ -186,8 +195,9 @@ def branches(tree: Tree) -> tuple[Branch, ...]:
 def ties(tree: Tree) -> tuple[Tie, ...]:
     """Return what closes the loops, apart from rods.
 
-    A spherical joint ties one point, a revolute one one (planar loop) or two on its axis; the parts of bodies are
-    welded. A free joint that is cut holds nothing, nor does a fixed one, which only a loop of fixed joints has left.
+    A spherical joint ties one point, a revolute one one (planar loop) or two on its axis; the parts
+    of bodies are welded. A free joint that is cut holds nothing, nor does a fixed one, which only a
+    loop of fixed joints has left.
     """
     closed = []
     for cut in tree.cuts:

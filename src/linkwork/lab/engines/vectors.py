@@ -1,11 +1,14 @@
-"""A tree's coordinates and rates in an engine's own order and axes, and the forces that act in its joints.
+"""A tree's coordinates and rates in an engine's own order and axes, and the forces that act in its
+joints.
 
-An engine's q and v differ from the joints' coordinates and rates in order and in the rates of a ball, which are the
-angular velocity in the axes of the body that it carries:
+An engine's q and v differ from the joints' coordinates and rates in order and in the rates of a
+ball, which are the angular velocity in the axes of the body that it carries:
 
-    v = R' w,   v' = R' w',   tau = R' f          and for a ball that leads backwards:  R -> R',  v = -w,  tau = -f
+    v = R' w,  v' = R' w',  tau = R' f  and for a ball that leads backwards:  R -> R',  v = -w,  tau
+    = -f
 
-where w is the angular velocity of F2 relative to F1 in F1's axes, R = R_12 and f the torque conjugate to w.
+where w is the angular velocity of F2 relative to F1 in F1's axes, R = R_12 and f the torque
+conjugate to w.
 """
 
 from __future__ import annotations
@@ -43,7 +46,8 @@ class Drives:
 
 @dataclass(frozen=True)
 class Vectors:
-    """Translate between all joints' coordinates and rates and an engine's q and v; leading dimensions are kept.
+    """Translate between all joints' coordinates and rates and an engine's q and v; leading
+    dimensions are kept.
 
     Attributes:
         mechanism: names the joints' coordinates and rates.
@@ -140,7 +144,8 @@ class Vectors:
     def out_of(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return all joints' coordinates, rates and accelerations from q, v, v'; those that q does not hold are zero."""
+        """Return all joints' coordinates, rates and accelerations from q, v, v'; those that q does
+        not hold are zero."""
         leading, moving = self._leading
         positions = np.zeros((*q.shape[:-1], len(self.mechanism.coordinates)))
         positions[..., self.columns[leading]] = (q * self._factors[0])[..., leading]
@@ -174,10 +179,11 @@ class Vectors:
 
 @dataclass(frozen=True)
 class JointForces:
-    """Compute what springs, dampers and friction do in the joints of a tree, in an engine's vectors.
+    """Compute what springs, dampers and friction do in the joints of a tree, in an engine's
+    vectors.
 
-    tau = -k (q - rest) - (c + F / sqrt(v^2 + r^2)) v;  a ball's q is its rotation vector and v^2 = |v|^2. c is the
-    viscous friction and the damping together. The form is the same for a ball seen from its other side or in other axes.
+    tau = -k (q - rest) - (c + F / sqrt(v^2 + r^2)) v;  a ball's q is its rotation vector and v^2 =
+    |v|^2. c is the viscous friction and the damping together. The form is the same for a ball seen from its other side or in other axes.
 
     Attributes:
         rotors: the rotor inertia that belongs to each entry of v, (nv,).

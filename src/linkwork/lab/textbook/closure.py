@@ -1,13 +1,14 @@
 """The loop equations phi(q) = 0 of the paper's Eq. (1) and their Jacobian Phi of Eq. (2).
 
-A joint that is not in the spanning tree closes one loop. Its second frame has one pose by the tree, through its second
-body, (R, o), and one by its first body and its own coordinate, (R*, o*). The loop is closed when both are the same:
+A joint that is not in the spanning tree closes one loop. Its second frame has one pose by the tree,
+through its second body, (R, o), and one by its first body and its own coordinate, (R*, o*). The
+loop is closed when both are the same:
 
     phi_loop = [o* - o; e],     exp([e x]) = E = R* R'
     Phi_loop q' = [v* - v; J(e)^-1 (omega* - E omega)]
 
-For a planar mechanism this leaves x, y and the angle; in general dependent rows are found by a QR factorisation with
-pivoting and dropped.
+For a planar mechanism this leaves x, y and the angle; in general dependent rows are found by a QR
+factorisation with pivoting and dropped.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from linkwork.lab.textbook.kinematics import Configuration, Motion, crossing, jo
 
 
 def loop_poses(at: Configuration, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return both poses of a closing joint's second frame: by its first body (X*) and by the tree (X)."""
+    """Return both poses of a closing joint's second frame: by its first body (X*) and by the tree
+    (X)."""
     joint = at.tree.mechanism.pairs[name]
     first, second = joint.connects
     X_1F, X_2F = at.tree.frames[name]
@@ -36,7 +38,8 @@ def loop_paths(at: Configuration, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def loop_errors(at: Configuration) -> np.ndarray:
-    """Return phi of all loops, six numbers each: position [m] and rotation vector [rad] in base axes."""
+    """Return phi of all loops, six numbers each: position [m] and rotation vector [rad] in base
+    axes."""
     errors = []
     for name in at.tree.closing:
         X_star, X = loop_poses(at, name)
@@ -73,7 +76,8 @@ def loop_jacobian_rate(during: Motion) -> np.ndarray:
 
 
 def independent_rows(A: np.ndarray, count: int) -> np.ndarray | None:
-    """Return `count` independent rows of A, in order; None where there are fewer (pivots below 1e-9 of the first)."""
+    """Return `count` independent rows of A, in order; None where there are fewer (pivots below 1e-9
+    of the first)."""
     if count == 0:
         return np.zeros(0, dtype=int)
     if count > min(A.shape):

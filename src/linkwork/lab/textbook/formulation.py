@@ -2,9 +2,10 @@
 
 "The paper" is Kordjazi, Akbarzadeh & Tahani, ICME 2010; the numbers in brackets are its equations'.
 
-q (m,) holds the coordinates of all joints but the fixed ones, in the mechanism's order [rad, m]; q_a (n,) those of the
-actuated joints, in the actuators' order; q_u the rest. The r bodies come in the mechanism's order; a twist is
-t_i = [omega_i; v_i], v_i of the mass centre, in base axes. Nothing is fast here, and nothing is hidden.
+q (m,) holds the coordinates of all joints but the fixed ones, in the mechanism's order [rad, m];
+q_a (n,) those of the actuated joints, in the actuators' order; q_u the rest. The r bodies come in
+the mechanism's order; a twist is t_i = [omega_i; v_i], v_i of the mass centre, in base axes.
+Nothing is fast here, and nothing is hidden.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ class Textbook:
     Every method takes joint coordinates q (m,) that close the loops, as `solve` returns them.
 
     Raises:
-        LinkworkError: another type of joint; as many actuators as freedoms are not given; a vector of the wrong
-            length; loops that do not close; a singular Phi_u.
+        LinkworkError: another type of joint; as many actuators as freedoms are not given; a vector
+            of the wrong length; loops that do not close; a singular Phi_u.
     """
 
     mechanism: Mechanism
@@ -90,7 +91,8 @@ class Textbook:
 
     @cached_property
     def rows(self) -> np.ndarray:
-        """Return which m - n of the six equations per loop are kept: independent ones at the reference."""
+        """Return which m - n of the six equations per loop are kept: independent ones at the
+        reference."""
         Phi = loop_jacobian(self.configuration(self.guess))
         rows = independent_rows(Phi, self.m - self.n)
         if rows is not None:
@@ -98,14 +100,15 @@ class Textbook:
         rank = int(np.linalg.matrix_rank(Phi, rtol=1e-9)) if Phi.size else 0
         if rank != self.m - self.n or rows is None:
             raise LinkworkError(
-                f"{self.mechanism.name} has {self.m - rank} freedoms at its reference but {self.n} actuators; "
-                "name as many independent joints as it has freedoms"
+                f"{self.mechanism.name} has {self.m - rank} freedoms at its reference but "
+                f"{self.n} actuators; name as many independent joints as it has freedoms"
             )
         return rows
 
     @cached_property
     def reference(self) -> np.ndarray:
-        """Return the reference coordinates with the loops closed and the actuated joints where they are, shape (m,)."""
+        """Return the reference coordinates with the loops closed and the actuated joints where they
+        are, shape (m,)."""
         return self.close(self.guess, self.rows)
 
     # Kinematics
@@ -119,7 +122,8 @@ class Textbook:
         return motion(self.configuration(q), self.L(q) @ checked("qa_dot", qa_dot, self.n))
 
     def phi(self, q: ArrayLike) -> np.ndarray:
-        """Return the loop equations phi(q) (m - n,) [m, rad], zero where the loops are closed: Eq. (1)."""
+        """Return the loop equations phi(q) (m - n,) [m, rad], zero where the loops are closed: Eq.
+        (1)."""
         return loop_errors(self.configuration(q))[self.rows]
 
     def Phi(self, q: ArrayLike) -> np.ndarray:
@@ -155,8 +159,9 @@ class Textbook:
         error = np.max(abs(loop_errors(self.configuration(q))), initial=0.0)
         if not error < CLOSED:
             raise LinkworkError(
-                f"the loops of {self.mechanism.name} do not close for q_a = {q[self.a].round(6).tolist()}: "
-                f"an error of {error:.3g} remains; start nearer to a closed configuration or bring q_a within reach"
+                f"the loops of {self.mechanism.name} do not close for q_a = "
+                f"{q[self.a].round(6).tolist()}: an error of {error:.3g} remains; start nearer "
+                "to a closed configuration or bring q_a within reach"
             )
         return q
 
@@ -168,14 +173,16 @@ class Textbook:
         s = np.linalg.svd(Phi_u, compute_uv=False)
         if not s[-1] > SINGULAR * s[0]:
             raise LinkworkError(
-                f"Phi_u of {self.mechanism.name} is singular in this configuration (singular values from {s[0]:.3g} to "
-                f"{s[-1]:.3g}): the actuated joints {', '.join(self.mechanism.actuators)} do not determine the others' "
-                "rates; move away from it or actuate other joints"
+                f"Phi_u of {self.mechanism.name} is singular in this configuration (singular "
+                f"values from {s[0]:.3g} to {s[-1]:.3g}): the actuated joints "
+                f"{', '.join(self.mechanism.actuators)} do not determine the others' rates; move "
+                "away from it or actuate other joints"
             )
         return np.linalg.solve(Phi_u, b)
 
     def K(self, q: ArrayLike) -> np.ndarray:
-        """Return K, 6r x m, with t = K q': the unit twists of the joints on each body's path, Eq. (4)."""
+        """Return K, 6r x m, with t = K q': the unit twists of the joints on each body's path, Eq.
+        (4)."""
         at = self.configuration(q)
         return np.vstack(
             [
@@ -220,7 +227,8 @@ class Textbook:
     # Dynamics
 
     def Mtot(self, q: ArrayLike) -> np.ndarray:
-        """Return the extended mass matrix, 6r x 6r, inertias about the mass centres in base axes: Eqs. (14), (16)."""
+        """Return the extended mass matrix, 6r x 6r, inertias about the mass centres in base axes:
+        Eqs. (14), (16)."""
         at = self.configuration(q)
         blocks = []
         for name, body in self.mechanism.bodies.items():
@@ -264,7 +272,8 @@ class Textbook:
         return -self.T(q).T @ self.w_g()  # (12)
 
     def forward_dynamics(self, q: ArrayLike, qa_dot: ArrayLike, tau: ArrayLike) -> np.ndarray:
-        """Return q_a'' = M^-1 (tau - C q_a' - G), (n,) [rad/s^2, m/s^2]: Eq. (9), with the sign that (12) asks for.
+        """Return q_a'' = M^-1 (tau - C q_a' - G), (n,) [rad/s^2, m/s^2]: Eq. (9), with the sign
+        that (12) asks for.
 
         Args:
             q: all joint coordinates, loops closed (m,) [rad, m].
@@ -275,7 +284,8 @@ class Textbook:
         return np.linalg.solve(self.M(q), tau - self.C(q, qa_dot) @ qa_dot - self.G(q))  # (9)
 
     def inverse_dynamics(self, q: ArrayLike, qa_dot: ArrayLike, qa_ddot: ArrayLike) -> np.ndarray:
-        """Return the actuators' forces tau = M q_a'' + C q_a' + G, (n,) [N m, N]: Eq. (9) solved for tau."""
+        """Return the actuators' forces tau = M q_a'' + C q_a' + G, (n,) [N m, N]: Eq. (9) solved
+        for tau."""
         qa_dot, qa_ddot = checked("qa_dot", qa_dot, self.n), checked("qa_ddot", qa_ddot, self.n)
         return self.M(q) @ qa_ddot + self.C(q, qa_dot) @ qa_dot + self.G(q)
 

@@ -1,4 +1,5 @@
-"""Rigid transforms and rotations: X = [R p; 0 1] turns components in a body's frame into components in the base.
+"""Rigid transforms and rotations: X = [R p; 0 1] turns components in a body's frame into components
+in the base.
 
 With [w x] the matrix of a cross product,
 

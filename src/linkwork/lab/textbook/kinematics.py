@@ -1,16 +1,17 @@
 """Poses of the bodies and unit twists of the joints, along the paths from ground.
 
-A spanning tree of the mechanism's graph gives each body one path from ground. The path is a row of signs s (length m):
-+1 for a joint passed from its first to its second body, -1 for one passed backwards, 0 for one that is not on the path.
-The joints left out of the tree close the loops.
+A spanning tree of the mechanism's graph gives each body one path from ground. The path is a row of
+signs s (length m): +1 for a joint passed from its first to its second body, -1 for one passed
+backwards, 0 for one that is not on the path. The joints left out of the tree close the loops.
 
-Joint j with the axis e_j through the point a_j has the unit twist, of its second body relative to its first, at the
-base's origin o and at any point p
+Joint j with the axis e_j through the point a_j has the unit twist, of its second body relative to
+its first, at the base's origin o and at any point p
 
-    S_j = [e_j; a_j x e_j]  (revolute),   [0; e_j]  (prismatic);      S_j(p) = [omega_j; v_j + omega_j x p],
+    S_j = [e_j; a_j x e_j]  (revolute),  [0; e_j]  (prismatic);  S_j(p) = [omega_j; v_j + omega_j x
+    p],
 
-so a body with path s has at its point p the twist  sum_j s_j S_j(p) q'_j. S_j is fixed in the joint's first body; when
-that has the twist [omega; v] at o,
+so a body with path s has at its point p the twist  sum_j s_j S_j(p) q'_j. S_j is fixed in the
+joint's first body; when that has the twist [omega; v] at o,
 
     S_j' = [omega x omega_j; omega x v_j + v x omega_j].
 """
@@ -121,7 +122,8 @@ def unit_twist(joint: PairJoint, X_F: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Hold a configuration: joint coordinates by name, poses X of the bodies, unit twists S (6 x m) at o."""
+    """Hold a configuration: joint coordinates by name, poses X of the bodies, unit twists S (6 x m)
+    at o."""
 
     tree: SpanningTree
     coordinates: Mapping[str, float]
@@ -157,7 +159,8 @@ def configuration(tree: SpanningTree, q: np.ndarray) -> Configuration:
 
 @dataclass(frozen=True)
 class Motion:
-    """Hold a configuration with joint rates q' (m,) that keep the loops closed, and the rates S' of the unit twists."""
+    """Hold a configuration with joint rates q' (m,) that keep the loops closed, and the rates S' of
+    the unit twists."""
 
     at: Configuration
     rates: np.ndarray
