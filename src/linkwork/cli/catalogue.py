@@ -65,9 +65,10 @@ def show() -> None:
 
 
 def subject(text: str | None) -> str:
-    """Return the first line without its "Describe": "Describe a planar four-bar." gives "A planar
-    four-bar."."""
-    line = (text or "").strip().partition("\n")[0].removeprefix("Describe ")
+    """Return the first paragraph in one line, without its "Describe": "Describe a planar four-bar."
+    gives "A planar four-bar."."""
+    first = (text or "").strip().partition("\n\n")[0]
+    line = " ".join(first.split()).removeprefix("Describe ")
     return line[:1].upper() + line[1:]
 
 
