@@ -12,7 +12,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
 CORE = ("mechanism", "equations", "kernels", "simulation", "robot")
 """What a reader must know: from a description to a state and a run. CONTRIBUTING.md says so,
 too."""
-MANY = ("alone", "ensemble", "lane_", "lanes", "many", "members", "rows", "vectors")
+MANY = ("one_by_one", "ensemble", "lane_", "lanes", "many", "members", "saved_rows", "vectors")
 """How modules of the core begin that only runs of many members need; they are counted apart."""
 
 

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from linkwork.equations import closure, measures, readings
+from linkwork.equations import body_motion, closure, cut_coordinates
 from linkwork.equations.algebra import SX
 from linkwork.equations.closure import Cut
 from linkwork.equations.reference import unit
@@ -227,7 +227,7 @@ def test_gamma_is_the_second_derivative_of_the_rows(kind, connects, seed):
 @random_frames
 def test_coordinates_of_a_cut_joint_are_those_of_its_motion(kind, connects, seed):
     case = between_free_bodies(kind, connects, seed)
-    (found,) = case.at(column(readings.positions(case.cut)))
+    (found,) = case.at(column(cut_coordinates.positions(case.cut)))
     close(found.ravel(), case.coordinates, 1e-12)  # within half a turn, quaternions with w > 0
 
 
@@ -237,7 +237,10 @@ def test_coordinates_of_a_cut_joint_are_those_of_its_motion(kind, connects, seed
 def test_rates_of_a_cut_joint_are_the_derivatives_of_its_coordinates(kind, connects, seed):
     case = between_free_bodies(kind, connects, seed)
     w = case.closed_rates(seed)
-    positions, rows = column(readings.positions(case.cut)), readings.rate_rows(case.tree, case.cut)
+    positions, rows = (
+        column(cut_coordinates.positions(case.cut)),
+        cut_coordinates.rate_rows(case.tree, case.cut),
+    )
     derivative, rates = (
         value.ravel() for value in case.at(case.along(positions, w), ca.mtimes(rows, w))
     )
@@ -293,8 +296,8 @@ def test_a_joint_of_the_tree_moves_its_body_as_the_oracle_says(kind, backwards, 
     (p_a, R_a), (p, R) = poses["a"], poses["b"]
     q = np.concatenate([p_a, pairs.quaternion(R_a), coordinates])
     w, omega, v = SX.sym("w", len(tree.rates)), slice(6, 9), slice(9, 12)
-    origins, orientations = measures.body_poses(mechanism, tree)
-    twists = ca.mtimes(measures.body_jacobians(mechanism, tree), w)
+    origins, orientations = body_motion.body_poses(mechanism, tree)
+    twists = ca.mtimes(body_motion.body_jacobians(mechanism, tree), w)
     centre = tree.point(tree.node("b"), np.array(bodies["b"].centre_of_mass))
     dq = tree.derivatives(w)
     turning = ca.jtimes(ca.reshape(orientations[9:], 3, 3).T, tree.q, dq)

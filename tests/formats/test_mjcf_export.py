@@ -15,7 +15,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.formats import load, poses, save
-from linkwork.formats.mjcf.plan import Home
+from linkwork.formats.mjcf.model_plan import Home
 from linkwork.formats.mjcf.writer import to_mjcf
 from linkwork.mechanism import (
     Body,

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from linkwork.kernels.program import Node, Program, trace
+from linkwork.kernels.program import Operation, Program, trace
 from linkwork.kernels.simplify import simplify
 
 NUMPY = {
@@ -90,11 +90,11 @@ def test_what_is_left(results: list[ca.SX], expected: dict[str, int]):
 
 def test_nothing_is_folded_that_may_not_be_finite():
     nodes = (
-        Node("input"),
-        Node("const", (), 0.0),
-        Node("mul", (0, 1)),
-        Node("sub", (0, 0)),
-        Node("div", (1, 1)),
+        Operation("input"),
+        Operation("const", (), 0.0),
+        Operation("mul", (0, 1)),
+        Operation("sub", (0, 0)),
+        Operation("div", (1, 1)),
     )
     program = simplify(Program("f", (("x", 1),), (("y", 3),), nodes, (2, 3, 4)))
     assert np.isnan(evaluate(program, np.array([np.inf]))).all()
@@ -110,31 +110,36 @@ def test_constants_are_folded_as_ieee_arithmetic_does():
 
 
 def test_a_small_product_of_constants_is_not_folded():
-    nodes = (Node("input"), Node("const", (), 1e-200), Node("mul", (0, 1)), Node("mul", (1, 2)))
+    nodes = (
+        Operation("input"),
+        Operation("const", (), 1e-200),
+        Operation("mul", (0, 1)),
+        Operation("mul", (1, 2)),
+    )
     program = simplify(Program("f", (("x", 1),), (("y", 1),), nodes, (3,)))
     assert evaluate(program, np.array([1e200]))[0] == 1e-200
 
 
 def random_program(seed: int) -> Program:
     rng = np.random.default_rng(seed)
-    nodes = [Node("input", (), k) for k in range(4)] + [
-        Node("const", (), value) for value in NUMBERS
+    nodes = [Operation("input", (), k) for k in range(4)] + [
+        Operation("const", (), value) for value in NUMBERS
     ]
     while len(nodes) < 80:
         op = OPERATIONS[rng.integers(len(OPERATIONS))]
         arity = 1 if op in ("neg", "sqrt", "sin", "cos", "tan", "fabs") else 2
         nodes.append(
-            Node(
+            Operation(
                 op, tuple(int(k) for k in rng.integers(max(0, len(nodes) - 25), len(nodes), arity))
             )
         )
         if op == "if_else_zero":
             condition = nodes[-1].args[0]
             nodes += [
-                Node("not", (condition,)),
-                Node("if_else_zero", (len(nodes), int(rng.integers(12)))),
+                Operation("not", (condition,)),
+                Operation("if_else_zero", (len(nodes), int(rng.integers(12)))),
             ]
-            nodes.append(Node("add", (len(nodes) - 3, len(nodes) - 1)))
+            nodes.append(Operation("add", (len(nodes) - 3, len(nodes) - 1)))
     results = tuple(range(len(nodes) - 30, len(nodes)))
     return Program("f", (("x", 4),), (("y", 30),), tuple(nodes), results)
 

@@ -9,7 +9,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.equations.joints import KINDS, Kind, Row
-from linkwork.equations.joints.kind import Motion, slide, turn
+from linkwork.equations.joints.kind import ElementaryMotion, slide, turn
 from linkwork.mechanism import Box
 from linkwork.mechanism.shapes import Outline, ShapeBase
 from linkwork.scene.colours import DRIVEN, LOOKS, WHITE, rgb
@@ -30,9 +30,9 @@ SYMBOLS = {  # what moves: the meshes that show it, and along or about what thei
     "turn and slide on one axis": ((turn(Z), slide(Z)), [(PIN, Z)]),
     "pin in a slot": ((slide(X), turn(Z)), [(BLOCK, X), (PIN, Z)]),
     "two turns": ((turn(X), turn(Y)), [(PIN, X), (PIN, Y)]),
-    "free turn": ((Motion(ball=True),), [(BALL, Z)]),
-    "ball on a rail": ((slide(X), Motion(ball=True)), [(BLOCK, X), (BALL, Z)]),
-    "ball on a plane": ((slide(X), slide(Y), Motion(ball=True)), [(BLOCK, Z), (BALL, Z)]),
+    "free turn": ((ElementaryMotion(ball=True),), [(BALL, Z)]),
+    "ball on a rail": ((slide(X), ElementaryMotion(ball=True)), [(BLOCK, X), (BALL, Z)]),
+    "ball on a plane": ((slide(X), slide(Y), ElementaryMotion(ball=True)), [(BLOCK, Z), (BALL, Z)]),
     "plane": ((slide(X), slide(Y), turn(Z)), [(BLOCK, Z)]),
     "two slides": ((slide(Y), slide(Z)), [(BLOCK, X)]),
     "weld": ((), [(BLOCK, Z)]),

@@ -11,8 +11,8 @@ import linkwork as lw
 from linkwork.control import LQR
 from linkwork.mechanism import MechanismError
 from linkwork.sweeps import Study, StudyError
-from linkwork.sweeps.bench import REFUSED
 from linkwork.sweeps.chunk import bench_of
+from linkwork.sweeps.preparation import REFUSED
 
 from tests.sweeps.carts import CART, study, whole
 

@@ -6,8 +6,8 @@ import numpy as np
 
 import linkwork as lw
 from linkwork.sweeps import Study
-from linkwork.sweeps.bench import REFUSED, UNREACHABLE, Bench
 from linkwork.sweeps.chunk import digest
+from linkwork.sweeps.preparation import REFUSED, UNREACHABLE, Bench
 from linkwork.sweeps.starts import starts
 
 from tests.sweeps.carts import study, whole

@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from linkwork import LinkworkError, Robot, robots
 from linkwork.cli import app
 from linkwork.viewer import Viewer
-from linkwork.viewer.door import LOOPBACK, Door, free_port, shown_host
+from linkwork.viewer.access import LOOPBACK, Door, free_port, shown_host
 from linkwork.viewer.mailbox import Mailbox
 
 from tests.processes import PATIENCE, python
@@ -175,7 +175,7 @@ def test_a_websocket_of_another_origin_or_without_the_token_is_not_let_in(robot)
 
 
 def test_a_viser_that_lets_everybody_in_is_refused(robot, monkeypatch):
-    monkeypatch.setattr("linkwork.viewer.door.kept", lambda door, used: nullcontext())
+    monkeypatch.setattr("linkwork.viewer.access.kept", lambda door, used: nullcontext())
     with pytest.raises(LinkworkError, match="cannot be kept from strangers' pages"):
         Viewer(robot)
 

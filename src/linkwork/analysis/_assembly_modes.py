@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool, pose_names
-from linkwork.equations import functions, measures
+from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.robot import Robot, State, checks, limits
@@ -298,7 +298,7 @@ def by_tool(square: Square, q: np.ndarray) -> np.ndarray:
 def tool_kernel(robot: Robot) -> Kernel:
     """Return the kernel q -> position (3) and orientation (9) of the tool."""
     equations, tool = robot.equations, next(iter(robot.mechanism.tools.values()))
-    position, orientation, _ = measures.tool_pose(equations.tree, tool)
+    position, orientation, _ = body_motion.tool_pose(equations.tree, tool)
     outputs = {"position": position, "orientation": orientation}
     return compile_function(
         functions.function("tool", equations, {"q": equations.tree.q}, outputs)

@@ -21,7 +21,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, measures
+from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.chart import Chart, choose_chart, choose_independent, solve
 from linkwork.equations.effects import rotation_vector
@@ -186,7 +186,7 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
             f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none"
         )
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
-    position, orientation, angle = measures.tool_pose(tree, tool)
+    position, orientation, angle = body_motion.tool_pose(tree, tool)
     y = SX.sym("y", len(what))
     errors = {
         name: position[k] - y[what.index(name)] for k, name in enumerate("xyz") if name in what
@@ -212,7 +212,7 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
 def twist_rows(robot: Robot, what: Sequence[str]) -> ca.SX:
     """Return the rows (rows x nv) of the tool's twist that belong to coordinates of its pose."""
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
-    J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
+    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
     return J[[TWIST_ROWS[name] for name in what], :]
 
 
@@ -262,7 +262,7 @@ def led_coordinates(robot: Robot, near: bool) -> tuple[str, ...] | None:
 def twist_maps(robot: Robot) -> list[np.ndarray]:
     """Return the tool's twist (6 x n) for the independent rates, at the reference and near it."""
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
-    J, _ = measures.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
+    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
     read = ca.Function(
         "twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination[0])]
     )

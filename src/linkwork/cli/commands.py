@@ -30,7 +30,7 @@ MEANT = {
 }
 
 
-class Group(TyperGroup):
+class CommandGroup(TyperGroup):
     """Turn refusals into one sentence, and let `--debug` and `--strict` stand anywhere."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -65,7 +65,7 @@ def sentence(error: Exception) -> str:
 
 
 app = typer.Typer(
-    cls=Group, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False
+    cls=CommandGroup, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False
 )
 
 app.add_typer(analyse, name="analyse")
@@ -255,7 +255,7 @@ def simulate(
     """
     from linkwork.cli import simulate as command
 
-    start = command.Start(tool, joints, rates)
+    start = command.StartOptions(tool, joints, rates)
     load = command.Load(forces, forces_csv, kind.value)
     target = command.Target(out, overwrite)
     target.check()

@@ -25,7 +25,7 @@ FEW = 12  # joint coordinates that are all printed; of more those of the actuate
 
 
 @dataclass(frozen=True)
-class Start:
+class StartOptions:
     """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given),
     rates of joints."""
 
@@ -117,7 +117,9 @@ def settings(duration: float, rtol: float, atol: float, samples: int, on_singula
     return Settings(duration=duration, rtol=rtol, atol=atol, save_at=times, on_singular=on_singular)
 
 
-def simulate(source: Source, start: Start, load: Load, how: Settings, target: Target) -> bool:
+def simulate(
+    source: Source, start: StartOptions, load: Load, how: Settings, target: Target
+) -> bool:
     """Simulate, print how it went, write what was computed; return whether the run reached its
     end."""
     with patience("preparing the run"):

@@ -13,7 +13,7 @@ from linkwork import analysis
 from linkwork.analysis.square import led_coordinates, pose_names
 from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.entries import by_name, number, numbers
-from linkwork.cli.simulate import Start
+from linkwork.cli.simulate import StartOptions
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
 from linkwork.errors import LinkworkError
@@ -345,7 +345,7 @@ def made(source: Source) -> Robot:
 def configuration(robot: Robot, joints: str | None, tool: str | None) -> State:
     """Return the configuration of --joints and --tool, home where neither is given."""
     with patience("closing the loops"):
-        return Start(tool, joints, None).state(robot)
+        return StartOptions(tool, joints, None).state(robot)
 
 
 def axes(text: str) -> dict[str, np.ndarray | float]:

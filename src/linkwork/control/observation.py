@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import math
-from linkwork.equations import Equations, measures
+from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion, vector
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.tree import near_offset, offset
@@ -219,7 +219,7 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
         case "body":
             node = tree.node(name)
             twist = ca.mtimes(
-                measures.jacobian(tree, node, near_offset(node, np.zeros(3))), equations.rates
+                body_motion.jacobian(tree, node, near_offset(node, np.zeros(3))), equations.rates
             )
             return ca.vertcat(node.O + offset(node, np.zeros(3)), ca.vec(node.R.matrix.T), twist)
         case "actuation_determinant":
@@ -230,12 +230,12 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
                 )
             return ca.det(equations.actuation)
     tool = next(iter(mechanism.tools.values()))
-    planar = measures.is_planar(tree)
+    planar = body_motion.is_planar(tree)
     if quantity.kind == "tool_pose":
-        p, R, angle = measures.tool_pose(tree, tool)
+        p, R, angle = body_motion.tool_pose(tree, tool)
         turn = rotation_vector(matrix_quaternion(ca.reshape(R, 3, 3).T)) if not planar else SX(0, 1)
         return ca.vertcat(p[:2], angle) if planar else ca.vertcat(p, turn)
     node = tree.node(tool.body)
-    J = measures.jacobian(tree, node, near_offset(node, vector(tool.frame.position)))
+    J = body_motion.jacobian(tree, node, near_offset(node, vector(tool.frame.position)))
     twist = ca.mtimes(J, equations.rates)
     return twist[[3, 4, 2]] if planar else twist[[3, 4, 5, 0, 1, 2]]

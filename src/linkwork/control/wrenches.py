@@ -12,7 +12,7 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.control.records import ActingPart, settled
-from linkwork.equations import Equations, measures
+from linkwork.equations import Equations, body_motion
 from linkwork.equations.tree import near_offset
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Sampled, Signal
@@ -65,7 +65,9 @@ class Wrench(ActingPart):
         """Return the generalised forces (n) of (moment, force) given in the ground's axes: L' J'
         w."""
         node = equations.tree.node(self.body)
-        J = measures.jacobian(equations.tree, node, near_offset(node, np.array(self.point, float)))
+        J = body_motion.jacobian(
+            equations.tree, node, near_offset(node, np.array(self.point, float))
+        )
         return ca.mtimes(equations.elimination[0].T, ca.mtimes(J.T, wrench))
 
 

@@ -2,7 +2,7 @@
 (CasADi expressions)."""
 
 from linkwork.equations import functions
-from linkwork.equations.choosing import chart_in, charts_at
+from linkwork.equations.chart_choice import chart_in, charts_at
 from linkwork.equations.derivation import derive
 from linkwork.equations.equations import Equations
 

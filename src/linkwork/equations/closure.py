@@ -33,7 +33,7 @@ from linkwork.equations.algebra import (
     vector,
     zero,
 )
-from linkwork.equations.joints import KINDS, Motion, Row, transversals
+from linkwork.equations.joints import KINDS, ElementaryMotion, Row, transversals
 from linkwork.equations.orientation import Orientation, convert
 from linkwork.equations.tree import Column, Node, Tree, in_axes, in_base
 from linkwork.mechanism import Frame, PairJoint
@@ -64,7 +64,7 @@ class Cut:
     joint: str
     sides: tuple[Side, Side]
     swapped: bool
-    motions: tuple[Motion, ...]
+    motions: tuple[ElementaryMotion, ...]
     rows: tuple[Row, ...]
 
     @property

@@ -15,7 +15,7 @@ from itertools import chain, islice
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import closure, gears, mobility, readings, spins
+from linkwork.equations import closure, cut_coordinates, gears, mobility, spins
 from linkwork.equations.algebra import SX, dense, symbol
 from linkwork.equations.chart import (
     choose_chart,
@@ -23,7 +23,7 @@ from linkwork.equations.chart import (
     independent_rows,
     largest_rows,
 )
-from linkwork.equations.equations import Equations, Rows, scaled, sizes, smallest_singular
+from linkwork.equations.equations import ClosureRows, Equations, scaled, sizes, smallest_singular
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import loop_length, own_length
 from linkwork.equations.nearest import nearest
@@ -95,7 +95,7 @@ def derive(
     topology = span(freed)
     tree, cuts = grown(freed, topology, parameters, length)
     counts = counting(freed)
-    uncounted = [cut.joint for cut in cuts if cut.joint in counts and readings.jump(cut)]
+    uncounted = [cut.joint for cut in cuts if cut.joint in counts and cut_coordinates.jump(cut)]
     if uncounted:
         topology = ended(freed, topology, uncounted)
         tree, cuts = grown(freed, topology, parameters, length)
@@ -155,7 +155,7 @@ def closure_rows(
     joints: JointMap,
     of_gears: Mapping[str, float],
     of_loops: Mapping[str, tuple[float, float]],
-) -> Rows:
+) -> ClosureRows:
     """Gather the rows of all cut joints and gears; those that vanish symbolically (out of a plane)
     are left out.
 
@@ -206,7 +206,7 @@ def closure_rows(
     stacked, open_stacked = (
         ca.sparsify(ca.vertcat(SX(0, len(tree.rates)), *part)) for part in (Phi, open_Phi)
     )
-    return Rows(
+    return ClosureRows(
         tuple(names),
         column(phi),
         stacked,
@@ -232,11 +232,14 @@ def refuse_open(row: str, residual: float, unit: float) -> None:
         )
 
 
-Samples = tuple[Rows, list[np.ndarray], list[np.ndarray], tuple[str, ...]]
+Samples = tuple[ClosureRows, list[np.ndarray], list[np.ndarray], tuple[str, ...]]
 
 
 def closed_samples(
-    joints: JointMap, rows: Rows, start: np.ndarray, starts: Callable[[], Iterable[np.ndarray]]
+    joints: JointMap,
+    rows: ClosureRows,
+    start: np.ndarray,
+    starts: Callable[[], Iterable[np.ndarray]],
 ) -> Samples:
     """Return the rows, the closed reference configuration and closed ones near it, Phi there in own
     units, notes.
@@ -272,7 +275,7 @@ def closed_samples(
     return rows, *samples, (BENT.format(where), *unheld_notes(tree, rows, samples[0]))
 
 
-def held(tree: Tree, rows: Rows, starts: Iterable[np.ndarray]) -> Rows | None:
+def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> ClosureRows | None:
     """Return the rows without redundant ones that rounded numbers leave open; None where that is
     not what does.
 
@@ -303,7 +306,9 @@ def nearly_dependent(Phi: np.ndarray) -> bool:
     return len(reflect(Phi, STAYS_OPEN).rows) > len(reflect(Phi, ROUNDED_RANK).rows)
 
 
-def unheld_notes(tree: Tree, rows: Rows, configurations: Sequence[np.ndarray]) -> tuple[str, ...]:
+def unheld_notes(
+    tree: Tree, rows: ClosureRows, configurations: Sequence[np.ndarray]
+) -> tuple[str, ...]:
     """Return a note on the rows that are not held, if there are any, with their gap at
     configurations near home."""
     if rows.unheld is None:
@@ -314,7 +319,7 @@ def unheld_notes(tree: Tree, rows: Rows, configurations: Sequence[np.ndarray]) -
 
 
 def about(
-    tree: Tree, rows: Rows, reference: np.ndarray
+    tree: Tree, rows: ClosureRows, reference: np.ndarray
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own
     units."""
@@ -322,7 +327,7 @@ def about(
     return configurations, jacobians(tree, rows, configurations)
 
 
-def singular_start(tree: Tree, rows: Rows, start: np.ndarray) -> bool:
+def singular_start(tree: Tree, rows: ClosureRows, start: np.ndarray) -> bool:
     """Tell whether the rows lose rank at an open start, compared with what is beside it."""
     system = closing(tree, rows)
     ranks = [
@@ -332,7 +337,7 @@ def singular_start(tree: Tree, rows: Rows, start: np.ndarray) -> bool:
     return ranks[0] < max(ranks)
 
 
-def bent(tree: Tree, rows: Rows, reference: np.ndarray, rank: int) -> np.ndarray | None:
+def bent(tree: Tree, rows: ClosureRows, reference: np.ndarray, rank: int) -> np.ndarray | None:
     """Return the closed configuration beside a singular one at which the rows are farthest from
     losing rank, if any is."""
     found = []
@@ -343,13 +348,15 @@ def bent(tree: Tree, rows: Rows, reference: np.ndarray, rank: int) -> np.ndarray
     return found[int(np.argmax(values))] if max(values, default=0.0) > REGULAR else None
 
 
-def jacobians(tree: Tree, rows: Rows, configurations: Iterable[np.ndarray]) -> list[np.ndarray]:
+def jacobians(
+    tree: Tree, rows: ClosureRows, configurations: Iterable[np.ndarray]
+) -> list[np.ndarray]:
     """Return Phi (rows x nv) at closed configurations, in the mechanism's own units."""
     evaluated = tree.evaluated("checks", [rows.Phi])
     return [dense(evaluated(q)[0]) * tree.rate_units / rows.units[:, None] for q in configurations]
 
 
-def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
+def closing(tree: Tree, rows: ClosureRows, p: np.ndarray | None = None) -> System:
     """Return the system that `close` solves, in the mechanism's own units, at p or at the
     description's numbers."""
     D_r, D_c = ca.diag(ca.DM(1 / rows.units)), ca.diag(ca.DM(tree.rate_units))
@@ -367,7 +374,7 @@ def closing(tree: Tree, rows: Rows, p: np.ndarray | None = None) -> System:
 
 def home(
     joints: JointMap,
-    rows: Rows,
+    rows: ClosureRows,
     start: np.ndarray,
     starts: Iterable[np.ndarray],
     p: np.ndarray | None = None,
@@ -383,7 +390,7 @@ def home(
 
 
 def closed_reference(
-    tree: Tree, rows: Rows, starts: Iterable[np.ndarray], p: np.ndarray | None = None
+    tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray], p: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the closed configuration that is reached from the first start that leads to one.
 
@@ -409,7 +416,7 @@ def closed_reference(
 
 
 def open_unheld(
-    tree: Tree, rows: Rows, q: np.ndarray, p: np.ndarray | None
+    tree: Tree, rows: ClosureRows, q: np.ndarray, p: np.ndarray | None
 ) -> MechanismError | None:
     """Return the refusal of a row that is not held and open by more than rounded numbers explain,
     if there is one."""

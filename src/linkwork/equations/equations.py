@@ -41,7 +41,7 @@ HIDDEN = 1e-13  # part of a product that rounding hides
 
 
 @dataclass(frozen=True)
-class Rows:
+class ClosureRows:
     """Hold the closure rows that do not vanish symbolically.
 
     names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nv;
@@ -64,15 +64,15 @@ class Rows:
     alignment: ca.SX
     units: np.ndarray
     extents: np.ndarray
-    unheld: Rows | None = None
+    unheld: ClosureRows | None = None
 
-    def part(self, indices: Sequence[int]) -> Rows:
+    def part(self, indices: Sequence[int]) -> ClosureRows:
         """Return some of the rows."""
         own = list(indices)
         names = tuple(self.names[index] for index in own)
         phi, Phi, open_Phi = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
         units, extents = self.units[own], self.extents[own]
-        return Rows(
+        return ClosureRows(
             names,
             phi,
             Phi,
@@ -121,7 +121,7 @@ class Equations:
     tree: Tree
     cuts: tuple[Cut, ...]
     joints: JointMap
-    rows: Rows
+    rows: ClosureRows
     reference: np.ndarray
     sizes: tuple[np.ndarray, np.ndarray]
     smallest: float

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import dynamics, effects, measures
+from linkwork.equations import body_motion, dynamics, effects
 from linkwork.equations import regressor as linear
 from linkwork.equations.algebra import SX, dot, vector
 from linkwork.equations.chart import solve
@@ -134,7 +134,7 @@ def maps(equations: Equations) -> ca.Function:
     """Return q -> L for all joints' rates (m x n), T (6r x n) and the weakest relative pivot, Eqs.
     (6), (7)."""
     L, _, pivot = equations.elimination
-    T = ca.mtimes(measures.body_jacobians(equations.mechanism, equations.tree), L)
+    T = ca.mtimes(body_motion.body_jacobians(equations.mechanism, equations.tree), L)
     outputs = {"L": ca.mtimes(equations.joints.rate_rows(), L), "T": T, "pivot": pivot}
     return function("maps", equations, {"q": equations.tree.q}, outputs)
 
@@ -168,9 +168,9 @@ def bodies_motion(equations: Equations) -> ca.Function:
     """Return (q, v) -> origins (3r), orientations (9r, row by row), twists (6r) of the bodies in
     the ground's axes, and the weakest relative pivot.
     """
-    origins, orientations = measures.body_poses(equations.mechanism, equations.tree)
+    origins, orientations = body_motion.body_poses(equations.mechanism, equations.tree)
     twists = ca.mtimes(
-        measures.body_jacobians(equations.mechanism, equations.tree), equations.rates
+        body_motion.body_jacobians(equations.mechanism, equations.tree), equations.rates
     )
     outputs = {
         "origins": origins,
@@ -217,8 +217,8 @@ def assembly(equations: Equations) -> ca.Function:
         "J_coordinates": equations.joints.rate_rows(),
     }
     if tool is not None:
-        position, orientation, angle = measures.tool_pose(tree, tool)
-        J, bias = measures.tool_twist(tree, tool, rates)
+        position, orientation, angle = body_motion.tool_pose(tree, tool)
+        J, bias = body_motion.tool_twist(tree, tool, rates)
         outputs |= {
             "position": position,
             "orientation": orientation,

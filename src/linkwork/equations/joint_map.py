@@ -1,7 +1,7 @@
 """The joints' own coordinates and rates, as functions of the tree's.
 
 Those of the tree are its symbols and unit rows; those of a joint that closes a loop are read off
-the poses (`readings`).
+the poses (`cut_coordinates`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import readings
+from linkwork.equations import cut_coordinates
 from linkwork.equations.algebra import SX
 from linkwork.equations.closure import Cut
 from linkwork.equations.tree import Tree
@@ -42,7 +42,8 @@ class JointMap:
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].coordinates(cut.joint)
         return self._read(
-            f"{cut.joint}: positions", lambda: zip(names, readings.positions(cut), strict=True)
+            f"{cut.joint}: positions",
+            lambda: zip(names, cut_coordinates.positions(cut), strict=True),
         )[label] + self.turns.get(label, 0.0)
 
     def rate_row(self, label: str) -> ca.SX:
@@ -55,7 +56,9 @@ class JointMap:
         names = self.mechanism.joints[cut.joint].rates(cut.joint)
         rows = self._read(
             f"{cut.joint}: rates",
-            lambda: zip(names, ca.vertsplit(readings.rate_rows(self.tree, cut)), strict=True),
+            lambda: zip(
+                names, ca.vertsplit(cut_coordinates.rate_rows(self.tree, cut)), strict=True
+            ),
         )
         return rows[label]
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import functions, measures
+from linkwork.equations import body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.equations import Equations, solve_symmetric
 
@@ -40,7 +40,7 @@ def derivatives(equations: Equations) -> ca.Function:
     tool = next(iter(equations.mechanism.tools.values()), None)
     T_tool = SX(0, equations.mobility)
     if tool is not None:
-        T_tool = ca.mtimes(measures.tool_twist(tree, tool, SX.zeros(equations.nv))[0], L)
+        T_tool = ca.mtimes(body_motion.tool_twist(tree, tool, SX.zeros(equations.nv))[0], L)
     outputs = {
         "Gamma": ca.mtimes(reading(equations), along[0] - along[1]),
         "f_xi": ca.jtimes(f, tree.q, S),

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import effects, measures
+from linkwork.equations import body_motion, effects
 from linkwork.equations.algebra import SX, cross, spin, zero
 from linkwork.equations.equations import Equations
 from linkwork.equations.joint_map import derivative
@@ -107,7 +107,7 @@ def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
         origin = ca.mtimes(own, a[i] + cross(alpha[i], d) + spin(omega[i], d))
         wrenches = ca.horzcat(*unit_wrenches(turn, turn_rate, origin))
         R = node.R.matrix
-        J = measures.jacobian(tree, node, d)
+        J = body_motion.jacobian(tree, node, d)
         blocks.append(ca.mtimes(J[:3, :].T, ca.mtimes(R, wrenches[:3, :])))
         blocks[-1] += ca.mtimes(J[3:, :].T, ca.mtimes(R, wrenches[3:, :]))
     return ca.horzcat(*blocks)
@@ -148,5 +148,5 @@ def spring_forces(equations: Equations) -> ca.SX:
     for index, wrench in effects.point_wrenches(mechanism, tree, equations.rates).items():
         node = tree.nodes[index]
         moment, force = (ca.mtimes(node.axes.matrix, part) for part in wrench)
-        total -= ca.mtimes(measures.jacobian(tree, node, zero()).T, ca.vertcat(moment, force))
+        total -= ca.mtimes(body_motion.jacobian(tree, node, zero()).T, ca.vertcat(moment, force))
     return total

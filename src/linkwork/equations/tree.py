@@ -43,7 +43,7 @@ from linkwork.equations.algebra import (
     vector,
     zero,
 )
-from linkwork.equations.joints import KINDS, Motion
+from linkwork.equations.joints import KINDS, ElementaryMotion
 from linkwork.equations.moments import Moments, regrouped
 from linkwork.equations.orientation import GROUND_AXES, Axes, Orientation, convert
 from linkwork.equations.topology import Branch, Topology
@@ -84,7 +84,7 @@ class Node:
     parent: int
     joint: str
     body: str | None
-    motion: Motion | None
+    motion: ElementaryMotion | None
     columns: tuple[Column, ...]
     column_axes: Axes
     R: Orientation
@@ -432,15 +432,17 @@ def branch_nodes(
 
 
 def placed(
-    motions: tuple[Motion, ...], start: int, rate: int
-) -> Iterator[tuple[Motion, range, range]]:
+    motions: tuple[ElementaryMotion, ...], start: int, rate: int
+) -> Iterator[tuple[ElementaryMotion, range, range]]:
     """Yield a joint's motions with the places of their coordinates in q and of their rates in w."""
     for motion in motions:
         yield (motion, range(start, start + motion.coordinates), range(rate, rate + motion.rates))
         start, rate = start + motion.coordinates, rate + motion.rates
 
 
-def moved(R: Orientation, motion: Motion | None, q: ca.SX, backwards: bool) -> Orientation:
+def moved(
+    R: Orientation, motion: ElementaryMotion | None, q: ca.SX, backwards: bool
+) -> Orientation:
     """Return the orientation behind a motion; a ball's quaternion may be read backwards."""
     if motion is not None and motion.ball:
         matrix = quaternion_matrix(q)
@@ -451,7 +453,7 @@ def moved(R: Orientation, motion: Motion | None, q: ca.SX, backwards: bool) -> O
 def columns(
     inner: Orientation,
     outer: Orientation,
-    motion: Motion,
+    motion: ElementaryMotion,
     rates: range,
     backwards: bool,
     own: np.ndarray,

@@ -11,7 +11,7 @@ and only if one of them may be too large the function is called.
 from functools import reduce
 
 from linkwork.kernels import elementary
-from linkwork.kernels.lines import Lines, Table, function_text
+from linkwork.kernels.lines import ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 
 FUNCTION = "sines_and_cosines"
@@ -63,7 +63,7 @@ def by_call(lines: Lines, n: int, memory: str, first: int) -> None:
 
 def sines_and_cosines_text(machine: Machine) -> str:
     """Return the LLVM function for any number of angles."""
-    lines = Lines(machine.lanes, Table.of(FUNCTION, machine))
+    lines = Lines(machine.lanes, ConstantTable.of(FUNCTION, machine))
     lines.do("br label %near")
     lines.label("near")
     lines.do("%k = phi i64 [ 0, %entry ], [ %k.next, %near ]")

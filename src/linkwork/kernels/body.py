@@ -1,8 +1,8 @@
 """The instructions of a program's sections, for one number or for a vector of them."""
 
 from linkwork.kernels.lines import Lines
-from linkwork.kernels.program import Node, Program
-from linkwork.kernels.sections import FETCHED, Plan, Section
+from linkwork.kernels.program import Operation, Program
+from linkwork.kernels.sections import FETCHED, Section, SectionPlan
 
 # The C library's functions of one and of two numbers, by their names there.
 LIBRARY = {
@@ -28,7 +28,7 @@ _COMPARISONS = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 _LOGICAL = {"and": "and", "or": "or"}
 
 
-class Body:
+class SectionBody:
     """The code of sections, which reads %in and writes %out: values by position, as numbers or as
     truths, made when needed.
 
@@ -37,7 +37,13 @@ class Body:
     """
 
     def __init__(
-        self, lines: Lines, program: Program, plan: Plan, source: str, target: str, abreast: int
+        self,
+        lines: Lines,
+        program: Program,
+        plan: SectionPlan,
+        source: str,
+        target: str,
+        abreast: int,
     ):
         self.lines = lines
         self.nodes = program.nodes
@@ -95,7 +101,7 @@ class Body:
             self.source, (self.plan.sines if op == "sin" else self.plan.cosines)[args[0]]
         )
 
-    def _compute(self, k: int, node: Node) -> None:
+    def _compute(self, k: int, node: Operation) -> None:
         lines, op, args = self.lines, node.op, node.args
         if op in _COMPARISONS:
             self._truths[k] = lines.compare(_COMPARISONS[op], *map(self.number, args))

@@ -19,12 +19,12 @@ go on gains by that.
 from typing import Literal
 
 from linkwork.kernels import angles
-from linkwork.kernels.body import LIBRARY, Body
-from linkwork.kernels.lines import Lines, Table, function_text
+from linkwork.kernels.body import LIBRARY, SectionBody
+from linkwork.kernels.lines import ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
-from linkwork.kernels.rows import rows_text
-from linkwork.kernels.sections import Plan, Section, planned
+from linkwork.kernels.sections import Section, SectionPlan, planned
+from linkwork.kernels.stored_states import rows_text
 
 Kind = Literal["one", "batch", "wide"]
 
@@ -60,7 +60,7 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
 
 
 def _one(program: Program, machine: Machine) -> list[str]:
-    lines = Lines(1, Table.of("one", machine))
+    lines = Lines(1, ConstantTable.of("one", machine))
     parts = _evaluation("one", lines, program, machine, 1)
     lines.do("ret void")
     head = f"void @one({_INOUT.format('%in', '%out')}) {machine.attributes}"
@@ -74,7 +74,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
     count, abreast, steps = (
         (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
     )
-    lines = Lines(machine.lanes, Table.of(kind, machine))
+    lines = Lines(machine.lanes, ConstantTable.of(kind, machine))
     lines.do(f"%some = icmp sgt i64 {count}, 0")
     lines.do("br i1 %some, label %block, label %done")
     lines.label("block")
@@ -112,9 +112,9 @@ def _evaluation(
     wide = (
         lines
         if lines.width > 1
-        else lines.of_width(machine.lanes, Table.of(f"{name}.angles", machine))
+        else lines.of_width(machine.lanes, ConstantTable.of(f"{name}.angles", machine))
     )
-    body = Body(lines, program, plan, "%kept", "%kept", abreast)
+    body = SectionBody(lines, program, plan, "%kept", "%kept", abreast)
     for section in plan.sections:
         body.add(section)
         if section.vectors:
@@ -123,14 +123,14 @@ def _evaluation(
 
 
 def _in_functions(
-    name: str, lines: Lines, program: Program, plan: Plan, machine: Machine, abreast: int
+    name: str, lines: Lines, program: Program, plan: SectionPlan, machine: Machine, abreast: int
 ) -> list[str]:
     """Append the calls of the sections as functions, and return these."""
     wide = lines.of_width(machine.lanes)
     parts = []
     for k, section in enumerate(plan.sections):
-        part = Lines(lines.width, Table.of(f"{name}.{k}", machine))
-        body = Body(part, program, plan, "%source", "%target", abreast)
+        part = Lines(lines.width, ConstantTable.of(f"{name}.{k}", machine))
+        body = SectionBody(part, program, plan, "%source", "%target", abreast)
         body.add(section)
         _keep_angles(body, section, machine)
         part.do("ret void")
@@ -143,7 +143,7 @@ def _in_functions(
     return parts
 
 
-def _keep_angles(body: Body, section: Section, machine: Machine) -> None:
+def _keep_angles(body: SectionBody, section: Section, machine: Machine) -> None:
     """Append the code that writes a section's angles to their slots, and zeros that fill up the
     last vector."""
     in_vector = machine.lanes // body.lines.width
@@ -154,7 +154,7 @@ def _keep_angles(body: Body, section: Section, machine: Machine) -> None:
         body.lines.store(angle, body.target, section.first * in_vector + k)
 
 
-def _turn(body: Body, section: Section, wide: Lines, machine: Machine) -> None:
+def _turn(body: SectionBody, section: Section, wide: Lines, machine: Machine) -> None:
     """Append the sines and cosines of a section's few angles; for one state, several angles share a
     vector."""
     numbers = [body.number(k) for k in section.angles]

@@ -10,7 +10,7 @@ from linkwork.kernels.machine import Machine
 
 
 @dataclass(frozen=True)
-class Table:
+class ConstantTable:
     """Say where a function reads its constants: a table's name, and whether an entry is one number
     for all lanes."""
 
@@ -18,7 +18,7 @@ class Table:
     single: bool
 
     @classmethod
-    def of(cls, function: str, machine: Machine) -> Table | None:
+    def of(cls, function: str, machine: Machine) -> ConstantTable | None:
         """Return the table of a function, None where instructions take no operands from memory."""
         if not machine.has_memory_operands:
             return None
@@ -33,7 +33,7 @@ class Lines:
     from, if they are (see `constant`).
     """
 
-    def __init__(self, width: int, table: Table | None = None):
+    def __init__(self, width: int, table: ConstantTable | None = None):
         self.width = width
         self.table = table
         self._entries: list[str] = []
@@ -47,7 +47,7 @@ class Lines:
     def _typed(self, scalar: str) -> str:
         return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
 
-    def of_width(self, width: int, table: Table | None = None) -> Lines:
+    def of_width(self, width: int, table: ConstantTable | None = None) -> Lines:
         """Return the same instructions, to be continued with numbers of another width."""
         other = Lines(width, table)
         other.text, other.block = self.text, self.block

@@ -24,7 +24,7 @@ class KernelError(LinkworkError):
     sentence."""
 
 
-class Node(NamedTuple):
+class Operation(NamedTuple):
     """One value of a program: `op` applied to the values at the positions `args`.
 
     `value` is the number of a "const" and the position in the flat input vector of an "input"; 0
@@ -48,7 +48,7 @@ class Program:
     name: str
     inputs: tuple[tuple[str, int], ...]
     outputs: tuple[tuple[str, int], ...]
-    nodes: tuple[Node, ...]
+    nodes: tuple[Operation, ...]
     results: tuple[int, ...]
 
     @property
@@ -129,10 +129,10 @@ def trace(f: ca.Function) -> Program:
     inputs, outputs = signature(f)
     input_slots = _dense_slots([f.sparsity_in(i) for i in range(f.n_in())])
     output_slots = _dense_slots([f.sparsity_out(i) for i in range(f.n_out())])
-    nodes: list[Node] = []
+    nodes: list[Operation] = []
 
     def emit(op: str, *args: int, value: float = 0) -> int:
-        nodes.append(Node(op, args, value))
+        nodes.append(Operation(op, args, value))
         return len(nodes) - 1
 
     zero = emit("const", value=0.0)

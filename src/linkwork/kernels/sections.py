@@ -17,7 +17,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from linkwork.kernels.program import Node, Program
+from linkwork.kernels.program import Operation, Program
 from linkwork.kernels.simplify import STRETCH
 
 _LARGE = 16 * STRETCH
@@ -42,7 +42,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SectionPlan:
     """A program as sections, and the memory they need, in slots of one number each.
 
     apart: whether the sections are functions of their own.
@@ -60,7 +60,7 @@ class Plan:
     places: dict[int, list[int]]
 
 
-def planned(program: Program, angles_in_vector: int) -> Plan:
+def planned(program: Program, angles_in_vector: int) -> SectionPlan:
     """Cut a program into sections; a vector holds so many angles of one state."""
     nodes = program.nodes
     large = len(nodes) > _LARGE
@@ -94,7 +94,7 @@ def planned(program: Program, angles_in_vector: int) -> Plan:
     sections += map(Section, pieces(k for k in range(len(nodes)) if k not in done))
     apart = large or max(section.vectors for section in sections) > _MANY
     kept = _slots(nodes, sections, slots) if apart else {}
-    return Plan(
+    return SectionPlan(
         tuple(sections),
         apart,
         kept,
@@ -105,7 +105,7 @@ def planned(program: Program, angles_in_vector: int) -> Plan:
     )
 
 
-def _angles(nodes: tuple[Node, ...]) -> list[tuple[int, ...]]:
+def _angles(nodes: tuple[Operation, ...]) -> list[tuple[int, ...]]:
     """Return the angles of each level."""
     levels: list[int] = []
     found: defaultdict[int, dict[int, None]] = defaultdict(dict)
@@ -118,7 +118,7 @@ def _angles(nodes: tuple[Node, ...]) -> list[tuple[int, ...]]:
     return [tuple(found[level]) for level in sorted(found)]
 
 
-def _needed(nodes: tuple[Node, ...], roots: Iterable[int], done: set[int]) -> list[int]:
+def _needed(nodes: tuple[Operation, ...], roots: Iterable[int], done: set[int]) -> list[int]:
     """Return the positions of the values that the roots depend on, themselves included, but for
     those that are done."""
     found: set[int] = set()
@@ -145,7 +145,7 @@ def _stretches(positions: list[int]) -> list[tuple[int, ...]]:
     return list(map(tuple, pieces))
 
 
-def _slots(nodes: tuple[Node, ...], sections: list[Section], first: int) -> dict[int, int]:
+def _slots(nodes: tuple[Operation, ...], sections: list[Section], first: int) -> dict[int, int]:
     """Return a slot from `first` on for each value that a later section than its own needs."""
     home = {
         k: s

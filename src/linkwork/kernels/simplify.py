@@ -22,7 +22,7 @@ from collections import Counter
 from dataclasses import replace
 from typing import NamedTuple
 
-from linkwork.kernels.program import Node, Program
+from linkwork.kernels.program import Operation, Program
 
 _ODD = frozenset(("sin", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf"))
 _EVEN = frozenset(("cos", "cosh", "fabs"))
@@ -65,7 +65,9 @@ def _ordered(program: Program) -> Program:
     )
 
 
-def _visit(nodes: tuple[Node, ...], root: int, depths: list[int], visited: dict[int, None]) -> None:
+def _visit(
+    nodes: tuple[Operation, ...], root: int, depths: list[int], visited: dict[int, None]
+) -> None:
     """Append `root` to `visited` after all that it needs."""
     stack = [root]
     while stack:
@@ -112,13 +114,13 @@ class _Builder:
     own."""
 
     def __init__(self):
-        self.nodes: list[Node] = []
+        self.nodes: list[Operation] = []
         self._known: dict[tuple, int] = {}
         self._rules = {
             op: getattr(self, op) for op in ("neg", "add", "sub", "mul", "div", "sqrt", "tan")
         }
 
-    def build(self, node: Node, args: list[_Signed]) -> _Signed:
+    def build(self, node: Operation, args: list[_Signed]) -> _Signed:
         op = node.op
         if op == "const":
             return self.const(node.value)
@@ -177,7 +179,7 @@ class _Builder:
         if a == b:
             return self.mul(_Signed(1, a), self.const(2.0))
         for one, other in ((self.nodes[a], self.nodes[b]), (self.nodes[b], self.nodes[a])):
-            if one.op == other.op == "if_else_zero" and self.nodes[other.args[0]] == Node(
+            if one.op == other.op == "if_else_zero" and self.nodes[other.args[0]] == Operation(
                 "not", one.args[:1]
             ):
                 return _Signed(1, self._node("select", *one.args, other.args[1]))
@@ -243,7 +245,7 @@ class _Builder:
         key = _key(op, args, value)
         if key not in self._known:
             self._known[key] = len(self.nodes)
-            self.nodes.append(Node(op, args, value))
+            self.nodes.append(Operation(op, args, value))
         return self._known[key]
 
 

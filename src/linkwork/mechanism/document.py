@@ -32,12 +32,12 @@ Where = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class DocumentNode:
     """Hold an element: its plain data, the line where it begins, and its parts by key or index."""
 
     data: Any
     line: int
-    parts: Mapping[str, Node] = field(default_factory=dict)
+    parts: Mapping[str, DocumentNode] = field(default_factory=dict)
 
     def line_of(self, where: Where) -> int:
         """Return the line of the element at a path, or of the nearest element around it that is
@@ -50,7 +50,7 @@ class Node:
         return node.line
 
 
-def read_document(text: str) -> Node:
+def read_document(text: str) -> DocumentNode:
     """Read the one document of a YAML text.
 
     Raises:
@@ -69,7 +69,7 @@ def read_document(text: str) -> Node:
             ),
         )
     try:
-        return _Reader(text).document()
+        return DocumentReader(text).document()
     except yaml.YAMLError as error:
         mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
         rows = text.split("\n")
@@ -79,18 +79,18 @@ def read_document(text: str) -> Node:
         _refuse(line, f"is not YAML: {problem or ' '.join(str(error).split())}")
 
 
-class _Reader:
+class DocumentReader:
     """Build nodes from the events of one text."""
 
     def __init__(self, text: str):
         self.events: Iterator[Any] = yaml.parse(text, Loader=Parser)
-        self.anchors: dict[str, tuple[Node, int]] = {}
+        self.anchors: dict[str, tuple[DocumentNode, int]] = {}
         self.entries = 0
 
-    def document(self) -> Node:
+    def document(self) -> DocumentNode:
         next(self.events)
         if isinstance(next(self.events), yaml.StreamEndEvent):
-            return Node(None, 1)
+            return DocumentNode(None, 1)
         node = self.node(next(self.events), ())
         next(self.events)
         after = next(self.events)
@@ -101,7 +101,7 @@ class _Reader:
             )
         return node
 
-    def node(self, event: Any, where: Where) -> Node:
+    def node(self, event: Any, where: Where) -> DocumentNode:
         line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event.anchor, line, where)
@@ -124,13 +124,13 @@ class _Reader:
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(line, where)
         else:
-            node = Node(_scalar(event, where), line)
+            node = DocumentNode(_scalar(event, where), line)
         if event.anchor:
             self.anchors[event.anchor] = node, self.entries - before
         return node
 
-    def mapping(self, line: int, where: Where) -> Node:
-        parts: dict[str, Node] = {}
+    def mapping(self, line: int, where: Where) -> DocumentNode:
+        parts: dict[str, DocumentNode] = {}
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
             key, at = _key(event, where), event.start_mark.line + 1
             if key in parts:
@@ -140,19 +140,19 @@ class _Reader:
                     (*where, key),
                 )
             parts[key] = replace(self.node(next(self.events), (*where, key)), line=at)
-        return Node({key: node.data for key, node in parts.items()}, line, parts)
+        return DocumentNode({key: node.data for key, node in parts.items()}, line, parts)
 
-    def sequence(self, line: int, where: Where) -> Node:
-        items: list[Node] = []
+    def sequence(self, line: int, where: Where) -> DocumentNode:
+        items: list[DocumentNode] = []
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             items.append(self.node(event, (*where, str(len(items)))))
-        return Node(
+        return DocumentNode(
             [node.data for node in items],
             line,
             {str(index): node for index, node in enumerate(items)},
         )
 
-    def alias(self, name: str, line: int, where: Where) -> Node:
+    def alias(self, name: str, line: int, where: Where) -> DocumentNode:
         if name not in self.anchors:
             _refuse(
                 line,

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from linkwork.mechanism.document import EMPTY, NUMBER, TRUTH, Node, read_document
+from linkwork.mechanism.document import EMPTY, NUMBER, TRUTH, DocumentNode, read_document
 from linkwork.mechanism.json_schema import FORMAT_VERSION
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.record import Record
@@ -91,7 +91,7 @@ def text_of(path: Path, what: str = "a mechanism file", most: int = MAX_BYTES) -
 
 
 def described(
-    root: Node, key: str, version: int, what: str, make: Callable[..., Described]
+    root: DocumentNode, key: str, version: int, what: str, make: Callable[..., Described]
 ) -> Described:
     """Return what a document describes, made of its fields; every refusal names the line.
 

@@ -37,7 +37,7 @@ MOST = 100_000  # steps of a companion
 WORTH_TELLING = 1000.0  # times the tolerance
 
 
-class Start(NamedTuple):
+class Departure(NamedTuple):
     """Hold what a passage went out from."""
 
     chart: CompiledChart
@@ -75,7 +75,7 @@ class Compared:
 
     robot: Model
     passage: Passage
-    start: Start
+    start: Departure
     segments: Sequence[Segment]
 
     @property

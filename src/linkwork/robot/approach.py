@@ -17,13 +17,13 @@ from math import prod
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, measures
+from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, quaternion_matrix
 from linkwork.equations.chart import Chart, solve
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Tool
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.modes import Modes
+from linkwork.robot.modes import ModeStages
 
 NEAR = 1e-4  # rotation vectors [rad] whose sines are told by two terms of their series
 CONDITIONS = 3  # residual, length of the step, alignment; then the determinants
@@ -49,7 +49,7 @@ class Approach:
         return after, found[:, 0], found[:, 1], found[:, 2], found[:, CONDITIONS:] / self.sizes
 
 
-def approach(chart: CompiledChart, modes: Modes, twist: list[int]) -> Approach | None:
+def approach(chart: CompiledChart, modes: ModeStages, twist: list[int]) -> Approach | None:
     """Return compiled steps of the tool in rows `twist`, None where closure and pose do not
     determine the motion."""
     order = modes.chart
@@ -88,7 +88,7 @@ def step(
     """
     tree, rows = equations.tree, equations.rows
     tool = next(iter(equations.mechanism.tools.values()))
-    J, _ = measures.tool_twist(tree, tool, SX.zeros(equations.nv))
+    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(equations.nv))
     pose = SX.sym("pose", len(twist))
     residual = ca.vertcat(rows.phi, error(equations, tool, pose))
     found, pivots = solve(chart, ca.vertcat(rows.Phi, J[twist, :]), -residual)
@@ -113,8 +113,8 @@ def error(equations: Equations, tool: Tool, pose: ca.SX) -> ca.SX:
     A turn R R_0' by t about an axis is told as 2 tan(t / 2) along the axis, which is zero for t = 0
     alone.
     """
-    position, orientation, angle = measures.tool_pose(equations.tree, tool)
-    planar = measures.is_planar(equations.tree)
+    position, orientation, angle = body_motion.tool_pose(equations.tree, tool)
+    planar = body_motion.is_planar(equations.tree)
     axes = 2 if planar else 3
     aside = position[:axes] - pose[:axes]
     if pose.numel() == axes:

@@ -24,7 +24,7 @@ import numpy as np
 
 from linkwork.equations import Equations, chart_in, charts_at, functions
 from linkwork.equations.chart import Chart, faced
-from linkwork.equations.choosing import DETERMINED, strengths
+from linkwork.equations.chart_choice import DETERMINED, strengths
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 

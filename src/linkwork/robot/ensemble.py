@@ -4,7 +4,7 @@ values of its parameters.
 What the compiled lanes can do members do there (`in_lanes`), in the lanes of vector registers, over
 all threads, in the chart that runs start in. Where its pivots weaken a member needs another one: it
 goes on from there by itself, from chart to chart, as `Robot.simulate` does it; what the lanes
-cannot do members do by themselves from the start (`alone`). So every member comes to what it comes
+cannot do members do by themselves from the start (`one_by_one`). So every member comes to what it comes
 to alone.
 """
 
@@ -23,17 +23,17 @@ from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.robot import following
 from linkwork.robot.accuracy import compared, repeatable, tightened
-from linkwork.robot.alone import Lone, Progress, Task, by_themselves
 from linkwork.robot.assembly import AssemblyKernel
+from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.choices import Choice, choices
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
+from linkwork.robot.next_chart import Choice, choices
+from linkwork.robot.one_by_one import Lone, Progress, Task, by_themselves
 from linkwork.robot.passage import CLOSURE, SOFT, Segment
 from linkwork.robot.recording import ending, labels, singular_times
-from linkwork.robot.rereading import reread
-from linkwork.robot.rows import Rows, gathered, last, pieces
 from linkwork.robot.running import smooth, watched
+from linkwork.robot.saved_rows import SavedRows, gathered, last, pieces
 from linkwork.robot.settings import Settings
 from linkwork.robot.state import Reached, State
 from linkwork.robot.turning import turning
@@ -83,7 +83,7 @@ class Ensemble:
     closure_error: np.ndarray
     parameters: Mapping[str, np.ndarray]
     members: Members = field(repr=False)
-    rows: Callable[[], Sequence[Rows]] = field(repr=False)
+    rows: Callable[[], Sequence[SavedRows]] = field(repr=False)
     settings: Settings = field(repr=False)
     _happened: Happened = field(repr=False)
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
@@ -434,7 +434,7 @@ def weakened(crew: Members, settings: Settings, part: Part) -> Iterator[Task]:
 def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarray) -> Segment:
     """Return what a member that started at y did in the lanes as the first segment of its own
     run."""
-    from linkwork.simulation.native_loop import Outcome
+    from linkwork.simulation.native_loop import LoopOutcome
 
     nq, done = part.chart.equations.nq, part.outcomes
     saved = int(done.saved[row])
@@ -444,7 +444,7 @@ def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarr
         done.samples[row, :saved],
         -1.0,
     )
-    outcome = Outcome(
+    outcome = LoopOutcome(
         status=done.status[row],
         evaluations=done.nfev[row],
         accepted=done.steps[row],
@@ -507,7 +507,7 @@ def collected(
         status = Status(numbers["status"][member])
         return ending(system, [replace(own, trajectory=replace(own.trajectory, status=status))])[1]
 
-    def rows() -> list[Rows]:
+    def rows() -> list[SavedRows]:
         return list(saved(crew, parts, lone, settings.save_at))
 
     return Ensemble(
@@ -619,7 +619,7 @@ def last_states(
     ]
 
 
-def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.ndarray:
+def told_in(crew: Members, rows: Sequence[SavedRows], chart: CompiledChart) -> np.ndarray:
     """Return the rates (N, n) in one chart of states in others; nan where it does not tell their
     motion."""
     v = np.full((len(crew), crew.robot.mobility), np.nan)
@@ -632,15 +632,17 @@ def told_in(crew: Members, rows: Sequence[Rows], chart: CompiledChart) -> np.nda
     return v
 
 
-def last_of(part: Part) -> Rows:
+def last_of(part: Part) -> SavedRows:
     """Return the last states of members that were integrated together."""
     none, done = np.zeros(len(part.members), int), part.outcomes
-    return Rows(part.chart, part.members, none, done.end_time, done.y_end, np.empty((none.size, 0)))
+    return SavedRows(
+        part.chart, part.members, none, done.end_time, done.y_end, np.empty((none.size, 0))
+    )
 
 
 def saved(
     crew: Members, parts: Sequence[Part], lone: Sequence[Lone], at: np.ndarray
-) -> Iterator[Rows]:
+) -> Iterator[SavedRows]:
     """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their
     own runs."""
     alone = np.array([one.member for one in lone], dtype=int)
@@ -649,7 +651,7 @@ def saved(
         kept &= ~np.isin(part.members, alone)[:, None]
         rows, times = np.nonzero(kept)
         y, none = part.outcomes.samples[rows, times], np.empty((rows.size, 0))
-        yield Rows(part.chart, part.members[rows], times, at[times], y, none)
+        yield SavedRows(part.chart, part.members[rows], times, at[times], y, none)
     yield from gathered(piece for one in lone for piece in pieces(crew, one, at))
 
 
@@ -681,7 +683,7 @@ def passed(lone: Sequence[Lone]) -> Happened:
 
 
 def measured(
-    crew: Members, parts: Sequence[Rows], times: np.ndarray
+    crew: Members, parts: Sequence[SavedRows], times: np.ndarray
 ) -> tuple[dict[str, Variable], dict[str, Variable]]:
     """Return positions and rates of all joints, closure, tool and extra states at the saved times;
     and the axes' labels."""
@@ -729,7 +731,7 @@ def measured(
     return variables, coords
 
 
-def joints_of(crew: Members, part: Rows) -> dict[str, np.ndarray]:
+def joints_of(crew: Members, part: SavedRows) -> dict[str, np.ndarray]:
     """Return the positions and rates of all joints at saved states (rows, m), by name."""
     found = part.measured(partial(joints, crew))
     if part.nodes:  # angles are not interpolated: they may jump by a turn
@@ -739,7 +741,7 @@ def joints_of(crew: Members, part: Rows) -> dict[str, np.ndarray]:
     return found
 
 
-def joints(crew: Members, rows: Rows) -> dict[str, np.ndarray]:
+def joints(crew: Members, rows: SavedRows) -> dict[str, np.ndarray]:
     """Return the positions and rates of all joints at states (rows, m), by name."""
     q, v, _ = rows.split()
     found = rows.chart.kernel("joints_motion")(

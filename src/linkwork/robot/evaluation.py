@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import actuation, checks, undefined
+from linkwork.robot.chart_transfer import chart_in, reread
 from linkwork.robot.reordering import evaluated
-from linkwork.robot.rereading import chart_in, reread
 from linkwork.robot.state import State
 
 if TYPE_CHECKING:

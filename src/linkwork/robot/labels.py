@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, readings
+from linkwork.equations import Equations, cut_coordinates
 from linkwork.equations.topology import counting
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, TURN
@@ -116,7 +116,7 @@ class Labels:
         return [
             label
             for cut in self.equations.cuts
-            if readings.jump(cut)
+            if cut_coordinates.jump(cut)
             for label in self._angles(cut.joint)
         ]
 

@@ -36,7 +36,7 @@ from linkwork.robot.assembly import (
     Assembler,
     UnreachableError,
 )
-from linkwork.robot.modes import Modes, same
+from linkwork.robot.modes import ModeStages, same
 
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
@@ -129,7 +129,7 @@ class Leader:
     assembler: Assembler
     mechanism: Mechanism
     home: np.ndarray
-    modes: Modes
+    modes: ModeStages
     twist: list[int]
     approach: Approach | None = None
 

@@ -17,9 +17,9 @@ from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.refusal import MechanismError
 from linkwork.robot import checks
 from linkwork.robot.assembly import OPEN_LOOPS
+from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.parameters import with_parameters
-from linkwork.robot.rereading import reread
 from linkwork.robot.state import State
 from linkwork.robot.system import System, as_input, require_starts, system
 from linkwork.simulation import Sampled, Signal

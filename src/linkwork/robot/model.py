@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.control.observation import Names
-from linkwork.equations import Equations, derive, measures, mobility
+from linkwork.equations import Equations, body_motion, derive, mobility
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
@@ -19,7 +19,7 @@ from linkwork.robot.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.labels import Labels
 from linkwork.robot.leading import Leader
-from linkwork.robot.modes import Modes, modes_of
+from linkwork.robot.modes import ModeStages, modes_of
 from linkwork.robot.state import State
 from linkwork.robot.turning import own_turning
 from linkwork.simulation import Turning
@@ -59,7 +59,7 @@ class Model:
         self.idle: tuple[str, ...] = self.equations.idle
         self.notes: tuple[str, ...] = self.equations.notes
         self.mobility: int = self.equations.mobility
-        self.planar: bool = measures.is_planar(self.equations.tree)
+        self.planar: bool = body_motion.is_planar(self.equations.tree)
         self.gruebler: int = mobility.gruebler(mechanism, self.planar)
         self.charts = Charts(self.p, {self.independent: self.chart})
         self.run_charts = Charts(self.p, {self.chart.key: self.chart})
@@ -131,7 +131,7 @@ class Model:
         of where it begins."""
         if (size, kept) not in self._leaders:
             twist = self.assembler.pose_indices(size)
-            modes = modes_of(self.equations, self.p, twist) if kept else Modes()
+            modes = modes_of(self.equations, self.p, twist) if kept else ModeStages()
             kernel, positions = self._assembly.kernel, self.home.positions
             given = kernel, self.assembler, self.mechanism, positions, modes, twist
             self._leaders[size, kept] = Leader(*given, approach(self.chart, modes, twist))

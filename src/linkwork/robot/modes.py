@@ -17,7 +17,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, measures
+from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX
 from linkwork.equations.chart import (
     Chart,
@@ -35,7 +35,7 @@ SAMPLES, SPREAD = (
 FLAT = 1e-5  # determinant, relative to its size around the reference, whose sign is not told
 
 
-class Stage(NamedTuple):
+class ModeStage(NamedTuple):
     """Hold a stage of [Phi; J]: places of its rows and columns, and the size of its determinant
     around the reference."""
 
@@ -45,14 +45,14 @@ class Stage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Modes:
+class ModeStages:
     """Hold the stages of [Phi; J] whose determinants change; none where it does not determine w, or
     does more.
 
     chart: an order of elimination of [Phi; J], where it determines w
     """
 
-    stages: tuple[Stage, ...] = ()
+    stages: tuple[ModeStage, ...] = ()
     chart: Chart | None = None
 
     def signs(self, A: np.ndarray) -> np.ndarray:
@@ -77,14 +77,14 @@ def same(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.asarray((one * other >= 0).all(axis=-1))
 
 
-def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> Modes:
+def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> ModeStages:
     """Return the modes of the tool led in rows `twist` of [omega; v].
 
     Args:
         p: values of the free parameters.
     """
     tree, Phi = equations.tree, equations.rows.Phi
-    J, _ = measures.tool_twist(
+    J, _ = body_motion.tool_twist(
         tree, next(iter(equations.mechanism.tools.values())), SX.zeros(equations.nv)
     )
     A = ca.vertcat(Phi, J[twist, :])
@@ -95,16 +95,16 @@ def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> Modes:
     order = [*equations.chart.rows, *range(Phi.shape[0], A.shape[0])]
     kept = [order[k] for k in independent_rows([sample[order] for sample in samples])]
     if not len(kept) == len(order) == equations.nv:
-        return Modes()
+        return ModeStages()
     pattern, read_off, stages = constancy(A), np.array(samples), []
     for rows_of, columns_of in triangular({r: tuple(pattern[r]) for r in kept}):
         columns = tuple(sorted(columns_of))
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
-            stages.append(Stage(rows_of, columns, max(size, 1e-300)))
+            stages.append(ModeStage(rows_of, columns, max(size, 1e-300)))
     units = np.concatenate([equations.rows.units, np.where(np.array(twist) < 3, 1.0, tree.length)])
     ((_, blocks, _),) = choose_orders(
         pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
     )
     ones = [1.0 for stage in blocks for _ in stage]
-    return Modes(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv))
+    return ModeStages(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv))

@@ -30,7 +30,7 @@ DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
 
 
 @dataclass(frozen=True)
-class Branch:
+class TreeJoint:
     """Hold a joint of the spanning tree: its place, and the places of the bodies behind and before
     it (-1: ground).
 
@@ -56,7 +56,7 @@ class Network:
     pairs: tuple[tuple[int, int], ...]
     rates: tuple[slice, ...]
     rods: frozenset[int]
-    branches: tuple[Branch, ...]
+    branches: tuple[TreeJoint, ...]
     closing: tuple[int, ...]
     G: np.ndarray
 
@@ -91,7 +91,7 @@ class Network:
             )
             forward = pairs[joint][0] in depth
             parent, body = pairs[joint] if forward else reversed(pairs[joint])
-            branches.append(Branch(joint, body, parent, forward))
+            branches.append(TreeJoint(joint, body, parent, forward))
             depth[body] = depth[parent] + 1
         in_tree = {branch.joint for branch in branches}
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)

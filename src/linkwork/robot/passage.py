@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from linkwork.robot import checks
+from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.choices import Choice, choices, regular
 from linkwork.robot.crossing import Crossed, Crossing
-from linkwork.robot.rereading import reread
+from linkwork.robot.next_chart import Choice, choices, regular
 from linkwork.robot.settings import Settings
 from linkwork.robot.system import System, with_jacobian
 from linkwork.robot.turning import turning

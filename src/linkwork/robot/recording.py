@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
-from linkwork.robot import checks, derived, following, limits, rereading
-from linkwork.robot.accuracy import WORTH_TELLING, Compared, Start, without_turns
+from linkwork.robot import chart_transfer, checks, derived, following, limits
+from linkwork.robot.accuracy import WORTH_TELLING, Compared, Departure, without_turns
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.choices import lost
-from linkwork.robot.culprits import culprit
+from linkwork.robot.fault_sources import culprit
 from linkwork.robot.labels import POSES
+from linkwork.robot.next_chart import lost
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.reactions import COMPONENTS, Reactions
 from linkwork.robot.settings import Settings
@@ -108,8 +108,8 @@ def simulate(
         )
         settings = settings.but(save_at=np.union1d(settings.save_at, besides))
     passage = Passage(robot, system, start, end, settings, pace)
-    chart, v = rereading.start(robot, state)
-    begun = Start(
+    chart, v = chart_transfer.start(robot, state)
+    begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
     )
     segments = list(passage.segments(*begun))
@@ -215,7 +215,7 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
         made.segments,
         made.passage.settings,
     )
-    of = Record(robot, system, segments, besides, state, settings.save_at is None)
+    of = RunRecord(robot, system, segments, besides, state, settings.save_at is None)
 
     def sentences() -> str:
         _, message = ending(system, segments)
@@ -250,10 +250,10 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
     )
 
 
-def errors(made: Compared, of: Record) -> dict[str, Variable]:
+def errors(made: Compared, of: RunRecord) -> dict[str, Variable]:
     """Return by how much a run differs from its companion at its saved times: positions and rates,
     and drive states."""
-    other = Record(made.robot, of.system, made.companion, np.empty(0), of.start, False)
+    other = RunRecord(made.robot, of.system, made.companion, np.empty(0), of.start, False)
     places = np.searchsorted(other.time, of.time[of.time <= other.time[-1]])
     found = {}
     for name in ("joint_position", "joint_rate", "drive_state"):
@@ -368,7 +368,7 @@ def closure_error(segment: Segment) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class RunRecord:
     """Measure what follows from a run's states at the saved times (K,), each kind of quantities
     when first asked for.
 

@@ -12,9 +12,9 @@ from linkwork.checks import by_name, several, shown
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.errors import LinkworkError
 from linkwork.robot import recording
+from linkwork.robot.chart_transfer import chart_in
 from linkwork.robot.parameters import with_parameters
 from linkwork.robot.recording import Left
-from linkwork.robot.rereading import chart_in
 from linkwork.robot.settings import Settings
 from linkwork.robot.state import State
 from linkwork.robot.system import Forces, System, require_starts, system

@@ -18,7 +18,7 @@ from math import sqrt
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
-from linkwork.equations.joints import KINDS, Motion
+from linkwork.equations.joints import KINDS, ElementaryMotion
 from linkwork.mechanism import GROUND, Body, Frame, Mechanism, PairJoint
 from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
@@ -281,7 +281,7 @@ def joint_place(
     )
 
 
-def after_turns(motions: Sequence[Motion]) -> list[tuple[Motion, bool]]:
+def after_turns(motions: Sequence[ElementaryMotion]) -> list[tuple[ElementaryMotion, bool]]:
     """Tell of each motion whether a turn comes before it: its axis then belongs to the second
     frame, else to the first."""
     return [

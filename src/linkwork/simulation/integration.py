@@ -18,7 +18,7 @@ from linkwork.simulation.tableaus import DORMAND_PRINCE
 from linkwork.simulation.turns import Turning
 
 if TYPE_CHECKING:
-    from linkwork.simulation.native_loop import Outcome
+    from linkwork.simulation.native_loop import LoopOutcome
 
 NO_CONDITIONS = np.empty((0, 2))
 NEARLY = (
@@ -49,7 +49,7 @@ class Trajectory:
     y_end: np.ndarray
     turns: np.ndarray
     nq: int
-    outcome: "Outcome"
+    outcome: "LoopOutcome"
     control: Control | None
     bounds: Mapping[str, float | str]
     status: Status
@@ -264,7 +264,7 @@ def integrate(
     held, period, next_sample, acts = _sampling(control, start)
     conditions = events.table if events else NO_CONDITIONS
     seen = watch.signal if watch else signal
-    facts = np.empty(len(loop.Outcome._fields))
+    facts = np.empty(len(loop.LoopOutcome._fields))
     rows = native.integrate(
         motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
         _vector("the parameters", parameters), signal.table, seen.table, watch.strict if watch else 0,
@@ -273,7 +273,7 @@ def integrate(
         q.size, y, times, save_at is None, start, stop, max_step, pace, max_steps,
         held, period, next_sample, conditions, counted, facts,
     )  # fmt: skip
-    outcome, found, event = loop.Outcome._make(facts.tolist()), rows[:0], -1
+    outcome, found, event = loop.LoopOutcome._make(facts.tolist()), rows[:0], -1
     if len(conditions):
         happened = rows[:, -1] >= 0
         found, rows = rows[happened], rows[~happened]

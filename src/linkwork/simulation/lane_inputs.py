@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.lane_rows import BREAK, LIVE, MEMBER, PIECE, STEP, TIME
+from linkwork.simulation.lane_tables import BREAK, LIVE, MEMBER, PIECE, STEP, TIME
 from linkwork.simulation.native_loop import ROUNDING
 from linkwork.simulation.vectors import LANES
 

@@ -9,7 +9,8 @@ from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.lane_inputs import set_forces
-from linkwork.simulation.lane_rows import (
+from linkwork.simulation.lane_steps import combine, project
+from linkwork.simulation.lane_tables import (
     ACCEPTS,
     AILMENT,
     ARRIVAL,
@@ -29,7 +30,6 @@ from linkwork.simulation.lane_rows import (
     TIME,
     WANTED,
 )
-from linkwork.simulation.lane_steps import combine, project
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded, whole
 from linkwork.simulation.vectors import LANES, call_wide, load, splat, store
 

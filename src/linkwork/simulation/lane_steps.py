@@ -3,7 +3,7 @@ with its own step.
 
 The arithmetic is that of `native` and `native_loop` in the same order, lane by lane. Tables: `y`
 (n rows), `x`, rows (y, u, p), `k`, rows (y', pivot) stage after stage, `z`, rows (q, p), and `now`,
-numbers of the members in the lanes, whose rows `lane_rows` names.
+numbers of the members in the lanes, whose rows `lane_tables` names.
 """
 
 import math
@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.lane_rows import (
+from linkwork.simulation.lane_tables import (
     ACCEPTS,
     ARRIVAL,
     ERROR,

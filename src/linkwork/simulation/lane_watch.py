@@ -11,7 +11,8 @@ from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.lane_inputs import force, set_forces, signal_of
-from linkwork.simulation.lane_rows import (
+from linkwork.simulation.lane_samples import interpolate
+from linkwork.simulation.lane_tables import (
     ACCEPTS,
     AILMENT,
     ARRIVAL,
@@ -31,16 +32,21 @@ from linkwork.simulation.lane_rows import (
     TIME,
     WANTED,
 )
-from linkwork.simulation.lane_samples import interpolate
 from linkwork.simulation.native_pace import fallen
 from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR, padded
-from linkwork.simulation.native_watch import KEEN, Watch, farthest_bends, free_until, next_bend
+from linkwork.simulation.native_watch import (
+    KEEN,
+    WatchedSignals,
+    farthest_bends,
+    free_until,
+    next_bend,
+)
 from linkwork.simulation.pointers import pointer
 from linkwork.simulation.signals import FREE
 from linkwork.simulation.vectors import LANES, absolute, call_wide, larger, load, root, splat, store
 
 
-class Watched(NamedTuple):
+class LaneSignals(NamedTuple):
     """The signals to watch, one after the other as in `Signals`, or one for all; signal i has the
     `bends` from `bending[i]` to `bending[i + 1]`.
     """
@@ -58,7 +64,7 @@ def watch_of(watched, member):
     i, columns = signal_of(watched, member), watched.coefficients.shape[2]
     first, count = watched.pieces[i], watched.pieces[i + 1] - watched.pieces[i]
     bends, bend = watched.bending[i + 1] - watched.bending[i] - 1, watched.bending[i]
-    return Watch(
+    return WatchedSignals(
         pointer(watched.starts) + first, pointer(watched.coefficients) + 4 * columns * first, count, columns,
         pointer(watched.bends) + 3 * bend, bends, 0,
     )  # fmt: skip

@@ -33,7 +33,18 @@ from linkwork.simulation.lane_inputs import (
     shared,
     signal_of,
 )
-from linkwork.simulation.lane_rows import (
+from linkwork.simulation.lane_samples import extend, keep_sample, take_samples, want_samples
+from linkwork.simulation.lane_steps import (
+    accept,
+    choose_steps,
+    combine,
+    falling,
+    judge,
+    move,
+    project,
+    scaled,
+)
+from linkwork.simulation.lane_tables import (
     ACCEPTED,
     ACCEPTS,
     AILMENT,
@@ -73,18 +84,7 @@ from linkwork.simulation.lane_rows import (
     WANTED,
     Tables,
 )
-from linkwork.simulation.lane_samples import extend, keep_sample, take_samples, want_samples
-from linkwork.simulation.lane_steps import (
-    accept,
-    choose_steps,
-    combine,
-    falling,
-    judge,
-    move,
-    project,
-    scaled,
-)
-from linkwork.simulation.lane_watch import Watched, inspect, mark, mark_peaks
+from linkwork.simulation.lane_watch import LaneSignals, inspect, mark, mark_peaks
 from linkwork.simulation.native_loop import (
     LOOK,
     NEAR,
@@ -578,7 +578,7 @@ def integrate(
         n,
         nq,
     )
-    watched = Watched(watched_starts, watched_coefficients, watched_pieces, bends, bending)
+    watched = LaneSignals(watched_starts, watched_coefficients, watched_pieces, bends, bending)
     smallest_step = SMALLEST_STEP * max(stop, stop - start)
     shortest, turned, trips, due = math.inf, False, 0, LOOK
     for m in range(nq):

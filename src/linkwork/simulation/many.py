@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation import lane_rows as rows
+from linkwork.simulation import lane_tables as rows
 from linkwork.simulation.integration import (
     require_cover,
     require_run,
@@ -69,7 +69,7 @@ class Outcomes:
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
+class MemberInputs:
     """Hold the inputs of members: their signals one after the other, or one signal that all share.
 
     `starts` (P,) in s and `coefficients` (P, powers, nu) of all pieces; `pieces` (S + 1,): signal i
@@ -87,7 +87,7 @@ class Inputs:
     bends: np.ndarray
     bending: np.ndarray
 
-    def part(self, first: int, last: int) -> "Inputs":
+    def part(self, first: int, last: int) -> "MemberInputs":
         """Return the inputs of the members from `first` to before `last`."""
         if len(self.pieces) == 2:
             return self
@@ -95,7 +95,7 @@ class Inputs:
             ends[first : last + 1] for ends in (self.pieces, self.breaking, self.bending)
         )
         inside, broken, bent = (slice(ends[0], ends[-1]) for ends in (pieces, breaking, bending))
-        return Inputs(
+        return MemberInputs(
             self.starts[inside], self.coefficients[inside], pieces - pieces[0],
             self.breaks[broken], breaking - breaking[0], self.varies,
             self.bends[bent], bending - bending[0],
@@ -108,12 +108,12 @@ class Constants:
 
     table: np.ndarray
 
-    def part(self, first: int, last: int) -> Inputs:
+    def part(self, first: int, last: int) -> MemberInputs:
         """Return the inputs of the members from `first` to before `last`."""
         own = self.table if len(self.table) == 1 else self.table[first:last]
         count = len(own)
         none = np.zeros(count + 1, dtype=np.intp)
-        return Inputs(
+        return MemberInputs(
             np.zeros(count),
             own[:, None],
             np.arange(count + 1),
@@ -127,7 +127,7 @@ class Constants:
 
 def as_inputs(
     inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int
-) -> Inputs | Constants:
+) -> MemberInputs | Constants:
     """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N
     signals for each.
 
@@ -148,14 +148,14 @@ def as_inputs(
     return Constants(_rows("the inputs", inputs, members))  # pyright: ignore[reportArgumentType]
 
 
-def _joined(signals: Sequence[Signal]) -> Inputs:
+def _joined(signals: Sequence[Signal]) -> MemberInputs:
     widths = {signal.coefficients.shape[2] for signal in signals}
     if len(widths) > 1:
         raise LinkworkError(
             f"the members' signals have {' and '.join(map(str, sorted(widths)))} inputs: give "
             "equally many"
         )
-    return Inputs(
+    return MemberInputs(
         np.concatenate([signal.knots[:-1] for signal in signals]),
         np.concatenate([signal.coefficients for signal in signals]),
         _ends(signal.coefficients for signal in signals),

@@ -29,7 +29,7 @@ from numba.core.dispatcher import Dispatcher
 from linkwork.simulation.compiled import OPTIONS, compiled_once
 from linkwork.simulation.native_between import ROUNDING, Schedule, act, due, next_end, resized
 from linkwork.simulation.native_events import LOOKS, MOST
-from linkwork.simulation.native_occurrences import Scene, Span, happenings, take_samples
+from linkwork.simulation.native_occurrences import EventPlaces, StepSpan, happenings, take_samples
 from linkwork.simulation.native_pace import (
     LARGEST_FACTOR,
     SAFETY,
@@ -47,8 +47,8 @@ from linkwork.simulation.native_parts import (
     OK,
     SINGULAR,
     Kernels,
-    Limits,
     Room,
+    StepLimits,
     Turns,
     add_turns,
     copy,
@@ -94,7 +94,7 @@ class Trial(NamedTuple):
     projections: int
 
 
-class Outcome(NamedTuple):
+class LoopOutcome(NamedTuple):
     """What came of a run, apart from the rows saved and the last state; `fault` is what was not
     finite, if anything."""
 
@@ -174,7 +174,7 @@ def furnish(y, n, nq, parameters, inputs, conditions, events, stages, degree):
         g + (MOST + 2) * events,
         g + (MOST + 3) * events,
     )
-    return room, Scene(conditions, events, g, thetas, within, crossings)
+    return room, EventPlaces(conditions, events, g, thetas, within, crossings)
 
 
 def run(
@@ -185,7 +185,7 @@ def run(
     held, period, next_sample, conditions, counted, facts,
 ):  # fmt: skip
     """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the
-    last row of counted (spans, wraps, turns) and the `Outcome` in facts; return the rows, of angles
+    last row of counted (spans, wraps, turns) and the `LoopOutcome` in facts; return the rows, of angles
     with their turns.
 
     A row is (t, y, u, residual, event), with event = -1 where the row was asked for. signal, seen:
@@ -208,7 +208,7 @@ def run(
     y, x, new, sample = room.y, room.x, room.new, room.sample
     copy(pointer(y_end), y, n)
     loose = closure_tol * settle(y, turns, nq)
-    limits = Limits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, loose)
+    limits = StepLimits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, loose)
     copy(pointer(held), x + n + given, held.size)
     copy(pointer(p), x + n + inputs_all, p.size)
     copy(pointer(p), room.z + nq, p.size)
@@ -337,7 +337,7 @@ def run(
             evaluations, pending = evaluations + calls, 0
             accepts = ailment == OK and error <= 1
         if accepts and events != 0:
-            span = Span(t, step, arrival, piece)
+            span = StepSpan(t, step, arrival, piece)
             kept = happenings(
                 kernels,
                 inputs,
@@ -369,7 +369,7 @@ def run(
         while accepts and taken + wanted < save_at.size and save_at[taken + wanted] <= arrival:
             wanted += 1
         if wanted > 0:
-            span = Span(t, step, arrival, piece)
+            span = StepSpan(t, step, arrival, piece)
             kept = take_samples(
                 kernels, inputs, method, limits, room, turns, span, residual, pointer(save_at) + taken, wanted, pending,
                 table + row * columns,
@@ -396,7 +396,7 @@ def run(
             copy(new, y, n)
             copy(scene.g + ends * watched, scene.g, watched)
             loose = closure_tol * settle(y, turns, nq)
-            limits = Limits(limits.rtol, limits.atol, pivot_bound, loose)
+            limits = StepLimits(limits.rtol, limits.atol, pivot_bound, loose)
             closure_error = max(closure_error, sampled)
             if trial.pivot < pivot:
                 pivot, pivot_time = trial.pivot, trial.pivot_time

@@ -31,7 +31,7 @@ from linkwork.simulation.native_parts import (
 from linkwork.simulation.pointers import call
 
 
-class Scene(NamedTuple):
+class EventPlaces(NamedTuple):
     """Where `count` event functions are looked at: their `conditions`, a row (direction, terminal)
     for each; `g`, a row for each of the places `thetas` and one more; `within`, their values at a
     place; `crossings`, where they change their signs.
@@ -45,7 +45,7 @@ class Scene(NamedTuple):
     crossings: Any
 
 
-class Span(NamedTuple):
+class StepSpan(NamedTuple):
     """A step from `t` to `arrival`, of the length `step`, whose inputs begin in a `piece` of the
     signals."""
 

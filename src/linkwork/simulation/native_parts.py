@@ -9,7 +9,7 @@ void(const double *in, double *out):
     events    in = (y, u, p)  out = g, one number for each event
     control   in = (y, u, p)  out = the held inputs, the last columns of u
 
-Numbers are handed on by pointers, in groups: `Kernels`, `Inputs`, `Method`, `Limits` and `Room`.
+Numbers are handed on by pointers, in groups: `Kernels`, `Inputs`, `Method`, `StepLimits` and `Room`.
 States and the rows of `k` are padded with zeros to whole vectors.
 """
 
@@ -64,7 +64,7 @@ def inputs_of(table):
 
 
 class Method(NamedTuple):
-    """A method as in `tableaus.Plan`: `stages`, how many rows k has; `degree` of the dense output;
+    """A method as in `tableaus.StepPlan`: `stages`, how many rows k has; `degree` of the dense output;
     `estimates`, rows of e."""
 
     a: Any
@@ -82,7 +82,7 @@ class Method(NamedTuple):
 
 @njit(forceinline=True, **OPTIONS)
 def method_of(numbers, stages, degree, estimates, solution, computed, exponent, blur):
-    """Return the `Method` of the arguments of a `tableaus.Plan`; the numbers have to be kept alive
+    """Return the `Method` of the arguments of a `tableaus.StepPlan`; the numbers have to be kept alive
     by name."""
     a = pointer(numbers)
     c = a + stages * stages
@@ -102,7 +102,7 @@ def method_of(numbers, stages, degree, estimates, solution, computed, exponent, 
     )
 
 
-class Limits(NamedTuple):
+class StepLimits(NamedTuple):
     """What is asked of a step: `rtol` and `atol` (n,), the bounds of the pivot and of the closure's
     residual."""
 

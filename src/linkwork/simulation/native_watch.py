@@ -44,7 +44,7 @@ KEEN = 4.0  # factor on what a defect counts at a peak, where errors are larger 
 REFUSED = 1e300  # error of a step that may not be, whatever its error
 
 
-class Watch(NamedTuple):
+class WatchedSignals(NamedTuple):
     """Signals to watch, as `Inputs`, and their `bends`, count + 1 rows of three numbers.
 
     The last `strict` of the columns are read by event functions: no step passes more bends of them
@@ -65,7 +65,7 @@ def watch_of(table, strict):
     """Return what is to be watched of the signals that a `Signal.table` holds."""
     signals, behind = inputs_of(table)
     bends, count = behind + int(table[2]), int(table[3])
-    return Watch(
+    return WatchedSignals(
         signals.knots, signals.coefficients, signals.pieces, signals.columns, bends, count, strict
     )
 

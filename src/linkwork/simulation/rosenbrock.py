@@ -22,9 +22,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from linkwork.simulation.tableaus import Plan, by_powers, filled, frozen
+from linkwork.simulation.tableaus import StepPlan, by_powers, filled, frozen
 
-BLUR = 25.0  # as of a `Plan`
+BLUR = 25.0  # as of a `StepPlan`
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Rosenbrock:
         return np.stack([self.m + first, second - first, third - second, -third], axis=1)
 
     @cached_property
-    def plan(self) -> Plan:
+    def plan(self) -> StepPlan:
         """The method as the compiled loops take it: the slopes at both ends are the first row of k
         and the last.
 
@@ -76,7 +76,7 @@ class Rosenbrock:
         e[1:-1, 1:-1], e[1:-1, -1], e[0, -1] = self.C, self.d, self.gamma
         dense[1:-1] = self.dense
         c = np.concatenate([[0], self.c, [1]])
-        return Plan(
+        return StepPlan(
             frozen(a),
             frozen(c),
             frozen(e),

@@ -37,7 +37,7 @@ LANES = 4  # numbers of a vector in which weights are added up
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class StepPlan:
     """Hold a method as the compiled loops need it.
 
     `a` (rows, rows): stage states, a row of weights each, and row `solution`, the new state; `c`
@@ -75,7 +75,7 @@ class Tableau:
     it side by side; `name`: for people; `order`: of the solution that is carried on; `error_order`:
     of the one it is compared with; `a` (s, s): strictly lower triangular, its last row the weights
     b; `c` (s,): stage times; `e` (s,): error weights; `dense` (s + more, degree): P, the dense
-    output's polynomials in theta, theta^2, ...; `blur`: as of a `Plan`; `second` (s,): weights of
+    output's polynomials in theta, theta^2, ...; `blur`: as of a `StepPlan`; `second` (s,): weights of
     another error estimate, as of DOP853; `more` (more, s + more) and `more_c`: stages that the
     dense output needs beside the others.
     """
@@ -96,7 +96,7 @@ class Tableau:
     in_lanes: ClassVar[bool] = True
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> StepPlan:
         """The method as the compiled loops take it."""
         return _pair_plan(self)
 
@@ -126,7 +126,7 @@ class FixedStep:
     step: float
     name: ClassVar[str]
     order: ClassVar[int]
-    plan: ClassVar[Plan]
+    plan: ClassVar[StepPlan]
     stiff: ClassVar[bool] = False
     in_lanes: ClassVar[bool] = False
     stability: ClassVar[float] = 0.0
@@ -139,7 +139,7 @@ class FixedStep:
 
 
 @cache
-def _pair_plan(tableau: Tableau) -> Plan:
+def _pair_plan(tableau: Tableau) -> StepPlan:
     s, rows = len(tableau.c), len(tableau.dense)
     a = np.zeros((rows, rows))
     a[:s, :s] = tableau.a
@@ -147,7 +147,7 @@ def _pair_plan(tableau: Tableau) -> Plan:
     estimates = [tableau.e] if tableau.second is None else [tableau.e, tableau.second]
     e = np.pad(estimates, [(0, 0), (0, rows - s)])
     c = np.concatenate([tableau.c, tableau.more_c])
-    return Plan(
+    return StepPlan(
         frozen(a),
         frozen(c),
         frozen(e),
@@ -264,7 +264,7 @@ def _dop853_dense(printed) -> np.ndarray:
 
 
 _KUTTA_ROWS = [_fractions(row, 5) for row in ("", "1/2", "0 1/2", "0 0 1", "1/6 1/3 1/3 1/6")]
-_KUTTA = Plan(
+_KUTTA = StepPlan(
     a=frozen(_KUTTA_ROWS),
     c=frozen([sum(row) for row in _KUTTA_ROWS]),
     e=frozen(np.empty((0, 5))),
@@ -273,7 +273,7 @@ _KUTTA = Plan(
     computed=4,
     exponent=0.0,
 )
-_EULER = Plan(
+_EULER = StepPlan(
     a=frozen([[0, 0], [1, 0]]),
     c=frozen([0, 0]),
     e=frozen(np.empty((0, 2))),

@@ -3,7 +3,7 @@ wide kernels take.
 
 Numba sees two more types, `Vector` and `Mask` (a truth value for each lane), with + - * /, <=, >=,
 & and | and the functions below. They live in registers: two independent halves, say, so that one is
-computed while the other waits. In memory they are rows of a `Table`, the address of an array of
+computed while the other waits. In memory they are rows of a `LaneTable`, the address of an array of
 which Numba counts no references and checks no indices.
 """
 
@@ -38,7 +38,7 @@ class Mask(types.Type):
         super().__init__(name="Mask")
 
 
-class Table(types.Type):
+class LaneTable(types.Type):
     """Type of rows of LANES doubles in memory, by the address of the first: t[row, lane] reads and
     writes a number."""
 
@@ -46,7 +46,7 @@ class Table(types.Type):
         super().__init__(name="Table")
 
 
-VECTOR, MASK, TABLE = Vector(), Mask(), Table()
+VECTOR, MASK, TABLE = Vector(), Mask(), LaneTable()
 _NUMBERS, _BITS = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(1), LANES)
 
 
@@ -62,7 +62,7 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, _BITS)
 
 
-@register_model(Table)
+@register_model(LaneTable)
 class _TableModel(models.PrimitiveModel):
     def __init__(self, manager, kind):
         super().__init__(manager, kind, ir.IntType(64))
@@ -121,7 +121,7 @@ def _row(builder, table, row):
 
 
 def _as_table(typing_context, array):
-    """Return an array (rows, LANES) as a `Table`; the array has to be kept alive by name."""
+    """Return an array (rows, LANES) as a `LaneTable`; the array has to be kept alive by name."""
 
     def generate(context, builder, signature, values):
         data = context.make_array(signature.args[0])(context, builder, value=values[0]).data

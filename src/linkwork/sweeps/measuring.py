@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, functions, measures
+from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.powers import powers
-from linkwork.robot.ensemble import Ensemble, Rows, joints
+from linkwork.robot.ensemble import Ensemble, SavedRows, joints
 from linkwork.robot.reactions import MEMORY, Samples, transmitted
 from linkwork.simulation.threads import usable_processors
-from linkwork.sweeps.bench import Bench
+from linkwork.sweeps.preparation import Bench
 from linkwork.sweeps.quantities import QUANTITIES, REACTIONS
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def measured(
     values = {name: np.full((*shape, *bench.lengths(axis)), np.nan) for name, axis in sizes.items()}
     first, *others = [block for rows in ensemble.rows() for block in blocks(rows)] or [None]
 
-    def put(rows: Rows | None) -> None:
+    def put(rows: SavedRows | None) -> None:
         found = {} if rows is None else everywhere(bench, law, crew, rows, wanted)
         for name in found:
             values[name][rows.members, rows.times] = found[name]  # pyright: ignore[reportOptionalMemberAccess]
@@ -64,7 +64,7 @@ def measured(
     return values
 
 
-def blocks(rows: Rows) -> Iterator[Rows]:
+def blocks(rows: SavedRows) -> Iterator[SavedRows]:
     """Yield saved states some at a time: a block fits the processor's cache, and threads have
     something to share."""
     for first in range(0, len(rows.members), BLOCK):
@@ -82,7 +82,7 @@ def wound(bench: Bench, positions: np.ndarray, ensemble: Ensemble) -> np.ndarray
 
 
 def everywhere(
-    bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]
+    bench: Bench, law: int, crew: Members, rows: SavedRows, wanted: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Return the wanted quantities of saved states (rows[, components]), also of those where
     singular poses are passed."""
@@ -93,7 +93,7 @@ def everywhere(
 
 
 def of_rows(
-    bench: Bench, law: int, crew: Members, rows: Rows, wanted: Sequence[str]
+    bench: Bench, law: int, crew: Members, rows: SavedRows, wanted: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Return the wanted quantities of states (rows[, components])."""
     robot, chart, t = bench.robot, rows.chart, rows.t
@@ -142,12 +142,12 @@ def of_rows(
 def tool(equations: Equations) -> ca.Function:
     """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
     matrix, row by row."""
-    position, orientation, angle = measures.tool_pose(
+    position, orientation, angle = body_motion.tool_pose(
         equations.tree, next(iter(equations.mechanism.tools.values()))
     )
     pose = (
         ca.vertcat(position[:2], angle)
-        if measures.is_planar(equations.tree)
+        if body_motion.is_planar(equations.tree)
         else ca.vertcat(position, orientation)
     )
     return functions.function("tool", equations, {"q": equations.tree.q}, {"pose": pose})
@@ -181,7 +181,9 @@ def reactions(bench: Bench, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
     return np.linalg.norm(moment, axis=-1), np.linalg.norm(force, axis=-1)
 
 
-def forced(crew: Members, rows: Rows, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def forced(
+    crew: Members, rows: SavedRows, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return accelerations of the independent rates, commands and actuator forces of saved
     states."""
     q, v, z = rows.split()

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.sweeps.bench import STATUSES
 from linkwork.sweeps.chunk import Results
+from linkwork.sweeps.preparation import STATUSES
 from linkwork.sweeps.store import Store, written
 
 if TYPE_CHECKING:

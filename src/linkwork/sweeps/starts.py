@@ -23,8 +23,8 @@ from linkwork.robot import Robot, State
 from linkwork.robot.assembly import MATRICES
 from linkwork.robot.labels import POSES
 from linkwork.robot.modes import same
-from linkwork.sweeps.bench import Bench
 from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
+from linkwork.sweeps.preparation import Bench
 
 TURNS_LAST = {True: [3, 4, 2], False: [3, 4, 5, 0, 1, 2]}
 ROUNDS = 30

@@ -21,8 +21,8 @@ from uuid import uuid4
 
 import numpy as np
 
-from linkwork.sweeps.bench import Bench
 from linkwork.sweeps.chunk import Results, digest
+from linkwork.sweeps.preparation import Bench
 from linkwork.sweeps.study import Study, StudyError
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from pydantic import Field, field_validator, model_validator
 from linkwork import robots
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
-from linkwork.mechanism.document import Node, read_document
+from linkwork.mechanism.document import DocumentNode, read_document
 from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
@@ -288,7 +288,7 @@ def _text(path: Path) -> str:
     return text_of(path, "a study", MAX_BYTES)
 
 
-def _study(root: Node, folder: Path) -> Study:
+def _study(root: DocumentNode, folder: Path) -> Study:
     def make(**fields: Any) -> Study:
         if "robot" in fields:
             fields["robot"] = _robot(fields["robot"], folder)

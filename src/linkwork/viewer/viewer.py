@@ -17,7 +17,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
-from linkwork.viewer.door import LOOPBACK, serve
+from linkwork.viewer.access import LOOPBACK, serve
 from linkwork.viewer.mailbox import Mailbox
 from linkwork.viewer.session import Session
 

@@ -8,7 +8,7 @@ import pytest
 
 from linkwork.lab.engines.joints import MOTIONS, edge, gaps, held_rows, rate_rows
 from linkwork.lab.engines.motion import BodyMotion, along_tree, applied, read_joints
-from linkwork.lab.engines.tree import Tree, spanning_tree
+from linkwork.lab.engines.tree import EngineTree, spanning_tree
 from linkwork.mechanism import GROUND, Body, Mechanism
 
 from tests.oracle import pairs
@@ -19,7 +19,7 @@ NAMES = (GROUND, "body")
 
 def lone(
     kind: str, rng: np.random.Generator
-) -> tuple[Mechanism, Tree, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Mechanism, EngineTree, np.ndarray, np.ndarray, np.ndarray]:
     """Return a body on one joint, coordinates, rates and their derivatives; quaternions are of
     length one."""
     poses = {name: random_pose(rng, False) for name in NAMES}

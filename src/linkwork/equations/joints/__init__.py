@@ -23,7 +23,7 @@ from linkwork.equations.joints import (
     spherical,
     universal,
 )
-from linkwork.equations.joints.kind import Kind, Motion, Row, transversals
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, transversals
 
 KINDS: dict[str, Kind] = {
     "fixed": fixed.KIND,
@@ -38,4 +38,4 @@ KINDS: dict[str, Kind] = {
     "rod": rod.KIND,
 }
 
-__all__ = ["KINDS", "Kind", "Motion", "Row", "transversals"]
+__all__ = ["KINDS", "ElementaryMotion", "Kind", "Row", "transversals"]

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, slide, transversals, turn
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, slide, transversals, turn
 from linkwork.mechanism import CylindricalJoint
 
 
-def motions(joint: CylindricalJoint) -> tuple[Motion, ...]:
+def motions(joint: CylindricalJoint) -> tuple[ElementaryMotion, ...]:
     return (turn(joint.axis), slide(joint.axis))
 
 

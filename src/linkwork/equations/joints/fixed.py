@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row
 from linkwork.mechanism import FixedJoint
 
 X, Y, Z = np.eye(3)
 
 
-def motions(joint: FixedJoint) -> tuple[Motion, ...]:
+def motions(joint: FixedJoint) -> tuple[ElementaryMotion, ...]:
     return ()
 
 

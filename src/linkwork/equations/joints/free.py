@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, slide
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, slide
 from linkwork.mechanism import FreeJoint
 
 
-def motions(joint: FreeJoint) -> tuple[Motion, ...]:
-    return (*map(slide, np.eye(3)), Motion(ball=True))
+def motions(joint: FreeJoint) -> tuple[ElementaryMotion, ...]:
+    return (*map(slide, np.eye(3)), ElementaryMotion(ball=True))
 
 
 def rows(joint: FreeJoint, preferred: np.ndarray) -> tuple[Row, ...]:

@@ -12,7 +12,7 @@ from linkwork.equations.algebra import Number, Vector, present
 
 
 @dataclass(frozen=True)
-class Motion:
+class ElementaryMotion:
     """Describe an elementary motion: turn about and slide along constant axes, or turn freely
     (`ball`).
 
@@ -41,9 +41,9 @@ class Motion:
     def rates(self) -> int:
         return 3 if self.ball else 1
 
-    def reversed(self) -> Motion:
+    def reversed(self) -> ElementaryMotion:
         """Return the motion of the inner frame seen from the outer one, for the same coordinate."""
-        return self if self.ball else Motion(-self.turn, -self.slide)
+        return self if self.ball else ElementaryMotion(-self.turn, -self.slide)
 
 
 @dataclass(frozen=True)
@@ -85,16 +85,16 @@ class Kind:
     exchanged
     """
 
-    motions: Callable[[Any], tuple[Motion, ...]]
+    motions: Callable[[Any], tuple[ElementaryMotion, ...]]
     rows: Callable[[Any, np.ndarray], tuple[Row, ...]]
 
 
-def turn(axis: object) -> Motion:
-    return Motion(turn=np.array(axis, float))
+def turn(axis: object) -> ElementaryMotion:
+    return ElementaryMotion(turn=np.array(axis, float))
 
 
-def slide(axis: object) -> Motion:
-    return Motion(slide=np.array(axis, float))
+def slide(axis: object) -> ElementaryMotion:
+    return ElementaryMotion(slide=np.array(axis, float))
 
 
 def coincident(preferred: np.ndarray) -> tuple[Row, ...]:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, slide, turn
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, slide, turn
 from linkwork.mechanism import PlanarJoint
 
 X, Y, Z = np.eye(3)
 
 
-def motions(joint: PlanarJoint) -> tuple[Motion, ...]:
+def motions(joint: PlanarJoint) -> tuple[ElementaryMotion, ...]:
     return (slide(X), slide(Y), turn(Z))
 
 

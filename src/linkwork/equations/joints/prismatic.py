@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, slide, transversals
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, slide, transversals
 from linkwork.mechanism import PrismaticJoint
 
 
-def motions(joint: PrismaticJoint) -> tuple[Motion, ...]:
+def motions(joint: PrismaticJoint) -> tuple[ElementaryMotion, ...]:
     return (slide(joint.axis),)
 
 

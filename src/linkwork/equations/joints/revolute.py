@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, transversals, turn
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, transversals, turn
 from linkwork.mechanism import RevoluteJoint
 
 
-def motions(joint: RevoluteJoint) -> tuple[Motion, ...]:
+def motions(joint: RevoluteJoint) -> tuple[ElementaryMotion, ...]:
     return (turn(joint.axis),)
 
 

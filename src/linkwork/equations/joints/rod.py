@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row
 from linkwork.mechanism import RodJoint
 
 
-def motions(joint: RodJoint) -> tuple[Motion, ...]:
+def motions(joint: RodJoint) -> tuple[ElementaryMotion, ...]:
     return ()
 
 

@@ -13,12 +13,12 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.equations.algebra import present
-from linkwork.equations.joints.kind import Kind, Motion, Row, transversals
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, transversals
 from linkwork.mechanism import ScrewJoint
 
 
-def motions(joint: ScrewJoint) -> tuple[Motion, ...]:
-    return (Motion(turn=np.array(joint.axis), slide=joint.pitch * np.array(joint.axis)),)
+def motions(joint: ScrewJoint) -> tuple[ElementaryMotion, ...]:
+    return (ElementaryMotion(turn=np.array(joint.axis), slide=joint.pitch * np.array(joint.axis)),)
 
 
 def rows(joint: ScrewJoint, preferred: np.ndarray) -> tuple[Row, ...]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, coincident
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, coincident
 from linkwork.mechanism import SphericalJoint
 
 
-def motions(joint: SphericalJoint) -> tuple[Motion, ...]:
-    return (Motion(ball=True),)
+def motions(joint: SphericalJoint) -> tuple[ElementaryMotion, ...]:
+    return (ElementaryMotion(ball=True),)
 
 
 def rows(joint: SphericalJoint, preferred: np.ndarray) -> tuple[Row, ...]:

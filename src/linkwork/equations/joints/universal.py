@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import Kind, Motion, Row, coincident, turn
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, coincident, turn
 from linkwork.mechanism import UniversalJoint
 
 
-def motions(joint: UniversalJoint) -> tuple[Motion, ...]:
+def motions(joint: UniversalJoint) -> tuple[ElementaryMotion, ...]:
     return tuple(turn(axis) for axis in joint.axes)
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf.tree import Node, Piece, Tree
+from linkwork.formats.mjcf.tree import ModelBody, ModelTree, Piece
 from linkwork.formats.names import FreeNames
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -89,12 +89,12 @@ class Joints:
     balls: dict[str, str] = field(default_factory=dict)
     floats: dict[str, str] = field(default_factory=dict)
     last: dict[str, str] = field(default_factory=dict)
-    groups: dict[str, Group] = field(default_factory=dict)
+    groups: dict[str, JointGroup] = field(default_factory=dict)
     screws: set[str] = field(default_factory=set)
 
 
 @dataclass(frozen=True)
-class Group:
+class JointGroup:
     """Hold one joint to be: its type, its pieces with the freedom that each brings, its frames at
     qpos0, its fields."""
 
@@ -113,7 +113,7 @@ class Group:
         """Return the axes of F1 in the body at qpos0, (3, 3)."""
         return self.first[:3, :3]
 
-    def reversed(self) -> Group:
+    def reversed(self) -> JointGroup:
         """Return the joint from the body to its parent, made of pieces that were turned round."""
         pieces, freedoms = self.pieces[::-1], self.freedoms[::-1]
         return replace(
@@ -122,7 +122,7 @@ class Group:
 
 
 def read_joints(
-    tree: Tree,
+    tree: ModelTree,
     couplings: Mapping[str, Coupling],
     drives: Mapping[str, DrivenBall],
     names: FreeNames,
@@ -165,7 +165,7 @@ def read_joints(
     return made
 
 
-def _joint(group: Group, connects: tuple[str, str], place: np.ndarray, name: str) -> PairJoint:
+def _joint(group: JointGroup, connects: tuple[str, str], place: np.ndarray, name: str) -> PairJoint:
     element = group.pieces[0].element
     frames = Frame(), Frame()
     if group.pieces[0].kind != "free":
@@ -180,7 +180,7 @@ def _joint(group: Group, connects: tuple[str, str], place: np.ndarray, name: str
     return element.make(group.type, connects=ends, frames=frames, **fields, **_effects(group))
 
 
-def _effects(group: Group) -> dict[str, Any]:
+def _effects(group: JointGroup) -> dict[str, Any]:
     """Return friction, spring, limits and rotor inertia as the fields of the joint; a free joint
     has them in every freedom."""
     parts = list(zip(group.freedoms, group.pieces, strict=True))
@@ -202,7 +202,7 @@ def _plain(value: Any) -> Any:
     return poses.triple(value) if isinstance(value, np.ndarray) else value
 
 
-def _record(made: Joints, group: Group, name: str) -> None:
+def _record(made: Joints, group: JointGroup, name: str) -> None:
     """Note the coordinates of the pieces by order and by name."""
     coordinates = made.joints[name].coordinates(name)
     for freedom, piece in zip(group.freedoms, group.pieces, strict=True):
@@ -226,11 +226,11 @@ def _record(made: Joints, group: Group, name: str) -> None:
 
 
 def _groups(
-    node: Node,
+    node: ModelBody,
     couplings: Mapping[str, Coupling],
     drives: Mapping[str, DrivenBall],
     screws: set[str],
-) -> list[Group]:
+) -> list[JointGroup]:
     """Split a body's joints into groups, each one joint of the mechanism."""
     groups, start = [], 0
     while start < len(node.pieces):
@@ -241,7 +241,7 @@ def _groups(
     return groups
 
 
-def _several(pieces: list[Piece]) -> Group | None:
+def _several(pieces: list[Piece]) -> JointGroup | None:
     """Return the joint that the first few pieces are together, as they stand or written from the
     second body."""
     group = _free(pieces[:4]) or _planar(pieces[:3]) or _pair(pieces[:2])
@@ -265,19 +265,19 @@ def _common_name(pieces: list[Piece], freedoms: tuple[str, ...]) -> tuple[bool, 
     return bool(base) and names == [f"{base}.{freedom}" for freedom in freedoms], base
 
 
-def _single(piece: Piece, drives: Mapping[str, DrivenBall]) -> Group:
+def _single(piece: Piece, drives: Mapping[str, DrivenBall]) -> JointGroup:
     at = poses.shift(piece.anchor)
     match piece.kind:
         case "hinge":
             motion, fields = poses.turn(piece.axis, piece.ref), {"axis": piece.axis}
-            return Group(RevoluteJoint, piece.name, (piece,), ("angle",), at, motion, fields)
+            return JointGroup(RevoluteJoint, piece.name, (piece,), ("angle",), at, motion, fields)
         case "slide":
             motion, fields = poses.shift(piece.ref * piece.axis), {"axis": piece.axis}
-            return Group(PrismaticJoint, piece.name, (piece,), ("slide",), at, motion, fields)
+            return JointGroup(PrismaticJoint, piece.name, (piece,), ("slide",), at, motion, fields)
         case "ball":
             drive = drives.get(piece.name or "", DrivenBall(np.eye(3)))
             first = poses.pose(piece.anchor, drive.axes)
-            return Group(
+            return JointGroup(
                 SphericalJoint,
                 piece.name,
                 (piece,),
@@ -286,10 +286,10 @@ def _single(piece: Piece, drives: Mapping[str, DrivenBall]) -> Group:
                 np.eye(4),
                 backwards=drive.from_body,
             )
-    return Group(FreeJoint, piece.name, (piece,), ("turn",), np.eye(4), np.eye(4))
+    return JointGroup(FreeJoint, piece.name, (piece,), ("turn",), np.eye(4), np.eye(4))
 
 
-def _pair(pieces: list[Piece]) -> Group | None:
+def _pair(pieces: list[Piece]) -> JointGroup | None:
     """Return a universal or cylindrical joint, if two pieces are one."""
     kinds = tuple(piece.kind for piece in pieces)
     if kinds == ("hinge", "hinge"):
@@ -303,12 +303,12 @@ def _pair(pieces: list[Piece]) -> Group | None:
     hinge, slide = pieces if kinds[0] == "hinge" else pieces[::-1]
     motion = poses.turn(hinge.axis, hinge.ref) @ poses.shift(slide.ref * hinge.axis)
     fields = {"axis": hinge.axis}
-    return Group(
+    return JointGroup(
         CylindricalJoint, name, tuple(pieces), freedoms, poses.shift(hinge.anchor), motion, fields
     )
 
 
-def _universal(one: Piece, two: Piece) -> Group | None:
+def _universal(one: Piece, two: Piece) -> JointGroup | None:
     normal, apart = np.cross(one.axis, two.axis), two.anchor - one.anchor
     crossing = abs(one.axis @ two.axis) < NEAR and abs(apart @ normal) < NEAR * (
         1 + np.linalg.norm(apart)
@@ -321,10 +321,12 @@ def _universal(one: Piece, two: Piece) -> Group | None:
     second = poses.turn(one.axis, -one.ref)[:3, :3] @ two.axis
     motion = poses.turn(one.axis, one.ref) @ poses.turn(second, two.ref)
     fields = {"axes": (one.axis, second)}
-    return Group(UniversalJoint, name, (one, two), freedoms, poses.shift(centre), motion, fields)
+    return JointGroup(
+        UniversalJoint, name, (one, two), freedoms, poses.shift(centre), motion, fields
+    )
 
 
-def _planar(pieces: list[Piece]) -> Group | None:
+def _planar(pieces: list[Piece]) -> JointGroup | None:
     if [piece.kind for piece in pieces] != ["slide", "slide", "hinge"]:
         return None
     one, two, hinge = pieces
@@ -341,10 +343,10 @@ def _planar(pieces: list[Piece]) -> Group | None:
         at_hinge @ poses.shift(-slid),
         poses.shift(slid) @ poses.turn((0.0, 0.0, 1.0), hinge.ref),
     )
-    return Group(PlanarJoint, name, tuple(pieces), freedoms, first, motion)
+    return JointGroup(PlanarJoint, name, tuple(pieces), freedoms, first, motion)
 
 
-def _free(pieces: list[Piece]) -> Group | None:
+def _free(pieces: list[Piece]) -> JointGroup | None:
     """Return a free joint, if three slides and a ball are one."""
     if [piece.kind for piece in pieces] != ["slide", "slide", "slide", "ball"]:
         return None
@@ -355,12 +357,12 @@ def _free(pieces: list[Piece]) -> Group | None:
         return None
     slid = np.array([piece.ref for piece in pieces[:3]])
     first = poses.pose(pieces[3].anchor, E) @ poses.shift(-slid)
-    return Group(FreeJoint, name, tuple(pieces), freedoms, first, poses.shift(slid))
+    return JointGroup(FreeJoint, name, tuple(pieces), freedoms, first, poses.shift(slid))
 
 
 def _screw(
     pieces: list[Piece], couplings: Mapping[str, Coupling], screws: set[str]
-) -> Group | None:
+) -> JointGroup | None:
     """Return a screw, if the slide of a hinge and a slide follows the hinge by a joint equality and
     has no effects."""
     if {piece.kind for piece in pieces} != {"hinge", "slide"} or not _parallel(
@@ -378,7 +380,7 @@ def _screw(
     fields = {"axis": hinge.axis, "pitch": coupling.ratio}
     freedoms = tuple("angle" if piece is hinge else "" for piece in pieces)
     at = poses.shift(hinge.anchor)
-    return Group(
+    return JointGroup(
         ScrewJoint, hinge.name, tuple(pieces), freedoms, at, motion, fields, coupling.offset
     )
 

@@ -24,7 +24,7 @@ import numpy as np
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import Document, flag
 from linkwork.formats.mjcf.joints import Coupling, Joints
-from linkwork.formats.mjcf.tree import Tree, plane_normal
+from linkwork.formats.mjcf.tree import ModelTree, plane_normal
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -47,7 +47,7 @@ POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Tie:
+class Equality:
     """Hold a connect or weld: the two bodies, and the frames in them that meet (of a connect only
     the origins count)."""
 
@@ -60,12 +60,12 @@ class Tie:
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         return self.frames[0][:3, 3], self.frames[1][:3, 3]
 
-    def between(self, bodies: tuple[str, str]) -> Tie:
+    def between(self, bodies: tuple[str, str]) -> Equality:
         """Return the same tie with the bodies in a given order."""
         return (
             self
             if self.bodies == bodies
-            else Tie(self.element, bodies, (self.frames[1], self.frames[0]), self.sites)
+            else Equality(self.element, bodies, (self.frames[1], self.frames[0]), self.sites)
         )
 
 
@@ -73,8 +73,8 @@ class Tie:
 class Ties:
     """Hold what closes loops or pulls, as far as it was understood."""
 
-    points: list[Tie] = field(default_factory=list)
-    welds: list[Tie] = field(default_factory=list)
+    points: list[Equality] = field(default_factory=list)
+    welds: list[Equality] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
     tendons: list[Element] = field(default_factory=list)
     sites: set[str] = field(default_factory=set)
@@ -83,7 +83,7 @@ class Ties:
 class LoopReader:
     """Read the sections <equality> and <tendon> of a document whose tree is known."""
 
-    def __init__(self, document: Document, tree: Tree, notes: Notes):
+    def __init__(self, document: Document, tree: ModelTree, notes: Notes):
         self.document, self.tree, self.notes = document, tree, notes
         self.at_zero, self.at_rest = tree.poses(), tree.poses(tree.positions(springs=True))
         self.pieces = {piece.name: piece for _, piece in tree.pieces() if piece.name}
@@ -118,19 +118,21 @@ class LoopReader:
 
     # -------------------------------------------------------------------------------- connect, weld
 
-    def _tie(self, element: Element) -> Tie:
+    def _tie(self, element: Element) -> Equality:
         if "site1" in element.attributes:
             names = element.text("site1"), element.text("site2")
             ends = [self.site(element, name) for name in names]
             return self._checked(
-                Tie(element, (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1]), names)
+                Equality(element, (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1]), names)
             )
         one = self.body(element, element.text("body1"))
         two = self.body(element, element.attributes.get("body2", "world"))
         across = poses.inverse(self.at_zero[one]) @ self.at_zero[two]
         if element.tag == "connect":
             near = poses.shift(element.vector("anchor"))
-            return self._checked(Tie(element, (one, two), (near, poses.inverse(across) @ near)))
+            return self._checked(
+                Equality(element, (one, two), (near, poses.inverse(across) @ near))
+            )
         far = poses.shift(element.vector("anchor", (0.0, 0.0, 0.0)))
         relative = element.numbers("relpose", (7,), (0.0,) * 7)
         given = np.linalg.norm(relative[3:]) > 0
@@ -139,9 +141,9 @@ class LoopReader:
             if given
             else across @ far
         )
-        return self._checked(Tie(element, (one, two), (near, far)))
+        return self._checked(Equality(element, (one, two), (near, far)))
 
-    def _checked(self, tie: Tie) -> Tie:
+    def _checked(self, tie: Equality) -> Equality:
         if tie.bodies[0] == tie.bodies[1]:
             raise tie.element.refusal(f"holds {tie.bodies[0]!r} to itself; name two bodies")
         return tie
@@ -159,7 +161,7 @@ class LoopReader:
     def closing(self, ties: Ties, names: FreeNames) -> dict[str, PairJoint]:
         """Return the joints that connects and welds are."""
         made: dict[str, PairJoint] = {}
-        pairs: dict[frozenset[str], list[Tie]] = {}
+        pairs: dict[frozenset[str], list[Equality]] = {}
         for tie in ties.points:
             pairs.setdefault(frozenset(tie.bodies), []).append(tie)
         for group in pairs.values():
@@ -170,7 +172,7 @@ class LoopReader:
             made[names.give(tie_name(tie))] = FixedJoint(connects=tie.bodies, frames=frames)
         return made
 
-    def _connected(self, ties: list[Tie]) -> list[tuple[str, PairJoint]]:
+    def _connected(self, ties: list[Equality]) -> list[tuple[str, PairJoint]]:
         """Return the one joint that several connects of the same two bodies are, or one spherical
         joint for each."""
         connects, name = ties[0].bodies, tie_name(ties[0])
@@ -221,7 +223,7 @@ class LoopReader:
         )
         return RevoluteJoint(connects=connects, frames=frames)
 
-    def _ball(self, tie: Tie) -> PairJoint:
+    def _ball(self, tie: Equality) -> PairJoint:
         """Return a spherical joint, at rest where the bodies stand at qpos0; a revolute one in a
         planar loop."""
         normal = self._normal(tie.bodies)
@@ -308,11 +310,8 @@ class LoopReader:
             )
         joint = joints.joints[label]
         piece = self.pieces[coupling.joint]
-        motion = (
-            poses.turn(joint.axis, value)
-            if piece.kind == "hinge"
-            else poses.shift(value * np.array(joint.axis))
-        )  # pyright: ignore
+        axis = np.array(joint.axis)  # pyright: ignore
+        motion = poses.turn(axis, value) if piece.kind == "hinge" else poses.shift(value * axis)
         first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
 
@@ -443,7 +442,7 @@ def _pulls(tendon: Element) -> bool:
     return any(any(tendon.numbers(key, (1, 2, 3), (0.0,))) for key in ("stiffness", "damping"))
 
 
-def tie_name(tie: Tie) -> str:
+def tie_name(tie: Equality) -> str:
     """Return the name of a joint from its equality; the connects of an exported joint share what
     stands before the dot."""
     name = tie.element.attributes.get("name")

@@ -16,9 +16,9 @@ from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.joints import Coupling, DrivenBall, Joints, read_joints
-from linkwork.formats.mjcf.loops import LoopReader, Tie, Ties
+from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.survey import survey
-from linkwork.formats.mjcf.tree import COORDINATES, Tree, read_tree
+from linkwork.formats.mjcf.tree import COORDINATES, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -121,7 +121,7 @@ def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
 
 
 def _join_parts(
-    tree: Tree, ties: Ties, joints: Joints, bodies: dict[str, Body], tendon_sites: set[str]
+    tree: ModelTree, ties: Ties, joints: Joints, bodies: dict[str, Body], tendon_sites: set[str]
 ) -> None:
     """Make one body of the parts that an export made of it.
 
@@ -159,7 +159,7 @@ def _join_parts(
         ties.welds.remove(weld)
 
 
-def _is_part(tree: Tree, weld: Tie, body: str) -> bool:
+def _is_part(tree: ModelTree, weld: Equality, body: str) -> bool:
     whole = weld.bodies[0] if weld.bodies[1] == body else weld.bodies[1]
     names = [tree.nodes[name].raw if name in tree.nodes else None for name in (whole, body)]
     return None not in names and str(names[1]).startswith(f"{names[0]}.")
@@ -262,7 +262,7 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
 
 
 def _reference(
-    document: Document, tree: Tree, joints: Joints, closing: dict[str, PairJoint]
+    document: Document, tree: ModelTree, joints: Joints, closing: dict[str, PairJoint]
 ) -> dict[str, float]:
     """Return the joint coordinates of the keyframe "home", or those of qpos0; what is at zero is
     left out."""

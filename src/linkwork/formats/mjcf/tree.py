@@ -91,7 +91,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Node:
+class ModelBody:
     """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass, its
     shapes."""
 
@@ -106,17 +106,17 @@ class Node:
 
 
 @dataclass
-class Tree:
+class ModelTree:
     """Hold the bodies in MuJoCo's order, parents first, and the named sites: body, pose
     X_body_site."""
 
-    nodes: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, ModelBody] = field(default_factory=dict)
     sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
     bodies: dict[str, str] = field(
         default_factory=lambda: {WORLD: GROUND}
     )  # name in the file -> name here
 
-    def chain(self, body: str) -> list[Node]:
+    def chain(self, body: str) -> list[ModelBody]:
         """Return the bodies from a body to the one that stands in ground."""
         chain = []
         while body != GROUND:
@@ -159,7 +159,7 @@ class Tree:
                     found[number] = np.array([piece.springref if springs else piece.ref])
         return found
 
-    def pieces(self) -> list[tuple[Node, Piece]]:
+    def pieces(self) -> list[tuple[ModelBody, Piece]]:
         """Return all joints with their bodies, in the order of qpos."""
         return [(node, piece) for node in self.nodes.values() for piece in node.pieces]
 
@@ -185,9 +185,9 @@ def plane_normal(motions: Iterable[tuple[Kind, np.ndarray]]) -> np.ndarray | Non
     return z if flat else None
 
 
-def read_tree(document: Document, notes: Notes) -> Tree:
+def read_tree(document: Document, notes: Notes) -> ModelTree:
     """Read all bodies of a document."""
-    reader = _Reader(document, notes)
+    reader = TreeReader(document, notes)
     for world in document.root.each("worldbody"):
         reader.contents(world, GROUND, world.attributes.get("childclass", MAIN), np.eye(4))
     return reader.finished()
@@ -202,14 +202,14 @@ class _Parts:
     inertial: Element | None = None
 
 
-class _Reader:
+class TreeReader:
     def __init__(self, document: Document, notes: Notes):
-        self.document, self.notes, self.tree = document, notes, Tree()
+        self.document, self.notes, self.tree = document, notes, ModelTree()
         self.names = FreeNames(notes, (GROUND,))
         self.joints: set[str] = set()
         self.materials = materials_of(document)
 
-    def finished(self) -> Tree:
+    def finished(self) -> ModelTree:
         total = self.document.compiler.total_mass
         mass = sum(node.solid.mass for node in self.tree.nodes.values())
         if total > 0 and mass > 0:
@@ -226,7 +226,7 @@ class _Reader:
         if raw:
             self.tree.bodies[raw] = name
         parts, place = _Parts(), X @ self.document.pose(element)
-        self.tree.nodes[name] = Node(
+        self.tree.nodes[name] = ModelBody(
             name, raw, parent, place, element, (), Solid(0.0, np.zeros(3), np.zeros((3, 3)))
         )
         self.contents(
@@ -239,7 +239,7 @@ class _Reader:
                 "a free joint is the only joint of a body that stands directly in the world"
             )
         pieces, solid = tuple(parts.pieces), self.solid(element, parts)
-        self.tree.nodes[name] = Node(
+        self.tree.nodes[name] = ModelBody(
             name, raw, parent, place, element, pieces, solid, self.shapes(parts)
         )
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.mjcf.geoms import BETWEEN, size_of
-from linkwork.formats.mjcf.plan import ADVANCE, Home, Move, Plan, Seat, Tie, plan
+from linkwork.formats.mjcf.model_plan import ADVANCE, Home, ModelPlan, ModelTie, Move, Seat, plan
 from linkwork.formats.mjcf.tree import UNLIMITED, WORLD
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import (
@@ -95,20 +95,20 @@ def home_of(mechanism: Mechanism) -> Home:
 
 
 def to_mjcf(
-    mechanism: Mechanism, home: Home, held: Plan | None = None
+    mechanism: Mechanism, home: Home, held: ModelPlan | None = None
 ) -> tuple[str, tuple[str, ...]]:
     """Return the text of an MJCF file and notes.
 
     Args:
         home: a configuration in which the loops are closed.
-        held: how the file is to hold the mechanism, as `plan` says it from this home.
+        held: how the file is to hold the mechanism, as `model_plan` says it from this home.
     """
     notes = Notes()
     return _Writer(mechanism, home, held or plan(mechanism, home), notes).text(), notes.sentences()
 
 
 class _Writer:
-    def __init__(self, mechanism: Mechanism, home: Home, plan: Plan, notes: Notes):
+    def __init__(self, mechanism: Mechanism, home: Home, plan: ModelPlan, notes: Notes):
         self.mechanism, self.home, self.plan, self.notes = mechanism, home, plan, notes
         self.size = home.size(mechanism)
         self.elements: dict[str, ET.Element] = {}
@@ -308,7 +308,7 @@ class _Writer:
 
     # ----------------------------------------------------------------------------------------- ties
 
-    def _tie(self, tie: Tie) -> None:
+    def _tie(self, tie: ModelTie) -> None:
         one, two = (WORLD if seat == GROUND else seat for seat in tie.seats)
         match tie.kind:
             case "connect":

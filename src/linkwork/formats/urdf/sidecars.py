@@ -46,7 +46,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     SphericalJoint,
 )
-from linkwork.mechanism.document import Node, read_document
+from linkwork.mechanism.document import DocumentNode, read_document
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 LAAS = re.compile(r"^(closed_loop|name_mot|joint_name)\s*:", re.MULTILINE)
@@ -197,7 +197,7 @@ class _Laas:
     def __init__(self, path: Path, model: UrdfModel, notes: Notes):
         self.path, self.model, self.notes = path, model, notes
         try:
-            self.node: Node = read_document(xml.contents(path).decode("utf-8"))
+            self.node: DocumentNode = read_document(xml.contents(path).decode("utf-8"))
         except UnicodeDecodeError:
             raise MechanismError(f"{path}: is not UTF-8 text") from None
         except MechanismError as error:

@@ -16,7 +16,7 @@ from linkwork.lab.engines.interface import EngineRun, checked
 from linkwork.lab.engines.motion import BodyMotion, JointMotion, places, read_joints
 from linkwork.lab.engines.rewrite import with_free_joints, with_links
 from linkwork.lab.engines.start import Guess, bodies_at, with_link_motion
-from linkwork.lab.engines.tree import Tree, spanning_tree
+from linkwork.lab.engines.tree import EngineTree, spanning_tree
 from linkwork.mechanism import Mechanism
 
 
@@ -35,7 +35,7 @@ class Carried:
 
     mechanism: Mechanism
     hanging: Mechanism
-    tree: Tree
+    tree: EngineTree
     hung: tuple[str, ...]
     whole: Mechanism
     guess: Guess

@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linkwork.formats.mjcf.plan import ADVANCE, Home, Plan
+from linkwork.formats.mjcf.model_plan import ADVANCE, Home, ModelPlan
 from linkwork.formats.mjcf.writer import home_of
 from linkwork.lab.engines.carried import Carried
 from linkwork.lab.engines.joints import Edge, Step, edge
 from linkwork.lab.engines.motion import BodyMotion, Moving, along_tree, applied, read_joints
 from linkwork.lab.engines.start import with_link_motion
-from linkwork.lab.engines.tree import Tree
-from linkwork.lab.engines.vectors import JointForces, Span, Vectors
+from linkwork.lab.engines.tree import EngineTree
+from linkwork.lab.engines.vectors import JointForces, StepPlaces, Vectors
 from linkwork.mechanism import GROUND, Mechanism
 
 QUATERNION = (0, 1, 2, 3)  # places of w, x, y, z
@@ -50,12 +50,12 @@ class Layout:
     """
 
     carried: Carried
-    tree: Tree
+    tree: EngineTree
     vectors: Vectors
     joint_forces: JointForces
     q: np.ndarray
     v: np.ndarray
-    balls: tuple[tuple[Span, np.ndarray, np.ndarray], ...]
+    balls: tuple[tuple[StepPlaces, np.ndarray, np.ndarray], ...]
     floats: Mapping[str, tuple[slice, slice]]
     sizes: tuple[int, int]
 
@@ -142,7 +142,7 @@ def home_with_links(carried: Carried) -> Home:
     return Home({GROUND: np.eye(4), **dict(placed)}, {**coordinates, **home.coordinates})
 
 
-def layout(carried: Carried, outside: Mechanism, home: Home, plan: Plan, model: Any) -> Layout:
+def layout(carried: Carried, outside: Mechanism, home: Home, plan: ModelPlan, model: Any) -> Layout:
     """Lay out an exported model.
 
     Args:
@@ -175,7 +175,7 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: Plan, model: 
     vectors = Vectors.of(outside, found, QUATERNION)
     return Layout(
         carried=carried,
-        tree=Tree(tuple(items[name] for name in plan.tree), (), frozenset()),
+        tree=EngineTree(tuple(items[name] for name in plan.tree), (), frozenset()),
         vectors=vectors,
         joint_forces=JointForces.of(vectors),
         q=np.concatenate(q),
@@ -186,7 +186,7 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: Plan, model: 
     )
 
 
-def outward(item: Edge, plan: Plan) -> Edge:
+def outward(item: Edge, plan: ModelPlan) -> Edge:
     """Return a joint seen from the body that carries the other one in the model."""
     if item.joint in plan.tree:
         return item if item.bodies == plan.tree[item.joint] else item.reversed()

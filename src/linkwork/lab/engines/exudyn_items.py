@@ -22,7 +22,7 @@ from linkwork.lab.engines.interface import Forces, load_engine
 from linkwork.lab.engines.joints import Edge, Step, edge
 from linkwork.lab.engines.motion import BodyMotion, along_tree
 from linkwork.lab.engines.rewrite import inertia_tensor
-from linkwork.lab.engines.tree import Tree
+from linkwork.lab.engines.tree import EngineTree
 from linkwork.lab.engines.vectors import effects
 from linkwork.mechanism import GROUND, Friction, GearJoint, Mechanism, PointSpring, Spring
 
@@ -58,7 +58,7 @@ class BuiltSystem:
 
 def scene(
     mechanism: Mechanism,
-    tree: Tree,
+    tree: EngineTree,
     start: BodyMotion,
     positions: np.ndarray,
     rates: np.ndarray,
@@ -112,7 +112,9 @@ def scene(
 # Bodies
 
 
-def bodies(system: Any, mechanism: Mechanism, tree: Tree, start: BodyMotion) -> dict[str, Seat]:
+def bodies(
+    system: Any, mechanism: Mechanism, tree: EngineTree, start: BodyMotion
+) -> dict[str, Seat]:
     """Add the ground and the bodies at their initial poses and twists."""
     zero = np.zeros(len(mechanism.coordinates))
     zero[[label.endswith(".qw") for label in mechanism.coordinates]] = 1.0

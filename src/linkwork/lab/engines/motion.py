@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from linkwork.lab.engines.joints import Edge, Step, coordinates_at, edge, gaps, rate_rows
-from linkwork.lab.engines.tree import Tree
+from linkwork.lab.engines.tree import EngineTree
 from linkwork.mechanism import GROUND, Mechanism
 
 
@@ -153,7 +153,7 @@ def rotations(found: Rotation, like: np.ndarray) -> np.ndarray:
 
 def along_tree(
     mechanism: Mechanism,
-    tree: Tree,
+    tree: EngineTree,
     positions: np.ndarray,
     rates: np.ndarray,
     accelerations: np.ndarray | None = None,

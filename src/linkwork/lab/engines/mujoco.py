@@ -4,7 +4,7 @@ constraints.
     M v' + h = S' u + J' f,  J v' + gamma + R f = -b r' - k r  (r: the gaps, R: MuJoCo's
     regularisation)
 
-`linkwork.formats.mjcf.plan` says how MJCF holds a mechanism. Two things are put in other words
+`linkwork.formats.mjcf.model_plan` says how MJCF holds a mechanism. Two things are put in other words
 first: rods are links with borrowed mass (a tendon between their ends would lack gamma), and Coulomb
 friction and the springs of balls, which MuJoCo takes otherwise, are forces added from outside.
 
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.formats.mjcf.plan import plan
+from linkwork.formats.mjcf.model_plan import plan
 from linkwork.formats.mjcf.writer import to_mjcf
 from linkwork.lab.engines.carried import carry, joints_of, run_of
 from linkwork.lab.engines.exported import home_with_links, layout

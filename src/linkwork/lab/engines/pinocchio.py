@@ -33,10 +33,10 @@ from linkwork.lab.engines.interface import (
     load_engine,
 )
 from linkwork.lab.engines.joints import Edge, Step, turn_z_to
-from linkwork.lab.engines.plan import plan
 from linkwork.lab.engines.rewrite import inertia_tensor
 from linkwork.lab.engines.start import Guess
-from linkwork.lab.engines.tree import Branch, Tie
+from linkwork.lab.engines.tied_tree import plan
+from linkwork.lab.engines.tree import CarriedPart, EngineTie
 from linkwork.mechanism import GROUND, Mechanism, PointSpring
 
 pin = load_engine("pinocchio", "Pinocchio")
@@ -105,7 +105,7 @@ class PinocchioEngine:
         """Return for each actuator its place among the model's rates."""
         return self.plan.drives.places
 
-    def _grow(self, branch: Branch) -> None:
+    def _grow(self, branch: CarriedPart) -> None:
         """Add a joint and the part of a body that it carries."""
         item = branch.edge
         joint, pose = self.seats[item.bodies[0]]
@@ -121,7 +121,7 @@ class PinocchioEngine:
         self.model.appendBodyToJoint(joint, inertia, pose)
         self.seats[branch.part] = joint, pose
 
-    def _closure(self, tie: Tie) -> object:
+    def _closure(self, tie: EngineTie) -> object:
         kind = {"point": pin.ContactType.CONTACT_3D, "weld": pin.ContactType.CONTACT_6D}[tie.kind]
         (first, pose), (second, place) = (self.seats[part] for part in tie.parts)
         near, far = pose * pin.SE3(tie.frames[0]), place * pin.SE3(tie.frames[1])

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from linkwork.lab.engines.interface import EngineError
 from linkwork.lab.engines.joints import gaps, held_rows, upright
 from linkwork.lab.engines.motion import BodyMotion, along_tree, applied
-from linkwork.lab.engines.tree import Tree
+from linkwork.lab.engines.tree import EngineTree
 from linkwork.mechanism import Mechanism, RodJoint
 
 CLOSED = 1e-12
@@ -27,7 +27,7 @@ Guess = Mapping[str, np.ndarray]
 
 def bodies_at(
     mechanism: Mechanism,
-    tree: Tree,
+    tree: EngineTree,
     positions: np.ndarray,
     rates: np.ndarray,
     hung: Sequence[str],
@@ -65,7 +65,7 @@ def bodies_at(
 
 
 def closure(
-    mechanism: Mechanism, tree: Tree, positions: np.ndarray
+    mechanism: Mechanism, tree: EngineTree, positions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the gaps (h,) of the cut joints and the rows (h, nv) by which all joint rates open
     them."""

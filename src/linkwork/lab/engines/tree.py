@@ -25,7 +25,7 @@ UNTIED = {"prismatic", "screw", "cylindrical", "universal", "planar"}
 
 
 @dataclass(frozen=True)
-class Tree:
+class EngineTree:
     """Split the joints that connect bodies.
 
     Attributes:
@@ -69,7 +69,7 @@ def has_forces(joint: PairJoint) -> bool:
     )
 
 
-def spanning_tree(mechanism: Mechanism) -> Tree:
+def spanning_tree(mechanism: Mechanism) -> EngineTree:
     """Choose a minimum spanning tree from ground by Prim's rule; rods never enter.
 
     Fixed joints enter first, then geared joints, screws and those with rotors, then those with
@@ -109,7 +109,7 @@ def spanning_tree(mechanism: Mechanism) -> Tree:
         ]
 
     cuts = [item for name, item in edges.items() if name not in chosen]
-    return Tree(
+    return EngineTree(
         edges=tuple(below(GROUND)),
         cuts=tuple(cut if cut.bodies[1] != GROUND else cut.reversed() for cut in cuts),
         carried=frozenset(
@@ -120,7 +120,7 @@ def spanning_tree(mechanism: Mechanism) -> Tree:
     )
 
 
-def planar_loop(tree: Tree, cut: Edge) -> bool:
+def planar_loop(tree: EngineTree, cut: Edge) -> bool:
     """Tell whether a revolute cut joint closes a planar loop: turns about parallel axes, slides
     across them.
 
@@ -150,7 +150,7 @@ def planar_loop(tree: Tree, cut: Edge) -> bool:
 
 
 @dataclass(frozen=True)
-class Branch:
+class CarriedPart:
     """Carry one part of a body on a joint: the part's name and its share of the body's mass and
     inertia."""
 
@@ -160,7 +160,7 @@ class Branch:
 
 
 @dataclass(frozen=True)
-class Tie:
+class EngineTie:
     """Close a loop between two parts of bodies: hold two points together, or two frames
     (a weld)."""
 
@@ -169,7 +169,7 @@ class Tie:
     frames: tuple[np.ndarray, np.ndarray]
 
 
-def branches(tree: Tree) -> tuple[Branch, ...]:
+def branches(tree: EngineTree) -> tuple[CarriedPart, ...]:
     """Return the joints of the tree and the carried ones, depth first, each with the part that it
     leads to.
 
@@ -178,9 +178,9 @@ def branches(tree: Tree) -> tuple[Branch, ...]:
     carried = [cut for cut in tree.cuts if cut.joint in tree.carried]
     parts = Counter((*(item.bodies[1] for item in tree.edges), *(cut.bodies[1] for cut in carried)))
 
-    def carried_by(body: str) -> list[Branch]:
+    def carried_by(body: str) -> list[CarriedPart]:
         return [
-            Branch(cut, part_of(cut), 1 / parts[cut.bodies[1]])
+            CarriedPart(cut, part_of(cut), 1 / parts[cut.bodies[1]])
             for cut in carried
             if cut.bodies[0] == body
         ]
@@ -188,11 +188,11 @@ def branches(tree: Tree) -> tuple[Branch, ...]:
     grown = carried_by(GROUND)
     for item in tree.edges:
         body = item.bodies[1]
-        grown += [Branch(item, body, 1 / parts[body]), *carried_by(body)]
+        grown += [CarriedPart(item, body, 1 / parts[body]), *carried_by(body)]
     return tuple(grown)
 
 
-def ties(tree: Tree) -> tuple[Tie, ...]:
+def ties(tree: EngineTree) -> tuple[EngineTie, ...]:
     """Return what closes the loops, apart from rods.
 
     A spherical joint ties one point, a revolute one one (planar loop) or two on its axis; the parts
@@ -202,12 +202,12 @@ def ties(tree: Tree) -> tuple[Tie, ...]:
     closed = []
     for cut in tree.cuts:
         if cut.joint in tree.carried:
-            closed.append(Tie("weld", (cut.bodies[1], part_of(cut)), (np.eye(4), np.eye(4))))
+            closed.append(EngineTie("weld", (cut.bodies[1], part_of(cut)), (np.eye(4), np.eye(4))))
         elif cut.kind in ("revolute", "spherical"):
             single = cut.kind == "spherical" or planar_loop(tree, cut)
             for arm in (0.0,) if single else (-ARM / 2, ARM / 2):
                 near, far = (frame @ along_z(arm) for frame in cut.frames)
-                closed.append(Tie("point", cut.bodies, (near, far)))
+                closed.append(EngineTie("point", cut.bodies, (near, far)))
     return tuple(closed)
 
 

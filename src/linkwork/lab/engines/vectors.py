@@ -28,7 +28,7 @@ Quaternion = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
-class Span:
+class StepPlaces:
     """Say where a step's coordinates are in q and its rates in v."""
 
     step: Step
@@ -41,7 +41,7 @@ class Drives:
     """Say which entries of v are driven, and which balls are among them."""
 
     places: np.ndarray
-    balls: tuple[Span, ...]
+    balls: tuple[StepPlaces, ...]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Vectors:
 
     mechanism: Mechanism
     order: Quaternion
-    spans: tuple[Span, ...]
+    spans: tuple[StepPlaces, ...]
 
     @classmethod
     def of(cls, mechanism: Mechanism, steps: Sequence[Step], order: Quaternion) -> Vectors:
@@ -65,12 +65,12 @@ class Vectors:
         spans, nq, nv = [], 0, 0
         for step in steps:
             ends = nq + len(step.coordinates), nv + len(step.rates)
-            spans.append(Span(step, slice(nq, ends[0]), slice(nv, ends[1])))
+            spans.append(StepPlaces(step, slice(nq, ends[0]), slice(nv, ends[1])))
             nq, nv = ends
         return cls(mechanism, order, tuple(spans))
 
     @cached_property
-    def balls(self) -> tuple[Span, ...]:
+    def balls(self) -> tuple[StepPlaces, ...]:
         """Return the spans of balls."""
         return tuple(span for span in self.spans if span.step.motion == "ball")
 
@@ -170,7 +170,7 @@ class Vectors:
             )
         return tau
 
-    def rotation(self, q: np.ndarray, ball: Span) -> np.ndarray:
+    def rotation(self, q: np.ndarray, ball: StepPlaces) -> np.ndarray:
         """Return the rotation matrices of a ball's quaternion in q, as the engine sees it."""
         parts = q[..., ball.q][..., list(self.order)]
         R = Rotation.from_quat(parts.reshape(-1, 4), scalar_first=True).as_matrix()
@@ -182,8 +182,10 @@ class JointForces:
     """Compute what springs, dampers and friction do in the joints of a tree, in an engine's
     vectors.
 
-    tau = -k (q - rest) - (c + F / sqrt(v^2 + r^2)) v;  a ball's q is its rotation vector and v^2 =
-    |v|^2. c is the viscous friction and the damping together. The form is the same for a ball seen from its other side or in other axes.
+    tau = -k (q - rest) - (c + F / sqrt(v^2 + r^2)) v
+
+    A ball's q is its rotation vector and v^2 = |v|^2; c is the viscous friction and the damping
+    together. The form is the same for a ball seen from its other side or in other axes.
 
     Attributes:
         rotors: the rotor inertia that belongs to each entry of v, (nv,).
@@ -197,7 +199,7 @@ class JointForces:
     at: np.ndarray
     moving: np.ndarray
     constants: np.ndarray
-    balls: tuple[tuple[Span, tuple[float, ...]], ...]
+    balls: tuple[tuple[StepPlaces, tuple[float, ...]], ...]
 
     @classmethod
     def of(cls, vectors: Vectors) -> JointForces:

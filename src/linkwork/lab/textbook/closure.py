@@ -19,7 +19,12 @@ import numpy as np
 from scipy.linalg import qr
 
 from linkwork.lab.textbook.geometry import rotation_vector, rotation_vector_rate
-from linkwork.lab.textbook.kinematics import Configuration, Motion, crossing, joint_motion
+from linkwork.lab.textbook.kinematics import (
+    Configuration,
+    MovingConfiguration,
+    crossing,
+    joint_motion,
+)
 
 
 def loop_poses(at: Configuration, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -62,7 +67,7 @@ def loop_jacobian(at: Configuration) -> np.ndarray:
     return np.vstack(rows)
 
 
-def loop_jacobian_rate(during: Motion) -> np.ndarray:
+def loop_jacobian_rate(during: MovingConfiguration) -> np.ndarray:
     """Return d/dt Phi of all loops along a motion in which the loops are closed (E = 1)."""
     at = during.at
     rows = [np.zeros((0, len(at.tree.moving)))]

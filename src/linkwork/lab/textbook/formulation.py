@@ -27,7 +27,7 @@ from linkwork.lab.textbook.closure import (
 from linkwork.lab.textbook.geometry import cross_matrix
 from linkwork.lab.textbook.kinematics import (
     Configuration,
-    Motion,
+    MovingConfiguration,
     SpanningTree,
     configuration,
     motion,
@@ -117,7 +117,7 @@ class Textbook:
         """Place the bodies and joint axes at q."""
         return configuration(self.tree, checked("q", q, self.m))
 
-    def motion(self, q: ArrayLike, qa_dot: ArrayLike) -> Motion:
+    def motion(self, q: ArrayLike, qa_dot: ArrayLike) -> MovingConfiguration:
         """Return the configuration with all rates, at the actuated joints' rates q_a' (n,)."""
         return motion(self.configuration(q), self.L(q) @ checked("qa_dot", qa_dot, self.n))
 

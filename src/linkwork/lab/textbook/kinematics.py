@@ -158,7 +158,7 @@ def configuration(tree: SpanningTree, q: np.ndarray) -> Configuration:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MovingConfiguration:
     """Hold a configuration with joint rates q' (m,) that keep the loops closed, and the rates S' of
     the unit twists."""
 
@@ -178,7 +178,7 @@ class Motion:
         )
 
 
-def motion(at: Configuration, rates: np.ndarray) -> Motion:
+def motion(at: Configuration, rates: np.ndarray) -> MovingConfiguration:
     """Let each joint's unit twist move with its first body."""
     S_rate = np.zeros_like(at.S)
     for j, name in enumerate(at.tree.moving):
@@ -186,4 +186,4 @@ def motion(at: Configuration, rates: np.ndarray) -> Motion:
         omega, v = map(cross_matrix, np.split(at.S @ (first * rates), 2))
         omega_j, v_j = np.split(at.S[:, j], 2)
         S_rate[:, j] = np.concatenate([omega @ omega_j, omega @ v_j + v @ omega_j])
-    return Motion(at, rates, S_rate)
+    return MovingConfiguration(at, rates, S_rate)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.equations.choosing import DETERMINED
+from linkwork.equations.chart_choice import DETERMINED
 from linkwork.robot import checks
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.reordering import evaluated

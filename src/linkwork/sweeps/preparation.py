@@ -21,8 +21,8 @@ from linkwork.robot.network import Network
 from linkwork.robot.reactions import spread
 from linkwork.robot.settings import Settings
 from linkwork.simulation import Signal, Status
-from linkwork.sweeps.cases import Case, controlled, pushed, reached
 from linkwork.sweeps.drives import drive
+from linkwork.sweeps.driving_cases import Case, controlled, pushed, reached
 from linkwork.sweeps.home import REFUSED, UNREACHABLE, home, same_start, several_in_an_inertia
 from linkwork.sweeps.outputs import Output
 from linkwork.sweeps.quantities import QUANTITIES, REACTIONS
@@ -357,11 +357,9 @@ class Bench:
     def _wanted_poses(self) -> list[np.ndarray]:
         found = []
         for case in self.cases:
-            q = (
-                case.goal.state.q
-                if isinstance(case.goal, Motion)
-                else np.tile(case.goal.q, (len(self.times), 1))
-            )  # pyright: ignore
+            goal = case.goal
+            moves = isinstance(goal, Motion)
+            q = goal.state.q if moves else np.tile(goal.q, (len(self.times), 1))  # pyright: ignore
             found.append(self.robot.tool_poses(q))
         return found
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from linkwork.equations.chart import Chart
-from linkwork.robot.alone import Lone
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.members import Members
+from linkwork.robot.one_by_one import Lone
 from linkwork.robot.recording import trimmed
 
 NO_INPUTS = np.empty((1, 0))
@@ -30,7 +30,7 @@ class Nodes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class SavedRows:
     """Hold states y = (q, v, z) in one chart: row i is that of member `members[i]` at the saved
     time `times[i]`, t[i] [s].
 
@@ -47,7 +47,7 @@ class Rows:
     nodes: Nodes | None = None
 
     def measured(
-        self, measure: Callable[[Rows], Mapping[str, np.ndarray]]
+        self, measure: Callable[[SavedRows], Mapping[str, np.ndarray]]
     ) -> dict[str, np.ndarray]:
         """Return quantities (rows, ...) by name, those of crossings by their values at the nodes
         (`Segment.measured`)."""
@@ -59,14 +59,14 @@ class Rows:
             for values in (self.members, self.times, self.held)
         ]
         found = measure(
-            Rows(self.chart, each[0], each[1], t.ravel(), y.reshape(-1, y.shape[2]), each[2])
+            SavedRows(self.chart, each[0], each[1], t.ravel(), y.reshape(-1, y.shape[2]), each[2])
         )
         return {name: blended(weights, values) for name, values in found.items()}
 
-    def __getitem__(self, rows: slice) -> Rows:
+    def __getitem__(self, rows: slice) -> SavedRows:
         """Return some of the rows."""
         parts = (values[rows] for values in (self.members, self.times, self.t, self.y, self.held))
-        return Rows(
+        return SavedRows(
             self.chart, *parts, nodes=self.nodes and Nodes(*(values[rows] for values in self.nodes))
         )
 
@@ -81,7 +81,7 @@ def blended(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.einsum("rk,rk...->r...", weights, values.reshape(*weights.shape, *values.shape[1:]))
 
 
-def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[Rows]:
+def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[SavedRows]:
     """Yield the states of each segment of a run at the saved times, which are found by their values
     among `times`."""
     signals = crew.system.inputs.coefficients.shape[2]
@@ -96,22 +96,22 @@ def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[Rows]:
             )
             nodes = Nodes(*each, known.weights(t))
         y, u = np.concatenate([done.q[rows], done.v[rows]], axis=1), done.u[rows, signals:]
-        yield Rows(
+        yield SavedRows(
             part.chart, np.full(len(t), one.member), np.searchsorted(times, t), t, y, u, nodes
         )
 
 
-def last(one: Lone) -> Rows:
+def last(one: Lone) -> SavedRows:
     """Return the last state of a run."""
     segment = one.segments[-1]
     done, none = segment.trajectory, np.zeros(1, int)
     end = np.array([done.end_time])
-    return Rows(segment.chart, np.array([one.member]), none, end, done.y_end[None], NO_INPUTS)
+    return SavedRows(segment.chart, np.array([one.member]), none, end, done.y_end[None], NO_INPUTS)
 
 
-def gathered(found: Iterable[Rows]) -> Iterator[Rows]:
+def gathered(found: Iterable[SavedRows]) -> Iterator[SavedRows]:
     """Yield the states that lie in the same chart together, those of crossings apart."""
-    alike: dict[tuple[Chart, bool], list[Rows]] = {}
+    alike: dict[tuple[Chart, bool], list[SavedRows]] = {}
     for rows in found:
         if len(rows.t):
             alike.setdefault((rows.chart.key, rows.nodes is None), []).append(rows)
@@ -121,6 +121,6 @@ def gathered(found: Iterable[Rows]) -> Iterator[Rows]:
         )
         crossed = zip(*(rows.nodes for rows in same if rows.nodes), strict=True)
         nodes = [np.concatenate(values) for values in crossed]
-        yield Rows(
+        yield SavedRows(
             same[0].chart, *map(np.concatenate, columns), nodes=Nodes(*nodes) if nodes else None
         )

@@ -111,7 +111,7 @@ class Seat:
 
 
 @dataclass(frozen=True)
-class Tie:
+class ModelTie:
     """Hold what closes a loop: points of two seats held together or at a distance, or two seats
     welded."""
 
@@ -123,7 +123,7 @@ class Tie:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ModelPlan:
     """Hold how MJCF holds a mechanism.
 
     Attributes:
@@ -138,7 +138,7 @@ class Plan:
 
     tree: Mapping[str, tuple[str, str]]
     seats: dict[str, Seat]
-    ties: tuple[Tie, ...]
+    ties: tuple[ModelTie, ...]
     light: frozenset[str]
     dropped: tuple[str, ...]
     floating: tuple[str, ...]
@@ -152,7 +152,7 @@ class Plan:
         return chain
 
 
-def plan(mechanism: Mechanism, home: Home, kept: Collection[str] = ()) -> Plan:
+def plan(mechanism: Mechanism, home: Home, kept: Collection[str] = ()) -> ModelPlan:
     """Choose tree and ties.
 
     Args:
@@ -177,7 +177,7 @@ class _Planner:
             or {*joint.rates(name), *joint.coordinates(name)} & {*mechanism.actuators, *geared}
         }
 
-    def plan(self) -> Plan:
+    def plan(self) -> ModelPlan:
         tree, floating = self._tree()
         cuts = {name: joint for name, joint in self.mechanism.pairs.items() if name not in tree}
         split = {name: joint for name, joint in cuts.items() if self._needs_part(name, joint)}
@@ -188,14 +188,14 @@ class _Planner:
             floats = name in floating or self._rank(name, self.mechanism.pairs[name]) == 4
             moves = (self._float(name, body),) if floats else self._moves(name, parent)
             self.seats[body] = Seat(body, body, parent, moves, 1 / shares.get(body, 1))
-        ties: list[Tie] = []
+        ties: list[ModelTie] = []
         for name, joint in split.items():
             body = carried(joint)
             parent = joint.connects[0] if joint.connects[1] == body else joint.connects[1]
             part = f"{body}.{name}"
             self.seats[part] = Seat(part, body, parent, self._moves(name, parent), 1 / shares[body])
             origin = self.home.poses[body][:3, 3]
-            ties.append(Tie("weld", name, (body, part), (origin, origin)))
+            ties.append(ModelTie("weld", name, (body, part), (origin, origin)))
         dropped = []
         for name, joint in cuts.items():
             if name in split:
@@ -205,7 +205,7 @@ class _Planner:
                 dropped.append(name)
         self._stack_massless(ties)
         self._part_balls(ties)
-        return Plan(
+        return ModelPlan(
             tree, self._ordered(), tuple(ties), self._light(), tuple(dropped), tuple(floating)
         )
 
@@ -344,20 +344,20 @@ class _Planner:
 
     # ----------------------------------------------------------------------------------------- ties
 
-    def _ties(self, name: str, joint: PairJoint) -> list[Tie]:
+    def _ties(self, name: str, joint: PairJoint) -> list[ModelTie]:
         near, far = self.home.frames(joint)
         points = near[:3, 3], far[:3, 3]
         match joint:
             case RodJoint():
-                return [Tie("rod", name, joint.connects, points, joint.length)]
+                return [ModelTie("rod", name, joint.connects, points, joint.length)]
             case SphericalJoint():
-                return [Tie("connect", name, joint.connects, points)]
+                return [ModelTie("connect", name, joint.connects, points)]
             case RevoluteJoint() if self._planar(joint, near[:3, :3] @ joint.axis):
-                return [Tie("connect", name, joint.connects, points)]
+                return [ModelTie("connect", name, joint.connects, points)]
             case RevoluteJoint():
                 reach = self.arm / 2 * (near[:3, :3] @ joint.axis)
                 return [
-                    Tie(
+                    ModelTie(
                         "connect",
                         f"{name}.{end}",
                         joint.connects,
@@ -388,7 +388,7 @@ class _Planner:
 
     # ------------------------------------------------------------------------------ massless bodies
 
-    def _stack_massless(self, ties: list[Tie]) -> None:
+    def _stack_massless(self, ties: list[ModelTie]) -> None:
         """Put the joints of massless bodies into the one body that stands in each."""
         springs = self.mechanism.springs.values()
         kept = {body for tie in ties for body in tie.seats} | {
@@ -412,7 +412,7 @@ class _Planner:
                 child, parent=seat.parent, moves=(*seat.moves, *child.moves)
             )
 
-    def _part_balls(self, ties: list[Tie]) -> None:
+    def _part_balls(self, ties: list[ModelTie]) -> None:
         """Give balls in loops that slides follow a body of their own, which has no share of the
         mass."""
         for seat in {seat.name: seat for tie in ties for seat in self._between(tie.seats)}.values():

@@ -9,13 +9,20 @@ import numpy as np
 from linkwork.lab.engines.carried import Carried, carry
 from linkwork.lab.engines.motion import BodyMotion, along_tree
 from linkwork.lab.engines.start import Guess
-from linkwork.lab.engines.tree import Branch, Tie, Tree, branches, spanning_tree, ties
+from linkwork.lab.engines.tree import (
+    CarriedPart,
+    EngineTie,
+    EngineTree,
+    branches,
+    spanning_tree,
+    ties,
+)
 from linkwork.lab.engines.vectors import Drives, JointForces, Quaternion, Vectors
 from linkwork.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
-class Plan:
+class EnginePlan:
     """Hold a mechanism as a tree with ties.
 
     Attributes:
@@ -27,9 +34,9 @@ class Plan:
     """
 
     carried: Carried
-    tree: Tree
-    branches: tuple[Branch, ...]
-    ties: tuple[Tie, ...]
+    tree: EngineTree
+    branches: tuple[CarriedPart, ...]
+    ties: tuple[EngineTie, ...]
     vectors: Vectors
     joint_forces: JointForces
     drives: Drives
@@ -54,7 +61,7 @@ class Plan:
         return along_tree(self.carried.whole, self.tree, *self.vectors.out_of(q, v, a))
 
 
-def plan(mechanism: Mechanism, order: Quaternion, guess: Guess) -> Plan:
+def plan(mechanism: Mechanism, order: Quaternion, guess: Guess) -> EnginePlan:
     """Plan a mechanism for an engine.
 
     Args:
@@ -69,7 +76,7 @@ def plan(mechanism: Mechanism, order: Quaternion, guess: Guess) -> Plan:
     vectors = Vectors.of(
         carried.whole, [step for branch in grown for step in branch.edge.steps], order
     )
-    return Plan(
+    return EnginePlan(
         carried=carried,
         tree=tree,
         branches=grown,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from linkwork.equations.choosing import alike
+from linkwork.equations.chart_choice import alike
 from linkwork.robot.charts import BUILDING, CompiledChart
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from functools import cached_property
 from threading import Event
 from typing import NamedTuple
 
-from linkwork.robot import rereading
+from linkwork.robot import chart_transfer
 from linkwork.robot.charts import CompiledChart
-from linkwork.robot.choices import Choice
 from linkwork.robot.members import Members
+from linkwork.robot.next_chart import Choice
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.recording import ending, statistics
 from linkwork.robot.settings import Settings
@@ -90,7 +90,7 @@ def led(crew: Members, settings: Settings, task: Task) -> Lone:
 
     if task.first is None or task.choice is None:
         state = crew.state(task.member)
-        chart, v = rereading.start(robot, state)
+        chart, v = chart_transfer.start(robot, state)
         segments = list(
             passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q))
         )
