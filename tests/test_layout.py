@@ -143,3 +143,20 @@ def test_the_library_shows_its_public_names_only():
     assert dir(lw) == sorted(lw.__all__)
     assert all(first != second for first, second in pairwise(dir(lw)))
     assert not [name for name in dir(lw) if name.startswith("_") and name != "__version__"]
+
+
+def test_no_two_classes_of_the_library_have_one_name():
+    named: dict[str, list[str]] = {}
+    for path, tree in modules():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                named.setdefault(node.name, []).append(name_of(path))
+    assert not {name: places for name, places in named.items() if len(places) > 1}
+
+
+UNTOLD = {"alone", "bench", "cases", "choosing", "culprits", "measures", "plan", "readings", "rows"}
+"""Names that tell no idea."""
+
+
+def test_the_names_of_modules_tell_their_idea():
+    assert not [name for name in graph() if name.rpartition(".")[2] in UNTOLD]
