@@ -285,6 +285,23 @@ def test_one_state_as_flat_vectors():
             kernel.flat(*parts)
 
 
+@pytest.mark.parametrize(
+    "change", ["of every second number", "of halves", "of whole numbers", "from a file"]
+)
+def test_vectors_of_any_kind_are_read_as_numbers(change):
+    """The bytes of vectors are joined; what lies in memory otherwise is made a vector of doubles before."""
+    kernel = compile_function(random_function(5))
+    x = np.arange(1.0, 1 + kernel.n_in)
+    given = {
+        "of every second number": np.repeat(x, 2)[::2],
+        "of halves": x.astype(np.float32),
+        "of whole numbers": x.astype(int),
+        "from a file": x.astype(">f8"),
+    }[change]
+    assert np.array_equal(kernel.flat(given[:5], x[5:]), kernel.flat(x))
+    assert np.array_equal(kernel.flat(given[:5], given[5:]), kernel.flat(x))
+
+
 def test_threads_do_not_disturb_each_other():
     kernel = compile_function(random_function(6))
     batch = states(kernel, 400)

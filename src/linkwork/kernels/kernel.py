@@ -21,6 +21,7 @@ from linkwork.kernels.simplify import simplify
 _ONE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 _ROWS = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
 _ALIGNMENT = 64
+_DOUBLE = np.dtype(np.float64)
 
 
 def compile_function(f: ca.Function) -> "Kernel":
@@ -148,15 +149,14 @@ class Kernel:
         parts: vectors that are, one after the other, all inputs (n_in,).  Raises KernelError where
         their length does not fit.
         """
-        (x, x_address, _), (y, y_address, _) = self._buffers.one
-        try:
-            np.concatenate(parts, out=x)
-        except ValueError:
+        _, (y, y_address, _) = self._buffers.one
+        x = _joined(parts)
+        if len(x) != 8 * self.n_in:
             shapes = " and ".join(str(part.shape) for part in parts)
             raise KernelError(
                 f"Kernel '{self.name}' takes {self.n_in} numbers, not parts of {shapes}."
-            ) from None
-        self._one(x_address, y_address)
+            )
+        self._one(x, y_address)
         return y.copy()
 
     def assembly(self, kind: Kind) -> str:
@@ -268,6 +268,21 @@ def _partitioned(
         flat.ctypes.data,
         [flat[end - size : end] for end, (_, size) in zip(ends, parts, strict=True)],
     )
+
+
+def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
+    """Return the doubles of vectors, one after the other; nothing where one of them is no vector."""
+    for part in parts:
+        if part.ndim != 1:
+            return b""
+        if part.dtype is not _DOUBLE:
+            break
+    else:
+        try:
+            return b"".join(parts)
+        except TypeError:  # a vector with gaps
+            pass
+    return b"".join([np.ascontiguousarray(part, np.float64) for part in parts])
 
 
 def _aligned(size: int) -> NDArray[np.float64]:

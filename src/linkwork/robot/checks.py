@@ -16,6 +16,7 @@ from linkwork.checks import positive as positive
 from linkwork.errors import LinkworkError
 from linkwork.robot.state import State
 
+DOUBLE = np.dtype(float)
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
 
 
@@ -102,7 +103,7 @@ def vector(
     through."""
     if (
         isinstance(values, np.ndarray)
-        and values.dtype == float
+        and values.dtype is DOUBLE
         and values.shape[-1:] == (len(names),)
     ):
         return values

@@ -88,7 +88,7 @@ def actuator_forces(
         accelerations, "accelerations", robot.own(state).independent, "independent rate"
     )
     f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
-    W = np.ones(len(robot.actuators)) if weights is None else actuator_weights(robot, weights)
+    W = 1.0 if weights is None else actuator_weights(robot, weights)
     if state.independent == robot.actuators:
         return f
     units = own_units(robot, state)
