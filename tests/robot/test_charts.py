@@ -93,6 +93,20 @@ def test_rates_that_are_no_chart(five, names, sentence):
         five.in_chart(five.home, names)
 
 
+@pytest.mark.parametrize("dead_centre", [0.0, np.pi])
+def test_rates_that_others_follow_ten_thousand_times_as_fast_are_no_chart(dead_centre):
+    """At an angle d from a dead centre the slide moves by r (1 +- r / l) d per radian of the crank: nearly nothing."""
+    for angle, determined in ((1e-3, True), (1e-4, False)):
+        robot = lw.Robot(lw.robots.slider_crank(crank=0.1, rod=0.3))
+        state = robot.assemble({"crank": dead_centre + angle}, rates=[1.0])
+        if determined:
+            rate = robot.in_chart(state, ("slide",)).rates[0]
+            assert abs(rate) == pytest.approx(0.1 * angle * (1 + np.cos(dead_centre) / 3), rel=1e-5)
+        else:
+            with pytest.raises(lw.LinkworkError, match="the rates slide do not determine"):
+                robot.in_chart(state, ("slide",))
+
+
 def test_a_chart_is_refused_where_it_is_singular_also_when_it_is_known_from_elsewhere(five):
     """Where leg 2 is stretched, the rates of leg 1 do not determine the motion."""
     stretched = five.assemble({"elbow_2": 0.0, "motor_2": 1.9})

@@ -7,6 +7,8 @@ import pytest
 
 import linkwork as lw
 
+from tests.catalogue import built
+from tests.oracle.maximal import MaximalOracle
 from tests.robot.oracle_state import Seen
 
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}
@@ -63,3 +65,33 @@ def test_what_is_zero_up_to_rounding_determines_nothing(noise):
     ends = [run.dataset["joint_position"].values[-1] for run in runs]
     assert np.allclose(*ends, atol=1e-7)
     assert runs[0].attrs["charts"] == runs[1].attrs["charts"]
+
+
+def changes(run: lw.Run) -> list[tuple[float, tuple[str, ...], tuple[str, ...]]]:
+    """Return when a run changed its independent rates: the time, those that it left, and those that it took."""
+    told = [each.split(": ") for each in run.attrs["charts"].split("; ")]
+    times = [float(begun.split()[1]) for begun, _ in told]
+    rates = [tuple(names.split(", ")) for _, names in told]
+    return list(zip(times[1:], rates, rates[1:], strict=False))
+
+
+def determined(robot: lw.Robot, positions: np.ndarray, names: tuple[str, ...]) -> float:
+    """Return the least singular value of the oracle's constraints with these rates locked: 0 where the mechanism can move."""
+    oracle = MaximalOracle(robot.mechanism, dict(zip(robot.coordinates, positions, strict=True)))
+    rows = oracle.rows(oracle.poses(oracle.near), oracle._rest)
+    locked = rows.F[[robot.rates.index(name) for name in names]]
+    return float(np.linalg.svd(np.vstack([rows.A, locked]), compute_uv=False)[-1])
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"), [("agile_wrist", 1), ("agile_wrist", 2), ("orthoglide", 2), ("delta", 4)]
+)
+def test_no_chart_is_left_for_rates_that_determine_the_motion_worse(name, seed):
+    """On the way to a singular pose every choice is weak, and a bad one is not changed for a worse one."""
+    robot = built(name)
+    start = robot.home.with_rates(2.0 * np.random.default_rng(seed).normal(size=robot.mobility))
+    taken = changes(robot.simulate(start, duration=1.0))
+    times = [time for time, *_ in taken]
+    run = robot.simulate(start, duration=times[-1], save_at=times)
+    for q, (time, left, now) in zip(run.dataset["joint_position"].values, taken, strict=True):
+        assert determined(robot, q, now) > determined(robot, q, left), (time, left, now)
