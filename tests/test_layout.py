@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 from collections.abc import Iterator
 from functools import cache
 from itertools import accumulate, pairwise
 from pathlib import Path
+from types import ModuleType
 
 import networkx as nx
 import pytest
@@ -122,21 +124,16 @@ def test_a_robot_is_above_what_works_on_it():
     assert [*graph().predecessors("linkwork.robot.facade")] == ["linkwork.robot"]
 
 
-PACKAGES = sorted(
-    name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir() and "." in name
-)
+PACKAGES = sorted(name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir())
 
 
 @pytest.mark.parametrize("name", PACKAGES)
 def test_no_name_of_a_package_shadows_a_module_of_it(name):
-    """`linkwork.package.module` is the module, whatever the package exports."""
+    """`linkwork.package.module` is the module, whatever the package exports, at once or when it is first asked for."""
     package = importlib.import_module(name)
-    own = [other.rpartition(".")[2] for other in graph() if other.rpartition(".")[0] == name]
-    assert not [
-        each
-        for each in own
-        if each in vars(package) and vars(package)[each].__class__ is not type(package)
-    ]
+    shown = {*vars(package), *getattr(package, "__all__", ())}
+    own = {other.rpartition(".")[2] for other in graph() if other.rpartition(".")[0] == name}
+    assert not [each for each in own & shown if not isinstance(getattr(package, each), ModuleType)]
 
 
 def test_the_library_shows_its_public_names_only():
@@ -160,3 +157,18 @@ UNTOLD = {"alone", "bench", "cases", "choosing", "culprits", "measures", "plan",
 
 def test_the_names_of_modules_tell_their_idea():
     assert not [name for name in graph() if name.rpartition(".")[2] in UNTOLD]
+
+
+ROBOT_S = re.compile(r"\brobot\.([a-z_]+)")
+
+
+def test_a_robot_shows_what_is_for_users():
+    """What its docstrings and the documentation speak of, all of it told; nothing that modules ask of each other."""
+    robot = lw.Robot(lw.robots.pendulum())
+    shown, told = dir(robot), {*re.findall(r"[a-z_]+", lw.Robot.__doc__ or "")}
+    assert all(hasattr(robot, name) and not name.startswith("_") for name in shown)
+    assert all(name in told or getattr(type(robot), name).__doc__ for name in shown)
+    assert not {"charts", "labels", "assembler", "own", "chart_of", "make_state"} & {*shown}
+    pages = [SOURCE.parents[1] / "README.md", *(SOURCE.parents[1] / "docs").rglob("*.md")]
+    used = {name for page in pages for name in ROBOT_S.findall(page.read_text(encoding="utf-8"))}
+    assert used - {"yaml", "urdf"} <= {*shown}

@@ -49,6 +49,10 @@ class Robot(Model):
         free: numbers of the description that stay free, by path (see `free`).
 
     Attributes:
+        mechanism, equations: the description, and what is derived from it
+        coordinates, rates: labels of all joints; independent: those of v
+        joints, bodies, actuators: names; planar: whether it moves in a plane
+        home: the closed reference configuration, at rest; unit: of a coordinate or rate, by label
         parameters: values of the free numbers, by path; p: the same as an array, the kernels' last
             input
         mobility: number n of independent rates; gruebler: what Gruebler's formula gives for it
@@ -77,6 +81,10 @@ class Robot(Model):
         mechanism = models.read(path).mechanism
         models.warn(mechanism, stacklevel=3)
         return cls(mechanism)
+
+    def __dir__(self) -> list[str]:
+        """Return the names that are for users, and none that modules of the library ask for."""
+        return sorted({*HELD, *(name for name in vars(Robot) if not name.startswith("_"))})
 
     def free(self, *paths: str) -> Robot:
         """Return the robot with some numbers of its description free: `with_parameters` then
@@ -613,6 +621,21 @@ class Robot(Model):
         return observed(self, state)
 
 
+HELD = (
+    *(
+        "mechanism",
+        "equations",
+        "parameters",
+        "p",
+        "planar",
+        "mobility",
+        "gruebler",
+        "home",
+        "unit",
+    ),
+    *("coordinates", "rates", "independent", "joints", "bodies", "actuators"),
+    *("redundant", "spins", "idle", "notes"),
+)  # what a robot holds for its users, beside what it does
 OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[
     3:
 ]  # of a run, without self, state and forces
