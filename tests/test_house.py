@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import ast
 import importlib
-import subprocess
-import sys
 
 import pytest
 
 import linkwork as lw
 
 from tests.house import CORE, SOURCE, code_lines, imports, modules, package, strings
+from tests.processes import finished
 
 LAB = "linkwork.lab"
 
@@ -84,9 +83,7 @@ def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():
         "import linkwork as lw; print(sorted(lw.lab.__all__)); "
         "print(lw.lab.precision.plot_work_precision.__name__)"
     )
-    told = subprocess.run(
-        [sys.executable, "-c", asking], capture_output=True, text=True, check=True, timeout=120
-    ).stdout
+    told = finished("-c", asking, check=True).stdout
     assert told.split("\n")[1] == "plot_work_precision"
     with pytest.raises(AttributeError, match=r"'linkwork\.lab' has no attribute 'attic'"):
         _ = lw.lab.attic

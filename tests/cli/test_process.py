@@ -1,10 +1,8 @@
 """The command as users start it: a process, its exit status and its two streams."""
 
 import json
-import subprocess
-import sys
 
-from tests.processes import PATIENCE, python
+from tests.processes import PATIENCE, finished, python
 
 PROBE = """
 import sys
@@ -17,10 +15,7 @@ finally:
 
 
 def run(*words, code=None):
-    start = [sys.executable, "-c", code] if code else [sys.executable, "-m", "linkwork"]
-    return subprocess.run(
-        [*start, *words], capture_output=True, text=True, timeout=PATIENCE, check=False
-    )
+    return finished(*(("-c", code) if code else ("-m", "linkwork")), *words)
 
 
 def test_a_refusal_is_one_line_on_stderr_and_status_2():

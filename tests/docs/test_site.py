@@ -3,11 +3,11 @@ to."""
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.processes import PATIENCE, finished
 
 ROOT = Path(__file__).parents[2]
 
@@ -15,23 +15,9 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    words = [
-        sys.executable,
-        "-m",
-        "mkdocs",
-        "build",
-        "--strict",
-        "--quiet",
-        "--site-dir",
-        str(folder),
-    ]
-    built = subprocess.run(
-        words,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
-    )
+    words = ("mkdocs", "build", "--strict", "--quiet", "--site-dir", folder)
+    quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    built = finished("-m", *words, cwd=ROOT, env=quiet, timeout=3 * PATIENCE)
     assert built.returncode == 0, built.stdout + built.stderr
     return folder
 

@@ -4,14 +4,14 @@ given."""
 import itertools
 import json
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
+
+from tests.processes import finished
 
 LINK = Body(mass=1.0, inertia=Inertia(zz=0.1))
 
@@ -99,12 +99,7 @@ print(json.dumps([[robot.home.q.tolist(), str(robot.equations.chart)] for robot 
 def test_home_and_chart_are_the_same_in_every_process():
     found = []
     for seed in ("0", "1", "77"):
-        done = subprocess.run(
-            [sys.executable, "-c", HOME],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-        )
+        done = finished("-c", HOME, env={**os.environ, "PYTHONHASHSEED": seed})
         assert done.returncode == 0, done.stderr
         found.append(json.loads(done.stdout))
     assert found[0] == found[1] == found[2]

@@ -7,11 +7,11 @@ Every seed is a file, always the same; `python -m tests.hostile.reading 17 18` r
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.processes import PATIENCE, finished
 
 FILES, SAMPLE, AT_ONCE = 20_000, 300, 2_500
 MEMORY = 500  # MB of the process that reads
@@ -21,16 +21,9 @@ FIRST = range(0, FILES, AT_ONCE) if ALL else range(1)
 
 @pytest.mark.parametrize("first", FIRST)
 def test_mutated_files_are_read_or_refused(first):
-    words = (
-        sys.executable,
-        "-m",
-        "tests.hostile.reading",
-        str(first),
-        str(first + (AT_ONCE if ALL else SAMPLE)),
-    )
-    ended = subprocess.run(
-        words, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False
-    )
+    last = first + (AT_ONCE if ALL else SAMPLE)
+    here = {"cwd": Path(__file__).parents[2], "timeout": (10 if ALL else 1) * PATIENCE}
+    ended = finished("-m", "tests.hostile.reading", first, last, **here)
     assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
     assert not found["faults"]

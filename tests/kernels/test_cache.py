@@ -2,8 +2,6 @@
 every process."""
 
 import os
-import subprocess
-import sys
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +18,7 @@ from linkwork.kernels.cache import key
 from linkwork.kernels.machine import Machine, this_machine
 
 from tests.kernels.graphs import random_function
+from tests.processes import finished
 
 
 @pytest.fixture
@@ -224,13 +223,7 @@ print(cache.key(f.serialize(), this_machine().identity))
 def test_every_process_writes_the_same_code_under_the_same_key():
     found = set()
     for seed in ("1", "2"):
-        run = subprocess.run(
-            [sys.executable, "-c", DIGEST],
-            cwd=Path(__file__).parents[2],
-            env=os.environ | {"PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        given = {"cwd": Path(__file__).parents[2], "env": os.environ | {"PYTHONHASHSEED": seed}}
+        run = finished("-c", DIGEST, check=True, **given)
         found.add(run.stdout)
     assert len(found) == 1

@@ -2,8 +2,6 @@
 needed."""
 
 import importlib.util
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -11,6 +9,8 @@ from numba import types
 from numba.core.registry import cpu_target
 
 from linkwork.simulation.compiled import compiled_once
+
+from tests.processes import finished
 
 MODULE = """
 from numba import types
@@ -99,10 +99,7 @@ def test_importing_the_package_loads_nothing_heavy():
         "import sys, linkwork.simulation; print([m for m in ('numba', 'scipy', 'xarray') if m "
         "in sys.modules])"
     )
-    assert (
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout
-        == "[]\n"
-    )
+    assert finished("-c", script).stdout == "[]\n"
 
 
 HELPER = """
@@ -164,8 +161,6 @@ def test_the_cache_is_renewed_when_another_file_changes(user, helper, tmp_path):
     for factor in 2.0, 3.0, 3.0:
         (tmp_path / "helping.py").write_text(helper.format(factor=factor))
         script = "import using; print(using.product(1.0))"
-        done = subprocess.run(
-            [sys.executable, "-B", "-c", script], capture_output=True, text=True, cwd=tmp_path
-        )
+        done = finished("-B", "-c", script, cwd=tmp_path)
         assert done.stdout == f"{factor:.1f}\n", done.stderr
     assert done.stderr == ""

@@ -28,7 +28,7 @@ def undisturbed(tmp_path_factory):
 def wait_for(condition, process):
     end = time.monotonic() + PATIENCE
     while not condition():
-        assert process.poll() is None, process.communicate()
+        assert process.poll() is None, process.communicate(timeout=PATIENCE)
         assert time.monotonic() < end, "too slow"
         time.sleep(0.005)
 

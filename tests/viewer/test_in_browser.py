@@ -11,6 +11,7 @@ from linkwork import Robot, robots
 from linkwork.mechanism import Mechanism
 from linkwork.viewer import Viewer
 
+from tests.processes import PATIENCE
 from tests.viewer.browser import launch, on_screen, until
 
 SIZE = {"width": 760, "height": 480}
@@ -47,7 +48,7 @@ class Browser:
         )
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("dialog", lambda dialog: (self.wrong.append(dialog.message), dialog.dismiss()))
-        self.page.set_default_timeout(120_000)
+        self.page.set_default_timeout(1000 * PATIENCE)
         self.page.goto(viewer.url)
         self.page.wait_for_selector("[data-linkwork=facts]")
         until(lambda: set(viewer.server.get_clients()) - before)

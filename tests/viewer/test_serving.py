@@ -107,11 +107,12 @@ def test_many_hands_at_once_tear_nothing(robot):
                     lambda: viewer.session.slide("slide_1", float(random.uniform(0, 0.4))), "slide"
                 )
 
-        hands = [threading.Thread(target=pull, args=(seed,)) for seed in range(3)]
+        hands = [threading.Thread(target=pull, args=(seed,), daemon=True) for seed in range(3)]
         for hand in hands:
             hand.start()
         for hand in hands:
-            hand.join()
+            hand.join(PATIENCE)
+            assert not hand.is_alive()
         viewer.post(viewer._released)
         until(lambda: not viewer.held)
         assert robot.closure_error(viewer.session.state) < 1e-9

@@ -13,6 +13,7 @@ from linkwork.views.motion import run_states
 from linkwork.views.run_report import write_report
 
 from tests.catalogue import built
+from tests.processes import PATIENCE
 from tests.viewer.browser import launch, until
 
 
@@ -104,6 +105,7 @@ def test_a_browser_plays_the_film(tmp_path):
                 wrong.append(request.url) if not request.url.startswith("file:") else None
             ),
         )
+        page.set_default_timeout(1000 * PATIENCE)
         page.goto(path.as_uri())
         time = "() => Number(document.querySelector('.film').dataset.time)"
         until(lambda: page.evaluate(time) > 0.001)
