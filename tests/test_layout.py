@@ -129,7 +129,8 @@ PACKAGES = sorted(name for name in graph() if (SOURCE.parent / Path(*name.split(
 
 @pytest.mark.parametrize("name", PACKAGES)
 def test_no_name_of_a_package_shadows_a_module_of_it(name):
-    """`linkwork.package.module` is the module, whatever the package exports, at once or when it is first asked for."""
+    """`linkwork.package.module` is the module, whatever the package exports, at once or when it is
+    first asked for."""
     package = importlib.import_module(name)
     shown = {*vars(package), *getattr(package, "__all__", ())}
     own = {other.rpartition(".")[2] for other in graph() if other.rpartition(".")[0] == name}
@@ -163,7 +164,8 @@ ROBOT_S = re.compile(r"\brobot\.([a-z_]+)")
 
 
 def test_a_robot_shows_what_is_for_users():
-    """What its docstrings and the documentation speak of, all of it told; nothing that modules ask of each other."""
+    """What its docstrings and the documentation speak of, all of it told; nothing that modules ask
+    of each other."""
     robot = lw.Robot(lw.robots.pendulum())
     shown, told = dir(robot), {*re.findall(r"[a-z_]+", lw.Robot.__doc__ or "")}
     assert all(hasattr(robot, name) and not name.startswith("_") for name in shown)

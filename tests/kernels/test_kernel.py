@@ -289,7 +289,8 @@ def test_one_state_as_flat_vectors():
     "change", ["of every second number", "of halves", "of whole numbers", "from a file"]
 )
 def test_vectors_of_any_kind_are_read_as_numbers(change):
-    """The bytes of vectors are joined; what lies in memory otherwise is made a vector of doubles before."""
+    """The bytes of vectors are joined; what lies in memory otherwise is made a vector of doubles
+    before."""
     kernel = compile_function(random_function(5))
     x = np.arange(1.0, 1 + kernel.n_in)
     given = {

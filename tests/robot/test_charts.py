@@ -95,7 +95,8 @@ def test_rates_that_are_no_chart(five, names, sentence):
 
 @pytest.mark.parametrize("dead_centre", [0.0, np.pi])
 def test_rates_that_others_follow_ten_thousand_times_as_fast_are_no_chart(dead_centre):
-    """At an angle d from a dead centre the slide moves by r (1 +- r / l) d per radian of the crank: nearly nothing."""
+    """At an angle d from a dead centre the slide moves by r (1 +- r / l) d per radian of the crank:
+    nearly nothing."""
     for angle, determined in ((1e-3, True), (1e-4, False)):
         robot = lw.Robot(lw.robots.slider_crank(crank=0.1, rod=0.3))
         state = robot.assemble({"crank": dead_centre + angle}, rates=[1.0])

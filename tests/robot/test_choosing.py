@@ -68,7 +68,8 @@ def test_what_is_zero_up_to_rounding_determines_nothing(noise):
 
 
 def changes(run: lw.Run) -> list[tuple[float, tuple[str, ...], tuple[str, ...]]]:
-    """Return when a run changed its independent rates: the time, those that it left, and those that it took."""
+    """Return when a run changed its independent rates: the time, those that it left, and those that
+    it took."""
     told = [each.split(": ") for each in run.attrs["charts"].split("; ")]
     times = [float(begun.split()[1]) for begun, _ in told]
     rates = [tuple(names.split(", ")) for _, names in told]
@@ -76,7 +77,8 @@ def changes(run: lw.Run) -> list[tuple[float, tuple[str, ...], tuple[str, ...]]]
 
 
 def determined(robot: lw.Robot, positions: np.ndarray, names: tuple[str, ...]) -> float:
-    """Return the least singular value of the oracle's constraints with these rates locked: 0 where the mechanism can move."""
+    """Return the least singular value of the oracle's constraints with these rates locked: 0 where
+    the mechanism can move."""
     oracle = MaximalOracle(robot.mechanism, dict(zip(robot.coordinates, positions, strict=True)))
     rows = oracle.rows(oracle.poses(oracle.near), oracle._rest)
     locked = rows.F[[robot.rates.index(name) for name in names]]
@@ -87,7 +89,8 @@ def determined(robot: lw.Robot, positions: np.ndarray, names: tuple[str, ...]) -
     ("name", "seed"), [("agile_wrist", 1), ("agile_wrist", 2), ("orthoglide", 2), ("delta", 4)]
 )
 def test_no_chart_is_left_for_rates_that_determine_the_motion_worse(name, seed):
-    """On the way to a singular pose every choice is weak, and a bad one is not changed for a worse one."""
+    """On the way to a singular pose every choice is weak, and a bad one is not changed for a worse
+    one."""
     robot = built(name)
     start = robot.home.with_rates(2.0 * np.random.default_rng(seed).normal(size=robot.mobility))
     taken = changes(robot.simulate(start, duration=1.0))

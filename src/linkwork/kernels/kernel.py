@@ -271,7 +271,8 @@ def _partitioned(
 
 
 def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
-    """Return the doubles of vectors, one after the other; nothing where one of them is no vector."""
+    """Return the doubles of vectors, one after the other; nothing where one of them is no
+    vector."""
     for part in parts:
         if part.ndim != 1:
             return b""
