@@ -280,10 +280,10 @@ def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
             break
     else:
         try:
-            return b"".join(parts)
+            return b"".join(parts)  # pyright: ignore[reportArgumentType]
         except TypeError:  # a vector with gaps
             pass
-    return b"".join([np.ascontiguousarray(part, np.float64) for part in parts])
+    return b"".join([np.asarray(part, np.float64).tobytes() for part in parts])
 
 
 def _aligned(size: int) -> NDArray[np.float64]:
