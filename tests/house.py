@@ -4,8 +4,10 @@ docstrings and blanks."""
 from __future__ import annotations
 
 import ast
+import tokenize
 from collections import Counter
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
@@ -52,6 +54,24 @@ def code_lines(path: Path, tree: ast.Module) -> int:
         number not in told and not line.lstrip().startswith("#") and bool(line.strip())
         for number, line in lines
     )
+
+
+def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
+    """Return the functions whose bodies have more than so many lines of code, and no comment."""
+    text = path.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    tokens = tokenize.generate_tokens(StringIO(text).readline)
+    comments = {token.start[0] for token in tokens if token.type == tokenize.COMMENT}
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            told = ast.get_docstring(node) is not None
+            begin = (node.body[0].end_lineno or 0) + 1 if told else node.body[0].lineno
+            own = range(begin, (node.end_lineno or begin) + 1)
+            code = sum(bool(lines[number - 1].strip()) for number in own)
+            if code > most and not comments & {*own}:
+                found.append(node.name)
+    return found
 
 
 def sizes() -> Counter[str]:

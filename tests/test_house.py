@@ -10,7 +10,7 @@ import pytest
 
 import linkwork as lw
 
-from tests.house import CORE, SOURCE, code_lines, imports, modules, package, strings
+from tests.house import CORE, SOURCE, code_lines, imports, modules, package, strings, uncommented
 from tests.processes import finished
 
 LAB = "linkwork.lab"
@@ -95,3 +95,27 @@ def test_controllers_never_ask_for_the_robot_that_they_control():
         name for path, names in imports().items() if package(path) == "control" for name in names
     }
     assert not any(f"{name}.".startswith("linkwork.robot.") for name in asked)
+
+
+MOST = 30
+"""Lines of a function's body that are understood without a comment."""
+WITHOUT = {
+    *("biases", "derive", "closure_rows", "span", "grow", "branch_nodes", "works", "run_reactions"),
+    *("segment", "collected", "measured", "members", "of", "after", "_along", "_recorded"),
+    *("follow", "axes", "resume", "shares", "bends", "furnish", "advance", "_add_up"),
+}
+"""Functions that are still to be commented."""
+
+
+def test_functions_of_many_lines_say_what_holds_in_them():
+    """A comment above each block, or shorter functions whose names say it."""
+    found = {name for path, tree in modules() for name in uncommented(path, tree, MOST)}
+    assert not found - WITHOUT
+
+
+@pytest.mark.parametrize(("comment", "found"), [("", ["f"]), ("    # Sums.\n", [])])
+def test_a_long_function_without_comments_is_found(comment, found, tmp_path):
+    path = tmp_path / "module.py"
+    path.write_text(f'def f():\n    """Doc."""\n{comment}' + "    x = 1  \n" * 31)
+    assert uncommented(path, ast.parse(path.read_text()), 30) == found
+    assert uncommented(path, ast.parse(path.read_text()), 31) == []

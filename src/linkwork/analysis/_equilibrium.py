@@ -278,6 +278,7 @@ def distributed_forces(
             actuator drives.
     """
     one_state(robot, state)
+    # Bounds that leave room.
     low, high = bound(robot, lower, "the lower bounds"), bound(robot, upper, "the upper bounds")
     if not (low <= high).all():
         k = int(np.argmax(~(low <= high)))
@@ -285,14 +286,17 @@ def distributed_forces(
             f"the bounds of {robot.actuators[k]!r} are {low[k]:g} and {high[k]:g}; the lower one "
             "is not below"
         )
+    # The least forces of all do where they lie within the bounds.
     u = np.asarray(robot.inverse_dynamics(state, accelerations, weights=weights))
     if ((u >= low) & (u <= high)).all():
         return u
+    # Else the least change of them by internal forces, which do not act on the motion.
     W = None if weights is None else actuator_weights(robot, weights)
     internal = internal_forces(robot, state, W)  # u = internal z, |z| = |root u|
     G = np.vstack([internal[np.isfinite(low)], -internal[np.isfinite(high)]])
     h = np.concatenate([(low - u)[np.isfinite(low)], (u - high)[np.isfinite(high)]])
     z = least_distance(G, h)
+    # No internal forces lead into the bounds: tell by how much they are missed most.
     if z is None:
         worst = int(np.argmax(np.maximum(low - u, u - high)))
         raise LinkworkError(

@@ -254,6 +254,7 @@ def dataset(
     """Measure the reached configurations and name the result."""
     import xarray
 
+    # Quantities are measured where the tool gets to; all other poses of the grid hold NaN.
     robot, scale = J.robot, J.characteristic_length if length is None else length
     reached = np.flatnonzero(good)
     values = measured(J, q[reached], rates, forces, scale)
@@ -269,6 +270,7 @@ def dataset(
         full[reached] = part
         dims = (*poses.dims, "actuator") if part.ndim == 2 else poses.dims
         variables[name] = (dims, full.reshape((*poses.shape, *part.shape[1:])), attributes(name, J))
+    # The grid's own axes, of which single numbers have no dimension.
     coords = {
         name: ((name,) if axis.ndim else (), axis, {"units": unit(name)})
         for name, axis in poses.axes.items()

@@ -162,6 +162,7 @@ def exciting_trajectory(
     """
     from scipy.optimize import minimize
 
+    # What is asked fits the robot.
     if robot.independent != robot.actuators:
         raise LinkworkError(
             "exciting trajectories are made of actuators whose rates are the independent ones"
@@ -173,6 +174,7 @@ def exciting_trajectory(
         raise LinkworkError(
             f"harmonics and trials are {harmonics!r} and {trials!r}; give whole numbers above zero"
         )
+    # The search: Fourier series about the middle of the ranges, each number of them free.
     lower, upper = range_of(robot, ranges)
     largest = [
         positive(robot, bound, name)
@@ -187,6 +189,8 @@ def exciting_trajectory(
         (upper - lower) / 2,
         *(np.ones(lower.size) if bound is None else bound for bound in largest),
     )
+    # Trials that stay in the workspace; the spread of their columns makes parameters of different
+    # units comparable.
     random = np.random.default_rng(seed)
     shapes = random.standard_normal((trials, lower.size * (1 + 2 * harmonics)))
     stacks = [(shape, Y) for shape in shapes if (Y := search.stacked(shape)) is not None]
@@ -196,6 +200,7 @@ def exciting_trajectory(
             "ranges"
         )
     sizes = np.sqrt(np.mean([np.sum(Y**2, axis=0) for _, Y in stacks], axis=0))
+    # The best trial, improved; Powell's method needs no slopes of what has kinks.
     best = min((shape for shape, _ in stacks), key=lambda shape: search.condition(shape, sizes))
     found = minimize(
         lambda shape: np.log(search.condition(shape, sizes)),

@@ -93,6 +93,7 @@ def identify(
     Raises:
         LinkworkError: too few samples, a motion that does not tell all base parameters apart.
     """
+    # Y beta = S' u - (known part), each row multiplied by its rate's own unit so that rows compare.
     data = of_run(robot, measured) if isinstance(measured, Run) else measured
     base = base_parameters(robot, effects, seed=seed)
     states, n, own = data.states, robot.mobility, own_rates(robot, data.states)
@@ -107,6 +108,7 @@ def identify(
             f"{right.size} measured forces do not give {rows.shape[1]} parameters; measure more "
             "samples"
         )
+    # Columns of equal length: the singular values then tell of the motion, not of the units.
     lengths = np.linalg.norm(rows, axis=0)
     even = rows / np.where(lengths > 0, lengths, 1.0)
     sigma = np.linalg.svd(even, compute_uv=False)
@@ -116,6 +118,7 @@ def identify(
             f"the motion does not tell the {rows.shape[1]} base parameters apart (least seen: "
             f"{weakest}); use a richer one, such as analysis.exciting_trajectory gives"
         )
+    # Least squares, weighed anew by what remains: a rate measured with more noise counts less.
     beta, weights = np.zeros(rows.shape[1]), np.ones(n)
     for _ in range(REWEIGHTED):
         scale = np.repeat(weights, len(right) // n)
@@ -167,6 +170,7 @@ def periodic(
         LinkworkError: wrong shapes, fewer samples than coefficients; UnreachableError where the
             loops do not close.
     """
+    # What was measured fits the robot and itself, and determines the series.
     n = len(robot.actuators)
     if robot.independent != robot.actuators:
         raise LinkworkError(
@@ -187,6 +191,7 @@ def periodic(
             f"harmonics is {harmonics!r} for {t.size} samples; give a number from 1 to less than "
             "half of these"
         )
+    # One series through the positions; its derivatives are the rates and accelerations.
     series = [fourier(t, 2 * np.pi / period, harmonics, order) for order in range(3)]
     coefficients = np.linalg.lstsq(series[0], q_a, rcond=None)[0]
     smooth, v, dv = (basis @ coefficients for basis in series)

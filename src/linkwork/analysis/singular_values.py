@@ -34,10 +34,13 @@ def _singular_values(A, values):
     is used up."""
     count, n, m = A.shape
     for s in range(count):
+        # One-sided Jacobi: pairs of rows are turned in their plane until all are perpendicular to
+        # each other.
         for _ in range(SWEEPS):
             turned = False
             for i in range(n - 1):
                 for j in range(i + 1, n):
+                    # The cosine between the two rows decides.
                     ii, jj, ij = 0.0, 0.0, 0.0
                     for k in range(m):
                         ii += A[s, i, k] * A[s, i, k]
@@ -46,6 +49,7 @@ def _singular_values(A, values):
                     if not abs(ij) > PERPENDICULAR * math.sqrt(ii * jj):
                         continue
                     turned = True
+                    # The smaller of the two turns that make them perpendicular.
                     zeta = (jj - ii) / (2 * ij)
                     t = math.copysign(1 / (abs(zeta) + math.sqrt(1 + zeta * zeta)), zeta)
                     c = 1 / math.sqrt(1 + t * t)
@@ -54,6 +58,7 @@ def _singular_values(A, values):
                         A[s, i, k], A[s, j, k] = c * (a - t * b), c * (b + t * a)
             if not turned:
                 break
+        # Their lengths are the singular values, each put in its place among those before it.
         for i in range(n):
             total = 0.0
             for k in range(m):

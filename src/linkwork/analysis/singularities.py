@@ -94,27 +94,32 @@ def singularity(
     Raises:
         LinkworkError: a stack of states; no tool; other than as many actuators as freedoms.
     """
+    # One state, and a bound that is one.
     asked, q = watched(robot, what), robot.own(state).q
     checks.positive(bound, "the bound")
     if q.ndim != 1:
         raise LinkworkError(
             "singularities are told of one state, not of a stack; take one by state.at(index)"
         )
+    # Phi w = 0: do the loops still hold as at the reference? The rates that they allow follow.
     Phi, J_x, J_q = (np.array(part) for part in asked.rows(q, robot.p))
     columns, _ = robot.equations.sizes
     rank = len(robot.equations.chart.rows)
     sigma = np.linalg.svd(robot.equations.scaled(Phi), compute_uv=False)
     constraint = float(sigma[rank - 1] / sigma[0]) if rank else 1.0
     allowed = null_space(robot.equations.scaled(Phi), rank, bound) / columns[:, None]
+    # x' = J_x w and q_a' = J_q w on these: what neither moves is singular.
     J_x, J_q = asked.x_scale[:, None] * J_x, asked.q_scale[:, None] * J_q
     X, Q = J_x @ allowed, J_q @ allowed
     leg, actuator = (ratio(part, len(Q), J / columns) for part, J in ((X, J_x), (Q, J_q)))
+    # Kinds by Gosselin & Angeles (1990), and loops that let go.
     kinds = (
         ["III"]
         if max(leg, actuator) < bound
         else [k for k, r in (("I", leg), ("II", actuator)) if r < bound]
     )
     kinds += ["constraint"] * (constraint < bound)
+    # The tool's motion with the actuators locked, its largest coordinate scaled to one.
     moving = X @ np.linalg.svd(Q)[2][-1]
     free = moving / asked.x_scale
     largest = free[np.argmax(np.abs(free))]

@@ -177,6 +177,7 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
     Raises:
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
     """
+    # What is asked of the tool: a rotation vector whole or not at all.
     robot.require_tool()
     what = tool_coordinates(robot) if what is None else tuple(what)
     checks.known(what, pose_names(robot), "coordinate of the tool")
@@ -185,6 +186,7 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         raise LinkworkError(
             f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none"
         )
+    # Errors of the pose, those of turns the short way round.
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
     position, orientation, angle = body_motion.tool_pose(tree, tool)
     y = SX.sym("y", len(what))
@@ -198,6 +200,7 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         R = ca.reshape(orientation, 3, 3).T
         error = rotation_vector(matrix_quaternion(ca.mtimes(R, exponential(r).T)))
         errors |= {name: error[k] for k, name in enumerate(("rx", "ry", "rz"))}
+    # The rows in the mechanism's own units.
     heights = np.where([name in POSE_ANGLES for name in what], 1.0, robot.equations.tree.length)
     return square(
         robot,

@@ -255,6 +255,7 @@ def simulate(
     """
     from linkwork.cli import simulate as command
 
+    # Where it starts, what acts, what is written, and how it is integrated.
     start = command.StartOptions(tool, joints, rates)
     load = command.Load(forces, forces_csv, kind.value)
     target = command.Target(out, overwrite)

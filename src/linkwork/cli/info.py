@@ -105,6 +105,7 @@ def kernel_facts(robot: Robot, name: str) -> dict[str, Any]:
 
 
 def print_tables(found: dict[str, Any]) -> None:
+    # What the robot is.
     chart = found["chart"]
     out = console()
     rows = [
@@ -121,12 +122,14 @@ def print_tables(found: dict[str, Any]) -> None:
     ]
     out.print(facts(rows))
     out.print()
+    # Its joints, and which part they play.
     joints = [
         (joint["name"], joint["type"], between(joint), joint["role"], actuated(joint))
         for joint in found["joints"]
     ]
     out.print(table(("joint", "type", "connects", "role", "actuated"), joints))
     out.print()
+    # What is compiled of it.
     kernels = [
         (
             item["name"],

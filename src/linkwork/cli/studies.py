@@ -57,6 +57,7 @@ class Map:
 
 def modes(source: Source, joints: str | None, tool: str | None, starts: int, seed: int) -> None:
     """Print all assembly modes or working modes, and how sure their number is."""
+    # Which of the two is asked for, and its answer.
     if joints is not None and tool is not None:
         raise LinkworkError(
             "--joints and --tool are both given; the one asks for assembly modes, the other for "
@@ -69,6 +70,7 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
         else:
             asked = None if joints is None else by_name(joints, robot.coordinates, "--joints")
             found = analysis.assembly_modes(robot, asked, starts=starts, seed=seed)
+    # How many there are, and how sure that is.
     kind = "working" if tool is not None else "assembly"
     values = zip(found.what, found.asked, strict=True)
     rows = [
@@ -82,6 +84,7 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
     out.print(facts(rows))
     if not len(found):
         return
+    # Each mode by what was not asked: the actuators, the tool's pose, or the first coordinates.
     shown = (
         robot.actuators[:FEW]
         if tool is not None
@@ -106,6 +109,7 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
 
 def singularities(source: Source, joints: str | None, tool: str | None) -> None:
     """Print of which kinds a configuration is singular."""
+    # Which kinds the configuration is of.
     robot = made(source)
     state = configuration(robot, joints, tool)
     told = analysis.singularity(robot, state)
@@ -116,6 +120,7 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
         ("actuator", f"{told.actuator:.4g}  0: kind II"),
         ("constraint", f"{told.constraint:.4g}  0: the loops let go"),
     ]
+    # What a singular one lets the tool do; how far a regular one is from being singular.
     if told.tool:
         rows.append(
             ("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items()))
@@ -149,6 +154,7 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
 
 def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) -> None:
     """Print what a map of the workspace holds; write and draw it."""
+    # What is asked for fits before anything is computed.
     asked.check()
     robot = made(source)
     limits = None if asked.limits is None else ranges(asked.limits)
@@ -161,6 +167,7 @@ def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) 
         mapped = analysis.workspace(
             robot, axes(asked.grid), guess=guess, limits=limits, rates=rates, forces=forces
         )
+    # The spread of each quantity, and the largest ball without holes.
     rows = [("reached", str(mapped.attrs["message"]))]
     rows += [
         (str(label), spread_of(mapped, str(label)))
@@ -173,6 +180,7 @@ def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) 
         else []
     )
     console().print(facts(rows))
+    # The map itself, as a file and as a picture.
     if asked.out is not None:
         mapped.to_netcdf(asked.out, engine="scipy")
         console().print(f"{asked.out} written", soft_wrap=True)
@@ -187,6 +195,7 @@ def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) 
 
 def linearise(source: Source, joints: str | None, tool: str | None, forces: str | None) -> None:
     """Print poles, natural modes and controllability."""
+    # About the forces that hold the pose, or those given; modes only where it stays at rest.
     robot = made(source)
     with patience("linearising"):
         state = configuration(robot, joints, tool)
@@ -202,6 +211,7 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
             if np.abs(acceleration).max(initial=0) < 1e-6
             else None
         )
+    # The state, and how it is held.
     out = console()
     out.print(
         facts(
@@ -221,6 +231,7 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
         )
     )
     out.print()
+    # Poles of x' = A x.
     poles = [
         (f"{pole.real:.6g}", f"{pole.imag:+.6g}", f"{abs(pole) / (2 * np.pi):.6g}")
         for pole in model.poles
@@ -228,6 +239,7 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
     out.print(
         table(("pole, real [1/s]", "imaginary [rad/s]", "size [Hz]"), poles, numbers=(0, 1, 2))
     )
+    # Shapes scaled so that the largest part of each is 1.
     if modes is not None:
         shown = robot.independent[:FEW]
         shapes = modes.shapes[: len(shown)] / np.abs(modes.shapes).max(axis=0)
@@ -301,6 +313,7 @@ def equilibrium(
 
 def parameters(source: Source, effects: str | None, run: Path | None) -> None:
     """Print the base parameters, described or identified."""
+    # Without a run the numbers of the description are all there is.
     robot = made(source)
     wanted = () if effects is None else tuple(part.strip() for part in effects.split(","))
     out = console()
@@ -314,6 +327,7 @@ def parameters(source: Source, effects: str | None, run: Path | None) -> None:
             out.print(table(("described", f"{len(base)} base parameters"), rows, numbers=(0,)))
             return
         found = analysis.identify(robot, Run.load(run), wanted)
+    # Each beside what was described, and how far off it may be.
     lines = zip(found.values, found.deviations, found.described, found.names, strict=True)
     rows = [
         (f"{value:.6g}", f"{own:.2g}", f"{told:.6g}", label) for value, own, told, label in lines
@@ -326,6 +340,7 @@ def parameters(source: Source, effects: str | None, run: Path | None) -> None:
         )
     )
     out.print()
+    # What the parameters leave unexplained, by rate.
     residual = ", ".join(
         f"{label} {value:.3g}"
         for label, value in zip(robot.independent, found.residual, strict=True)

@@ -21,6 +21,7 @@ HEADER = ("output", "unit", "mean", "deviation", "least", "largest")
 
 def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int | None) -> None:
     """Carry out a study, print what it comes to and where the files are."""
+    # What is asked for can be done, here and with this.
     for package in NEEDED if scheduler else NEEDED[:1]:
         if find_spec(package) is None:
             raise LinkworkError(f"sweeps need the package {package}; install linkwork[sweeps]")
@@ -31,6 +32,7 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
             "--threads and --scheduler are both given; the workers of a cluster have their own "
             "threads"
         )
+    # Faults of the study are told before a worker starts, and name its file.
     with patience("preparing the study"):
         from linkwork import sweeps
         from linkwork.sweeps.chunk import bench_of
@@ -42,6 +44,7 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
         folder = folder or Path(file.stem)
         if folder.exists() and not folder.is_dir():
             raise LinkworkError(f"--out {folder}: is a file; name a folder")
+    # The work itself, resumed where chunks are there already.
     with bar() as shown:
         task = shown.add_task("chunks", total=None)
         outcome = sweeps.sweep(
@@ -51,6 +54,7 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
             threads=threads,
             progress=lambda done, total: shown.update(task, completed=done, total=total),
         )
+    # What came of it, on the terminal and beside the store.
     with patience("reading the results"):
         found = sweeps.summary(outcome.store)
         written = sweeps.write(outcome.store, found, folder)

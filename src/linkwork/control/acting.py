@@ -200,9 +200,11 @@ def act(
     Raises:
         LinkworkError: what does not fit, or cannot be traced, in one sentence.
     """
+    # What acts is there to act on.
     require_law(names, law)
     require_drives(names, drives)
     require_bodies(names, wrenches)
+    # One symbolic trace: extra states of drives first, then those of the controller.
     of_drives = [
         x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras
     ]
@@ -216,6 +218,7 @@ def act(
         for values in (wrench.moment, wrench.force)
     ]
     zeros = [watched(tracer, event) for event in events]
+    # What was traced says the same as the functions themselves over the run's times.
     tracer.check(span)
     outputs = (
         command.values,
@@ -225,6 +228,7 @@ def act(
         ca.vertcat(NONE, *zeros),
         command.next_held,
     )
+    # All of it as one function of time, state and parameters.
     sampler = law if isinstance(law, Sampler) else None
     function, quantities, timed = closed(tracer, command, outputs)
     return Acting(

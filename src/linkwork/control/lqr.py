@@ -82,6 +82,7 @@ class LQR(Controller):
         """
         from scipy.linalg import LinAlgError, solve_continuous_are
 
+        # x = (position - pose, rates) needs coordinates whose derivatives the rates are.
         if not robot.actuators:
             raise LinkworkError(
                 "the robot has no actuators to hold a pose with; name some under 'actuators'"
@@ -92,6 +93,7 @@ class LQR(Controller):
                     f"the independent rate {name!r} is not that of a coordinate; choose others "
                     "by robot.in_chart"
                 )
+        # x' = A x + B du about the pose held still.
         still, forces = state.with_rates(0 * state.rates), robot.holding_forces(state)
         A, B = robot.linearised(still, forces)
         Q, R = (
@@ -103,6 +105,7 @@ class LQR(Controller):
             raise LinkworkError(
                 "the weights R of the forces are not positive definite; give positive numbers"
             )
+        # K = R^-1 B' P with P from the Riccati equation; LQR only if it really stabilises.
         try:
             K = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
         except (LinAlgError, ValueError):
@@ -111,6 +114,7 @@ class LQR(Controller):
             raise LinkworkError(
                 "the pose cannot be stabilised with these weights; change Q, R or the pose"
             )
+        # u = forces - K x.
         positions = np.array([still[name] for name in still.independent])
         return cls(still.independent, positions, forces, K)
 

@@ -62,18 +62,22 @@ def timely(t: ca.SX, parameters: ca.SX, acting: ca.SX, events: ca.SX) -> Timely 
 def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
     """Return the largest expressions of t and parameters alone in a column, but for t itself and
     those without it."""
+    # The column as a straight line of instructions in t, the parameters and all other symbols.
     known = {symbol.element_hash() for symbol in (t, *ca.vertsplit(parameters))}
     symbols = [s for s in ca.symvar(column) if s.element_hash() not in known]
     function = ca.Function(
         "column", [t, parameters, ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)]
     )
     inputs = [ca.vertsplit(t), ca.vertsplit(parameters) if parameters.numel() else []]
+    # Of every value: whether it is made of t, of parameters and numbers alone, or of anything else;
+    # and its expression.
     kinds: dict[int, int] = {}
     values: dict[int, ca.SX] = {}
     found: dict[int, ca.SX] = {}
     for k in range(function.n_instructions()):
         operation, places = function.instruction_id(k), function.instruction_input(k)
         (target, *_), kind, value = function.instruction_output(k), OTHER, ca.SX(0)
+        # Inputs and constants tell their own kind; a result is of the strongest of its operands.
         if operation == ca.OP_INPUT:
             argument, place = places
             if argument < len(inputs):
@@ -82,6 +86,8 @@ def expressions(column: ca.SX, t: ca.SX, parameters: ca.SX) -> list[ca.SX]:
             kind, value = STILL, ca.SX(function.instruction_constant(k))
         else:
             kind = OTHER if operation == ca.OP_OUTPUT else max(kinds[place] for place in places)
+            # Here an expression of t and parameters alone meets something else: it is as large as
+            # it gets.
             if kind == OTHER:
                 for place in places:
                     if kinds[place] == TIMELY and not values[place].is_symbolic():

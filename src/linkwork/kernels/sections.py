@@ -62,6 +62,7 @@ class SectionPlan:
 
 def planned(program: Program, angles_in_vector: int) -> SectionPlan:
     """Cut a program into sections; a vector holds so many angles of one state."""
+    # Results by place. A large program is cut further, into stretches.
     nodes = program.nodes
     large = len(nodes) > _LARGE
     places = defaultdict(list)
@@ -72,6 +73,7 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
         computed = [k for k in positions if nodes[k].op not in FETCHED or k in places]
         return _stretches(computed) if large else [tuple(computed)]
 
+    # Angles whose sines are taken together end a section: all that they need comes before.
     sections: list[Section] = []
     sines: dict[int, int] = {}
     cosines: dict[int, int] = {}
@@ -86,11 +88,14 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
             *map(Section, before),
             Section(last, angles, vectors, slots // angles_in_vector),
         ]
+        # Room for the angles, their sines and their cosines, side by side.
         size = vectors * angles_in_vector
         sines.update((k, slots + size + i) for i, k in enumerate(angles))
         cosines.update((k, slots + 2 * size + i) for i, k in enumerate(angles))
         slots += 3 * size
 
+    # What no angle needs comes last. Sections that are compiled apart keep in memory what others
+    # need.
     sections += map(Section, pieces(k for k in range(len(nodes)) if k not in done))
     apart = large or max(section.vectors for section in sections) > _MANY
     kept = _slots(nodes, sections, slots) if apart else {}

@@ -267,6 +267,7 @@ def position_differences(
 def as_dataset(comparison: Comparison) -> xarray.Dataset:
     import xarray
 
+    # One row for each source.
     robot, curves = comparison.robot, comparison.curves
 
     def stacked(field: str) -> np.ndarray:
@@ -278,6 +279,7 @@ def as_dataset(comparison: Comparison) -> xarray.Dataset:
             float,
         )
 
+    # What the columns are.
     coordinates = {"unit_of_each": ", ".join(robot.unit(name) for name in robot.coordinates)}
     pose = list(POSES[robot.planar])
     seconds = "s, wall time of the run (Linkwork: the shortest of a few)"

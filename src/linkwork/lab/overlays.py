@@ -110,6 +110,7 @@ def summary_figure(comparison: Comparison) -> Figure:
     over Linkwork's curves."""
     from matplotlib.lines import Line2D
 
+    # Forces, accelerations and positions, by actuator.
     robot, (every, time) = comparison.robot, thinned(comparison)
     curves = comparison.engines[:1]
     with styled():
@@ -127,6 +128,7 @@ def summary_figure(comparison: Comparison) -> Figure:
                     )
                     for curve in curves:
                         axes.plot(time, values_of(comparison, curve, field, name)[every], **OVER)
+        # The tool's path.
         grid[0, 1].plot(*comparison[NOC].tool[every, :2].T, color=BLUE, lw=2.2)
         for curve in curves:
             grid[0, 1].plot(*curve.tool[every, :2].T, **OVER)

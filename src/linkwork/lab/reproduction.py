@@ -154,8 +154,10 @@ def write(comparison: Comparison, folder: Path) -> list[Path]:
 
 def render(comparison: Comparison, drawn: dict[str, str]) -> str:
     """Return the report as a page; `drawn` holds the figures as SVG by name."""
+    # How far the direct dynamics lead from the motion that the forces were found for.
     robot, noc = comparison.robot, comparison[NOC]
     returned = largest_differences(robot, noc, comparison[PRESCRIBED])
+    # What the template names: the equations, pictures and film, tables, and what was asked for.
     return page(
         "reproduction.html",
         package="linkwork.lab",

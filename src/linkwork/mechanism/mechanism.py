@@ -95,6 +95,7 @@ class Mechanism(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        # Bodies, and what connects two of them.
         if GROUND in self.bodies:
             raise MechanismError(
                 "'ground' is the fixed frame and cannot be described; rename the body",
@@ -111,6 +112,7 @@ class Mechanism(Record):
                 raise MechanismError(
                     f"connects {pair.connects[0]!r} to itself; name two bodies", where
                 )
+        # What refers to coordinates: gears, actuators, the reference.
         for name, gear in self.gears.items():
             for label in gear.ratios:
                 require(label, coordinates, "coordinate", ("joints", name, "ratios"))
@@ -125,6 +127,7 @@ class Mechanism(Record):
             require(tool.body, self.bodies, "body", ("tools", name, "body"))
         for name in self.reference:
             require(name, coordinates, "joint", ("reference",))
+        # All hangs together.
         loose = set(self.bodies) - set(nx.node_connected_component(self.graph(), GROUND))
         if loose:
             first = next(name for name in self.bodies if name in loose)

@@ -37,6 +37,7 @@ def first_refusal(
 ) -> MechanismError:
     """Turn pydantic's errors about the fields of a record into one: about an unknown field, else
     about the first."""
+    # The fault to tell: an unknown name before anything else, for it may be a misspelt one.
     errors: Sequence[Any] = error.errors(include_url=False)
     first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
     kind, location, value, context = (
@@ -46,6 +47,7 @@ def first_refusal(
         first.get("ctx", {}),
     )
     where = path_in(fields, location)
+    # Our own checks have their sentences.
     cause = context.get("error")
     if isinstance(cause, MechanismError):
         return MechanismError(cause.what, where + cause.where)
@@ -56,6 +58,7 @@ def first_refusal(
         fix = f"{suggestion(where[-1], known)}; the fields here are {', '.join(known)}"
         return MechanismError(f"is not a known field{fix}", where)
 
+    # What was expected there, in the field's own words.
     field = record.model_fields[str(location[0])]
     expected = f"expected {field.description or 'a value'}"
     if kind in ("union_tag_invalid", "union_tag_not_found"):
@@ -69,6 +72,7 @@ def first_refusal(
         context = {"max_length": len(value) + lacking}
     elif kind == "missing":
         return MechanismError(f"is missing; {expected}", (*where, str(location[-1])))
+    # Faults that people make in files; then whatever else pydantic says.
     if value is None:
         return MechanismError(f"is empty; {expected}", where)
     if kind == "string_type" and isinstance(value, int | float):

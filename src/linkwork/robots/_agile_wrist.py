@@ -72,6 +72,8 @@ def agile_wrist(
         platform_mass=platform_mass,
         motor_inertia=motor_inertia,
     )
+    # Each leg: two quarters of a circle about the origin, from the motor's axis u over w to the
+    # platform's v.
     bodies, motors, elbows, wrists = {}, {}, {}, {}
     for i in range(3):
         u, w, v = np.roll(np.eye(3), -i, axis=0)

@@ -85,6 +85,7 @@ def andrews(
     Differential Equations II, sec. VII.7; data of the IVP test set (Mazzia & Magherini, 2008),
     which is IFToMM problem A03 too.
     """
+    # Bodies with their mass centres in the axes of the original paper's figure.
     centres = (
         (ra, 0.0),
         (-da, 0.0),
@@ -100,6 +101,7 @@ def andrews(
             zip(MASSES, INERTIAS, centres, strict=True), start=1
         )
     }
+    # Seven hinges in the tree and to ground; three more that meet at P.
     P = {"K2": (-d, 0.0), "K3": (0.0, -ss), "K4": (0.0, -e), "K6": (zf, 0.0)}
     joints = {
         "beta": hinge("ground", "K1"),
@@ -111,6 +113,7 @@ def andrews(
         "epsilon": hinge("ground", "K7", A),
     }
     joints |= {f"P_{body[1]}": hinge("K2", body, P["K2"], P[body]) for body in ("K3", "K4", "K6")}
+    # The spring that the squeezer works against.
     spring = PointSpring(
         connects=("ground", "K3"),
         points=((*C, 0.0), (sd, -sc, 0.0)),

@@ -52,6 +52,7 @@ def bennett(
     Source: Bennett, A new mechanism, Engineering 76 (1903) 777-778; closure as in Hunt, Kinematic
     Geometry of Mechanisms, 1978; dimensions ours.
     """
+    # sin(alpha) / a = sin(beta) / b: the second twist follows.
     require_sizes(length_1=length_1, length_2=length_2, link_radius=link_radius)
     require_masses(density=density)
     a, b, alpha = length_1, length_2, twist_1
@@ -71,9 +72,11 @@ def bennett(
             f"four links of {a} m with equal twists only fold; give length_2 another value",
             ("length_2",),
         )
+    # The angle opposite the crank, from half-angle tangents.
     second = 2 * atan2(
         sin((beta + alpha) / 2) * cos(crank / 2), sin((beta - alpha) / 2) * sin(crank / 2)
     )
+    # Opposite links are equal; each has its far hinge turned by its twist.
     short, long = (
         rod(tube_mass(density, length, (0.0, link_radius)), length, link_radius, 0.0, ALONG_X)
         for length in (a, b)

@@ -72,6 +72,7 @@ def delta(
     University 2015 (ABB FlexPicker IRB 360-1/1600: base, platform, arm, rod, spread); masses,
     radii, motor_inertia and height ours.
     """
+    # The platform lies level below the base: all arms hang at one angle.
     require_sizes(
         base_radius=base_radius,
         platform_radius=platform_radius,
@@ -91,6 +92,7 @@ def delta(
     centre = QuaternionPose.of(Frame(position=(0.0, 0.0, -height)))
     angle = arm_angle(platform_radius - base_radius, -height, arm, rod)
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
+    # A leg: a motor, its arm, and two rods side by side from the elbow to the platform.
     motors, legs = Parts(), Parts()
     for i, f in enumerate(TRIANGLE, start=1):
         e, t = compass(f)

@@ -72,6 +72,7 @@ def flyball_governor(
 
     Source: IFToMM library of computational benchmark problems, A05, stiff flyball governor.
     """
+    # The springs have to reach the slider, however much they pull there.
     require_sizes(height=height, rod=rod, section=section, side=side, rest_length=rest_length)
     require_masses(density=density, ball_mass=ball_mass)
     across = rod / 2 * abs(cos(angle))
@@ -81,6 +82,7 @@ def flyball_governor(
             f"{across:.6g} m"
         )
     c, beam_mass = side / 2, density * section**2
+    # A spindle, a slider on it, and on either side a rod on a hinge and a spring to its middle.
     joints: dict[str, RevoluteJoint | PrismaticJoint] = {
         "spindle": RevoluteJoint(connects=("ground", "shaft")),
         "slide": PrismaticJoint(connects=("shaft", "slider")),
@@ -99,6 +101,7 @@ def flyball_governor(
             rest_length=rest_length,
             damping=damping,
         )
+    # Square beams; the slider is a cube.
     along, upright = beam_inertia(beam_mass * height, height, section)
     shaft = Body(
         mass=beam_mass * height,

@@ -30,11 +30,13 @@ def four_bar(
     Source: RigidBodyDynamics.jl, example "Four-bar linkage" (its lengths and masses; gravity there
     is along -z of a frame whose z lies in the plane).
     """
+    # Bodies, each along its own x axis.
     names = ("crank", "coupler", "rocker")
     bodies = {
         name: Body(mass=mass, centre_of_mass=(centre, 0, 0), inertia=Inertia(zz=inertia))
         for name, mass, centre, inertia in zip(names, masses, centres, inertias, strict=True)
     }
+    # Four hinges, the last of which closes the loop.
     joints = {
         "crank_pivot": RevoluteJoint(connects=("ground", "crank")),
         "crank_pin": RevoluteJoint(

@@ -73,6 +73,7 @@ def hexaglide(
     Source: Honegger, Codourey & Burdet, Adaptive control of the Hexaglide, a 6 dof parallel
     manipulator, IEEE ICRA 1997; layout of the rails and dimensions ours.
     """
+    # What is given makes six legs.
     require_sizes(rod=rod, platform_radius=platform_radius, rod_radius=rod_radius)
     require_masses(carriage_mass=carriage_mass, platform_mass=platform_mass, rod_mass=rod_mass)
     b = six_points("platform_points", platform_points)
@@ -81,6 +82,7 @@ def hexaglide(
             raise MechanismError(f"give six values, not {len(values)}", (name,))
     if not all(side in (1, -1) for side in sides):
         raise MechanismError(f"{tuple(sides)} is not made of 1 (ahead) and -1 (behind)", ("sides",))
+    # A leg: a rail, a carriage where the rod meets the rail on its side, and the rod.
     pose = QuaternionPose.of(home)
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     slides, legs = Parts(), Parts()

@@ -61,6 +61,7 @@ def linear_delta(
     Source: geometry as in Williams, The Delta parallel robot: kinematics solutions, Ohio University
     2015, prismatic inputs; dimensions ours.
     """
+    # Carriages stand above the platform, all at one height.
     require_sizes(
         base_radius=base_radius,
         platform_radius=platform_radius,
@@ -76,6 +77,7 @@ def linear_delta(
             f"above zero, so that the rods are not parallel, and below rod = {rod} m"
         )
     lift = sqrt(rod**2 - inset**2)
+    # A leg: an upright column, its carriage, and two rods side by side.
     centre = QuaternionPose.of(Frame())
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     slides, legs = Parts(), Parts()

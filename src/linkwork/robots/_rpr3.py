@@ -61,6 +61,7 @@ def rpr3(
     require_masses(
         cylinder_mass=cylinder_mass, piston_mass=piston_mass, platform_mass=platform_mass
     )
+    # A leg: a pivot, a slide and a wrist.
     pivots, slides, wrists, reference = {}, {}, {}, {}
     for i, (corner, vertex) in enumerate(
         zip(corners(base), vertices(radius), strict=True), start=1
@@ -74,6 +75,7 @@ def rpr3(
         wrists[f"wrist_{i}"] = RevoluteJoint(
             connects=(f"piston_{i}", "platform"), frames=(Frame(), Frame.planar(*vertex))
         )
+        # The reference: the platform in the middle, turned by TURN.
         dx = base / 2 + cos(TURN) * vertex[0] - sin(TURN) * vertex[1] - corner[0]
         dy = base / (2 * sqrt(3)) + sin(TURN) * vertex[0] + cos(TURN) * vertex[1] - corner[1]
         angle = atan2(dy, dx)

@@ -57,6 +57,7 @@ def rrr3(
     require_masses(
         proximal_mass=proximal_mass, distal_mass=distal_mass, platform_mass=platform_mass
     )
+    # A leg: two links between motor, elbow and wrist.
     motors, elbows, wrists, reference = {}, {}, {}, {}
     for i, (corner, vertex) in enumerate(
         zip(corners(base), vertices(radius), strict=True), start=1
@@ -71,6 +72,7 @@ def rrr3(
             connects=(f"distal_{i}", "platform"),
             frames=(Frame.planar(distal), Frame.planar(*vertex)),
         )
+        # The reference: the platform in the middle, all elbows on one side.
         top = (base / 2 + vertex[0], base / (2 * sqrt(3)) + vertex[1])
         x, y = meet(corner, proximal, top, distal, 1, f"leg {i}: proximal and distal links")
         motor = atan2(y - corner[1], x - corner[0])

@@ -56,6 +56,7 @@ def slider_crank(
 
     Source: Norton, Design of Machinery, ch. 4 (offset slider-crank); dimensions ours.
     """
+    # The rod spans what the crank leaves between its pin and the slide's line.
     require_sizes(crank=crank, rod=rod)
     require_masses(**dict(zip(("crank_mass", "rod_mass", "slider_mass"), masses, strict=True)))
     rise = offset - crank * sin(START)

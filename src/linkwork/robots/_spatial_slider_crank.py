@@ -69,6 +69,7 @@ def spatial_slider_crank(
     (Masoudi, after Haug, Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989, sec.
     12.2).
     """
+    # The rod spans what lies between the crank's pin, which stands upright, and the slide.
     require_sizes(crank=crank, rod=rod)
     require_masses(**dict(zip(("crank_mass", "rod_mass", "slider_mass"), masses, strict=True)))
     y, z = pivot
@@ -78,6 +79,7 @@ def spatial_slider_crank(
             f"the rod of {rod} m does not reach the slider's axis; rod must exceed {far:.6g} m"
         )
     slide = sqrt(rod**2 - far**2)
+    # How the universal joint at the slider and the ball at the crank hold it there.
     cross_1, cross_2 = atan2(-y, z + crank), acos(slide / rod)
     rod_turn = product(turn(ALONG_X, cross_1), turn(ALONG_Y, cross_2))
     centres = ((0.0, 0.0, crank / 2), (-rod / 2, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -77,6 +77,7 @@ def stewart(
     2002: base radius 3 m, half spread 2.5 deg; platform radius 1 m, half spread 10 deg, turned by
     60 deg; height 2 m; weight 76 kN/m^3.
     """
+    # Points, tubes and densities that make six legs.
     A, b = six_points("base_points", base_points), six_points("platform_points", platform_points)
     inner, outer = tube_radii
     require_sizes(
@@ -91,6 +92,7 @@ def stewart(
         raise MechanismError(
             f"the inner radius {inner} m is not below the outer radius {outer} m", ("tube_radii",)
         )
+    # A leg stands between two points, which may not coincide.
     ground, pose = QuaternionPose.of(Frame()), QuaternionPose.of(home)
     legs = Parts()
     for i in range(6):

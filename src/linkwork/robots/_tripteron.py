@@ -67,6 +67,7 @@ def tripteron(
         distal_mass=distal_mass,
         platform_mass=platform_mass,
     )
+    # Three equal legs, square to each other: a slide along e and three hinges parallel to it.
     bodies, slides, roots, elbows, tips = {}, {}, {}, {}, {}
     for i in range(3):
         e, e_j, e_k = np.roll(np.eye(3), -i, axis=0)
@@ -77,6 +78,7 @@ def tripteron(
             first: rod(proximal_mass, proximal, link_radius, 0.0, e_j),
             second: rod(distal_mass, distal, link_radius, 0.0, e_k),
         }
+        # In the reference the legs are bent at a right angle in their plane.
         start = Frame(position=vector(-offset * e - proximal * e_j - distal * e_k))
         slides[f"slide_{label}"] = PrismaticJoint(
             connects=("ground", carriage), frames=(start, Frame()), axis=axis

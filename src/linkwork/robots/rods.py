@@ -101,6 +101,7 @@ class Rods:
     def between(self, label: str, first: End, second: End) -> Parts:
         """Return rod_<label>, or the body of that name with its joints knuckle_<label> and
         ball_<label>."""
+        # Without mass a rod is a distance and no body.
         name = f"rod_{label}"
         if self.mass == 0:
             joint = RodJoint(
@@ -109,12 +110,14 @@ class Rods:
                 length=self.length,
             )
             return Parts(joints={name: joint})
+        # With mass it points from end to end.
         aim = pointing(direction(first, second)[0])
         tip = End(
             name,
             self.length * np.array(aim.axis),
             QuaternionPose(first.position, product(first.pose.quaternion, aim.quaternion)),
         )
+        # Two balls let it spin about itself, a universal joint does not.
         knuckle, ball = f"knuckle_{label}", f"ball_{label}"
         connects, frames = (first.body, name), (first.frame, Frame())
         if self.spinning:

@@ -162,6 +162,7 @@ class Skeleton:
 
 def skeleton(robot: Robot, state: State) -> Skeleton:
     """Return the points, axes and tools of a robot in one state."""
+    # Where bodies, mass centres, joints, springs and tools are.
     mechanism = robot.mechanism
     poses = {GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)
     centres = {
@@ -179,6 +180,7 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     tools = {
         name: frame_pose(poses[tool.body], tool.frame) for name, tool in mechanism.tools.items()
     }
+    # Points of each body at which something holds it.
     hung = [
         end
         for name, spring in mechanism.springs.items()
@@ -188,6 +190,7 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     ends = [*hung, *(end for joint in joints for end in joint.ends)]
     ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
     points = {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
+    # Bodies that are seen by themselves: by their shapes, or as a point mass.
     solids = {
         name: body_solids(body, poses[name])
         for name, body in mechanism.bodies.items()
@@ -198,11 +201,13 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
         for name in point_masses(mechanism, points, centres)
         if name not in meeting and name not in solids
     }
+    # A body without two points to be drawn between shows its mass centre, or its origin.
     for name, own in points.items():
         if name in masses or (name in centres and len(own) < 2):
             own.append(centres[name])
         elif not own:
             own.append(poses[name][0])
+    # Between two axes that meet a body is an arc, else a line through its points.
     bent = [name for name in meeting if len(points[name]) == 2 and name not in solids]
     arcs = {name: arc(meeting[name], *points[name]) for name in bent}
     bodies = {name: np.stack(found) for name, found in points.items() if name not in arcs}
@@ -247,6 +252,7 @@ def joint_place(
     name: str, joint: PairJoint, poses: Mapping[str, Placed], driven: bool
 ) -> JointPlace:
     """Place a joint by the poses of its two bodies."""
+    # Axes before a turn are the first body's, those behind it the second's.
     (near, R_1), (far, R_2) = (
         frame_pose(poses[body], frame)
         for body, frame in zip(joint.connects, joint.frames, strict=True)

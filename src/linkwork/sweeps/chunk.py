@@ -57,6 +57,7 @@ def run(
 ) -> None:
     """Run those members (rows) that one controller leads, and put what comes of them into the
     results."""
+    # Where members start; what cannot start is refused and not run.
     study = bench.study
     (state, status), parameters = starts(bench, values[rows]), bench.parameters(case, values[rows])
     for column in parameters.values():
@@ -65,6 +66,7 @@ def run(
     if not able.any():
         return
     state, rows = state.at(able), rows[able]
+    # All others at once.
     runs = ensemble(
         bench.robot,
         state,
@@ -77,6 +79,7 @@ def run(
         raise KeyboardInterrupt
     for name in ("status", "end_time", "nfev", "pivot", "closure_error"):
         results[name][rows] = getattr(runs, name)
+    # Outputs are of finished runs only; trajectories hold what there is.
     found = measured(bench, case, runs, bench.quantities, threads)
     done = runs.status == Status.FINISHED
     for name, output in bench.outputs.items():

@@ -96,6 +96,7 @@ def of_rows(
     bench: Bench, law: int, crew: Members, rows: SavedRows, wanted: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Return the wanted quantities of states (rows[, components])."""
+    # What acts, which accelerations follow from.
     robot, chart, t = bench.robot, rows.chart, rows.t
     (q, v, z), p_robot = rows.split(), crew.p_robot(rows.members)
     found: dict[str, np.ndarray] = {"drive_state": z[:, : len(bench.extras)]}
@@ -105,6 +106,7 @@ def of_rows(
     if "actuator_power" in wanted:
         actuated = chart.compiled("powers", powers)(q, v, p_robot)[0]
         found["actuator_power"] = found["actuator_force"] * actuated
+    # Joints.
     positions, joint_rates, joint_accelerations, _ = chart.kernel("joints_motion")(
         q, v, acceleration, p_robot
     )
@@ -118,6 +120,7 @@ def of_rows(
             chart.with_parameters(p_robot), q, v, acceleration, found["actuator_force"]
         )
         found |= dict(zip(REACTIONS, reactions(bench, samples), strict=True))
+    # What controllers lead, beside what they were told.
     if "tracking_error" in wanted:
         actuated = [robot.coordinates.index(name) for name in robot.actuators]
         found["tracking_error"] = bench.wanted_joints(law)(t) - positions[:, actuated]
@@ -125,6 +128,7 @@ def of_rows(
         found["tool_pose"] = poses(robot.chart.compiled("tool", tool)(q, p_robot)[0])
     if "tool_error" in wanted:
         found["tool_error"] = bench.tool_error(law, rows.times, found["tool_pose"])
+    # Energies and conditioning.
     if set(ENERGIES) & set(wanted):
         kinetic, potential, _ = chart.kernel("energy")(q, v, p_robot)
         found |= dict(

@@ -149,12 +149,14 @@ class Bench:
     @cached_property
     def fields(self) -> Mapping[str, Field]:
         """The arrays of the results by name."""
+        # What is varied, and which controller leads.
         found = {name: Field(("member",), "f8", {"role": "varied"}) for name in self.study.varied}
         if len(self.cases) > 1:
             names = self.study.controllers
             found["controller"] = Field(
                 ("member",), "i1", flags({i: name for i, name in enumerate(names)})
             )
+        # How each member ended.
         found |= {
             "status": Field(("member",), "i1", flags(STATUSES)),
             "end_time": Field(("member",), "f8", {"units": "s"}),
@@ -164,6 +166,7 @@ class Bench:
             ),
             "closure_error": Field(("member",), "f8", {"units": "own lengths, rad"}),
         }
+        # What is asked of the runs: numbers of each, and trajectories.
         for name, output in self.outputs.items():
             attrs = {
                 "role": "output",

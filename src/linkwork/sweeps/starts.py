@@ -132,6 +132,7 @@ def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.nd
     q', all in the mechanism's own units, and whether joints' frames face each other as they should
     (M).
     """
+    # phi, poses and coordinates, with their Jacobians, in one call.
     kernel, nv = robot.kernel("assembly"), len(robot.equations.tree.rates)
     out = {
         name: value
@@ -142,6 +143,7 @@ def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.nd
     for name in MATRICES:
         if name in out:
             out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
+    # Loops have to close; joints, then the tool, have to be where they are asked.
     tree, units = robot.equations.tree, [robot.equations.rows.units]
     residuals, jacobians = [out["phi"]], [out["Phi"]]
     if joints:

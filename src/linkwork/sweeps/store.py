@@ -119,15 +119,19 @@ def create(path: Path, bench: Bench) -> None:
     """Make an empty store beside its place, and put it there when it is complete."""
     import zarr
 
+    # A folder beside the place, renamed when all is there: nobody sees half a store.
     study = bench.study
     part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
     with written(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
+            # Whose results these are.
             about = {STUDY: study.text, "name": study.name, "linkwork": version("linkwork")}
             if study.robot.caveats:
                 about["caveats"] = "\n".join(study.robot.caveats)
             group = zarr.create_group(part, attributes=about)
+            # An array for each field, a chunk of members in each file; a checksum marks finished
+            # chunks.
             for name, field in bench.fields.items():
                 shape = bench.shape(field, study.members)
                 add(

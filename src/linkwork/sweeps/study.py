@@ -123,6 +123,7 @@ class Study(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        # Outputs and trajectories: readable, each name once.
         taken = (*TAKEN, *self.trajectories, *self.varied)
         for name, text in self.outputs.items():
             if name in taken or "/" in name:
@@ -133,6 +134,7 @@ class Study(Record):
             with_place(Output.read, text, ("outputs", name))
         for index, name in enumerate(self.trajectories):
             with_place(require_quantity, name, ("trajectories", str(index)))
+        # What is varied suits the design.
         for name, variation in self.vary.items():
             fault = self.design.refuse(name, variation)
             if fault:
@@ -144,12 +146,14 @@ class Study(Record):
                 )
             if self.varied.count(name) > 1:
                 raise MechanismError(f"{name!r} varies twice; keep one of them", ("vary", name))
+        # What acts.
         if self.controllers and (
             self.forces or any(name.startswith("forces.") for name in self.varied)
         ):
             raise MechanismError("and controllers are both given; keep one of them", ("forces",))
         for actuator, numbers in self.drives.items():
             drive(numbers, ("drives", actuator))
+        # How it is integrated, and where it starts.
         try:
             integrator(self.method, self.step)
         except LinkworkError as error:

@@ -146,6 +146,7 @@ def free_port(host: str, port: int | None) -> int:
     Raises:
         LinkworkError: the port is in use or no port, or the address is none of this computer.
     """
+    # The one that is asked for, or the first free one.
     if port is not None and not 0 <= port < 65536:
         raise LinkworkError(f"port {port} is none; give a number from 1 to 65535")
     for candidate in range(PORT, PORT + PORTS) if port is None else (port,):
@@ -157,6 +158,7 @@ def free_port(host: str, port: int | None) -> int:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind(address)
                 return candidate
+        # Faults that another port would not cure.
         except socket.gaierror:
             raise LinkworkError(
                 f"there is no address {host!r}; give one of this computer, such as {LOOPBACK}"
@@ -171,6 +173,7 @@ def free_port(host: str, port: int | None) -> int:
                     f"{host} is no address of this computer; give one that is, such as {LOOPBACK}"
                 ) from None
             continue
+    # All of them are taken.
     if port is None:
         raise LinkworkError(
             f"the ports {PORT} to {PORT + PORTS - 1} on {host} are all in use; give another one"

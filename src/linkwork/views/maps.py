@@ -63,6 +63,7 @@ def plot_workspace(
     Raises:
         LinkworkError: a quantity that the map does not hold over two coordinates.
     """
+    # What can be drawn over two coordinates of the pose.
     known = [
         str(name)
         for name, array in mapped.data_vars.items()
@@ -84,6 +85,7 @@ def plot_workspace(
         shading = {"shading": "nearest", "rasterized": True, "zorder": 1} | colours(
             quantity, values
         )
+        # Colours over the plane, or that there are none.
         if np.isfinite(values).any() and min(values.shape) > 1:
             painted = axes.pcolormesh(x, y, values, **shading)
             bar = axes.figure.colorbar(painted, ax=axes, shrink=0.9, pad=0.02)
@@ -93,7 +95,9 @@ def plot_workspace(
             axes.text(
                 0.5, 0.5, "no pose is reached", transform=axes.transAxes, ha="center", va="center"
             )
+        # Where det A and det B vanish, and the edge of what is reached.
         drawn = [draw_line(axes, mapped, name, first) for name in LINES] if lines else []
+        # One scale for both axes where both are lengths.
         axes.set(
             xlabel=f"{first} [{units(mapped, first)}]", ylabel=f"{second} [{units(mapped, second)}]"
         )

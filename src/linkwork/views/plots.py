@@ -60,6 +60,7 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
     Raises:
         LinkworkError: a quantity that the run does not hold over time.
     """
+    # What can be drawn: what the dataset holds over time.
     dataset = run.dataset if isinstance(run, Run) else run
     if not hasattr(dataset, "data_vars"):
         raise LinkworkError(
@@ -70,6 +71,7 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
         raise LinkworkError(f"the quantities are {quantities!r}; give their names in a list")
     moving = [str(name) for name, variable in dataset.data_vars.items() if TIME in variable.dims]
     usual = [name for name in USUAL if name in moving] or moving
+    # What is asked for, a panel for each quantity and unit.
     wanted = (
         usual
         if quantities is None
@@ -85,6 +87,7 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
     shown = [panel for name in wanted for panel in panels(dataset, name)]
     if not shown:
         raise LinkworkError(f"there is nothing to draw; name some of {', '.join(moving)}")
+    # Panels below each other, on one time.
     with styled():
         figure = new_figure(max(WIDTH, *(panel.width for panel in shown)), HEIGHT * len(shown))
         grid = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]

@@ -170,6 +170,7 @@ class Document:
 
     def rotation(self, element: Element) -> np.ndarray:
         """Return the rotation matrix of quat, axisangle, euler, xyaxes or zaxis."""
+        # One form at most; none is no turn.
         given = [form for form in ORIENTATIONS if form in element.attributes]
         if len(given) > 1:
             raise element.refusal(
@@ -177,6 +178,7 @@ class Document:
             )
         if not given:
             return np.eye(3)
+        # Directions have a length.
         (form,) = given
         count = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}[form]
         numbers = np.array(element.numbers(form, (count,)))
@@ -190,6 +192,7 @@ class Document:
             raise element.refusal(
                 f"{form} '{element.attributes[form]}' has no length; give a direction"
             )
+        # Each form by its own definition in MuJoCo's reference.
         match form:
             case "quat":
                 return poses.from_quaternion(*numbers)
@@ -199,6 +202,7 @@ class Document:
                 return self._euler(numbers)
             case "zaxis":
                 return poses.from_z(numbers)
+        # xyaxes: y is taken square to x, as MuJoCo does.
         x, y = poses.unit(numbers[:3]), poses.unit(numbers[3:])
         y = y - (y @ x) * x
         if np.linalg.norm(y) < 1e-12:

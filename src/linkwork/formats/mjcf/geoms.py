@@ -73,11 +73,13 @@ def shown(
 ) -> list[Shape]:
     """Return the geom's shape in the body's frame; nothing for what MuJoCo hides or is no shape
     here."""
+    # What MuJoCo draws, and what it does not.
     if not is_shown(element):
         return []
     colour = rgba(element, materials)
     if colour is not None and colour[3] == 0:
         return []
+    # What has no shape here is told, not guessed.
     kind = kind_of(element)
     if kind not in SHAPES:
         notes.on(
@@ -90,6 +92,7 @@ def shown(
         return []
     if colour is not None and colour[3] < 1:
         notes.on(element, "is half transparent; shapes are opaque here")
+    # MuJoCo gives half sizes, and the middle of what is symmetric.
     size, place = measured(document, element)
     fields = {
         "frame": poses.frame_of(X @ place),

@@ -136,16 +136,19 @@ def read_joints(
         drives: how balls are driven, by name.
         names, body_names: give names to joints and to massless bodies.
     """
+    # Joints of MJCF that together are one joint here form a group; a body with several is a chain.
     made = Joints()
     for node in tree.nodes.values():
         groups = _groups(node, couplings, drives, made.screws)
         before, place = node.parent, node.pose
+        # A body without joints is welded to its parent.
         if not groups:
             name = names.give(node.name)
             made.joints[name] = FixedJoint(
                 connects=(before, node.name), frames=(poses.frame_of(place), Frame())
             )
         for index, group in enumerate(groups):
+            # Between two groups of one body stands a body without mass.
             last = index == len(groups) - 1
             body = (
                 node.name

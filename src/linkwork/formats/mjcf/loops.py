@@ -175,6 +175,7 @@ class LoopReader:
     def _connected(self, ties: list[Equality]) -> list[tuple[str, PairJoint]]:
         """Return the one joint that several connects of the same two bodies are, or one spherical
         joint for each."""
+        # How far apart the points lie, in either body.
         connects, name = ties[0].bodies, tie_name(ties[0])
         if len(ties) > CONNECTS:
             raise ties[0].element.refusal(
@@ -184,14 +185,17 @@ class LoopReader:
         apart = {(i, j): points[j] - points[i] for i, j in combinations(range(len(ties)), 2)}
         lengths = {pair: np.linalg.norm(gap, axis=1) for pair, gap in apart.items()}
         longest = max(lengths, key=lambda pair: lengths[pair][0], default=None)
+        # Points that coincide are one ball.
         if longest is None or lengths[longest][0] < APART:
             return [(name, self._ball(ties[0]))]
+        # Differently far apart they fit no rigid joint: each stays a ball of its own.
         if any(abs(near - far) > APART for near, far in lengths.values()):
             self.notes.on(
                 ties[0].element,
                 "and others hold points together that lie differently far apart in the two bodies",
             )
             return [(tie_name(tie), self._ball(tie)) for tie in ties]
+        # Two points, or three in line, are a hinge about that line.
         centre, axes = (
             points[list(longest)].mean(axis=0),
             [poses.unit(gap) for gap in apart[longest]],
@@ -201,6 +205,8 @@ class LoopReader:
         corner = int(np.argmax(np.linalg.norm(away, axis=1)))
         if np.linalg.norm(away[corner]) < APART:
             return [(name, self._hinge(connects, centre, axes))]
+        # A third point off their line fixes all: both frames have the line and that point in
+        # common.
         arms = points[corner] - centre
         near, far = (
             poses.pose(p, poses.across(z, arm))
@@ -367,12 +373,14 @@ class LoopReader:
         rods: dict[str, Joint],
         springs: dict[str, PointSpring],
     ) -> None:
+        # Its two ends, and what it does between them.
         ends = [self.site(element, part.text("site")) for part in element.children]
         bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
         stiffness, damping = (
             element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")
         )
         name = element.attributes.get("name", "tendon")
+        # Held at a length it is a rod.
         if holds:
             frames = tuple(Frame(position=poses.triple(point)) for point in points)
             fields = {
@@ -383,6 +391,7 @@ class LoopReader:
             rods[names.give(holds[0].attributes.get("name", name))] = element.make(
                 RodJoint, **fields
             )
+        # Pulling it is a spring between two points.
         if stiffness or damping:
             low, *high = element.numbers("springlength", (1, 2), (-1.0,))
             if high and high[0] != low:

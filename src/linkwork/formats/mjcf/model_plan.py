@@ -178,16 +178,21 @@ class _Planner:
         }
 
     def plan(self) -> ModelPlan:
+        # Joints in MuJoCo's tree; each joint that closes a loop and cannot be tied hangs a part of
+        # its body in the tree.
         tree, floating = self._tree()
         cuts = {name: joint for name, joint in self.mechanism.pairs.items() if name not in tree}
         split = {name: joint for name, joint in cuts.items() if self._needs_part(name, joint)}
+        # The parts of a body share its mass.
         shares: dict[str, int] = {}
         for joint in split.values():
             shares[carried(joint)] = shares.get(carried(joint), 1) + 1
+        # Bodies sit where the tree has them, by the joint that leads there.
         for name, (parent, body) in tree.items():
             floats = name in floating or self._rank(name, self.mechanism.pairs[name]) == 4
             moves = (self._float(name, body),) if floats else self._moves(name, parent)
             self.seats[body] = Seat(body, body, parent, moves, 1 / shares.get(body, 1))
+        # Parts sit behind their joints, welded to their bodies.
         ties: list[ModelTie] = []
         for name, joint in split.items():
             body = carried(joint)
@@ -196,6 +201,7 @@ class _Planner:
             self.seats[part] = Seat(part, body, parent, self._moves(name, parent), 1 / shares[body])
             origin = self.home.poses[body][:3, 3]
             ties.append(ModelTie("weld", name, (body, part), (origin, origin)))
+        # All other loops are closed by ties; what needs none is dropped.
         dropped = []
         for name, joint in cuts.items():
             if name in split:
@@ -203,6 +209,7 @@ class _Planner:
             ties += (closing := self._ties(name, joint))
             if not closing:
                 dropped.append(name)
+        # What MuJoCo refuses: bodies without mass, and balls that cannot be told in one move.
         self._stack_massless(ties)
         self._part_balls(ties)
         return ModelPlan(
@@ -230,6 +237,7 @@ class _Planner:
     def _tree(self) -> tuple[dict[str, tuple[str, str]], list[str]]:
         """Return parent and body by joint (or, for bodies that only rods reach, by a name given
         here), and those names."""
+        # Every joint both ways round, with its rank: the lower, the sooner it enters.
         depth, tree, floating = {GROUND: 0}, {}, []
         ranks = {name: self._rank(name, joint) for name, joint in self.mechanism.pairs.items()}
         edges = [
@@ -241,6 +249,7 @@ class _Planner:
                 self.mechanism.pairs[name].connects[::-1],
             )
         ]
+        # The best joint on the rim, near to ground first; where only rods lead on, a free joint.
         while len(depth) <= len(self.mechanism.bodies):
             rim = [
                 (rank, depth[a], number, name, a, b)
@@ -284,6 +293,7 @@ class _Planner:
         )
 
     def _forward(self, name: str, joint: PairJoint) -> tuple[Move, ...]:
+        # Anchor and axes at home, in the ground's axes.
         near, far = self.home.frames(joint)
         effects, at = effects_of(joint), far[:3, 3]
 
@@ -291,6 +301,7 @@ class _Planner:
             label = name if joint.coordinates(name) == (name,) else f"{name}.{freedom}"
             return Move(kind, label, at, axis, self.home.coordinates[label], effects[freedom])
 
+        # As MuJoCo stacks them: slides before hinges, and a screw as both, tied by its pitch.
         match joint:
             case FixedJoint():
                 return ()

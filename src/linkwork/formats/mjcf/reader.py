@@ -48,11 +48,13 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
+    # The document and its tree of bodies.
     document = Document.read(root)
     survey(document, notes)
     tree = read_tree(document, notes)
     loops = LoopReader(document, tree, notes)
     ties = loops.ties()
+    # Joints of the tree, and the bodies between several joints of one body.
     names, body_names = FreeNames(notes), FreeNames(notes, (GROUND, *tree.nodes))
     joints = read_joints(
         tree, _free_couplings(document, ties), _ball_drives(document), names, body_names
@@ -61,10 +63,12 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
         for name, node in tree.nodes.items()
     } | joints.bodies
+    # What closes loops: tendons, connects and welds, joint equalities.
     tendons, springs, tendon_sites = loops.tendons(ties, joints, names)
     _join_parts(tree, ties, joints, bodies, tendon_sites)
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
+    # All of it, named once; sites that nothing uses are tools.
     everything: dict[str, Joint] = {**joints.joints, **closing, **tendons, **gears}  # pyright: ignore
     used = ties.sites | tendon_sites | _driven_sites(document)
     tools = {
@@ -129,10 +133,12 @@ def _join_parts(
     "body.joint" and welded to the body. Where a leaf of the tree is such a part, the joint leads to
     the body itself, which has the mass of both.
     """
+    # Which bodies something hangs on, holds, or stands on.
     parents = {node.parent for node in tree.nodes.values()}
     uses = Counter(body for tie in (*ties.points, *ties.welds) for body in tie.bodies)
     standing = {body for name, (body, _) in tree.sites.items() if name not in ties.sites}
     for weld in list(ties.welds):
+        # A leaf that only this weld and its joint know.
         part = next((body for body in weld.bodies if _is_part(tree, weld, body)), None)
         if (
             part is None
@@ -142,6 +148,7 @@ def _join_parts(
             or part not in joints.last
         ):
             continue
+        # Its joint leads to the whole body instead, from the same place.
         whole = weld.bodies[0] if weld.bodies[1] == part else weld.bodies[1]
         tie = weld.between((whole, part))
         X = tie.frames[0] @ poses.inverse(tie.frames[1])
@@ -151,6 +158,7 @@ def _join_parts(
         joints.joints[name] = joint.model_copy(
             update={"connects": (joint.connects[0], whole), "frames": frames}
         )
+        # Mass and shapes of both, in the whole body's frame.
         one, other = bodies[whole], bodies.pop(part)
         solid = together([Solid.of_body(one), Solid.of_body(other).seen(X)])
         bodies[whole] = Body(
@@ -219,6 +227,7 @@ def _ball_drives(document: Document) -> dict[str, DrivenBall]:
 
 def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
     """Return the rate that an actuator drives, or None with a note."""
+    # Actuators of joints only.
     in_parent = "jointinparent" in element.attributes
     name = element.attributes.get("jointinparent") or element.attributes.get("joint")
     if name is None:
@@ -227,6 +236,7 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
     gear = np.zeros(6)
     numbers = element.numbers("gear", (1, 2, 3, 4, 5, 6), (1.0,))
     gear[: len(numbers)] = numbers
+    # Of one freedom: the force is told at the joint.
     if name in joints.coordinates:
         if gear[0] != 1:
             notes.on(
@@ -237,6 +247,7 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
                 ),
             )
         return joints.coordinates[name]
+    # Balls and free joints: the gear is an axis, which has to be one of the joint's own.
     whole = name in joints.floats
     if not whole and name not in joints.balls:
         raise element.refusal(f"there is no joint {name!r} to drive")
@@ -244,6 +255,8 @@ def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
     group = joints.groups[owner]
     along = gear if whole else group.axes.T @ gear[:3] * (-1 if group.backwards else 1)
     rates = joints.joints[owner].rates(owner)[-len(along) :]
+    # Turns here have their rates in the first body's axes, where the actuator's axis has to be,
+    # too.
     axis = int(np.argmax(along))
     one = np.linalg.norm(along - np.eye(len(along))[axis]) < NEAR
     if not one or not (in_parent != group.backwards or (whole and axis < 3)):
@@ -266,6 +279,7 @@ def _reference(
 ) -> dict[str, float]:
     """Return the joint coordinates of the keyframe "home", or those of qpos0; what is at zero is
     left out."""
+    # qpos of the keyframe "home" where there is one, else where the joints stand.
     pieces = tree.pieces()
     positions = tree.positions()
     home = next(
@@ -276,6 +290,7 @@ def _reference(
         counts = [COORDINATES[piece.kind] for _, piece in pieces]
         values = np.array(home.numbers("qpos", (sum(counts),)))
         positions = dict(enumerate(np.split(values, np.cumsum(counts)[:-1])))
+    # Joints of the tree read their own numbers; quaternions in the axes of their group.
     found: dict[str, float] = {}
     for index, slot in enumerate(joints.slots):
         values = positions[index]
@@ -285,6 +300,7 @@ def _reference(
                 [values[:1], group.axes.T @ values[1:] * (-1 if group.backwards else 1)]
             )
         found |= dict(zip(slot, map(float, values), strict=False))
+    # Joints that close loops are read off the poses of the bodies that they join.
     at_home = tree.poses(positions)
     for name, joint in closing.items():
         near, far = (

@@ -252,6 +252,7 @@ class TreeReader:
         parts: _Parts | None = None,
     ) -> None:
         """Read what stands in a body or in a <frame> of it; X is that frame's pose in the body."""
+        # A <frame> is not there in the model: what it holds stands in the body, moved and turned.
         document = self.document
         for child in element.children:
             match child.tag:
@@ -262,6 +263,7 @@ class TreeReader:
                     self.contents(child, body, inner, X @ document.pose(child), parts)
                 case "site":
                     self.site(document.resolved(child, "site", childclass), body, X)
+                # The world takes no joints; a body's go to its parts.
                 case "joint" | "freejoint" if parts is None:
                     raise child.refusal(
                         "stands in the world itself, which does not move; put it into a body"
@@ -272,6 +274,7 @@ class TreeReader:
                     )
                 case "freejoint" if parts is not None:
                     parts.pieces.append(Piece("free", self.once(child), np.zeros(3), np.zeros(3)))
+                # Masses and shapes.
                 case "geom" if parts is not None:
                     parts.geoms.append((document.resolved(child, "geom", childclass), X))
                 case "geom":
@@ -302,6 +305,7 @@ class TreeReader:
 
     def piece(self, element: Element, X: np.ndarray) -> Piece:
         """Read a joint; X is the pose of the <frame> around it in the body."""
+        # What moves, and along which axis.
         kind: Kind = element.choice("type", ("hinge", "slide", "ball", "free"), "hinge")  # pyright: ignore
         axis = np.array(element.vector("axis", (0.0, 0.0, 1.0)))
         if np.linalg.norm(axis) < 1e-12:
@@ -309,6 +313,7 @@ class TreeReader:
                 f"axis '{element.attributes['axis']}' has no length; give a direction such as '0 "
                 "0 1'"
             )
+        # Its spring and its friction; what has no counterpart is told.
         springref = (
             self.scaled(kind, element.number("springref", 0.0))
             if kind in ("hinge", "slide")

@@ -256,12 +256,14 @@ class _Writer:
     def _draw(self, element: ET.Element, seat: Seat, into: np.ndarray) -> None:
         """Add the body's shapes; without any, bars from its first joint to all others. They have no
         mass."""
+        # Shapes of the body itself, but of none of its parts.
         shapes = self.mechanism.bodies[seat.body].shapes
         if shapes:
             if seat.name == seat.body:
                 for shape in shapes:
                     self._geom(element, shape)
             return
+        # Else its first anchor, joined to those of the joints and ties that leave it.
         points = [move.anchor for move in seat.moves[:1]]
         points += [
             child.moves[0].anchor
@@ -274,6 +276,7 @@ class _Writer:
             for end, p in zip(tie.seats, tie.points, strict=True)
             if end == seat.name
         ]
+        # Bars too short to be seen are a ball.
         local = [poses.point(into, p) for p in points]
         radius = number(STROKE * self.size)
         bars = [p for p in local[1:] if np.linalg.norm(p - local[0]) > STROKE * self.size]
@@ -432,6 +435,7 @@ class _Writer:
 
     def _say(self) -> None:
         """Note what MuJoCo takes otherwise than the mechanism."""
+        # What MuJoCo's constraints are: soft, and without gamma for held tendons.
         say, effects = (
             self.notes.say,
             [effects for move in self.moves.values() for effects in [move.effects]],
@@ -447,6 +451,7 @@ class _Writer:
                 "rods are exact at rest only: MuJoCo leaves out what the rates add to the "
                 "second derivative of a held tendon"
             )
+        # What it makes of friction and limits.
         if any(friction.coulomb for friction, *_ in effects):
             say(
                 "Coulomb friction is written as frictionloss, which holds still at rest instead "
@@ -454,6 +459,7 @@ class _Writer:
             )
         if any(limits != Limits() for _, _, limits, _ in effects):
             say("limits are stops in MuJoCo; here passing them is only reported")
+        # What is closed, measured or joined otherwise.
         if "weld" in kinds:
             parts = ", ".join(tie.name for tie in self.plan.ties if tie.kind == "weld")
             say(
@@ -479,6 +485,7 @@ class _Writer:
             )
         for name in self.plan.floating:
             say(f"{name}: is reached by rods only and gets a free joint in MuJoCo")
+        # What is not there.
         gone = [body for body in self.mechanism.bodies if body not in self.plan.seats]
         if gone:
             say(

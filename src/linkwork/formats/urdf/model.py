@@ -116,12 +116,14 @@ class UrdfModel:
 
 def read_model(root: Element, notes: Notes) -> UrdfModel:
     """Read the links and joints of a document whose root is <robot>; what is no tree is refused."""
+    # Links, each name once.
     links: dict[str, Element] = {}
     for link in root.each("link"):
         name = link.text("name")
         if name in links:
             raise link.refusal("has the name of another link; names are given once")
         links[name] = link
+    # Joints: each link is carried once at most.
     model = UrdfModel(root, FreeNames(notes))
     for element in root.each("joint"):
         joint = _read_joint(element, links)
@@ -134,6 +136,7 @@ def read_model(root: Element, notes: Notes) -> UrdfModel:
             )
         model.put(joint)
         model.carried.setdefault(joint.parent, []).append(joint.child)
+    # One root, from which every link is reached, in the order of the tree.
     roots = [name for name in links if name not in model.carriers]
     if not links:
         raise root.refusal("holds no links")
@@ -154,6 +157,7 @@ def read_model(root: Element, notes: Notes) -> UrdfModel:
         raise links[lost].refusal(
             "hangs in a circle of joints that does not reach the root link; URDF is a tree"
         )
+    # Names of bodies and joints here; the root link is ground.
     body_names = FreeNames(notes, (GROUND,))
     model.bodies = {
         name: GROUND if name == model.base else body_names.give(name, link)

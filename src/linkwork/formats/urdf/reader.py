@@ -76,10 +76,12 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
+    # What the file holds, and what closes its loops.
     _survey(root, notes)
     model = read_model(root, notes)
     closures = read_closures(model, notes)
     model.find_frames()
+    # The root link stands still, whatever it weighs.
     if model.base == GROUND:
         base = f"the root link {GROUND!r} is ground"
     else:
@@ -88,6 +90,7 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
         f"{root.file.name}: {base}"
         + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
     )
+    # Links that are frames on a body are no bodies of their own.
     shapes, solids = shapes_of(model, notes), _solids(model, notes)
     bodies = {
         name: _body(link, solids[name], shapes[name])
@@ -103,6 +106,7 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
         for joint in model.joints.values()
         if joint.child not in model.frames
     }
+    # What couples joints, and which of them are driven.
     gears, loops = _mimics(model, notes), closures.joints(model)
     used, tool_names = closures.frames(), FreeNames(notes)
     actuators = (
@@ -209,11 +213,13 @@ def _body(link: Element, solid: Solid, shapes: tuple[Shape, ...]) -> Body:
 
 def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
     """Return a joint of the tree."""
+    # Where it stands on the body that carries its parent link.
     parent, X = model.seat(joint.parent)
     connects, first = (parent, model.bodies[joint.child]), X @ joint.origin
     frames = poses.frame_of(first), Frame()
     axis = poses.triple(joint.axis)
     element = joint.element
+    # Those without friction or limits.
     match joint.type:
         case "fixed":
             return FixedJoint(connects=connects, frames=frames)
@@ -229,6 +235,7 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
             return PlanarJoint(
                 connects=connects, frames=(poses.frame_of(first @ turn), poses.frame_of(turn))
             )
+    # Hinges and slides, with theirs.
     dynamics = element.first("dynamics")
     friction = Friction()
     if dynamics is not None:
@@ -292,6 +299,7 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
 def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     """Return the joints of the transmissions; without any, all hinges and slides of a tree that
     mimic none."""
+    # What transmissions name.
     driven = [
         part
         for transmission in model.root.each("transmission")
@@ -310,6 +318,7 @@ def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
             )
     if driven:
         return tuple(named)
+    # Without any: what moves by itself in a tree, nothing in a loop, where it would be too many.
     where = model.root.file.name
     if loops:
         notes.say(f"{where}: nothing says which joints are driven; name the actuators")

@@ -152,8 +152,10 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: ModelPlan, mo
         plan: how the model holds it.
         model: MuJoCo's.
     """
+    # Our joints as the export stacked them, their steps by the names of MuJoCo's joints.
     items = {name: outward(edge(name, joint), plan) for name, joint in carried.whole.pairs.items()}
     steps = {title: (item, step) for item in items.values() for title, step in titled(item)}
+    # Where MuJoCo has the coordinates and rates of each step.
     found, frames, floats = [], {}, {}
     q, v = [np.zeros(0, int)], [np.zeros(0, int)]
     for seat in plan.seats.values():
@@ -162,6 +164,7 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: ModelPlan, mo
                 int(model.joint(move.name).qposadr[0]),
                 int(model.joint(move.name).dofadr[0]),
             )
+            # A floating body is read off its pose.
             if move.kind == "free":
                 floats[seat.body] = slice(at, at + 7), slice(speed, speed + 6)
                 continue
@@ -169,6 +172,7 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: ModelPlan, mo
             found.append(step)
             q.append(np.arange(at, at + len(step.coordinates)))
             v.append(np.arange(speed, speed + len(step.rates)))
+            # The turn of a ball is told between the joint's frames, not between the bodies'.
             if move.kind == "ball":
                 placed = (home.poses[b] @ F for b, F in zip(item.bodies, item.frames, strict=True))
                 frames[step.rates] = [home.poses[seat.body][:3, :3].T @ X[:3, :3] for X in placed]

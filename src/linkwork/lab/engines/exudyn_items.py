@@ -74,6 +74,7 @@ def scene(
         rows: for each joint the indices of `HELD` that it holds; a gear holds its one row or none.
         forces: constant, shape (n,), or a function of time.
     """
+    # Bodies, and markers where joints hold them.
     system = exu.SystemContainer().AddSystem()
     seats = bodies(system, mechanism, tree, start)
     edges = {name: edge(name, joint) for name, joint in mechanism.pairs.items()}
@@ -92,6 +93,7 @@ def scene(
             for name, item in edges.items()
         },
     )
+    # Joints, with what acts in each of their freedoms.
     acting = effects(mechanism)
     for item in edges.values():
         add_joint(built, item, rows[item.joint])
@@ -100,6 +102,7 @@ def scene(
             add_joint_forces(built, item, step, friction, spring)
             if rotor:
                 add_rotor(built, item, rotor)
+    # What acts between several joints or bodies.
     for name, gear in mechanism.gears.items():
         if rows[name]:
             add_gear(built, gear)

@@ -172,6 +172,7 @@ def along_tree(
             cut joints unused.
         known: bodies whose motion is known without their joints.
     """
+    # Ground stands still; what is known is not asked of joints.
     accelerations = np.zeros_like(rates) if accelerations is None else accelerations
     coordinate, rate = places(mechanism.coordinates), places(mechanism.rates)
     shape = positions.shape[:-1]
@@ -180,6 +181,7 @@ def along_tree(
         GROUND: Moving(np.broadcast_to(np.eye(4), (*shape, 4, 4)), still, still, still, still),
         **(known or {}),
     }
+    # From body to body: to the joint's first frame, across its steps, back to the body's own frame.
     for item in tree.edges:
         if item.bodies[1] in moving:
             continue

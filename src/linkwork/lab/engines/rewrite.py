@@ -87,6 +87,7 @@ def with_links(mechanism: Mechanism) -> Mechanism:
     Raises:
         EngineError: a body has no mass that its rods could borrow.
     """
+    # Where rods hold which bodies.
     rods = {name: joint for name, joint in mechanism.pairs.items() if isinstance(joint, RodJoint)}
     if not rods:
         return mechanism
@@ -94,6 +95,7 @@ def with_links(mechanism: Mechanism) -> Mechanism:
     for rod in rods.values():
         for body, frame in zip(rod.connects, rod.frames, strict=True):
             held.setdefault(body, []).append(np.array(frame.position))
+    # A link's mass is borrowed from the bodies at its ends, which together move as before.
     spare = {
         body: spare_mass(mechanism, body, np.array(points))
         for body, points in held.items()
@@ -103,6 +105,7 @@ def with_links(mechanism: Mechanism) -> Mechanism:
         name: lightened(body, spare[name], np.array(held[name])) if name in spare else body
         for name, body in mechanism.bodies.items()
     }
+    # A rod is a link between two balls.
     joints: dict[str, Joint] = {
         name: joint for name, joint in mechanism.joints.items() if name not in rods
     }

@@ -79,6 +79,7 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
     Raises:
         EngineError: nothing but rods reaches a body.
     """
+    # What should enter soon, lest it has to be tied.
     edges = {name: edge(name, joint) for name, joint in mechanism.pairs.items()}
     first, second = coupled(mechanism), loaded(mechanism)
     depth = {GROUND: 0}
@@ -88,6 +89,7 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
         rank = 1 if item.joint in first else 2 if item.joint in second else COST.get(item.kind, 3)
         return rank if item.kind != "fixed" else 0, depth[item.bodies[0]]
 
+    # Prim's rule, over joints both ways round.
     both = [e for item in edges.values() if item.kind != "rod" for e in (item, item.reversed())]
     while len(depth) <= len(mechanism.bodies):
         rim = [e for e in both if e.bodies[0] in depth and e.bodies[1] not in depth]
@@ -100,6 +102,7 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
         depth[best.bodies[1]] = depth[best.bodies[0]] + (best.kind != "fixed")
         chosen[best.joint] = best
 
+    # Edges in the order of the tree, and cuts that lead away from ground.
     def below(body: str) -> list[Edge]:
         return [
             e
