@@ -370,6 +370,7 @@ def next_blocks(
 
     Yields the blocks that any of the groups take, and these groups.
     """
+    # Cost of a pivot by Markowitz: the fill-in that it may cause.
     uses = Counter(c for row in values.values() for c in row)
     held = [(r, c) for r, row in values.items() for c in row]
     left = np.arange(groups)
@@ -388,13 +389,16 @@ def next_blocks(
             if not left.size:
                 return
 
+    # Constants first, the cheapest of them that is strong enough.
     yield from strong(entry for entry in held if entry in constant)
     if not left.size:
         return
+    # Else the smallest part that stands by itself, whole where a determinant by cofactors is cheap.
     rows, columns = triangular({r: list(row) for r, row in values.items()})[0]
     if len(rows) <= COFACTOR_SIZE:
         yield Block(rows, tuple(sorted(columns))), left
         return
+    # Else its cheapest strong entry, and where none is strong the strongest.
     held = [(r, c) for r in rows for c in values[r]]
     yield from strong(held)
     if left.size:

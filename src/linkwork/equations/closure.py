@@ -271,6 +271,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     What moves the loop as a whole does not enter, and is held still here. All is written in this
     side's axes.
     """
+    # Rates, angular velocities and accelerations on this loop alone, at w' = 0.
     free = {column.rate for _, column, *_ in reaches(tree, cut)}
     rates = rates * SX(np.isin(np.arange(rates.numel()), list(free)).astype(float))
     this, that = cut.this, cut.that
@@ -283,16 +284,20 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     def here(x: ca.SX) -> ca.SX:
         return convert(x, that.node.axes, this.node.axes)
 
+    # a = a_j + alpha x d + omega x (omega x d) of the point on that side; turns relative to this
+    # side.
     d = in_axes(that.node.R, that.arm)
     a_that = here(a[j] + cross(alpha[j], d) + spin(omega[j], d))
     omega_j, alpha_j = here(omega[j]), here(alpha[j])
     turning = alpha_j - alpha[i] - cross(omega[i], omega_j)
     result = []
     for row in cut.rows:
+        # (f x e)' (omega_j - omega_i), differentiated.
         if row.crossing:
             e, f, moment = crossed(cut, row)
             rate = cross(cross(omega_j, f), e) + cross(f, cross(omega[i], e))
             result.append(dot(moment, alpha_j - alpha[i]) + dot(rate, omega_j - omega[i]))
+        # Rows that hold a turn.
         elif row.f is not None:
             result.append(dot(in_axes(this.R, row.moment), turning))
         elif cut.open:
@@ -311,6 +316,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
                 )
             )
         else:
+            # e' (a_that - a_this), the arm's part taken in the body, where it is constant.
             to_body, arm = this.node.R.near.T, SX(this.arm)
             local = cross(ca.mtimes(to_body, alpha[i]), arm) + spin(
                 ca.mtimes(to_body, omega[i]), arm

@@ -90,8 +90,11 @@ def derive(
             motion, bodies whose inertia is given for planar motion but that leave their plane,
             paths that lead to no number that can be free.
     """
+    # Free numbers become symbols; nothing below may divide by one that is zero.
     parameters, length = free_numbers(mechanism, free), own_length(mechanism)
     freed = replaced(mechanism, {path: symbol(path) for path in parameters})
+    # The tree, and joints that close its loops. Where whole turns count and cannot be read, a joint
+    # goes into the tree.
     topology = span(freed)
     tree, cuts = grown(freed, topology, parameters, length)
     counts = counting(freed)
@@ -99,6 +102,7 @@ def derive(
     if uncounted:
         topology = ended(freed, topology, uncounted)
         tree, cuts = grown(freed, topology, parameters, length)
+    # phi, Phi, gamma; the closed reference, and configurations about it at which choices are made.
     start = guess(mechanism, topology, tree)
     joints = counted(JointMap(freed, tree, cuts), start, described(mechanism))
     loops = {cut.joint: mobility.loop_of(topology, cut.joint) for cut in cuts}
@@ -108,10 +112,12 @@ def derive(
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length), extents)
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
     rows, configurations, samples, notes = closed_samples(joints, rows, start, begin)
+    # Rows that depend on others are left out; what has no motion, or leaves its plane, is refused.
     kept = independent_rows(samples)
     redundant = tuple(name for name in every if name not in [rows.names[index] for index in kept])
     mobility.refuse_locked(topology, tree, rows.names, samples[0])
     refuse_out_of_plane(mechanism, tree, configurations, samples)
+    # Independent rates and an elimination for L.
     preferred = [
         tree.rates.index(label)
         for label in (*independent, *mechanism.actuators)
@@ -119,6 +125,7 @@ def derive(
     ]
     chosen = choose_independent(samples[0][list(kept)], preferred)
     chart = choose_chart(rows.Phi, samples, kept, chosen, (rows.units, tree.rate_units))
+    # Sizes about the reference, which say what is small.
     turning, idle = spins.spins(joints, configurations, samples)
     columns, heights = sizes(samples)
     smallest = float(smallest_singular(scaled(samples[0], (columns, heights)), len(kept)))
@@ -162,6 +169,7 @@ def closure_rows(
     of_gears: units of the gears' residuals, by name; of_loops: length over the own one and number
     of joints, by cut joint
     """
+    # One list for each thing that a row has.
     rates = SX.sym("rates", len(tree.rates))
     names, phi, Phi, open_Phi, gamma, units, extents = [], [], [], [], [], [], []
 
@@ -185,6 +193,7 @@ def closure_rows(
         open_Phi.append(open_row)
         gamma.append(bias)
 
+    # Cut joints: a gap has the unit of length, a turn is free of units.
     for cut in cuts:
         if not cut.rows:
             continue
@@ -198,6 +207,7 @@ def closure_rows(
             along, turns = of_loops[cut.joint]
             unit, extent = (tree.length, max(along, 1.0)) if row.f is None else (1.0, turns)
             gather(f"{cut.joint}: {row.name}", *part, unit=unit, extent=extent)
+    # Gears: their bias by differentiation along the rates.
     for name, gear in mechanism.gears.items():
         residual, Phi_row = gears.row(gear, joints)
         bias = ca.mtimes(derivative(Phi_row, tree, rates), rates)

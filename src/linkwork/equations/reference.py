@@ -81,6 +81,7 @@ def close(
     Raises:
         OpenLoopsError: where no step reduces the residual further.
     """
+    # Newton's step of least length, not more than half a unit.
     q = unit(tree, q)
     phi, Phi, N = system(q)
     for _ in range(steps):
@@ -89,6 +90,7 @@ def close(
             break
         step = least_step(Phi, phi, damping)
         step *= min(1.0, 0.5 / max(np.abs(step).max(initial=0.0), 1e-300))
+        # Halved until the residual falls; where it does not the end is reached.
         for _ in range(12):
             trial = unit(tree, q + np.array(N @ step).ravel())
             phi_trial, Phi_trial, N_trial = system(trial)
@@ -100,6 +102,7 @@ def close(
         q, phi, Phi, N = trial, phi_trial, Phi_trial, N_trial
         if size <= CLOSED:
             break
+    # Large coordinates are rounded, and their gaps with them.
     rounding = 0.01 * np.abs(q / tree.units).max(initial=0.0)
     if not np.abs(phi).max(initial=0.0) <= max(gap, min(CLOSED * max(1.0, rounding), OPEN)):
         raise OpenLoopsError(phi)

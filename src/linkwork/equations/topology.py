@@ -76,6 +76,8 @@ class Topology:
 
 def span(mechanism: Mechanism) -> Topology:
     """Choose the spanning tree of a mechanism."""
+    # What makes a joint enter soon: a drive, effects or gears, few freedoms, a place near to
+    # ground.
     depth = {GROUND: 0}
     branches: list[Branch] = []
     added: dict[str, PairJoint] = {}
@@ -100,6 +102,7 @@ def span(mechanism: Mechanism) -> Topology:
         branches.append(Branch(name, GROUND, body, joint.connects[0] == body))
         depth[body] = 1
 
+    # Platforms float; then the best joint on the rim, or a float where there is none.
     for body in platforms(mechanism):
         hang(body)
     while len(depth) <= len(mechanism.bodies):
@@ -118,6 +121,7 @@ def span(mechanism: Mechanism) -> Topology:
         parent, body = (second, first) if backwards else (first, second)
         branches.append(Branch(name, parent, body, backwards))
         depth[body] = depth[parent] + 1
+    # The joints that are left close the loops.
     in_tree = {branch.joint for branch in branches}
     joints = {name: joint for name, joint in (mechanism.pairs | added).items() if name in in_tree}
     return Topology(tuple(branches), joints, waiting, tuple(added))

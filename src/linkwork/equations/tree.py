@@ -342,6 +342,7 @@ def grow(
 
     parameters: values of the mechanism's free numbers, by path; length: its own [m]
     """
+    # Places of all coordinates and rates, and which of them are quaternions.
     coordinates, rates, quaternions = [], [], []
     for name, joint in topology.joints.items():
         for motion in KINDS[joint.type].motions(joint):
@@ -354,6 +355,7 @@ def grow(
             rates += [name] * motion.rates
     labels = (joint.coordinates(name) for name, joint in topology.joints.items())
     rate_labels = (joint.rates(name) for name, joint in topology.joints.items())
+    # Nodes from ground outwards: each joint's behind that of the body that it hangs on.
     q = SX.sym("q", len(coordinates))
     tree = Tree(
         q,
@@ -383,6 +385,7 @@ def branch_nodes(
 
     start, rate: places of the joint's first coordinate in q and first rate in w
     """
+    # The joint's steps from the parent outwards, whichever way it was described.
     inner, outer = reversed(joint.frames) if branch.reversed else joint.frames
     steps = list(placed(KINDS[joint.type].motions(joint), start, rate))
     if branch.reversed:
@@ -394,6 +397,7 @@ def branch_nodes(
         rotation_matrix(inner.rotation),
     )
     first = len(tree.nodes)
+    # A node for each step: turned and moved against the one before; the last one is the body.
     for index, (motion, places, rates) in enumerate(
         steps or [(None, range(0), range(0))], start=first
     ):

@@ -241,6 +241,7 @@ class Assembler:
         sizes: the mechanism's own units of what is asked for beside closed loops; asked: what says
         that in a sentence.
         """
+        # In the mechanism's own units residuals compare, and the least step means something.
         rows, rates = np.concatenate([self.units, sizes]), self.tree.rate_units
         factors = rates / rows[:, None]
 
@@ -257,6 +258,7 @@ class Assembler:
                 f"({what}) stays off by {error.gap * rows[error.worst]:.3g}; choose a pose "
                 "within reach or a nearer guess"
             ) from None
+        # Closed, but not as described: rows left open, frames the wrong way round.
         out = self.still(q)
         if out.get("excess", 0.0) > 0:
             raise UnreachableError(

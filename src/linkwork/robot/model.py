@@ -35,6 +35,7 @@ class Model:
     def __init__(
         self, mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()
     ):
+        # What is asked for, then the derivation, which takes nearly all of the time.
         if not isinstance(mechanism, Mechanism):
             raise LinkworkError(
                 f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, "
@@ -48,6 +49,7 @@ class Model:
         self.chart = CompiledChart(self.equations, self.p)
         self.labels = Labels(self.chart)
         checks.known(wanted, self.equations.tree.rates, "rate of the tree")
+        # What derivation found, and names in their order.
         self.independent: tuple[str, ...] = self.equations.independent
         self.coordinates: tuple[str, ...] = mechanism.coordinates
         self.rates: tuple[str, ...] = mechanism.rates
@@ -61,6 +63,7 @@ class Model:
         self.mobility: int = self.equations.mobility
         self.planar: bool = body_motion.is_planar(self.equations.tree)
         self.gruebler: int = mobility.gruebler(mechanism, self.planar)
+        # Charts by what asks for them: independent rates by name, elimination of runs.
         self.charts = Charts(self.p, {self.independent: self.chart})
         self.run_charts = Charts(self.p, {self.chart.key: self.chart})
         self.origin: Model | None = None

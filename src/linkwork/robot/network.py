@@ -64,6 +64,7 @@ class Network:
     def of(cls, mechanism: Mechanism) -> Network:
         """Span the tree: joints of few freedoms first, near ground; those of many close the
         loops."""
+        # Pairs of bodies by number, and where the rates of each joint stand.
         place = {name: index for index, name in enumerate(mechanism.bodies)} | {GROUND: -1}
         joints = list(mechanism.pairs.values())
         pairs = tuple((place[joint.connects[0]], place[joint.connects[1]]) for joint in joints)
@@ -74,6 +75,7 @@ class Network:
             for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True)
         )
         rods = frozenset(index for index, joint in enumerate(joints) if isinstance(joint, RodJoint))
+        # Prim's rule: few freedoms first, then near to ground.
         depth, branches = {-1: 0}, []
         while len(depth) <= len(mechanism.bodies):
             rim = [
@@ -93,6 +95,7 @@ class Network:
             parent, body = pairs[joint] if forward else reversed(pairs[joint])
             branches.append(TreeJoint(joint, body, parent, forward))
             depth[body] = depth[parent] + 1
+        # The others close loops; gears hold rates, G w = 0.
         in_tree = {branch.joint for branch in branches}
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)
         G = np.array(

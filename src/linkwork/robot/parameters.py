@@ -25,6 +25,7 @@ Known = TypeVar("Known", bound=Model)
 
 def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
     """Return the robot with other values of its free numbers; see `Robot.with_parameters`."""
+    # Values of numbers that are free, which the description may hold.
     if not isinstance(values, Mapping):
         raise LinkworkError(
             f"the parameters are {values!r}; give values by path, such as {{'platform.mass': 2.0}}"
@@ -37,6 +38,7 @@ def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
     given = {path: checks.number(value, f"parameter {path!r}") for path, value in values.items()}
     mechanism, parameters = edited(robot.mechanism, given), robot.parameters | given
     p = np.array(list(parameters.values()))
+    # All of the robot but what was found with the former values.
     other = object.__new__(type(robot))
     for name, value in vars(robot).items():
         if not isinstance(getattr(type(robot), name, None), cached_property):
@@ -49,6 +51,7 @@ def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
         robot.run_charts.with_parameters(p),
     )
     other.charts[other.independent] = other.chart
+    # Where a length changes the loops close elsewhere.
     closed = reference(other, mechanism)
     if closed is not robot.equations.reference:
         other.equations = robot.equations.about(closed)

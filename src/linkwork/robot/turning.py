@@ -166,6 +166,7 @@ def shares(
     given: the shares of its first inputs; wanted: the places of the results that count, all if left
     out
     """
+    # What the wanted results depend on.
     nodes = program.nodes
     results = (
         list(program.results) if wanted is None else [program.results[place] for place in wanted]
@@ -177,6 +178,8 @@ def shares(
         if needed[place]:
             for arg in nodes[place].args:
                 needed[arg] = 1
+    # Forwards: a sum of a_i angle_i keeps its shares; a sine forgives whole ones; all else sees the
+    # angle.
     none: Shares = {}
     values, seen = [none] * len(nodes), set()
     for place, (op, args, number) in enumerate(nodes):

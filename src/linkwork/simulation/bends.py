@@ -36,6 +36,7 @@ def bends(knots, coefficients, most):
     knots (pieces + 1,), coefficients (pieces, 4, columns): as of a `Signal`; most: `signals.FREE`.
     """
     pieces, columns = coefficients.shape[0], coefficients.shape[2]
+    # An input bends where its third derivative turns from rising to falling, by more than rounding.
     bent, count = np.zeros((pieces, columns), np.bool_), 0
     for j in range(columns):
         value = speed = 0.0
@@ -46,14 +47,17 @@ def bends(knots, coefficients, most):
             )
         latest = max(abs(knots[0]), abs(knots[pieces])) if np.isfinite(knots[pieces]) else 0.0
         noise = SMALLEST * value + ROUNDING * speed * latest
+        # The last extreme so far, on the side that it lies on, and the noise there.
         side, place, farthest, slack_there = 0.0, 0, 0.0, 0.0
         for i in range(pieces):
             length, third = knots[i + 1] - knots[i], coefficients[i, 3, j]
+            # The third difference over a piece, without the jump that a knot may have.
             if i + 1 < pieces:
                 third = (coefficients[i + 1, 2, j] - coefficients[i, 2, j]) / (3 * length)
             slack = noise / length**3
             if i == 0:
                 farthest, slack_there = third, slack
+            # It turned once it is behind the extreme by more than the noise of either.
             behind = side * (farthest - third)
             if side == 0 and abs(third - farthest) > max(slack, slack_there):
                 side = 1.0 if third > farthest else -1.0
@@ -63,6 +67,7 @@ def bends(knots, coefficients, most):
             elif behind > 0 or side == 0:
                 continue
             place, farthest, slack_there = i, third, slack
+    # From the last to the first, with the next `most` of each input at hand.
     table = np.full((count + 1, 3), np.inf)
     table[count, 1] = 0.0
     ahead = np.full((columns, most + 1), np.inf)

@@ -107,6 +107,7 @@ def _combine(typing_context, weights, count, h, y, k, width, n, out):
 
 def _add_up(builder, values, m, abreast):
     """Combine so many vectors from the number m on; the last one may not be full."""
+    # Sums of weight * row in registers, one for each of the vectors abreast.
     weights, count, h, y, k, width, n, out = values
     places = [builder.add(m, ir.Constant(m.type, i * LANES)) for i in range(abreast)]
     totals = [cgutils.alloca_once(builder, _VECTOR) for _ in places]
@@ -122,6 +123,7 @@ def _add_up(builder, values, m, abreast):
                 weight, _numbers(builder, k, builder.add(row, place)), flags=["contract"]
             )
             builder.store(builder.fadd(builder.load(total), product, flags=["contract"]), total)
+    # y + h sum, by fused multiply-add as the sums.
     changes = [
         builder.fmul(_spread(builder, h), builder.load(total), flags=["contract"])
         for total in totals
@@ -132,6 +134,7 @@ def _add_up(builder, values, m, abreast):
     ]
     for place, state in zip(places[:-1], states[:-1], strict=True):
         builder.store(state, _place(builder, out, place), align=8)
+    # The last vector may be part of one: then number by number.
     left, last = builder.sub(n, places[-1]), builder.gep(out, [places[-1]])
     with builder.if_else(
         builder.icmp_signed(">=", left, ir.Constant(n.type, LANES)), likely=True

@@ -311,6 +311,7 @@ class Run:
         holds no run."""
         import xarray
 
+        # A file that can be read, and is a run.
         path = file_path(path, "the path of a run")
         try:
             dataset = xarray.load_dataset(path, engine="scipy")
@@ -335,6 +336,7 @@ class Run:
             raise LinkworkError(
                 f"cannot read a run from '{path}': its attribute {error} is missing or unknown"
             ) from error
+        # What it holds, and what NetCDF 3 cannot: arrays without elements.
         variables, coords = _variables(dataset.data_vars), _variables(dataset.coords)
         for name, (dims, own) in json.loads(attrs.pop(EMPTY, "{}")).items():
             shape, labels = [dataset.sizes.get(dim, 0) for dim in dims], name in dims
