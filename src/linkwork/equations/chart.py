@@ -31,6 +31,7 @@ from linkwork.equations.reflections import DEPENDENT_ROW, reflect
 WEAK_PIVOT = 0.1
 COFACTOR_SIZE = 3
 TIED = 1 - 1e-9  # lengths are equal from this ratio on: rounding decides nothing
+FAINT = 1e-5  # of what rows leave of one, over the longest: rounding may tell where it points
 
 
 def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) -> tuple[int, ...]:
@@ -53,16 +54,39 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
 
 
 def largest_rows(A: np.ndarray, count: int) -> list[int]:
-    """Return `count` rows of A, each the longest of what the ones before it leave of the rows
-    (QR with pivoting)."""
-    rest, chosen = A.copy(), []
-    for _ in range(count):
-        lengths = np.linalg.norm(rest, axis=1)
-        lengths[chosen] = -1
-        chosen.append(int(np.argmax(lengths)))
-        direction = rest[chosen[-1]] / max(lengths[chosen[-1]], 1e-300)
-        rest = rest - np.outer(rest @ direction, direction)
-    return chosen
+    """Return `count` rows of A, each the longest of what the ones before it leave of the rows."""
+    return orthogonal_rows(A[None], count)[0][0].tolist()
+
+
+def orthogonal_rows(A: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return `count` rows of matrices, and orthonormal bases of these.
+
+    Each row is the longest of what the ones before it leave of the rows (QR with pivoting).
+
+    Args:
+        A: matrices (G x rows x columns).
+
+    Returns:
+        The rows in the order in which they are taken (G x count), and the bases (count x columns x
+        G).
+    """
+    rest, every = np.moveaxis(A, 0, -1).copy(), np.arange(len(A))
+    rows, bases = np.empty((len(A), count), int), np.empty((count, *rest.shape[1:]))
+    lengths = np.empty((count, len(A)))
+    taken = np.zeros((len(rest), len(A)), bool)
+    for i in range(count):
+        squares = np.where(taken, -1.0, (rest**2).sum(axis=1))
+        row = np.argmax(squares >= TIED * squares.max(axis=0), axis=0)
+        lengths[i] = np.sqrt(np.maximum(squares[row, every], 1e-300))
+        bases[i] = rest[row, :, every].T / lengths[i]
+        rest -= (rest * bases[i]).sum(axis=1, keepdims=True) * bases[i]
+        rows[:, i], taken[row, every] = row, True
+    shortest = lengths.min(axis=0, initial=np.inf)
+    weak = np.flatnonzero(~(shortest > FAINT * lengths.max(axis=0, initial=0.0)))
+    if weak.size:
+        own = np.linalg.svd(np.take_along_axis(A[weak], rows[weak][:, :, None], axis=1))[2]
+        bases[:, :, weak] = np.moveaxis(own[:, :count], 0, -1)
+    return rows, bases
 
 
 def choose_independent(
@@ -77,40 +101,47 @@ def choose_independent(
         share: least part of a preferred rate's motion that is no motion of the rates taken before
             it.
     """
-    return tuple(choose_independents(reflect(Phi).null_space[None], preferred, share)[0].tolist())
+    held = reflect(Phi).row_space.T[:, :, None]
+    return tuple(choose_independents(held, preferred, share)[0].tolist())
 
 
 def choose_independents(
-    motions: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW
+    held: np.ndarray, preferred: Sequence[int], share: float = DEPENDENT_ROW
 ) -> np.ndarray:
     """Return the n rates that `choose_independent` takes at each of G configurations (G x n).
 
+    What the constraints and the rates taken before leave of the motion of rate k is the k-th unit
+    vector without its parts along orthonormal directions d, |e_k|^2 - sum d_k^2 of it.
+
     Args:
-        motions: orthonormal bases of what the constraints leave free (G x nv x n).
+        held: orthonormal bases of what the constraints hold (rank x nv x G).
         preferred, share: as for `choose_independent`.
     """
-    groups, width, n = motions.shape
-    rest, every = motions.copy(), np.arange(groups)
-    lengths = np.linalg.norm(motions, axis=2)
-    least = share * np.maximum(lengths, share)
+    rank, width, groups = held.shape
+    directions, every, n = [*held], np.arange(groups), width - rank
+    left = np.maximum(1 - (held**2).sum(axis=0), 0.0)
+    least = (share * np.maximum(np.sqrt(left), share)) ** 2
     chosen, count = np.full((groups, n), -1), np.zeros(groups, int)
-    free = np.ones((groups, width), bool)
+    free = np.ones((width, groups), bool)
 
     def take(rates: np.ndarray, able: np.ndarray) -> None:
-        direction = rest[every, rates]
-        length = np.linalg.norm(direction, axis=1)
-        direction = direction * np.where(able, 1 / np.maximum(length, 1e-300), 0.0)[:, None]
-        rest[:] -= (rest @ direction[:, :, None]) * direction[:, None, :]
-        chosen[able, count[able]], free[able, rates[able]] = rates[able], False
+        direction = np.zeros((width, groups))
+        direction[rates, every] = 1.0
+        for other in directions:
+            direction -= other[rates, every] * other
+        direction *= able / np.sqrt(np.maximum(left[rates, every], 1e-300))
+        directions.append(direction)
+        np.maximum(left - direction**2, 0.0, out=left)
+        chosen[every[able], count[able]], free[rates[able], every[able]] = rates[able], False
         count[able] += 1
 
     for k in dict.fromkeys(preferred):
-        able = (count < n) & (np.linalg.norm(rest[:, k], axis=1) > least[:, k])
+        able = (count < n) & (left[k] > least[k])
         if able.any():
             take(np.full(groups, k), able)
     while (count < n).any():
-        lengths = np.where(free, np.linalg.norm(rest, axis=2), -1.0)
-        take(np.argmax(lengths >= TIED * lengths.max(axis=1, keepdims=True), axis=1), count < n)
+        lengths = np.where(free, np.sqrt(left), -1.0)
+        take(np.argmax(lengths >= TIED * lengths.max(axis=0), axis=0), count < n)
     return chosen
 
 

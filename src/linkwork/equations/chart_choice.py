@@ -23,6 +23,7 @@ from linkwork.equations.chart import (
     choose_orders,
     eliminate_values,
     independent_rows,
+    orthogonal_rows,
     unit_of,
 )
 from linkwork.equations.equations import Equations, smallest_singular
@@ -56,13 +57,10 @@ def charts_at(
         every choice would divide by a rounding error.
     """
     units, count = equations.scaled(Phi), len(equations.chart.rows)
-    kept = np.array([independent_rows([one], count) for one in units], int).reshape(
-        len(units), count
-    )
+    kept, held = orthogonal_rows(units, count)
     found = []
-    for rows, members in alike(kept):
-        own = null_spaces(units[np.ix_(members, rows)])
-        for independent, places in alike(choose_independents(own, preferred, WELL)):
+    for rows, members in alike(np.sort(kept)):
+        for independent, places in alike(choose_independents(held[:, :, members], preferred, WELL)):
             at = members[places]
             for groups, stages, determinants, usual in orders(
                 equations, Phi[at], rows, independent
@@ -142,15 +140,6 @@ def orders(
         yield groups, stages, determinants, np.array([size(equations, block) for block in blocks])
 
 
-def null_spaces(Phi: np.ndarray) -> np.ndarray:
-    """Return orthonormal bases (G x nv x n) of what matrices (G x rows x nv) of full rank leave
-    free."""
-    groups, rows, width = Phi.shape
-    if not rows:
-        return np.broadcast_to(np.eye(width), (groups, width, width))
-    return np.swapaxes(np.linalg.svd(Phi)[2][:, rows:], 1, 2)
-
-
 def size(equations: Equations, block: Block) -> float:
     """Return the product of the sizes of a block's rows and columns."""
     columns, rows = equations.sizes
@@ -165,7 +154,9 @@ def scales_of(determinants: np.ndarray, usual: np.ndarray) -> np.ndarray:
 
 def alike(table: np.ndarray) -> list[tuple[tuple, np.ndarray]]:
     """Return the different rows of a table, each with the numbers of those that are equal to it."""
-    groups: dict[tuple, list[int]] = {}
-    for i, row in enumerate(table.tolist()):
-        groups.setdefault(tuple(row), []).append(i)
-    return [(row, np.array(members)) for row, members in groups.items()]
+    left, groups = np.arange(len(table)), []
+    while left.size:
+        same = (table[left] == table[left[0]]).all(axis=1)
+        groups.append((tuple(table[left[0]].tolist()), left[same]))
+        left = left[~same]
+    return groups

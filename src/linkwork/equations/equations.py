@@ -37,6 +37,7 @@ VANISHING = 1e-6  # length at the reference that counts as zero, over that nearb
 ROUNDING = 1e-11  # length that is a rounding error, over the largest one
 GAPING = 1e-4
 """Gap of a row that is not held, in own units, that rounded numbers do not explain anywhere."""
+DOUBTFUL = 1e-5  # pivot that may be a rounding error, over the largest number at the outset
 HIDDEN = 1e-13  # part of a product that rounding hides
 
 
@@ -179,7 +180,7 @@ class Equations:
     def regular(self, Phi: np.ndarray) -> np.ndarray:
         """Tell whether configurations (...) are far from losing rank, compared with the
         reference."""
-        return smallest_singular(self.scaled(Phi), len(self.chart.rows)) > REGULAR * self.smallest
+        return above(self.scaled(Phi), len(self.chart.rows), REGULAR * self.smallest)
 
     def lost(self, Phi: np.ndarray) -> np.ndarray:
         """Tell where rank is lost (...), or all but lost: there branches of motion meet, or it
@@ -301,6 +302,31 @@ def scaled(Phi: np.ndarray, sizes: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
 def smallest_singular(Phi: np.ndarray, rank: int) -> np.ndarray:
     """Return the singular value number `rank` of matrices (..., rows x columns), 1 for rank 0."""
     return np.linalg.svd(Phi, compute_uv=False)[..., rank - 1] if rank else np.ones(Phi.shape[:-2])
+
+
+def above(Phi: np.ndarray, rank: int, bound: float) -> np.ndarray:
+    """Tell of which matrices (..., rows x columns) the singular value number `rank` is above a
+    bound.
+
+    Phi Phi' - bound^2 has as many positive eigenvalues as Phi has singular values above the bound,
+    and by Sylvester's law of inertia as many positive pivots. Where one of these is too small to
+    tell, singular values are found.
+    """
+    rows = np.moveaxis(Phi.reshape(-1, *Phi.shape[-2:]), 0, -1)
+    S = (rows[:, None] * rows).sum(axis=2)
+    S[np.diag_indices(len(S))] -= bound**2
+    unsure, count = DOUBTFUL * np.abs(S).max(axis=(0, 1), initial=0.0), np.zeros(S.shape[2], int)
+    weakest = np.full(S.shape[2], np.inf)
+    for i in range(len(S)):
+        pivot, column = S[i, i].copy(), S[i + 1 :, i]
+        weakest, count = np.fmin(weakest, np.abs(pivot)), count + (pivot > 0)
+        pivot[pivot == 0] = 1.0
+        S[i + 1 :, i + 1 :] -= (column / pivot)[:, None] * column
+    found = count >= rank
+    doubtful = np.flatnonzero(~(weakest > unsure))
+    if rank and doubtful.size:
+        found[doubtful] = smallest_singular(np.moveaxis(rows[..., doubtful], -1, 0), rank) > bound
+    return found.reshape(Phi.shape[:-2])
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:

@@ -1,5 +1,5 @@
-"""Rows made orthogonal by reflections: which of them are independent, and the motions that they
-leave free.
+"""ClosureRows made orthogonal by reflections: which of them are independent, and the motions that
+they leave free.
 
     x' H = (0 .. +-|x| .. 0),    H = 1 - 2 v v',   |v| = 1
 
@@ -34,7 +34,14 @@ class Reflections:
     @property
     def null_space(self) -> np.ndarray:
         """Return an orthonormal basis (columns x n) of what the rows leave free."""
-        basis = np.delete(np.eye(self.width), self.pivots, axis=1)
+        return self._reflected(np.delete(np.eye(self.width), self.pivots, axis=1))
+
+    @property
+    def row_space(self) -> np.ndarray:
+        """Return an orthonormal basis (columns x rank) of what the rows hold."""
+        return self._reflected(np.eye(self.width)[:, list(self.pivots)])
+
+    def _reflected(self, basis: np.ndarray) -> np.ndarray:
         for columns, v in reversed(self.reflections):
             basis[columns] -= np.outer(2 * v, v @ basis[columns])
         return basis

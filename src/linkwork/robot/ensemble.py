@@ -1,11 +1,9 @@
 """Ensembles: many runs of one robot at a time, from many states, under many forces, with many
 values of its parameters.
 
-What the compiled lanes can do members do there (`in_lanes`), in the lanes of vector registers, over
-all threads, in the chart that runs start in. Where its pivots weaken a member needs another one: it
-goes on from there by itself, from chart to chart, as `Robot.simulate` does it; what the lanes
-cannot do members do by themselves from the start (`one_by_one`). So every member comes to what it comes
-to alone.
+What the compiled lanes can do members do there, in the lanes of vector registers, over all threads,
+from chart to chart (`side_by_side`); what the lanes cannot do they do by themselves, as
+`Robot.simulate` does it (`one_by_one`). So every member comes to what it comes to alone.
 """
 
 from __future__ import annotations
@@ -24,22 +22,17 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import following
 from linkwork.robot.accuracy import compared, repeatable, tightened
 from linkwork.robot.assembly import AssemblyKernel
-from linkwork.robot.chart_transfer import reread
-from linkwork.robot.charts import CompiledChart
 from linkwork.robot.labels import POSES
 from linkwork.robot.members import Members, members
-from linkwork.robot.next_chart import Choice, choices
 from linkwork.robot.one_by_one import Lone, Progress, Task, by_themselves
-from linkwork.robot.passage import CLOSURE, SOFT, Segment
+from linkwork.robot.passage import Segment
 from linkwork.robot.recording import ending, labels, singular_times
 from linkwork.robot.running import smooth, watched
-from linkwork.robot.saved_rows import SavedRows, gathered, last, pieces
+from linkwork.robot.saved_rows import SavedRows, last_states, saved
 from linkwork.robot.settings import Settings
+from linkwork.robot.side_by_side import Leg, begun, courses, in_lanes, side_by_side, unbegun
 from linkwork.robot.state import Reached, State
-from linkwork.robot.turning import turning
-from linkwork.simulation import Method, Status, Trajectory, Variable
-from linkwork.simulation.many import Outcomes, integrate_many
-from linkwork.simulation.turns import whole
+from linkwork.simulation import Status, Variable
 
 if TYPE_CHECKING:
     import xarray
@@ -274,223 +267,34 @@ def ensemble(
 
 
 def completed(crew: Members, settings: Settings, report: Progress) -> Ensemble:
-    """Run members to their ends."""
+    """Run members to their ends: in lanes as far as these lead, and by themselves."""
     if in_lanes(crew, settings.integrator):
-        parts, cancelled = together(crew, settings, report)
-        tasks = (
-            [] if cancelled else [task for part in parts for task in weakened(crew, settings, part)]
-        )
-        tasks += (
-            [] if cancelled else [Task(member) for member in np.flatnonzero(~crew.told).tolist()]
-        )
+        legs, tasks = side_by_side(crew, settings, report)
     else:
-        parts = [waiting(crew, settings, np.arange(len(crew)))]
-        tasks = [Task(member) for member in range(len(crew))]
-    lone = by_themselves(crew, settings, tasks, report) if tasks else []
-    return collected(crew, parts, lone, settings)
-
-
-def in_lanes(crew: Members, method: Method) -> bool:
-    """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled
-    controllers."""
-    return method.in_lanes and not crew.system.events and crew.system.sampler is None
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Hold what became of the members (M,) that were integrated together in one chart."""
-
-    chart: CompiledChart
-    members: np.ndarray
-    outcomes: Outcomes
-
-    @property
-    def left(self) -> np.ndarray:
-        """Which members left the lanes, to go on by themselves (M,)."""
-        return (self.outcomes.status == Status.SINGULAR) | (self.outcomes.status == Status.STIFF)
-
-
-def waiting(crew: Members, settings: Settings, members: np.ndarray) -> Part:
-    """Return members of which nothing was run yet."""
-    count = len(members)
-    none, unknown = np.zeros(count, int), np.full(count, np.nan)
-    y = crew.start(members)
-    outcomes = Outcomes(
-        status=np.full(count, Status.CANCELLED),
-        end_time=np.zeros(count),
-        y_end=y,
-        samples=np.full((count, settings.save_at.size, y.shape[1]), np.nan),
-        saved=none,
-        nfev=none,
-        steps=none,
-        rejected=none,
-        pivot=unknown,
-        closure_error=unknown,
-        next_step=unknown,
-        rejected_pivot=unknown,
-        rejected_residual=unknown,
-        turns=np.zeros((count, crew.robot.equations.nq)),
-    )
-    return Part(crew.chart, members, outcomes)
-
-
-def together(crew: Members, settings: Settings, report: Progress) -> tuple[list[Part], bool]:
-    """Run all members as far as they come in the lanes' chart, if it tells their motion; tell
-    whether they were cancelled.
-
-    Its pivots are counted positive where the first member starts; members that start where they are
-    negative then are run in the same chart, with its pivots counted positive there.
-    """
-    parts: list[Part] = []
-    first, able = crew.chart, np.flatnonzero(crew.told)
-    if not len(able):
-        return [waiting(crew, settings, np.arange(len(crew)))], False
-    if len(able) < len(crew):
-        parts.append(waiting(crew, settings, np.flatnonzero(~crew.told)))
-    if first.with_parameters(crew.alone(int(able[0]))[0].p).pivot(crew.q[able[0]]) < 0:
-        ((first, _),) = faced(crew, able[:1])
-    groups, limits = (
-        [(first, able)],
-        turning(crew.robot.turning, crew.robot.chart, crew.system.acting),
-    )
-
-    def progress(ended: int, _: int) -> None:
-        report(sum(len(part.members) for part in parts) + ended, len(crew))
-
-    while groups:
-        chart, indices = groups.pop()
-        start = crew.start(indices)
-        rtol, atol = crew.system.tolerances(chart, settings.rtol, settings.atol, start.shape[1])
-        outcomes = integrate_many(
-            crew.system.kernel(chart, "motion").wide_address,
-            chart.kernel("closure_step").wide_address if chart.equations.constrained else None,
-            start,
-            crew.inputs(indices),
-            crew.p[indices] if len(crew.p) > 1 else crew.p,
-            nq=chart.equations.nq,
-            duration=settings.duration,
-            rtol=rtol,
-            atol=atol,
-            save_at=settings.save_at,
-            max_step=settings.max_step,
-            max_steps=settings.max_steps,
-            method=settings.integrator,  # pyright: ignore[reportArgumentType]
-            leave_stiff=settings.leave_stiff,
-            pivot_bound=SOFT,
-            closure_tol=CLOSURE * crew.robot.size,
-            threads=settings.threads,
-            watch=crew.watch(indices, (0.0, settings.duration)),
-            progress=progress,
-            turning=limits,
-        )
-        averted = (
-            (outcomes.status == Status.SINGULAR) & (outcomes.steps == 0) & (outcomes.pivot <= 0)
-        )
-        if chart is first and averted.any():
-            groups = list(faced(crew, indices[averted]))
-            indices, outcomes = indices[~averted], outcomes.part(~averted)
-        parts.append(Part(chart, indices, outcomes))
-    begun = [part.outcomes.status for part in parts if crew.told[part.members].all()]
-    return parts, any((status == Status.CANCELLED).any() for status in begun)
-
-
-def faced(crew: Members, averted: np.ndarray) -> Iterator[tuple[CompiledChart, np.ndarray]]:
-    """Yield charts with their pivots positive where members start that the first chart is averted
-    from, and these."""
-    signs = crew.chart.kernel("pivots")(crew.q[averted], crew.p_robot(averted))[0] < 0
-    kinds = signs @ 2.0 ** np.arange(signs.shape[1])
-    for kind in np.unique(kinds):
-        indices = averted[kinds == kind]
-        robot, _ = crew.alone(int(indices[0]))
-        other = crew.chart.with_parameters(robot.p).facing(crew.q[indices[0]])
-        yield crew.robot.run_charts.setdefault(other.key, other), indices
-
-
-def weakened(crew: Members, settings: Settings, part: Part) -> Iterator[Task]:
-    """Yield the members whose pivots have weakened, to go on from there; their next charts are
-    chosen all at once.
-
-    Those that have become stiff go on in the same chart.
-    """
-    stiff = np.flatnonzero(part.outcomes.status == Status.STIFF)
-    if stiff.size:
-        for row, y in zip(stiff.tolist(), crew.start(part.members[stiff]), strict=True):
-            yield Task(
-                int(part.members[row]), segment(crew, settings, part, row, y), Choice(True, None)
-            )
-    rows = np.flatnonzero(part.outcomes.status == Status.SINGULAR)
-    if not rows.size:
-        return
-    indices, nq = part.members[rows], part.chart.equations.nq
-    p = crew.p_robot(indices) if crew.varied and crew.robot.p.size else None
-    found = choices(crew.robot, part.chart, np.ascontiguousarray(part.outcomes.y_end[rows, :nq]), p)
-    for row, member, y, choice in zip(
-        rows.tolist(), indices.tolist(), crew.start(indices), found, strict=True
-    ):
-        begun = part.outcomes.steps[row] > 0
-        yield Task(member, segment(crew, settings, part, row, y), choice) if begun else Task(member)
-
-
-def segment(crew: Members, settings: Settings, part: Part, row: int, y: np.ndarray) -> Segment:
-    """Return what a member that started at y did in the lanes as the first segment of its own
-    run."""
-    from linkwork.simulation.native_loop import LoopOutcome
-
-    nq, done = part.chart.equations.nq, part.outcomes
-    saved = int(done.saved[row])
-    rows = np.zeros((saved, 3 + y.size))
-    rows[:, 0], rows[:, 1 : 1 + y.size], rows[:, -1] = (
-        settings.save_at[:saved],
-        done.samples[row, :saved],
-        -1.0,
-    )
-    outcome = LoopOutcome(
-        status=done.status[row],
-        evaluations=done.nfev[row],
-        accepted=done.steps[row],
-        rejected=done.rejected[row],
-        projections=0,
-        fault=-1,
-        next_sample=0,
-        time=float(done.end_time[row]),
-        step=float(done.next_step[row]),
-        growth=0.0,
-        longest=0.0,
-        ideal=0.0,
-        pivot=float(done.pivot[row]),
-        pivot_time=float(done.end_time[row]),
-        closure_error=float(done.closure_error[row]),
-        rejected_pivot=float(done.rejected_pivot[row]),
-        rejected_residual=float(done.rejected_residual[row]),
-    )
-    bounds = {
-        "pivot_bound": SOFT,
-        "closure_tol": CLOSURE * crew.robot.size,
-        "max_steps": settings.max_steps,
-    }
-    trajectory = Trajectory(
-        rows,
-        rows[:0],
-        done.y_end[row],
-        done.turns[row],
-        nq,
-        outcome,
-        None,
-        bounds,
-        Status(outcome.status),
-    )
-    return Segment(part.chart, trajectory, (0.0, y[:nq], y[nq:]), settings.integrator.name)
+        legs, tasks = [], [Task(member) for member in range(len(crew))]
+    cancelled = any((leg.outcomes.status == Status.CANCELLED).any() for leg in legs)
+    lone = [] if cancelled or not tasks else by_themselves(crew, settings, tasks, report)
+    return collected(crew, legs, lone, [task.member for task in tasks], settings)
 
 
 def collected(
-    crew: Members, parts: Sequence[Part], lone: Sequence[Lone], settings: Settings
+    crew: Members,
+    legs: Sequence[Leg],
+    lone: Sequence[Lone],
+    asked: Sequence[int],
+    settings: Settings,
 ) -> Ensemble:
-    """Put the results of all members side by side."""
+    """Put the results of all members side by side.
+
+    lone, asked: the runs of members by themselves, and the numbers of those that were to be run so:
+    others were cancelled
+    """
     alone = {one.member: one for one in lone}
-    unfinished = [i for part in parts for i in part.members[part.left] if i not in alone]
-    numbers = in_order(crew, parts, keep=not (lone or unfinished))
-    if unfinished:
-        numbers["status"][unfinished] = Status.CANCELLED
+    unfinished = [member for member in asked if member not in alone]
+    if not legs:
+        legs = [Leg(stands, unbegun(stands)) for stands in begun(crew, settings)]
+    numbers = totals(crew, legs)
+    numbers["status"][unfinished] = Status.CANCELLED
     for one in lone:
         numbers["end_time"][one.member] = one.segments[-1].trajectory.end_time
         numbers["status"][one.member] = one.status
@@ -500,15 +304,13 @@ def collected(
     def sentence(member: int) -> str:
         if member in alone:
             return alone[member].message
-        part = next(part for part in parts if member in part.members)
-        row, (robot, system) = int(np.flatnonzero(part.members == member)[0]), crew.alone(member)
-        chart, start = part.chart.with_parameters(robot.p), crew.start(np.array([member]))[0]
-        own = segment(crew, settings, replace(part, chart=chart), row, start)
+        *others, last = courses(crew, settings, legs, [member])[member]
         status = Status(numbers["status"][member])
-        return ending(system, [replace(own, trajectory=replace(own.trajectory, status=status))])[1]
+        last = replace(last, trajectory=replace(last.trajectory, status=status))
+        return ending(crew.alone(member)[1], [*others, last])[1]
 
     def rows() -> list[SavedRows]:
-        return list(saved(crew, parts, lone, settings.save_at))
+        return list(saved(crew, legs, lone, settings.save_at))
 
     return Ensemble(
         parameters=crew.varied,
@@ -516,7 +318,7 @@ def collected(
         rows=rows,
         _happened=happened(crew, lone),
         _passed=passed(lone),
-        _last=lambda: last_states(crew, parts, lone),
+        _last=lambda: last_states(crew, legs, lone),
         _sentences=sentence,
         _measure=lambda: measured(crew, rows(), settings.save_at),
         _companion=companion(crew, settings),
@@ -524,6 +326,34 @@ def collected(
         settings=settings,
         **numbers,
     )
+
+
+def totals(crew: Members, legs: Sequence[Leg]) -> dict[str, np.ndarray]:
+    """Return what the members' legs came to and took together (N,), by name."""
+    size = len(crew)
+    found = {name: np.zeros(size, int) for name in ("status", "nfev", "steps", "rejected")}
+    found["end_time"] = np.zeros(size)
+    found |= {name: np.full(size, np.nan) for name in ("pivot", "closure_error")}
+    for leg in legs:
+        own, done = leg.members, leg.outcomes
+        found["status"][own], found["end_time"][own] = done.status, done.end_time
+        for name in ("nfev", "steps", "rejected"):
+            found[name][own] += getattr(done, name)
+        found["pivot"][own] = np.fmin(found["pivot"][own], done.pivot)
+        gaps = closure_errors(crew, leg)
+        found["closure_error"][own] = np.fmax(found["closure_error"][own], gaps)
+    return found
+
+
+def closure_errors(crew: Members, leg: Leg) -> np.ndarray:
+    """Return the largest gap (M,) of each member, that of rows that are not held where it is saved
+    and at its end included."""
+    found, equations = leg.outcomes, crew.robot.equations
+    if equations.rows.unheld is None:
+        return found.closure_error
+    q = np.concatenate([found.samples, found.y_end[:, None]], axis=1)[..., : equations.nq]
+    p = np.broadcast_to(crew.p_robot(leg.members)[:, None], (*q.shape[:2], crew.robot.p.size))
+    return np.maximum(found.closure_error, np.nanmax(crew.robot.chart.unheld_gap(q, p), axis=1))
 
 
 def again(
@@ -556,103 +386,6 @@ def companion(crew: Members, settings: Settings) -> Callable[[], Ensemble] | Non
         return completed(crew, tight, lambda done, total: None)
 
     return other
-
-
-def closure_errors(crew: Members, part: Part) -> np.ndarray:
-    """Return the largest gap (M,) of each member, that of rows that are not held where it is saved
-    and at its end included."""
-    found, equations = part.outcomes, crew.robot.equations
-    if equations.rows.unheld is None:
-        return found.closure_error
-    q = np.concatenate([found.samples, found.y_end[:, None]], axis=1)[..., : equations.nq]
-    p = np.broadcast_to(crew.p_robot(part.members)[:, None], (*q.shape[:2], crew.robot.p.size))
-    return np.maximum(found.closure_error, np.nanmax(crew.robot.chart.unheld_gap(q, p), axis=1))
-
-
-def in_order(crew: Members, parts: Sequence[Part], keep: bool) -> dict[str, np.ndarray]:
-    """Return numbers of all members; where they are one part and not to be written to, those of the
-    part."""
-    columns = {
-        name: [getattr(part.outcomes, name) for part in parts]
-        for name in ("status", "end_time", *STATISTICS)
-    }
-    columns["closure_error"] = [closure_errors(crew, part) for part in parts]
-    if keep and len(parts) == 1:
-        return {name: values for name, (values,) in columns.items()}
-    order = np.argsort(np.concatenate([part.members for part in parts]))
-    return {name: np.concatenate(values)[order] for name, values in columns.items()}
-
-
-def last_states(
-    crew: Members, parts: Sequence[Part], lone: Sequence[Lone]
-) -> tuple[State, np.ndarray]:
-    """Return the last states reached, in one chart, and the extra states there; angles as they are
-    read off the tree's.
-
-    It is the home chart where that tells all motions, else the first of the members' own that does;
-    if none does it is the home chart, and the rates that it does not tell are nan.
-    """
-    robot, count = crew.robot, len(crew)
-    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.states)))
-    turns = np.zeros(q.shape)
-    for part in parts:
-        turns[part.members] = part.outcomes.turns
-    for one in lone:
-        turns[one.member] = one.segments[-1].trajectory.turns
-    rows = [last_of(part) for part in parts]
-    rows += gathered(last(one) for one in lone)
-    for row in rows:
-        q[row.members], _, z[row.members] = row.split()
-    own = {row.chart.independent: row.chart for row in rows}.values()
-    home, common, v = robot.chart, robot.chart, told_in(crew, rows, robot.chart)
-    if np.isnan(v).any():
-        ways = ((chart, told_in(crew, rows, chart)) for chart in own)
-        common, v = next(
-            ((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v)
-        )
-    if common is not home:
-        robot.charts.setdefault(common.independent, common)
-    q = whole(q, turns)
-    (positions,) = robot.kernel("positions")(q, crew.p_robot())
-    return State(positions, v, q, robot.coordinates, common.independent), z[
-        :, : len(crew.system.extras)
-    ]
-
-
-def told_in(crew: Members, rows: Sequence[SavedRows], chart: CompiledChart) -> np.ndarray:
-    """Return the rates (N, n) in one chart of states in others; nan where it does not tell their
-    motion."""
-    v = np.full((len(crew), crew.robot.mobility), np.nan)
-    for row in rows:
-        q, rates, _ = row.split()
-        if row.chart.independent != chart.independent:
-            rates, kept = reread(crew.robot, row.chart, chart, q, rates, crew.p_robot(row.members))
-            rates = np.where(kept[:, None], rates, np.nan)
-        v[row.members] = rates
-    return v
-
-
-def last_of(part: Part) -> SavedRows:
-    """Return the last states of members that were integrated together."""
-    none, done = np.zeros(len(part.members), int), part.outcomes
-    return SavedRows(
-        part.chart, part.members, none, done.end_time, done.y_end, np.empty((none.size, 0))
-    )
-
-
-def saved(
-    crew: Members, parts: Sequence[Part], lone: Sequence[Lone], at: np.ndarray
-) -> Iterator[SavedRows]:
-    """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their
-    own runs."""
-    alone = np.array([one.member for one in lone], dtype=int)
-    for part in parts:
-        kept = np.arange(part.outcomes.samples.shape[1]) < part.outcomes.saved[:, None]
-        kept &= ~np.isin(part.members, alone)[:, None]
-        rows, times = np.nonzero(kept)
-        y, none = part.outcomes.samples[rows, times], np.empty((rows.size, 0))
-        yield SavedRows(part.chart, part.members[rows], times, at[times], y, none)
-    yield from gathered(piece for one in lone for piece in pieces(crew, one, at))
 
 
 def happened(crew: Members, lone: Sequence[Lone]) -> Happened:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from linkwork.robot.parameters import with_parameters
 from linkwork.robot.state import State
 from linkwork.robot.system import System, as_input, require_starts, system
 from linkwork.simulation import Sampled, Signal
+from linkwork.simulation.many import MemberInputs, as_inputs, require_covers
 
 if TYPE_CHECKING:
     from linkwork.robot.model import Model
@@ -34,10 +36,13 @@ class Members:
 
     system: what is integrated
     forces: the signals, or numbers (N, nu), of each member, in place of the system's; None: all
-    share these chart: of the lanes; q (N, nq), v (N, n) in this chart; p: the system's parameters,
-    (1, np) or (N, np) given: the states as they were given, one or a stack of N; told: whether v
-    tells all of their motion (N,) varied: values of parameters that vary, by name (N,); own: which
-    of them are the robot's
+        share these
+    chart: of the lanes; q (N, nq), v (N, n) in this chart; p: the system's parameters, (1, np) or
+        (N, np)
+    given: the states as they were given, one or a stack of N
+    told: whether v tells all of their motion (N,)
+    varied: values of parameters that vary, by name (N,)
+    span: start and end of the runs [s]
     """
 
     robot: Model
@@ -50,6 +55,7 @@ class Members:
     v: np.ndarray
     p: np.ndarray
     varied: Mapping[str, np.ndarray]
+    span: tuple[float, float]
 
     def __len__(self) -> int:
         return len(self.q)
@@ -93,15 +99,19 @@ class Members:
         own = () if self.forces is None or isinstance(self.forces, np.ndarray) else self.forces
         return [self.system.inputs, *own]
 
-    def inputs(self, members: np.ndarray) -> Signal | np.ndarray | list[Signal]:
-        """Return the inputs of some members."""
-        if self.forces is None:
-            return self.system.inputs
+    @cached_property
+    def inputs(self) -> MemberInputs:
+        """The inputs of all members."""
         acting = self.system.acting
         joined = acting is not None and (acting.timed or acting.references)
-        if isinstance(self.forces, np.ndarray) and not joined:
-            return self.forces[self._rows(members)]
-        return [self.signal(i) for i in members]
+        if self.forces is None:
+            given = self.system.inputs
+        elif isinstance(self.forces, np.ndarray) and not joined:
+            given = self.forces
+        else:
+            given = [self.signal(i) for i in range(len(self))]
+        require_covers(given, *self.span)
+        return as_inputs(given, len(self))
 
     def signal(self, member: int) -> Signal:
         """Return the inputs of one member: its forces, joined with what else varies in time."""
@@ -111,27 +121,26 @@ class Members:
         own = given if isinstance(given, Signal) else constant(given)
         return acting.inputs(own) if acting else own
 
-    def watch(self, members: np.ndarray, span: tuple[float, float]) -> Signal | list[Signal] | None:
-        """Return what no step of some members may pass over within a span [s], None if their inputs
-        are all of it."""
+    @cached_property
+    def watched(self) -> MemberInputs | None:
+        """What no step of the members may pass over, None if their inputs are all of it."""
         if self.system.acting is None or self.system.acting.timely is None:
             return None
+        chart, count = self.robot.chart, self.robot.p.size
         if self.forces is None and len(self.p) == 1:
-            seen = self.system.watch(self.robot.chart, span)
-            return seen.signal if seen else None
-        count, rows = (
-            self.robot.p.size,
-            self.p if len(self.p) > 1 else np.broadcast_to(self.p, (len(self), self.p.size)),
-        )
+            seen = self.system.watch(chart, self.span)
+            return as_inputs(seen.signal, len(self)) if seen else None
         systems = [
-            replace(self.system, inputs=self.signal(i), parameters=rows[i, count:]) for i in members
+            replace(self.system, inputs=self.signal(i), parameters=p[count:])
+            for i, p in enumerate(np.broadcast_to(self.p, (len(self), self.p.shape[1])))
         ]
-        seen = [system.watch(self.robot.chart, span) for system in systems]
+        seen = [system.watch(chart, self.span) for system in systems]
         if not any(seen):
             return None
-        return [
+        signals = [
             own.signal if own else system.inputs for own, system in zip(seen, systems, strict=True)
         ]
+        return as_inputs(signals, len(self))
 
     def alone(self, member: int) -> tuple[Model, System]:
         """Return the robot and the system of one member."""
@@ -218,7 +227,7 @@ def members(
     require_possible(
         robot, {name: values for name, values in varied.items() if name in robot.parameters}, q, p
     )
-    return Members(robot, runs, each, chart, state, told, q, v, p, varied)
+    return Members(robot, runs, each, chart, state, told, q, v, p, varied, (0.0, duration))
 
 
 def require_possible(

@@ -42,37 +42,45 @@ def lost(chart: CompiledChart, q: np.ndarray) -> bool:
     return bool(chart.equations.lost(chart.constraint_jacobian(q)))
 
 
+def choice(robot: Model, chart: CompiledChart, q: np.ndarray) -> Choice:
+    """Choose what is better than a chart at one configuration q (nq)."""
+    regular, groups = choices(robot, chart, q[None])
+    return Choice(bool(regular[0]), groups[0][1] if groups else None)
+
+
 def choices(
     robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
-) -> list[Choice]:
+) -> tuple[np.ndarray, list[tuple[np.ndarray, CompiledChart]]]:
     """Choose what is better than a chart at each of some configurations.
 
     Args:
         q: configurations (G x nq).
         p: values of the robot's free parameters (G x np), its own if left out.
+
+    Returns:
+        Which configurations are regular (G), and the better charts, each with the numbers of the
+        configurations that it is chosen for.
     """
     home = robot.chart
     Phi = home.constraint_jacobian(q, p)
-    sound = robot.equations.regular(Phi)
-    better: dict[int, CompiledChart] = {}
+    sound, better = robot.equations.regular(Phi), []
     with BUILDING:
         preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
         for members, candidate in home.chosen(Phi, preferred):
             if candidate.order == chart.order:
                 continue
-            near, taken = ~sound[members], sound[members]
-            if near.any():
+            taken = sound[members]
+            near = np.flatnonzero(~taken)
+            if near.size:
                 there = Phi[members[near]]
                 taken[near] = candidate.strengths(there) >= BETTER * chart.strengths(there)
-            if taken.any():
-                for own, kept in kept_charts(robot, candidate, members[taken], q, p):
-                    better |= dict.fromkeys(own, kept)
-    return [Choice(bool(of), better.get(i)) for i, of in enumerate(sound.tolist())]
+            better += kept_charts(robot, candidate, members[taken], q, p)
+    return sound, better
 
 
 def kept_charts(
     robot: Model, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
-) -> Iterator[tuple[list[int], CompiledChart]]:
+) -> Iterator[tuple[np.ndarray, CompiledChart]]:
     """Yield the charts to use for a chosen one, and the configurations that use them.
 
     That in which runs start, with its pivots positive there, if it has the same order of
@@ -84,7 +92,7 @@ def kept_charts(
         strong = np.abs(pivots).min(axis=1) > REUSED
         for signs, own in alike(np.where(pivots[strong] < 0, -1.0, 1.0)):
             faced = first.with_signs(signs)
-            yield members[strong][own].tolist(), charts.setdefault(faced.key, faced)
+            yield members[strong][own], charts.setdefault(faced.key, faced)
         members = members[~strong]
     if members.size:
-        yield members.tolist(), charts.setdefault(candidate.key, candidate)
+        yield members, charts.setdefault(candidate.key, candidate)

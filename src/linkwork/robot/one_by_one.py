@@ -1,5 +1,5 @@
-"""Alone: members of an ensemble that run one by one, each as `Robot.simulate` runs it, dealt to
-threads.
+"""One by one: members of an ensemble that run by themselves, each as `Robot.simulate` runs it,
+dealt to threads.
 
 The compiled loop runs without Python's lock. A Python function that controls a robot needs the
 lock, and may keep memory: then the members run one after the other, in their order.
@@ -14,10 +14,8 @@ from threading import Event
 from typing import NamedTuple
 
 from linkwork.robot import chart_transfer
-from linkwork.robot.charts import CompiledChart
 from linkwork.robot.members import Members
-from linkwork.robot.next_chart import Choice
-from linkwork.robot.passage import Passage, Segment
+from linkwork.robot.passage import Passage, Segment, Stand
 from linkwork.robot.recording import ending, statistics
 from linkwork.robot.settings import Settings
 from linkwork.simulation import Statistics, Status
@@ -28,12 +26,12 @@ Progress = Callable[[int, int], None]
 
 
 class Task(NamedTuple):
-    """Name a member to run: from its start, or from where a first segment ended and what is chosen
-    there."""
+    """Name a member to run: from its start, or from where its first segments ended, the last of
+    which began at a stand."""
 
     member: int
-    first: Segment | None = None
-    choice: Choice | None = None
+    before: Sequence[Segment] = ()
+    stand: Stand | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +83,16 @@ def led(crew: Members, settings: Settings, task: Task) -> Lone:
     robot, system = crew.alone(task.member)
     passage = Passage(robot, system, 0.0, settings.duration, settings)
 
-    def own(chart: CompiledChart) -> CompiledChart:
-        return chart if robot is crew.robot else chart.with_parameters(robot.p)
-
-    if task.first is None or task.choice is None:
+    if task.stand is None:
         state = crew.state(task.member)
         chart, v = chart_transfer.start(robot, state)
         segments = list(
             passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q))
         )
     else:
-        better = task.choice.better
-        choice = Choice(task.choice.regular, better and own(better))
-        stand = passage.stand(own(task.first.chart), *task.first.start)
-        segments = [
-            task.first,
-            *passage.onward(passage.after(stand, task.first.trajectory, choice)),
-        ]
+        stand = task.stand._replace(chart=task.stand.chart.with_parameters(robot.p))
+        here = passage.after(stand, task.before[-1].trajectory)
+        segments = [*task.before, *passage.onward(here)]
     for fault in system.faults:
         if not isinstance(fault, Exception):
             raise fault

@@ -21,7 +21,7 @@ from linkwork.robot import checks
 from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.crossing import Crossed, Crossing
-from linkwork.robot.next_chart import Choice, choices, regular
+from linkwork.robot.next_chart import choice, regular
 from linkwork.robot.settings import Settings
 from linkwork.robot.system import System, with_jacobian
 from linkwork.robot.turning import turning
@@ -223,9 +223,8 @@ class Passage:
             )
             stand = self.after(stand, trajectory)
 
-    def after(self, stand: Stand, done: Trajectory, choice: Choice | None = None) -> Stand | None:
-        """Return where the run stands after a segment, None at its end; choice: of the next chart,
-        if it is known."""
+    def after(self, stand: Stand, done: Trajectory) -> Stand | None:
+        """Return where the run stands after a segment, None at its end."""
         if done.status is Status.FINISHED and self._until(stand) == self.end:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
@@ -244,10 +243,10 @@ class Passage:
             return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
-        tried = self.settings.step_over and not (choice.regular if choice else regular(chart, q))
+        tried = self.settings.step_over and not regular(chart, q)
         over = self._over(here, done) if tried else None
         if over is None:
-            better = (choice or choices(self.robot, chart, q[None])[0]).better
+            better = choice(self.robot, chart, q).better
             n, kept, rates = chart.equations.mobility, False, v
             if better is not None:
                 rates, kept = reread(self.robot, chart, better, q, v[:n])

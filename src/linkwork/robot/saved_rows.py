@@ -1,19 +1,23 @@
-"""Rows: states of many members side by side, those in the same chart together, so that kernels see
-them all at once."""
+"""Saved rows: states of many members side by side, those in the same chart together, so that
+kernels see them all at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from linkwork.equations.chart import Chart
+from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.members import Members
 from linkwork.robot.one_by_one import Lone
 from linkwork.robot.recording import trimmed
+from linkwork.robot.side_by_side import Leg
+from linkwork.robot.state import State
+from linkwork.simulation.turns import whole
 
 NO_INPUTS = np.empty((1, 0))
 
@@ -62,6 +66,25 @@ class SavedRows:
             SavedRows(self.chart, each[0], each[1], t.ravel(), y.reshape(-1, y.shape[2]), each[2])
         )
         return {name: blended(weights, values) for name, values in found.items()}
+
+    @classmethod
+    def saved(cls, leg: Leg, at: np.ndarray, wanted: np.ndarray) -> SavedRows:
+        """Return the states of a leg's wanted members (M,) at the saved times `at` [s]."""
+        done, times = leg.outcomes, np.arange(leg.outcomes.samples.shape[1])
+        kept = (times >= leg.stands.saved[:, None]) & (times < done.saved[:, None])
+        rows, places = np.nonzero(kept & wanted[:, None])
+        none = np.empty((rows.size, 0))
+        y = done.samples[rows, places]
+        return cls(leg.chart, leg.members[rows], places, at[places], y, none)
+
+    @classmethod
+    def at_end(cls, leg: Leg, wanted: np.ndarray) -> SavedRows:
+        """Return the last states of a leg's wanted members (M,)."""
+        own, done = leg.members[wanted], leg.outcomes
+        none = np.empty((own.size, 0))
+        return cls(
+            leg.chart, own, np.zeros(own.size, int), done.end_time[wanted], done.y_end[wanted], none
+        )
 
     def __getitem__(self, rows: slice) -> SavedRows:
         """Return some of the rows."""
@@ -116,6 +139,9 @@ def gathered(found: Iterable[SavedRows]) -> Iterator[SavedRows]:
         if len(rows.t):
             alike.setdefault((rows.chart.key, rows.nodes is None), []).append(rows)
     for same in alike.values():
+        if len(same) == 1:
+            yield same[0]
+            continue
         columns = zip(
             *((rows.members, rows.times, rows.t, rows.y, rows.held) for rows in same), strict=True
         )
@@ -124,3 +150,62 @@ def gathered(found: Iterable[SavedRows]) -> Iterator[SavedRows]:
         yield SavedRows(
             same[0].chart, *map(np.concatenate, columns), nodes=Nodes(*nodes) if nodes else None
         )
+
+
+def saved(
+    crew: Members, legs: Sequence[Leg], lone: Sequence[Lone], at: np.ndarray
+) -> Iterator[SavedRows]:
+    """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their
+    own runs."""
+    alone = [one.member for one in lone]
+    found = [SavedRows.saved(leg, at, ~np.isin(leg.members, alone)) for leg in legs]
+    yield from gathered([*found, *(piece for one in lone for piece in pieces(crew, one, at))])
+
+
+def last_states(
+    crew: Members, legs: Sequence[Leg], lone: Sequence[Lone]
+) -> tuple[State, np.ndarray]:
+    """Return the last states reached, in one chart, and the extra states there; angles as they are
+    read off the tree's.
+
+    It is the home chart where that tells all motions, else the first of the members' own that does;
+    if none does it is the home chart, and the rates that it does not tell are nan.
+    """
+    robot, count = crew.robot, len(crew)
+    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.states)))
+    turns, latest = np.zeros(q.shape), np.zeros(count, int)
+    for i, leg in enumerate(legs):
+        latest[leg.members], turns[leg.members] = i, leg.outcomes.turns
+    for one in lone:
+        latest[one.member], turns[one.member] = -1, one.segments[-1].trajectory.turns
+    ends = [SavedRows.at_end(leg, latest[leg.members] == i) for i, leg in enumerate(legs)]
+    rows = list(gathered([*ends, *map(last, lone)]))
+    for row in rows:
+        q[row.members], _, z[row.members] = row.split()
+    own = {row.chart.independent: row.chart for row in rows}.values()
+    home, common, v = robot.chart, robot.chart, told_in(crew, rows, robot.chart)
+    if np.isnan(v).any():
+        ways = ((chart, told_in(crew, rows, chart)) for chart in own)
+        common, v = next(
+            ((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v)
+        )
+    if common is not home:
+        robot.charts.setdefault(common.independent, common)
+    q = whole(q, turns)
+    (positions,) = robot.kernel("positions")(q, crew.p_robot())
+    return State(positions, v, q, robot.coordinates, common.independent), z[
+        :, : len(crew.system.extras)
+    ]
+
+
+def told_in(crew: Members, rows: Sequence[SavedRows], chart: CompiledChart) -> np.ndarray:
+    """Return the rates (N, n) in one chart of states in others; nan where it does not tell their
+    motion."""
+    v = np.full((len(crew), crew.robot.mobility), np.nan)
+    for row in rows:
+        q, rates, _ = row.split()
+        if row.chart.independent != chart.independent:
+            rates, kept = reread(crew.robot, row.chart, chart, q, rates, crew.p_robot(row.members))
+            rates = np.where(kept[:, None], rates, np.nan)
+        v[row.members] = rates
+    return v

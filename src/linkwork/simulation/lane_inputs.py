@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.lane_tables import BREAK, LIVE, MEMBER, PIECE, STEP, TIME
+from linkwork.simulation.lane_tables import BREAK, LIVE, PIECE, ROW, START, STEP, STOP, TIME
 from linkwork.simulation.native_loop import ROUNDING
 from linkwork.simulation.vectors import LANES
 
 
 class Signals(NamedTuple):
-    """The members' signals, one after the other, or one that all share, over a run from `start` to
-    `stop`.
+    """The members' signals, one after the other, or one that all share.
 
     Signal i consists of the pieces from `pieces[i]` to `pieces[i + 1]`, which begin at `starts` and
     are polynomials of the `coefficients` (pieces, powers, inputs), and of the breaks from
@@ -28,20 +27,18 @@ class Signals(NamedTuple):
     breaks: Any
     breaking: Any
     timed: bool
-    start: float
-    stop: float
 
 
 @njit(forceinline=True, **OPTIONS)
 def shared(i, rows):
-    """Return the row of member i in a table of which one row may serve all."""
+    """Return row i of a table of which one row may serve all."""
     return i if rows > 1 else 0
 
 
 @njit(forceinline=True, **OPTIONS)
-def signal_of(signals, member):
-    """Return the signal that a member follows."""
-    return shared(member, signals.pieces.size - 1)
+def signal_of(signals, row):
+    """Return the signal of a row, which may be that of all."""
+    return shared(row, signals.pieces.size - 1)
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -65,12 +62,11 @@ def force(signals, i, t, from_left, x, n, lane, tally):
 
 
 @njit(forceinline=True, **OPTIONS)
-def next_target(signals, i, tally, t, lane):
-    """Return the next time at which a step has to end."""
-    breaks, end, stop = signals.breaks, signals.breaking[i + 1], signals.stop
-    while tally[BREAK, lane] < end and breaks[tally[BREAK, lane]] <= t + ROUNDING * (
-        t - signals.start
-    ):
+def next_target(signals, i, t, lane, now, tally):
+    """Return the next time at which a step of a lane has to end, by signal i."""
+    breaks, end, stop = signals.breaks, signals.breaking[i + 1], now[STOP, lane]
+    past = t + ROUNDING * (t - now[START, lane])
+    while tally[BREAK, lane] < end and breaks[tally[BREAK, lane]] <= past:
         tally[BREAK, lane] += 1
     return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < end else stop
 
@@ -81,4 +77,4 @@ def set_forces(signals, theta, x, n, now, tally):
     for lane in range(LANES):
         if now[LIVE, lane] > 0:
             time = now[TIME, lane] + theta * now[STEP, lane]
-            force(signals, signal_of(signals, tally[MEMBER, lane]), time, True, x, n, lane, tally)
+            force(signals, signal_of(signals, tally[ROW, lane]), time, True, x, n, lane, tally)

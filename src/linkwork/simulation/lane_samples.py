@@ -14,8 +14,10 @@ from linkwork.simulation.lane_tables import (
     ACCEPTS,
     AILMENT,
     ARRIVAL,
+    BOUND,
     CLOSURE_ERROR,
     EVALUATIONS,
+    LAST,
     LEAST,
     LOOSE,
     LOWEST,
@@ -26,6 +28,7 @@ from linkwork.simulation.lane_tables import (
     REJECTED_RESIDUAL,
     RESIDUAL,
     STEP,
+    STOP,
     THETA,
     TIME,
     WANTED,
@@ -35,10 +38,17 @@ from linkwork.simulation.vectors import LANES, call_wide, load, splat, store
 
 
 @njit(forceinline=True, **OPTIONS)
+def due(lane, save_at, now, tally):
+    """Return when a lane has to take its next sample: by the end of its run, to rounding, or
+    never."""
+    row = tally[REACHED, lane]
+    return min(save_at[row], now[STOP, lane]) if row < tally[LAST, lane] else math.inf
+
+
+@njit(forceinline=True, **OPTIONS)
 def within(lane, save_at, now, tally):
     """Tell whether a lane wants a sample inside its step, not at the end of it."""
-    row = tally[REACHED, lane]
-    return row < save_at.size and now[WANTED, lane] > 0 and save_at[row] < now[ARRIVAL, lane]
+    return now[WANTED, lane] > 0 and due(lane, save_at, now, tally) < now[ARRIVAL, lane]
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -55,17 +65,17 @@ def want_samples(save_at, now, tally):
     how many within."""
     wanted, inside = 0, 0
     for lane in range(LANES):
-        row = tally[REACHED, lane]
-        wants = now[ACCEPTS, lane] > 0 and row < save_at.size and save_at[row] <= now[ARRIVAL, lane]
+        time = due(lane, save_at, now, tally)
+        wants = now[ACCEPTS, lane] > 0 and time <= now[ARRIVAL, lane]
         now[WANTED, lane] = 1.0 if wants else 0.0
-        now[THETA, lane] = (save_at[row] - now[TIME, lane]) / now[STEP, lane] if wants else 1.0
+        now[THETA, lane] = (time - now[TIME, lane]) / now[STEP, lane] if wants else 1.0
         wanted += wants
         inside += within(lane, save_at, now, tally)
     return wanted, inside
 
 
 @njit(**OPTIONS)
-def extend(motion, method, signals, pivot_bound, save_at, tables):
+def extend(motion, method, signals, save_at, tables):
     """Evaluate the stages that only the dense output needs; refuse the steps of lanes that need it
     in which they fail.
 
@@ -86,7 +96,7 @@ def extend(motion, method, signals, pivot_bound, save_at, tables):
         call_wide(motion, x, k, i * (n + 1))
         for lane in range(LANES):
             pivot = k[i * (n + 1) + n, lane]
-            if extends(lane, save_at, now, tally) and not pivot >= pivot_bound:
+            if extends(lane, save_at, now, tally) and not pivot >= now[BOUND, lane]:
                 now[ACCEPTS, lane], now[WANTED, lane] = 0.0, 0.0
                 tally[AILMENT, lane] = NON_FINITE if math.isnan(pivot) else SINGULAR
                 now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
@@ -138,7 +148,7 @@ def take_samples(closure, method, closure_tol, save_at, samples, tables):
         interpolate(method, tables, sample)
         for lane in range(LANES):
             now[RESIDUAL, lane] = 0.0
-            if now[WANTED, lane] > 0 and save_at[tally[REACHED, lane]] == now[ARRIVAL, lane]:
+            if now[WANTED, lane] > 0 and due(lane, save_at, now, tally) == now[ARRIVAL, lane]:
                 for m in range(n):
                     sample[m, lane] = x[m, lane]
         if closure != 0:

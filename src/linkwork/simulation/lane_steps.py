@@ -14,6 +14,7 @@ from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.lane_tables import (
     ACCEPTS,
     ARRIVAL,
+    BOUND,
     ERROR,
     GROWTH,
     IDEAL,
@@ -171,15 +172,16 @@ def combine(weights, count, n, now, y, k, x):
 
 
 @njit(forceinline=True, **OPTIONS)
-def error_norm(weights, solution, n, closed, tolerance, now, y, x, z, k, zeros, defect):
+def error_norm(weights, solution, closed, tables):
     """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol
     |y|).
 
     The slope at the new state counts, whatever its weight: where it is no number, the error is
     none.
     """
-    total = splat(0.0)
-    combine(weights, solution + 1, n, now, zeros, k, defect)
+    n, y, x, z, k = tables.n, tables.y, tables.x, tables.z, tables.k
+    tolerance, defect, total = tables.scale, tables.sample, splat(0.0)
+    combine(weights, solution + 1, n, tables.now, tables.zeros, k, defect)
     for m in range(n):
         error = absolute(load(defect, m) + splat(0.0) * load(k, solution * (n + 1) + m))
         if m < closed:
@@ -191,20 +193,19 @@ def error_norm(weights, solution, n, closed, tolerance, now, y, x, z, k, zeros, 
 
 
 @njit(forceinline=True, **OPTIONS)
-def judge(method, n, closed, tolerance, pivot_bound, closure_tol, y, x, z, k, zeros, defect, now):
+def judge(method, closed, closure_tol, tables):
     """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and
     the smallest pivots."""
-    bound, lowest, last = splat(pivot_bound), splat(math.inf), method.solution
+    k, now = tables.k, tables.now
+    bound, lowest, n, last = load(now, BOUND), splat(math.inf), tables.n, method.solution
     healthy = load(now, RESIDUAL) <= splat(closure_tol) * load(now, LOOSE)
     for i in range(1, last + 1):
         pivot = load(k, i * (n + 1) + n)
         healthy = healthy & (pivot >= bound)
         lowest = choose(lowest <= pivot, lowest, pivot)
-    error = error_norm(method.e, last, n, closed, tolerance, now, y, x, z, k, zeros, defect)
+    error = error_norm(method.e, last, closed, tables)
     if method.estimates > 1:
-        second = splat(0.1) * error_norm(
-            method.e + method.stages, last, n, 0, tolerance, now, y, x, z, k, zeros, defect
-        )
+        second = splat(0.1) * error_norm(method.e + method.stages, last, 0, tables)
         both = root(error * error + second * second)
         error = choose(both <= splat(0.0), error, error * (error / both))
     store(now, ERROR, choose(healthy, error, splat(math.nan)))

@@ -1,7 +1,15 @@
-"""Names of the tables of the members in the lanes, and of the rows that tell what becomes of
-them."""
+"""The tables in which the lanes compute, and names of the rows that tell what becomes of the
+members in them."""
 
 from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.vectors import LANES, as_table
+
+ALIGNMENT = 64
 
 
 class Tables(NamedTuple):
@@ -12,6 +20,7 @@ class Tables(NamedTuple):
     `weights`, one for each stage; `scale`: rtol, then atol; `zeros`, as many as a state has;
     `spans`, `wraps`, `turned`, of the angles' whole turns; `kept`: states set aside; `now`,
     `tally`: numbers and counts of the members. A state has n numbers, of which nq are q.
+    `shortest`: of the spans.
     """
 
     y: Any
@@ -31,11 +40,14 @@ class Tables(NamedTuple):
     tally: Any
     n: int
     nq: int
+    shortest: float
 
 
-# Rows of `now`; the first NUMBERS are kept of every member.
+# Rows of `now`, numbers; the first NUMBERS are kept of every member. A member goes from START to
+# STOP [s], while its pivots are above BOUND.
 TIME, STEP_SIZE, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL, LOOSE = range(7)
-NUMBERS = 7
+START, STOP, BOUND = range(7, 10)
+NUMBERS = 10
 (
     GROWTH,
     LONGEST,
@@ -52,11 +64,63 @@ NUMBERS = 7
     THETA,
     LEAST,
     PEAKS,
-) = range(7, 22)
-NOW = 22
+) = range(10, 25)
+NOW = 25
 
-# Rows of `tally`; the first COUNTS are kept of every member, too.
+# Rows of `tally`, counts; the first COUNTS are kept of every member, too. MEMBER is its number, ROW
+# that of its signal and of its parameters; it may take MOST steps, and saves its states at the
+# times of `save_at` up to before LAST.
 STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED = range(5)
 COUNTS = 5
-CAUSE, PIECE, BREAK, BEND, MEMBER, REACHED, AILMENT, STIFFLY = range(5, 13)
-TALLY = 13
+CAUSE, PIECE, BREAK, BEND, MEMBER, ROW, MOST, LAST, REACHED, AILMENT, STIFFLY = range(5, 16)
+TALLY = 16
+
+
+@njit(**OPTIONS)
+def room(rows):
+    """Return zeros (rows, LANES) that start at a multiple of ALIGNMENT bytes."""
+    memory = np.zeros(rows * LANES + ALIGNMENT // 8)
+    first = -memory.ctypes.data % ALIGNMENT // 8
+    return memory[first : first + rows * LANES].reshape(rows, LANES)
+
+
+@njit(forceinline=True, **OPTIONS)
+def rows_of(n, nq, inputs, free, stages):
+    """Return where the tables end that `furnish` deals out; free: number of parameters."""
+    x, k, z = n + inputs + free, (stages + 1) * (n + 1), nq + free
+    sizes = (n, x, k, z, nq + 1, n, stages, 2 * n, n, nq, nq, nq, n, NOW)  # as in `Tables`
+    return np.cumsum(np.array(sizes))
+
+
+@njit(forceinline=True, **OPTIONS)
+def furnish(space, end, n, nq, tolerance, spans, wraps):
+    """Return the tables, one after the other in some space, which has to be kept alive, with what
+    all lanes share."""
+    for m in range(n):
+        space[end[6] + m], space[end[6] + n + m] = tolerance[0, m], tolerance[1, m]
+    shortest = np.inf
+    for m in range(nq):
+        space[end[8] + m], space[end[9] + m] = spans[m], wraps[m]
+        shortest = min(shortest, spans[m])
+    tally = np.zeros((TALLY, LANES), np.intp)
+    tally[MEMBER] = -1
+    return Tables(
+        as_table(space),
+        as_table(space[end[0] :]),
+        as_table(space[end[1] :]),
+        as_table(space[end[2] :]),
+        as_table(space[end[3] :]),
+        as_table(space[end[4] :]),
+        as_table(space[end[5] :]),
+        as_table(space[end[6] :]),
+        as_table(space[end[7] :]),
+        as_table(space[end[8] :]),
+        as_table(space[end[9] :]),
+        as_table(space[end[10] :]),
+        as_table(space[end[11] :]),
+        as_table(space[end[12] :]),
+        tally,
+        n,
+        nq,
+        shortest,
+    )

@@ -17,15 +17,16 @@ from linkwork.simulation.lane_tables import (
     AILMENT,
     ARRIVAL,
     BEND,
+    BOUND,
     ERROR,
     EVALUATIONS,
     LEAST,
     LIVE,
     LONGEST,
     LOWEST,
-    MEMBER,
     PEAKS,
     REJECTED_PIVOT,
+    ROW,
     STEP,
     STEP_SIZE,
     THETA,
@@ -59,9 +60,9 @@ class LaneSignals(NamedTuple):
 
 
 @njit(forceinline=True, **OPTIONS)
-def watch_of(watched, member):
-    """Return what is to be watched of a member."""
-    i, columns = signal_of(watched, member), watched.coefficients.shape[2]
+def watch_of(watched, row):
+    """Return what is to be watched of a row, which may be that of all."""
+    i, columns = signal_of(watched, row), watched.coefficients.shape[2]
     first, count = watched.pieces[i], watched.pieces[i + 1] - watched.pieces[i]
     bends, bend = watched.bending[i + 1] - watched.bending[i] - 1, watched.bending[i]
     return WatchedSignals(
@@ -78,7 +79,7 @@ def mark(watched, now, tally):
     for lane in range(LANES):
         now[LEAST, lane] = 0.0
         if now[ACCEPTS, lane] > 0:
-            watch = watch_of(watched, tally[MEMBER, lane])
+            watch = watch_of(watched, tally[ROW, lane])
             tally[BEND, lane] = next_bend(watch, now[TIME, lane], tally[BEND, lane])
             free = free_until(watch, tally[BEND, lane])
             if free < now[ARRIVAL, lane]:
@@ -100,7 +101,7 @@ def mark_peaks(now):
 
 
 @njit(**OPTIONS)
-def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
+def inspect(motion, method, signals, watched, peaks, tables):
     """Refuse the steps of the marked lanes in which the dense output is too far from a solution, at
     a peak of the motion or where an input bends; peaks: whether any lane was looked at for peaks.
 
@@ -112,14 +113,14 @@ def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
     if peaks:
         for lane in range(LANES):
             now[WANTED, lane], now[THETA, lane] = now[PEAKS, lane] * now[ACCEPTS, lane], 0.5
-        measure(motion, method, signals, KEEN, pivot_bound, tables)
+        measure(motion, method, signals, KEEN, tables)
         refuse(now, 0.0)
     for place in range(2 * watched.coefficients.shape[2]):
         j, wanted = place // 2, 0
         for lane in range(LANES):
             now[WANTED, lane], now[THETA, lane] = 0.0, 1.0
             if now[LEAST, lane] > 0 and now[ACCEPTS, lane] > 0:
-                watch = watch_of(watched, tally[MEMBER, lane])
+                watch = watch_of(watched, tally[ROW, lane])
                 count, by_line, by_cubic = farthest_bends(
                     watch, j, tally[BEND, lane], now[TIME, lane], now[STEP, lane]
                 )
@@ -130,7 +131,7 @@ def inspect(motion, method, signals, watched, pivot_bound, peaks, tables):
                     )
                     wanted += 1
         if wanted > 0:
-            measure(motion, method, signals, 1.0, pivot_bound, tables)
+            measure(motion, method, signals, 1.0, tables)
     refuse(now, 1.0)
     store(now, PEAKS, splat(0.0))
     for m in range(n):
@@ -149,7 +150,7 @@ def refuse(now, bent):
 
 
 @njit(**OPTIONS)
-def measure(motion, method, signals, factor, pivot_bound, tables):
+def measure(motion, method, signals, factor, tables):
     """Take into the errors of the lanes that want it, times a factor, how far the dense output is
     from a solution at theta."""
     n, y, x, k, sample, now, tally = (
@@ -166,7 +167,7 @@ def measure(motion, method, signals, factor, pivot_bound, tables):
     for lane in range(LANES):
         if now[LIVE, lane] > 0:
             time = now[TIME, lane] + now[THETA, lane] * now[STEP, lane]
-            force(signals, signal_of(signals, tally[MEMBER, lane]), time, True, x, n, lane, tally)
+            force(signals, signal_of(signals, tally[ROW, lane]), time, True, x, n, lane, tally)
     call_wide(motion, x, k, stages * (n + 1))
     for i in range(stages):
         weight, power = splat(0.0), splat(1.0)
@@ -185,11 +186,11 @@ def measure(motion, method, signals, factor, pivot_bound, tables):
     store(sample, 0, splat(factor) * (root(total / splat(float(n))) / splat(method.blur)))
     for lane in range(LANES):
         if now[WANTED, lane] > 0:
-            judge_defect(lane, stages * (n + 1) + n, pivot_bound, tables)
+            judge_defect(lane, stages * (n + 1) + n, tables)
 
 
 @njit(forceinline=True, **OPTIONS)
-def judge_defect(lane, pivot_row, pivot_bound, tables):
+def judge_defect(lane, pivot_row, tables):
     """Take the defect of a lane into its error, or say what ails it."""
     now, tally, pivot, defect = (
         tables.now,
@@ -199,7 +200,7 @@ def judge_defect(lane, pivot_row, pivot_bound, tables):
     )
     tally[EVALUATIONS, lane] += 1
     ailment = OK if math.isfinite(defect) else NON_FINITE
-    if not pivot >= pivot_bound:
+    if not pivot >= now[BOUND, lane]:
         ailment = NON_FINITE if math.isnan(pivot) else SINGULAR
     if ailment == OK:
         now[ERROR, lane] = max(now[ERROR, lane], defect)

@@ -33,6 +33,7 @@ from linkwork.simulation.turns import Turning
 
 LARGEST_CHUNK = 2048
 CHUNKS_PER_THREAD = 4
+NO_BENDS = np.empty((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,52 +88,70 @@ class MemberInputs:
     bends: np.ndarray
     bending: np.ndarray
 
-    def part(self, first: int, last: int) -> "MemberInputs":
-        """Return the inputs of the members from `first` to before `last`."""
-        if len(self.pieces) == 2:
-            return self
-        pieces, breaking, bending = (
-            ends[first : last + 1] for ends in (self.pieces, self.breaking, self.bending)
+    @property
+    def signals(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
+        """The signals as the compiled loop follows them."""
+        return (
+            *(self.starts, self.coefficients, self.pieces, self.breaks, self.breaking),
+            self.varies,
         )
-        inside, broken, bent = (slice(ends[0], ends[-1]) for ends in (pieces, breaking, bending))
-        return MemberInputs(
-            self.starts[inside], self.coefficients[inside], pieces - pieces[0],
-            self.breaks[broken], breaking - breaking[0], self.varies,
-            self.bends[bent], bending - bending[0],
-        )  # fmt: skip
+
+    @property
+    def watched(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The signals as the compiled loop watches them."""
+        return self.starts, self.coefficients, self.pieces, self.bends, self.bending
 
 
 @dataclass(frozen=True, eq=False)
-class Constants:
-    """Hold constant inputs, a row of the table for each member, or one that all share."""
+class Starts:
+    """Say where M members set out, and how far each is to go.
 
-    table: np.ndarray
+    rows: of the tables of inputs and parameters (M,); start, stop: times (M,) [s]
+    bound: relative pivot at which a member stops (M,); most: steps that it may take (M,)
+    first, last: of the times to save at, those from number `first` on up to before `last` (M,)
+    turns: whole turns of angles that are not in their states (M, nq)
+    """
 
-    def part(self, first: int, last: int) -> MemberInputs:
-        """Return the inputs of the members from `first` to before `last`."""
-        own = self.table if len(self.table) == 1 else self.table[first:last]
-        count = len(own)
-        none = np.zeros(count + 1, dtype=np.intp)
-        return MemberInputs(
-            np.zeros(count),
-            own[:, None],
-            np.arange(count + 1),
-            np.empty(0),
-            none,
-            False,
-            np.empty((0, 3)),
-            none,
+    rows: np.ndarray
+    start: np.ndarray
+    stop: np.ndarray
+    bound: np.ndarray
+    most: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    turns: np.ndarray
+
+    @classmethod
+    def alike(
+        cls, members: int, span: tuple[float, float], bound: float, most: int, times: int, nq: int
+    ) -> "Starts":
+        """Return those of members that all go from the start to the end of a span."""
+        start, stop, bounds = (np.full(members, value) for value in (*span, bound))
+        last, steps, turns = (
+            np.full(members, times),
+            np.full(members, most),
+            np.zeros((members, nq)),
         )
+        return cls(np.arange(members), start, stop, bounds, steps, np.zeros_like(last), last, turns)
+
+    def roster(self, y: np.ndarray, turns: np.ndarray, chunk: slice) -> tuple[np.ndarray, ...]:
+        """Return some of the members as the compiled loop takes them; y, turns: of all, where they
+        are left."""
+        own = self.rows, self.start, self.stop, self.bound, self.most, self.first, self.last
+        return (y[chunk], turns[chunk], *(values[chunk] for values in own))
 
 
 def as_inputs(
-    inputs: Signal | Sampled | Sequence[Signal] | ArrayLike, members: int
-) -> MemberInputs | Constants:
+    inputs: MemberInputs | Signal | Sampled | Sequence[Signal] | ArrayLike,
+    members: int,
+) -> MemberInputs:
     """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N
     signals for each.
 
     Numbers that are not finite are let through: they end their own member's run, and no other.
     """
+    if isinstance(inputs, MemberInputs):
+        return inputs
     if isinstance(inputs, Signal | Sampled):
         return _joined([as_signal(inputs)])
     if (
@@ -145,7 +164,13 @@ def as_inputs(
                 f"there are {len(inputs)} signals for {members} members: give one, or one for each"
             )
         return _joined(inputs)  # pyright: ignore[reportArgumentType]
-    return Constants(_rows("the inputs", inputs, members))  # pyright: ignore[reportArgumentType]
+    table = _rows("the inputs", inputs, members)  # pyright: ignore[reportArgumentType]
+    count = np.arange(len(table) + 1)
+    none = np.zeros(len(table) + 1, dtype=np.intp)
+    coefficients = np.require(table, requirements="W")[:, None]
+    return MemberInputs(
+        np.zeros(len(table)), coefficients, count, np.empty(0), none, False, NO_BENDS, none
+    )
 
 
 def _joined(signals: Sequence[Signal]) -> MemberInputs:
@@ -179,7 +204,7 @@ def integrate_many(
     motion: int,
     closure: int | None,
     y: ArrayLike,
-    inputs: Signal | Sampled | Sequence[Signal] | ArrayLike,
+    inputs: MemberInputs | Signal | Sampled | Sequence[Signal] | ArrayLike,
     parameters: ArrayLike = (),
     *,
     nq: int,
@@ -197,7 +222,8 @@ def integrate_many(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     turning: Turning | None = None,
-    watch: Signal | Sequence[Signal] | None = None,
+    watch: MemberInputs | Signal | Sequence[Signal] | None = None,
+    starts: Starts | None = None,
 ) -> Outcomes:
     """Integrate N members as `integrate` does each of them, many at a time.
 
@@ -210,8 +236,11 @@ def integrate_many(
         last states are kept. method: an explicit embedded pair.
         threads: of the processor to use; None: all.
         watch: signals of which no step passes over what its stages have not seen, one or N; None:
-        the inputs. progress: called with the numbers of members that have ended and of all members,
-        now and then.
+            the inputs.
+        progress: called with the numbers of members that have ended and of all members, now and
+            then.
+        starts: where each member sets out and how far it goes, where that is not the same for all;
+            its rows are those of the inputs, of the parameters and of what is watched.
 
     Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every
     member that was not ended when KeyboardInterrupt came, CANCELLED, wherever it was; it is raised
@@ -225,22 +254,51 @@ def integrate_many(
     if given.ndim != 2 or not given.shape[1]:
         raise LinkworkError(f"the states have the shape {given.shape}: give a row for each member")
     members, n = given.shape
-    forces, p = as_inputs(inputs, members), _rows("the parameters", parameters, members)
-    watched = forces if watch is None else as_inputs(watch, members)
-    _require_covers(inputs, start, stop)
+    require_covers(inputs, start, stop)
     times = times_within(np.atleast_1d(save_at), start, stop)
     tolerance, turning = tolerances(rtol, atol, n), turning or Turning.none(nq)
-    threads = threads or usable_processors()
+    if starts is None:
+        starts = Starts.alike(members, (start, stop), pivot_bound, max_steps, times.size, nq)
+        p = _rows("the parameters", parameters, members)
+    else:
+        p = np.atleast_2d(np.asarray(parameters, dtype=float, order="C"))
+    forces = as_inputs(inputs, members)
+    watched = forces if watch is None else as_inputs(watch, members)
 
     from linkwork.simulation import lanes
 
-    states = np.empty((members, n))
-    samples = np.empty((members, times.size, n))
-    numbers, counts = (
-        np.empty((members, rows.NUMBERS)),
-        np.empty((members, rows.COUNTS), dtype=np.intp),
+    asked = (
+        lanes.Kernels(motion, closure or 0, 0, 0, 0),
+        method.plan.arguments,
+        lanes.Demands(
+            tolerance, float(closure_tol), stability(method, leave_stiff), float(max_step)
+        ),
+        turning.table[:2],
+        p,
+        lanes.Signals(*forces.signals),
+        lanes.LaneSignals(*watched.watched),
     )
-    turns = np.zeros((members, nq))
+    return _outcomes(asked, given, starts, times, threads or usable_processors(), progress)
+
+
+def _outcomes(
+    asked: tuple[object, ...],
+    given: np.ndarray,
+    starts: Starts,
+    times: np.ndarray,
+    threads: int,
+    progress: Callable[[int, int], None] | None,
+) -> Outcomes:
+    """Return what comes of members: the compiled loop's first arguments, their states, starts and
+    the times to save at."""
+    from linkwork.simulation import lanes
+
+    # What is as long as there are members is filled by the threads, chunk by chunk.
+    members, n = given.shape
+    states, samples = np.empty((members, n)), np.empty((members, times.size, n))
+    numbers = np.empty((members, rows.NUMBERS))
+    counts = np.empty((members, rows.COUNTS), dtype=np.intp)
+    turns = np.empty_like(starts.turns)
     cancel = np.zeros(1, dtype=np.intp)
     size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
@@ -248,22 +306,19 @@ def integrate_many(
 
     def run(i: int) -> bool:
         chunk = chunks[i]
-        states[chunk] = given[chunk]
+        states[chunk], turns[chunk] = given[chunk], starts.turns[chunk]
         if cancel[0]:
             counts[chunk], numbers[chunk] = 0, np.nan
-            counts[chunk, rows.STATUS], numbers[chunk, rows.TIME] = Status.CANCELLED, start
+            counts[chunk, rows.STATUS] = Status.CANCELLED
+            counts[chunk, rows.SAVED] = starts.first[chunk]
+            numbers[chunk, rows.TIME] = starts.start[chunk]
         else:
-            part, seen = (given.part(chunk.start, chunk.stop) for given in (forces, watched))
-            lanes.integrate(
-                motion, closure or 0, p if len(p) == 1 else p[chunk],
-                part.starts, part.coefficients, part.pieces, part.breaks, part.breaking, part.varies,
-                seen.starts, seen.coefficients, seen.pieces, seen.bends, seen.bending,
-                *method.plan.arguments,
-                tolerance, pivot_bound, closure_tol, stability(method, leave_stiff),
-                nq, states[chunk], times, start, stop, max_step, max_steps, turning.spans, turning.wraps,
-                samples[chunk], numbers[chunk], counts[chunk], turns[chunk], cancel, ended[i],
-            )  # fmt: skip
-        samples[chunk][np.arange(times.size) >= counts[chunk, rows.SAVED, None]] = np.nan
+            roster = lanes.Roster(*starts.roster(states, turns, chunk))
+            results = lanes.Results(samples[chunk], numbers[chunk], counts[chunk])
+            lanes.integrate(*asked, roster, times, results, cancel, ended[i])
+        kept = np.arange(times.size)
+        saved = (kept >= starts.first[chunk, None]) & (kept < counts[chunk, rows.SAVED, None])
+        samples[chunk][~saved] = np.nan
         return not (counts[chunk, rows.STATUS] == Status.CANCELLED).any()
 
     def report() -> None:
@@ -300,7 +355,7 @@ def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:
     return table
 
 
-def _require_covers(inputs: object, start: float, stop: float) -> None:
+def require_covers(inputs: object, start: float, stop: float) -> None:
     """Refuse signals that do not cover the run."""
     if isinstance(inputs, Sampled | Signal):
         require_cover("the forces", as_signal(inputs), start, stop)

@@ -1,0 +1,365 @@
+"""Side by side: members of an ensemble in the lanes of vector registers, from chart to chart.
+
+All members that stand in the same chart are integrated together, each from where and when it
+stands. Where a chart's pivot falls below its bound a member stops, and goes on with all others that
+go on in the same next chart, until all have come to their ends. What a member goes through is what
+`Passage` leads a single run through: the same charts, bounds and times, which are a matter of the
+member alone. What lanes cannot do members do by themselves, from where they stand (`one_by_one`):
+stiff motions, and steps over singular poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linkwork.equations.chart_choice import alike
+from linkwork.robot import checks
+from linkwork.robot.chart_transfer import reread
+from linkwork.robot.charts import CompiledChart
+from linkwork.robot.members import Members
+from linkwork.robot.next_chart import choices
+from linkwork.robot.one_by_one import Progress, Task
+from linkwork.robot.passage import CLOSURE, LOWER, RECOVERED, SHORT, SOFT, Segment, Stand
+from linkwork.robot.settings import Settings
+from linkwork.robot.turning import turning
+from linkwork.simulation import Method, Status, Trajectory
+from linkwork.simulation.many import Outcomes, Starts, integrate_many
+
+
+def in_lanes(crew: Members, method: Method) -> bool:
+    """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled
+    controllers."""
+    return method.in_lanes and not crew.system.events and crew.system.sampler is None
+
+
+@dataclass(frozen=True, eq=False)
+class Stands:
+    """Hold where members (M,) stand between two legs in one chart, side by side what `Stand` holds
+    of a run.
+
+    t: times (M,) [s]; y: states (q, v, z) (M, n)
+    turns: whole turns of angles that are not in q (M, nq)
+    saved: at how many of the times to save at they were (M,); steps: how many are left (M,)
+    bound: the pivot at which the leg ends (M,)
+    short: its duration while the bound is lowered (M,) [s]
+    """
+
+    chart: CompiledChart
+    members: np.ndarray
+    t: np.ndarray
+    y: np.ndarray
+    turns: np.ndarray
+    saved: np.ndarray
+    steps: np.ndarray
+    bound: np.ndarray
+    short: np.ndarray
+
+    def __getitem__(self, rows: np.ndarray) -> Stands:
+        """Return some of the members."""
+        parts = {name: values[rows] for name, values in vars(self).items() if name != "chart"}
+        return Stands(self.chart, **parts)
+
+    def until(self, end: float) -> np.ndarray:
+        """Return when the leg ends (M,), at the latest; end: of the run [s]."""
+        return np.where(self.bound == SOFT, end, np.minimum(self.t + self.short, end))
+
+
+class Leg(NamedTuple):
+    """Hold what became of members that went on together in one chart from where they stood."""
+
+    stands: Stands
+    outcomes: Outcomes
+
+    @property
+    def chart(self) -> CompiledChart:
+        return self.stands.chart
+
+    @property
+    def members(self) -> np.ndarray:
+        return self.stands.members
+
+    def stand(self, row: int, method: Method) -> Stand:
+        """Return where a member stood as that of a run."""
+        at = self.stands
+        q, v = np.split(at.y[row], [self.chart.equations.nq])
+        t, steps, bound, short = (of.item(row) for of in (at.t, at.steps, at.bound, at.short))
+        return Stand(self.chart, t, q, v, at.turns[row], None, steps, bound, short, method)
+
+
+def begun(crew: Members, settings: Settings) -> Iterator[Stands]:
+    """Yield where the members start, in charts with their pivots positive there.
+
+    That is the chart in which runs start where it tells their motion, else that in which they were
+    given.
+    """
+    robot, z = crew.robot, len(crew.system.states)
+    for chart, indices in (
+        (crew.chart, np.flatnonzero(crew.told)),
+        (robot.chart_of(crew.given), np.flatnonzero(~crew.told)),
+    ):
+        if not indices.size:
+            continue
+        y = crew.start(indices)
+        if chart is not crew.chart:
+            rates = np.broadcast_to(crew.given.rates, crew.v.shape)[indices]
+            y = np.concatenate([crew.q[indices], rates, y[:, y.shape[1] - z :]], axis=1)
+        shared = slice(1) if crew.alike and len(crew.p) == 1 else indices
+        pivots = chart.kernel("pivots")(crew.q[shared], crew.p_robot(shared))[0]
+        signs = np.where(pivots < 0, -1.0, 1.0)
+        for own, rows in alike(np.broadcast_to(signs, (indices.size, signs.shape[1]))):
+            faced = chart.with_signs(own)
+            yield Stands(
+                robot.run_charts.setdefault(faced.key, faced),
+                indices[rows],
+                np.zeros(rows.size),
+                y if rows.size == len(y) else y[rows],
+                np.zeros((rows.size, robot.equations.nq)),
+                np.zeros(rows.size, int),
+                np.full(rows.size, settings.max_steps),
+                np.full(rows.size, SOFT),
+                np.full(rows.size, settings.duration / SHORT),
+            )
+
+
+def side_by_side(
+    crew: Members, settings: Settings, report: Progress
+) -> tuple[list[Leg], list[Task]]:
+    """Run all members as far as lanes lead them; return their legs, and the runs that go on alone.
+
+    Members that are cancelled before they came to their ends have a last leg in which nothing was
+    done.
+    """
+    waiting: dict[object, list[Stands]] = {}
+    legs: list[Leg] = []
+    leaving: list[tuple[Leg, int]] = []
+    cancelled = False
+
+    def wait(stands: Iterable[Stands]) -> None:
+        for one in stands:
+            if one.members.size:
+                waiting.setdefault(one.chart.key, []).append(one)
+
+    def progress(ended: int, of: int) -> None:
+        left = of + len(leaving) + sum(map(count, waiting.values()))
+        report(len(crew) - left + ended, len(crew))
+
+    wait(begun(crew, settings))
+    while waiting and not cancelled:
+        # First the chart in which most members stand: meanwhile there may be more of them in the
+        # others.
+        stands = joined(waiting.pop(max(waiting, key=lambda key: count(waiting[key]))))
+        leg = Leg(stands, integrated(crew, settings, stands, progress))
+        legs.append(leg)
+        cancelled = bool((leg.outcomes.status == Status.CANCELLED).any())
+        going, alone = onward(crew, settings, leg)
+        wait(going)
+        leaving += [(leg, row) for row in alone.tolist()]
+    if not cancelled:
+        progress(0, 0)
+    legs += [Leg(stands, unbegun(stands)) for parts in waiting.values() for stands in parts]
+    ways = courses(crew, settings, legs, [int(leg.members[row]) for leg, row in leaving])
+    return legs, [
+        Task(
+            int(leg.members[row]), ways[int(leg.members[row])], leg.stand(row, settings.integrator)
+        )
+        for leg, row in leaving
+    ]
+
+
+def joined(parts: Sequence[Stands]) -> Stands:
+    """Return members that stand in the same chart together."""
+    first, *others = parts
+    if not others:
+        return first
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in vars(first)
+        if name != "chart"
+    }
+    return replace(first, **columns)
+
+
+def count(parts: Sequence[Stands]) -> int:
+    """Return how many members there are."""
+    return sum(part.members.size for part in parts)
+
+
+def integrated(crew: Members, settings: Settings, stands: Stands, progress: Progress) -> Outcomes:
+    """Integrate members in their chart, each to its end or to where its pivot falls below the
+    bound."""
+    chart, system, save_at = stands.chart, crew.system, settings.save_at
+    until = stands.until(settings.duration)
+    last = np.searchsorted(save_at, until, "right")
+    last[until == settings.duration] = save_at.size
+    rtol, atol = system.tolerances(chart, settings.rtol, settings.atol, stands.y.shape[1])
+    return integrate_many(
+        system.kernel(chart, "motion").wide_address,
+        chart.kernel("closure_step").wide_address if chart.equations.constrained else None,
+        stands.y,
+        crew.inputs,
+        crew.p,
+        nq=chart.equations.nq,
+        duration=settings.duration,
+        rtol=rtol,
+        atol=atol,
+        save_at=save_at,
+        max_step=settings.max_step,
+        method=settings.integrator,  # pyright: ignore[reportArgumentType]
+        leave_stiff=settings.leave_stiff,
+        closure_tol=CLOSURE * crew.robot.size,
+        threads=settings.threads,
+        watch=crew.watched,
+        progress=progress,
+        turning=turning(crew.robot.turning, crew.robot.chart, system.acting),
+        starts=Starts(
+            stands.members,
+            stands.t,
+            stands.t + (until - stands.t),
+            stands.bound,
+            stands.steps,
+            stands.saved,
+            last,
+            stands.turns,
+        ),
+    )
+
+
+def unbegun(stands: Stands) -> Outcomes:
+    """Return what became of members that are cancelled where they stand."""
+    size = stands.members.size
+    none, unknown = np.zeros(size, int), np.full(size, np.nan)
+    return Outcomes(
+        status=np.full(size, Status.CANCELLED),
+        end_time=stands.t,
+        y_end=stands.y,
+        samples=np.empty((size, 0, stands.y.shape[1])),
+        saved=stands.saved,
+        nfev=none,
+        steps=none,
+        rejected=none,
+        pivot=unknown,
+        closure_error=unknown,
+        next_step=unknown,
+        rejected_pivot=unknown,
+        rejected_residual=unknown,
+        turns=stands.turns,
+    )
+
+
+def onward(crew: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], np.ndarray]:
+    """Return where members stand after a leg, chart by chart, and the rows of those who go on
+    alone: as `Passage.after`."""
+    done, before, end = leg.outcomes, leg.stands, settings.duration
+    steps = before.steps - done.steps - done.rejected
+    saved = np.searchsorted(settings.save_at, done.end_time, "right")
+    here = replace(
+        before, t=done.end_time, y=done.y_end, turns=done.turns, saved=saved, steps=steps
+    )
+
+    # Where the bound is lowered legs are short: it is raised again when the pivots have recovered.
+    paused = here[(done.status == Status.FINISHED) & (before.until(end) < end)]
+    recovered = pivots(crew, paused) > RECOVERED * SOFT
+    bound = np.where(recovered, SOFT, paused.bound)
+    short = np.where(recovered, settings.duration / SHORT, 2 * paused.short)
+    going = [replace(paused, bound=bound, short=short)]
+
+    # Where pivots have weakened members change charts; near a singular pose the bound is lowered.
+    weak = np.flatnonzero((done.status == Status.SINGULAR) & (steps >= 1))
+    better, changed = in_better_charts(crew, here[weak], not settings.step_over)
+    alone, left = done.status == Status.STIFF, weak[~changed]
+    if settings.step_over:
+        alone[left] = True
+    else:
+        rest = here[left]
+        rest = rest[(rest.bound > checks.PIVOT_BOUND) & (rest.t < end)]
+        lower = LOWER * np.minimum(rest.bound, pivots(crew, rest))
+        going.append(replace(rest, bound=np.maximum(checks.PIVOT_BOUND, lower)))
+    return [*going, *better], np.flatnonzero(alone)
+
+
+def in_better_charts(
+    crew: Members, stands: Stands, everywhere: bool
+) -> tuple[list[Stands], np.ndarray]:
+    """Return members in the charts that are better where they stand, and which of them change (M,).
+
+    everywhere: whether also at configurations that are not regular
+    """
+    robot, chart, nq, n = crew.robot, stands.chart, crew.robot.equations.nq, crew.robot.mobility
+    changed = np.zeros(stands.members.size, bool)
+    if not changed.size:
+        return [], changed
+    q, v, z = (np.ascontiguousarray(part) for part in np.split(stands.y, [nq, nq + n], axis=1))
+    p = crew.p_robot(stands.members) if crew.varied and robot.p.size else None
+    regular, groups = choices(robot, chart, q, p)
+    found = []
+    for chosen, better in groups:
+        rows = chosen if everywhere else chosen[regular[chosen]]
+        rates, kept = reread(robot, chart, better, q[rows], v[rows], p if p is None else p[rows])
+        rows = rows[kept]
+        y = np.concatenate([q[rows], rates[kept], z[rows]], axis=1)
+        bound = np.full(rows.size, SOFT)
+        found.append(replace(stands[rows], chart=better, y=y, bound=bound))
+        changed[rows] = True
+    return found, changed
+
+
+def pivots(crew: Members, stands: Stands) -> np.ndarray:
+    """Return the weakest relative pivots of members where they stand (M,)."""
+    chart = stands.chart
+    q = np.ascontiguousarray(stands.y[:, : chart.equations.nq])
+    return chart.weighed(q, np.zeros(chart.equations.mobility), crew.p_robot(stands.members))[1]
+
+
+def courses(
+    crew: Members, settings: Settings, legs: Sequence[Leg], members: Sequence[int]
+) -> dict[int, list[Segment]]:
+    """Return what some members did in the lanes as segments of their own runs."""
+    ways: dict[int, list[Segment]] = {member: [] for member in members}
+    for leg in legs if ways else ():
+        for row in np.flatnonzero(np.isin(leg.members, list(ways))).tolist():
+            ways[int(leg.members[row])].append(segment(crew, settings, leg, row))
+    return ways
+
+
+def segment(crew: Members, settings: Settings, leg: Leg, row: int) -> Segment:
+    """Return what a member did in a leg as a segment of its own run."""
+    from linkwork.simulation.native_loop import LoopOutcome
+
+    stand, done = leg.stand(row, settings.integrator), leg.outcomes
+    first, saved = int(leg.stands.saved[row]), int(done.saved[row])
+    rows = np.zeros((saved - first, 3 + done.y_end.shape[1]))
+    rows[:, 0], rows[:, -1] = settings.save_at[first:saved], -1.0
+    rows[:, 1:-2] = done.samples[row, first:saved]
+    outcome = LoopOutcome(
+        status=done.status[row],
+        evaluations=done.nfev[row],
+        accepted=done.steps[row],
+        rejected=done.rejected[row],
+        projections=0,
+        fault=-1,
+        next_sample=0,
+        time=float(done.end_time[row]),
+        step=float(done.next_step[row]),
+        growth=0.0,
+        longest=0.0,
+        ideal=0.0,
+        pivot=float(done.pivot[row]),
+        pivot_time=float(done.end_time[row]),
+        closure_error=float(done.closure_error[row]),
+        rejected_pivot=float(done.rejected_pivot[row]),
+        rejected_residual=float(done.rejected_residual[row]),
+    )
+    bounds = {
+        "pivot_bound": stand.bound,
+        "closure_tol": CLOSURE * crew.robot.size,
+        "max_steps": settings.max_steps,
+    }
+    end, turns, status = done.y_end[row], done.turns[row], Status(outcome.status)
+    held = rows, rows[:0], end, turns, stand.q.size, outcome, None, bounds, status
+    robot, _ = crew.alone(int(leg.members[row]))
+    chart = leg.chart.with_parameters(robot.p)
+    return Segment(chart, Trajectory(*held), (stand.t, stand.q, stand.v), stand.method.name)

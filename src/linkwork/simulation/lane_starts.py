@@ -1,0 +1,187 @@
+"""How members start, LANES at a time: q is closed, the first slope evaluated, the first step
+guessed.
+
+What comes of that is kept in `begun`, block after block of LANES members, so that a lane that
+becomes free takes the next member up from there. Names as in `lanes`.
+"""
+
+import math
+
+from numba import njit
+
+from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.lane_inputs import force, next_target, shared, signal_of
+from linkwork.simulation.lane_refusals import first_ailment
+from linkwork.simulation.lane_steps import project, scaled
+from linkwork.simulation.lane_tables import (
+    ACCEPTED,
+    BOUND,
+    BREAK,
+    CLOSURE_ERROR,
+    ERROR,
+    EVALUATIONS,
+    LOOSE,
+    LOWEST,
+    NUMBERS,
+    PIECE,
+    PIVOT,
+    REJECTED,
+    REJECTED_PIVOT,
+    REJECTED_RESIDUAL,
+    RESIDUAL,
+    ROW,
+    SAVED,
+    START,
+    STATUS,
+    STEP,
+    STEP_SIZE,
+    STOP,
+    TARGET,
+    TIME,
+    WANTED,
+)
+from linkwork.simulation.lane_turns import keep_turns, large, settle
+from linkwork.simulation.native_pace import BOLDNESS, FARTHEST
+from linkwork.simulation.native_parts import CLOSURE_LOST, OK
+from linkwork.simulation.vectors import LANES, call_wide, load, some, store
+
+
+@njit(forceinline=True, **OPTIONS)
+def block_row(member, n):
+    """Return the first row of a member's block in `begun`: the first NUMBERS rows of `now`, those
+    of y, those of k_0."""
+    return member // LANES * (NUMBERS + 2 * n + 1)
+
+
+@njit(forceinline=True, **OPTIONS)
+def start_block(
+    kernels, method, signals, limits, members, first, parameters, begun, results, turned, tables
+):
+    """Start the members from `first` on, one in each lane; return whether any turn is counted now,
+    `turned` if before."""
+    set_out(members, first, signals, parameters, turned, tables)
+    if some(large(tables)):
+        turned |= settle(tables)
+    close_starts(kernels, limits, tables)
+    evaluate_starts(kernels, tables)
+    guess_steps(kernels, method, signals, limits, tables)
+    keep_starts(first, begun, members, results, turned, tables)
+    return turned
+
+
+@njit(forceinline=True, **OPTIONS)
+def set_out(members, first, signals, parameters, turned, tables):
+    """Put the members from `first` on into the lanes, where and when they start; the last one into
+    lanes that are left."""
+    y, x, z, now, tally, n = tables.y, tables.x, tables.z, tables.now, tables.tally, tables.n
+    inputs = signals.coefficients.shape[2]
+    for lane in range(LANES):
+        i = min(first + lane, members.rows.size - 1)
+        signal, row = (
+            signal_of(signals, members.rows[i]),
+            shared(members.rows[i], parameters.shape[0]),
+        )
+        # The state, whole turns, parameters.
+        for m in range(n):
+            y[m, lane] = members.y[i, m]
+        for m in range(tables.nq if turned else 0):
+            tables.turned[m, lane] = members.turns[i, m]
+        for m in range(parameters.shape[1]):
+            x[n + inputs + m, lane] = z[tables.nq + m, lane] = parameters[row, m]
+        # When it starts and has to end, and what its inputs are there.
+        now[START, lane] = now[TIME, lane] = members.start[i]
+        now[STOP, lane], now[BOUND, lane] = members.stop[i], members.bound[i]
+        tally[STATUS, lane], tally[EVALUATIONS, lane], tally[ROW, lane] = OK, 0, members.rows[i]
+        tally[PIECE, lane], tally[BREAK, lane] = 0, signals.breaking[signal]
+        force(signals, signal, now[START, lane], False, x, n, lane, tally)
+        now[TARGET, lane] = next_target(signals, signal, now[START, lane], lane, now, tally)
+        # Nothing was done yet.
+        now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
+        now[LOOSE, lane] = now[WANTED, lane] = 1.0
+
+
+@njit(forceinline=True, **OPTIONS)
+def close_starts(kernels, limits, tables):
+    """Close the loops of q."""
+    now, closure_tol = tables.now, limits.closure_tol
+    if kernels.closure == 0:
+        return
+    project(
+        kernels.closure, tables.nq, tables.y, tables.z, tables.z_next, now, closure_tol, math.inf
+    )
+    for lane in range(LANES):
+        now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
+        if not now[RESIDUAL, lane] <= closure_tol * now[LOOSE, lane]:
+            tables.tally[STATUS, lane] = CLOSURE_LOST
+
+
+@njit(forceinline=True, **OPTIONS)
+def evaluate_starts(kernels, tables):
+    """Evaluate the first slope, k_0."""
+    n, k, now, tally = tables.n, tables.k, tables.now, tables.tally
+    for m in range(n):
+        store(tables.x, m, load(tables.y, m))
+    call_wide(kernels.motion, tables.x, k, 0)
+    for lane in range(LANES):
+        now[PIVOT, lane], now[REJECTED_PIVOT, lane] = math.inf, 0.0
+        if tally[STATUS, lane] == OK:
+            tally[STATUS, lane] = first_ailment(k, 0, n, lane, now)
+            tally[EVALUATIONS, lane] = 1
+            now[PIVOT, lane] = now[REJECTED_PIVOT, lane] = k[n, lane]
+
+
+@njit(forceinline=True, **OPTIONS)
+def guess_steps(kernels, method, signals, limits, tables):
+    """Guess the first step from the slope k_0 and one a little ahead, k_1: see `native_pace`."""
+    n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
+    store(now, ERROR, scaled(y, 0, n, y, tables.scale))
+    store(now, LOWEST, scaled(k, 0, n, y, tables.scale))
+    for lane in range(LANES):
+        size, steepness = now[ERROR, lane], now[LOWEST, lane]
+        ahead = 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness
+        now[STEP, lane] = min(now[TARGET, lane] - now[START, lane], ahead)
+        if signals.timed:
+            signal, time = signal_of(signals, tally[ROW, lane]), now[START, lane] + now[STEP, lane]
+            force(signals, signal, time, True, x, n, lane, tally)
+    for m in range(n):
+        store(x, m, load(y, m) + load(now, STEP) * load(k, m))
+    call_wide(kernels.motion, x, k, n + 1)
+
+    # How much the slope changes on the way tells how far the step may go.
+    store(now, RESIDUAL, load(k, 2 * n + 1))
+    for m in range(n):
+        store(k, n + 1 + m, load(k, n + 1 + m) - load(k, m))
+    store(now, ERROR, scaled(k, n + 1, n, y, tables.scale))
+    for lane in range(LANES):
+        if tally[STATUS, lane] == OK:
+            ahead, steepness = now[STEP, lane], now[LOWEST, lane]
+            h = ahead
+            if now[RESIDUAL, lane] >= now[BOUND, lane]:
+                steepest = max(steepness, now[ERROR, lane] / ahead)
+                h = (
+                    max(1e-6, 1e-3 * ahead)
+                    if steepest <= 1e-15
+                    else BOLDNESS * (0.01 / steepest) ** method.exponent
+                )
+                h = min(FARTHEST * ahead, h)
+            now[STEP_SIZE, lane] = min(h, limits.max_step)
+            tally[EVALUATIONS, lane] += 1
+
+
+@njit(forceinline=True, **OPTIONS)
+def keep_starts(first, begun, members, results, turned, tables):
+    """Keep what came of the starts."""
+    n, row, tally, counts = tables.n, block_row(first, tables.n), tables.tally, results.counts
+    for m in range(NUMBERS):
+        store(begun, row + m, load(tables.now, m))
+    for m in range(n):
+        store(begun, row + NUMBERS + m, load(tables.y, m))
+    for m in range(n + 1):
+        store(begun, row + NUMBERS + n + m, load(tables.k, m))
+    for lane in range(min(LANES, members.rows.size - first)):
+        i = first + lane
+        counts[i, ACCEPTED] = counts[i, REJECTED] = 0
+        counts[i, STATUS], counts[i, EVALUATIONS] = tally[STATUS, lane], tally[EVALUATIONS, lane]
+        counts[i, SAVED] = members.first[i]
+        if turned:
+            keep_turns(i, lane, members.turns, tables)
