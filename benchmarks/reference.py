@@ -51,7 +51,8 @@ class Reference:
     ways differ by [m, rad].
 
     order: the same extrapolation with one column less; integrator: DOP853 on the compiled kernel in
-    doubles; formulation: DOP853 on the equations derived by hand, in doubles.
+        doubles;
+    formulation: DOP853 on the equations derived by hand, in doubles.
     """
 
     end: np.ndarray

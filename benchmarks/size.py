@@ -26,8 +26,10 @@ class Size:
     """Hold the counts of one kernel.
 
     traced: instructions of the CasADi function, inputs and outputs included; operations: after
-    simplification one, batch: machine instructions for one state and for `lanes` states; wide: for
-    8 states, as emitted for AVX-512 flops: floating-point operations of each lane
+        simplification
+    one, batch: machine instructions for one state and for `lanes` states; wide: for 8 states, as
+        emitted for AVX-512
+    flops: floating-point operations of each lane
     """
 
     traced: int

@@ -8,8 +8,9 @@ twice, about
     f_1 (f_1 - 1) / (2 (f_2 + 1))
 
 are missing. The search goes on until each solution was found several times, and nothing new for as
-long as it took. Source: Chao, Scandinavian J. Statistics 11 (1984) 265-270, bias-corrected
-(the number of unseen classes).
+long as it took.
+Source: Chao, Scandinavian J. Statistics 11 (1984) 265-270, bias-corrected (the number of unseen
+classes).
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ class Modes:
     is.
 
     what, asked: names and values [m, rad] of what was asked for: joint coordinates, or the tool's
-    pose states: the solutions, at rest, stacked, those nearest to the reference first
+        pose
+    states: the solutions, at rest, stacked, those nearest to the reference first
     hits: how many starts ended in each; first: the number of the start that found it first
     starts: how many there were; converged: how many of them ended in a solution
     signs: (modes, stages) of the determinants of the system's stages, relative to the reference

@@ -6,8 +6,9 @@ can tell.
 Y is the regressor of the equations of motion (`linkwork.equations.regressor`). On random motions
 its columns are taken in order: each that is no combination of the columns before it belongs to a
 base parameter, and the others are added to those that they cannot be told from. Parameters that are
-not asked for are known, as are springs (r). Source: Khalil & Dombre 2002, Modeling, Identification
-and Control of Robots, ch. 12; Gautier, J. Robotic Systems 8 (1991) 485-506 (base parameters by QR).
+not asked for are known, as are springs (r).
+Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, ch. 12; Gautier, J.
+Robotic Systems 8 (1991) 485-506 (base parameters by QR).
 """
 
 from __future__ import annotations

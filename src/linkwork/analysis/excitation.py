@@ -6,8 +6,8 @@ well as possible.
 Each actuator's series is stretched until it meets its first bound (range, rate or acceleration), so
 that every trial keeps them; of very many trials the best is improved by a search without
 derivatives. What is made small is the condition number of the stacked regressor, its columns
-measured by what random motions within the same bounds bring. Source: Swevers et al., IEEE Trans.
-Robotics and Automation 13 (1997) 730-740.
+measured by what random motions within the same bounds bring.
+Source: Swevers et al., IEEE Trans. Robotics and Automation 13 (1997) 730-740.
 """
 
 from __future__ import annotations

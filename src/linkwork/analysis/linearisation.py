@@ -46,8 +46,9 @@ class LinearModel:
     """Hold x' = A x + B u, y = C x + D u for deviations x = (xi, dv) from a state, u from a force.
 
     states: names of x: independent coordinates [m, rad], then their rates; inputs: the actuators;
-    outputs: names of y units: the mechanism's own of x and of u, but for time and mass: its length
-    or 1 rad of x, the reciprocal of u
+        outputs: names of y
+    units: the mechanism's own of x and of u, but for time and mass: its length or 1 rad of x, the
+        reciprocal of u
     """
 
     A: np.ndarray
@@ -145,8 +146,9 @@ class NaturalModes:
     """Hold the small undamped vibrations about an equilibrium.
 
     frequencies: omega / 2 pi [Hz], lowest first; imaginary parts of unstable directions are given
-    as negative numbers shapes: (n, modes) of the independent coordinates, of unit modal mass, phi'
-    M phi = 1 joints: (m, modes) the same in the rates of all joints, in the order of `rates`
+        as negative numbers
+    shapes: (n, modes) of the independent coordinates, of unit modal mass, phi' M phi = 1
+    joints: (m, modes) the same in the rates of all joints, in the order of `rates`
     M, K: inertia and stiffness in the independent coordinates
     independent, rates: names
     """

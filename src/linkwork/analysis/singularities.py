@@ -60,10 +60,11 @@ class Singularity:
 
     kinds: of "I", "II", "III" and "constraint"; empty where the state is regular
     leg, actuator, constraint: smallest over largest singular value of the tool's rows and the
-    actuators' rows on the
-        motions that the loops allow, and of the loops' rows; free of units, 0 singular
+        actuators' rows on the motions that the loops allow, and of the loops' rows; free of units,
+        0 singular
     tool: for kind II the tool's motion with the actuators locked, by coordinate [m/s, rad/s], its
-    largest 1; else empty held: what of the tool kind I was judged by
+        largest 1; else empty
+    held: what of the tool kind I was judged by
     """
 
     kinds: tuple[str, ...]

@@ -2,14 +2,14 @@
 
     [Phi; J] w = [0; y']        J: rows of what is asked: joint rates, or the tool's twist
 
-Such a system decides the direct (J: the actuators' rates) and the inverse kinematics
-(J: the tool's). It is solved as the equations of motion are: an order of elimination chosen once,
-traced as straight-line code, evaluated many states at a time. Rates that the rows leave
-undetermined (spins) are held. The determinant of each stage of the block triangular form vanishes
-where the system is singular and nowhere else: between its zeros its sign tells working modes and
-assembly modes apart. Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990)
-281-290 (the two Jacobians); Chablat & Wenger, ICRA 1998 (working modes by the signs of the inverse
-problem's determinant).
+Such a system decides the direct (J: the actuators' rates) and the inverse kinematics (J: the
+tool's). It is solved as the equations of motion are: an order of elimination chosen once, traced as
+straight-line code, evaluated many states at a time. Rates that the rows leave undetermined (spins)
+are held. The determinant of each stage of the block triangular form vanishes where the system is
+singular and nowhere else: between its zeros its sign tells working modes and assembly modes apart.
+Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290 (the two
+Jacobians); Chablat & Wenger, ICRA 1998 (working modes by the signs of the inverse problem's
+determinant).
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Square:
     the loops.
 
     what: names of the rows; J: rows x nv; target: y (rows); error: value - target (rows), angles
-    the short way round heights: units of the rows: the mechanism's own length of lengths, 1 of
-    angles
+        the short way round
+    heights: units of the rows: the mechanism's own length of lengths, 1 of angles
     """
 
     robot: Robot

@@ -43,9 +43,10 @@ class Acting:
     function: (t, references, held, extras, parameters, *quantities) -> `OUTPUTS`
     quantities: what it reads of the robot; timed: whether it reads the time
     references: signals over time, after the commands where no controller gives these; extras: extra
-    states parameters: values by name
+        states
+    parameters: values by name
     followed: coordinates that have states of their own, behind the extras, which tell their turns
-    (`continued`)
+        (`continued`)
     """
 
     names: Names

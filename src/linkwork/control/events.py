@@ -21,8 +21,10 @@ class Event(ActingPart):
     run happens when it comes back to zero, and one that stays at zero does not happen.
 
     function: (t, state) -> a number that passes zero when the event happens; it is traced as
-    controllers are terminal: whether the run ends there; direction: 1 for zeros passed upwards
-    only, -1 for downwards, 0 for both name: to report it by
+        controllers are
+    terminal: whether the run ends there; direction: 1 for zeros passed upwards only, -1 for
+        downwards, 0 for both
+    name: to report it by
     """
 
     function: Law

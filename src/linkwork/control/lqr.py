@@ -4,7 +4,8 @@
     (u - u_0)' R (u - u_0)
 
 in the independent coordinates c and rates v = c' of a robot; A and B are exact
-(`linkwork.equations.linear`). Source: Anderson & Moore, Optimal Control, ch. 2 and 3.
+(`linkwork.equations.linear`).
+Source: Anderson & Moore, Optimal Control, ch. 2 and 3.
 """
 
 from __future__ import annotations

@@ -24,8 +24,9 @@ class Number(NamedTuple):
     """Describe a number.
 
     what: its symbol or meaning, where its name does not tell; unit: of it, behind the meaning or
-    where {unit} stands in it kind: its bounds: `Real`, `Amount` or `Positive`, or what else it may
-    be by: what it may be given for each of, by name, instead of one number for all
+        where {unit} stands in it
+    kind: its bounds: `Real`, `Amount` or `Positive`, or what else it may be
+    by: what it may be given for each of, by name, instead of one number for all
     """
 
     what: str

@@ -59,7 +59,8 @@ class Tracer:
     """Collect what traced functions read.
 
     names: by which they read; quantities, references, parameters: symbols so far, with the signals
-    and default values traced: the functions so far
+        and default values
+    traced: the functions so far
     """
 
     names: Names

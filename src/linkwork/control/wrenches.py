@@ -26,8 +26,9 @@ class Wrench(ActingPart):
     """Act on a body with a force [N] at a point and a moment [N m].
 
     force, moment: three numbers, three numbers over time (`Sampled`, `Signal`), or a traced
-    function (t, state) -> three body: name of the body; point: where the force acts, in the body's
-    frame [m] frame: whether force and moment are given in the axes of the "ground" or of the "body"
+        function (t, state) -> three
+    body: name of the body; point: where the force acts, in the body's frame [m]
+    frame: whether force and moment are given in the axes of the "ground" or of the "body"
     """
 
     body: str

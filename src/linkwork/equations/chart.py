@@ -9,8 +9,9 @@ blocks; a block of up to three unknowns is solved by cofactors, which fail only 
 itself is singular, not where some pivot order is; of a larger block the strongest pivots are
 eliminated until three unknowns are left. The smallest relative pivot, a pivot or determinant over
 its value where the chart was chosen, is an output; its sign changes where one of them passes zero.
-It goes to zero where the independent rates do not determine the others any more. Source: the paper,
-Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold pivoting).
+It goes to zero where the independent rates do not determine the others any more.
+Source: the paper, Eqs. (2), (7); Duff, Erisman & Reid 2017, ch. 7 (Markowitz cost, threshold
+pivoting).
 """
 
 from __future__ import annotations

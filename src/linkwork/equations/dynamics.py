@@ -7,7 +7,8 @@
 
 H is K' Mtot K and h(q, w, 0) is K' (Mtot K' w + Omega Mtot K w - w_g) of the paper for the tree's
 rates, organised so that neither K nor Mtot is ever formed. Both are written about the nodes'
-origins, in the nodes' axes. Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
+origins, in the nodes' axes.
+Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
 """
 
 from __future__ import annotations

@@ -46,14 +46,15 @@ class ClosureRows:
     """Hold the closure rows that do not vanish symbolically.
 
     names: joint and what the row holds; phi: residuals (1); Phi: their Jacobian (2), rows x nv;
-    gamma: bias for the rates w open_Phi: the derivative of phi along the rates where the loops are
-    open, too alignment: positive where the frames of every cut joint agree, negative where a
-    direction is flipped units: of phi (rows): the own length of positions, 1 of directions, the
-    largest term's of gears extents: what errors of the description's numbers add up to in phi, over
-    units (rows): the loop's length over the own
-        one of positions, its number of joints of directions
+        gamma: bias for the rates w
+    open_Phi: the derivative of phi along the rates where the loops are open, too
+    alignment: positive where the frames of every cut joint agree, negative where a direction is
+        flipped
+    units: of phi (rows): the own length of positions, 1 of directions, the largest term's of gears
+    extents: what errors of the description's numbers add up to in phi, over units (rows): the
+        loop's length over the own one of positions, its number of joints of directions
     unheld: redundant rows that rounded numbers leave open, if there are any: no row of these, but
-    watched
+        watched
     """
 
     names: tuple[str, ...]
@@ -110,10 +111,13 @@ class Equations:
 
     reference: closed reference configuration of the tree's coordinates (nq)
     sizes: lengths of Phi's columns there (nv), then of its rows over these (rows), or near it where
-    they vanish there smallest: smallest singular value of Phi there over its sizes
+        they vanish there
+    smallest: smallest singular value of Phi there over its sizes
     redundant: names of the rows that depend on the others; they are left out of the elimination and
-    watched spins: freedoms that turn a member about the line through its two joints and move
-    nothing else: its bodies, by name idle: names of those of them that nothing acts on
+        watched
+    spins: freedoms that turn a member about the line through its two joints and move nothing else:
+        its bodies, by name
+    idle: names of those of them that nothing acts on
     notes: sentences on what was decided about the reference that the description does not say
     """
 

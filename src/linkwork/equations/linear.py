@@ -9,8 +9,9 @@ force is
 
 S^+ reads xi off dq, and S' = dS/dt along the motion. Gamma is zero where the independent rates are
 rates of coordinates, and wherever the robot is at rest; it is not for the angular velocity of a
-free body. Source: Negrut & Ortiz, J. Comput. Nonlinear Dynam. 1 (2006) 230-239 (linearisation in
-the independent coordinates).
+free body.
+Source: Negrut & Ortiz, J. Comput. Nonlinear Dynam. 1 (2006) 230-239 (linearisation in the
+independent coordinates).
 """
 
 from __future__ import annotations

@@ -6,8 +6,9 @@ they leave free.
 takes what the rows before leave of a row to a single column, its pivot; a row of which nothing is
 left depends on them. The columns that are no pivots span, reflected back, the null space: N = H_1
 H_2 ... E, with orthonormal columns. The rows of a constraint Jacobian touch few columns each;
-pivots that few later rows touch keep the reflections as small. Source: Golub & Van Loan 2013, sec.
-5.1, 5.2 (Householder reflections); George & Heath 1980 (sparse rows).
+pivots that few later rows touch keep the reflections as small.
+Source: Golub & Van Loan 2013, sec. 5.1, 5.2 (Householder reflections); George & Heath 1980 (sparse
+rows).
 """
 
 from __future__ import annotations

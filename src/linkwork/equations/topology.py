@@ -52,7 +52,8 @@ class Topology:
     loops.
 
     joints: those of the branches by name, in the order of the description; closing: those that
-    close loops, by name added: names of the branches' free joints that are not in the description
+        close loops, by name
+    added: names of the branches' free joints that are not in the description
     """
 
     branches: tuple[Branch, ...]

@@ -71,13 +71,14 @@ class Node:
     """Hold one elementary motion and the frame behind it.
 
     index, parent: position in the tree's list, -1 for ground; joint, body: names (body None between
-    the motions of a joint)
+        the motions of a joint)
     motion: None if nothing moves; columns: one for each of its rates, in `column_axes`
     R: orientation; axes: in which its vectors are written; before: its parent's axes
     O: origin, in the ground's axes; r: O - O_parent in the parent's axes (`before`), near_r: in the
-    parent's own frame arm: near_r where constant, else None; weld: R in the parent's frame where
-    nothing moves, else None frame_origin: origin O in the body's own frame; moments: regrouped
-    inertia in the node's frame
+        parent's own frame
+    arm: near_r where constant, else None; weld: R in the parent's frame where nothing moves, else
+        None
+    frame_origin: origin O in the body's own frame; moments: regrouped inertia in the node's frame
     """
 
     index: int
@@ -136,7 +137,8 @@ class Tree:
     """Hold the nodes, parents before children, and the coordinates q (nq x 1) they are written in.
 
     coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's
-    place in q by name quaternions: the places in q and in w of each free turn
+        place in q by name
+    quaternions: the places in q and in w of each free turn
     parameters: values in the description of its free numbers p (np), by path
     length: the mechanism's own (`lengths`) [m]
     """

@@ -45,18 +45,22 @@ def compile_function(f: ca.Function) -> "Kernel":
 class Kernel:
     """A function compiled to machine code, for one state and for many at a time.
 
-    name: the function's.  inputs, outputs: (name, number of doubles) of each argument and result,
-    in order. n_in, n_out: number of doubles of all inputs and of all outputs.
+    name: the function's
+    inputs, outputs: (name, number of doubles) of each argument and result, in order
+    n_in, n_out: number of doubles of all inputs and of all outputs
     operations: number of arithmetic operations of one evaluation, each +, -, *, /, sqrt, sin, ...
-    counting one. lanes: states in one vector register.  abreast: vector registers of states that
-    the code for a loop evaluates together. address: of void(const double* in, double* out), which
-    evaluates one state. batch_address: of void(int64_t blocks, const double* in, double* out),
-    which evaluates blocks of `lanes` states, laid out `in[block][n_in][lanes]` and
-    `out[block][n_out][lanes]` and aligned to 64 bytes. wide_address: of void(const double* in,
-    double* out), which evaluates `abreast` x `lanes` states, laid out `in[n_in][abreast * lanes]`
-    and `out[n_out][abreast * lanes]` and aligned to 64 bytes: for loops whose next states need the
-    results of these. from_cache: whether all machine code so far was found in the cache.
-    compile_seconds: the time it took to get it, in s.
+        counting one
+    lanes: states in one vector register
+    abreast: vector registers of states that the code for a loop evaluates together
+    address: of void(const double* in, double* out), which evaluates one state
+    batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of
+        `lanes` states, laid out `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned
+        to 64 bytes
+    wide_address: of void(const double* in, double* out), which evaluates `abreast` x `lanes`
+        states, laid out `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned
+        to 64 bytes: for loops whose next states need the results of these
+    from_cache: whether all machine code so far was found in the cache
+    compile_seconds: the time it took to get it [s]
 
     `in` and `out` may not overlap. The functions hold no state and may be called by any number of
     threads at a time; they are valid as long as the kernel lives.

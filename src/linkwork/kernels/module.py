@@ -22,9 +22,9 @@ _OPERATIONS = struct.Struct("<q")
 class Module:
     """Loaded machine code.
 
-    addresses: of its functions, by name, which hold as long as this object lives.  operations: of
-    the program. from_cache: whether the code was found in the cache.  seconds: the time it took to
-    get it.
+    addresses: of its functions, by name, which hold as long as this object lives
+    operations: of the program
+    from_cache: whether the code was found in the cache; seconds: the time it took to get it
     """
 
     code: Code

@@ -30,9 +30,11 @@ class Section:
     """Part of a program.
 
     nodes: positions of the values to compute, in order, and of inputs, constants, sines and cosines
-    that are results. angles: positions of the values whose sines and cosines are computed at the
-    end. vectors: number of vectors that the angles fill; the slots hold them, their sines and their
-    cosines, that many vectors each. first: number of vectors before those in the slots.
+        that are results.
+    angles: positions of the values whose sines and cosines are computed at the end.
+    vectors: number of vectors that the angles fill; the slots hold them, their sines and their
+        cosines, that many vectors each.
+    first: number of vectors before those in the slots.
     """
 
     nodes: tuple[int, ...]
@@ -45,10 +47,10 @@ class Section:
 class SectionPlan:
     """A program as sections, and the memory they need, in slots of one number each.
 
-    apart: whether the sections are functions of their own.
-    kept: the slot of each value that a later section needs, where they are.  sines, cosines: slots
-    by the angle's position. slots: number of slots.  places: in the flat output vector, by the
-    value's position.
+    apart: whether the sections are functions of their own
+    kept: the slot of each value that a later section needs, where they are
+    sines, cosines: slots by the angle's position; slots: number of slots
+    places: in the flat output vector, by the value's position
     """
 
     sections: tuple[Section, ...]

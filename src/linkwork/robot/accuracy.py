@@ -50,7 +50,8 @@ class Departure(NamedTuple):
 
 class Estimate(NamedTuple):
     """Tell the largest error of a run: relative to atol + rtol |y|, its value, of what, its unit,
-    and when [s]; until: the time that the companion came to [s].
+    and when [s];
+    until: the time that the companion came to [s].
     """
 
     ratio: float

@@ -73,9 +73,11 @@ class Assembler:
 
     evaluate: maps (q, w) to the outputs of `functions.assembly` by name
     coordinates, rate_names: names of all joints' coordinates and rates; angular: which coordinates
-    are angles sizes: units of the coordinates, the mechanism's own length of lengths; units: those
-    of the closure rows rows, unheld: names of the closure rows, and of those that are not held;
-    planar: whether poses are (x, y, angle)
+        are angles
+    sizes: units of the coordinates, the mechanism's own length of lengths; units: those of the
+        closure rows
+    rows, unheld: names of the closure rows, and of those that are not held; planar: whether poses
+        are (x, y, angle)
     """
 
     evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]

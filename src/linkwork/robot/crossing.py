@@ -45,8 +45,8 @@ class Crossed:
     them are regular.
 
     t: their times (K,) [s]; y: states (q, v, z) there (K, n); u: inputs (K, nu); pivots: of the
-    chart's blocks (K, blocks) evaluations: of the equations of motion that it took; chart: that it
-    was made in
+        chart's blocks (K, blocks)
+    evaluations: of the equations of motion that it took; chart: that it was made in
     """
 
     t: np.ndarray

@@ -58,13 +58,17 @@ class Ensemble:
 
     status: how each member ended (N,), as `Status`; end_time: when (N,) [s]
     final: the last states reached, a stack of N, rates that no common chart tells nan; extras:
-    drives and controllers there nfev, steps, rejected: evaluations of the equations of motion,
-    accepted and rejected steps of each member (N,) pivot, closure_error: the smallest relative
-    pivot and the largest loop residual of each member (N,) parameters: values that vary, by name
-    (N,) members: what they went out from; rows: gives their states at the saved times; settings:
-    how they were run events: what happened in a member's run, and when
+        drives and controllers there
+    nfev, steps, rejected: evaluations of the equations of motion, accepted and rejected steps of
+        each member (N,)
+    pivot, closure_error: the smallest relative pivot and the largest loop residual of each member
+        (N,)
+    parameters: values that vary, by name (N,)
+    members: what they went out from; rows: gives their states at the saved times; settings: how
+        they were run
+    events: what happened in a member's run, and when
     dataset: all of this, and joints and tool at the saved times, as an `xarray.Dataset` over
-    (member, time, ...)
+        (member, time, ...)
     """
 
     status: np.ndarray

@@ -48,8 +48,9 @@ class Way:
     """Hold the straight ways (N) of a tool from one pose to others.
 
     position, turn: where they begin: (3), angle (1) in the plane or R (3, 3), empty where no turn
-    is asked for shift, turning: what leads to their ends (N, axes), (N, 1) in the plane, rotation
-    vectors (N, 3) in space
+        is asked for
+    shift, turning: what leads to their ends (N, axes), (N, 1) in the plane, rotation vectors (N, 3)
+        in space
     """
 
     planar: bool
@@ -120,9 +121,10 @@ class Leader:
     """Lead the tool of one robot.
 
     kernel: of `functions.assembly`, with the robot's own numbers; assembler: solves for single
-    poses home: coordinates of all joints at home (m); modes: what has to keep its signs
+        poses
+    home: coordinates of all joints at home (m); modes: what has to keep its signs
     twist: rows of the tool's twist that poses name; approach: compiled steps, where closure and
-    pose determine the motion
+        pose determine the motion
     """
 
     kernel: Kernel

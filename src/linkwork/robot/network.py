@@ -133,8 +133,8 @@ class Loads:
     """Hold what bodies need and joints bring at K samples, in the ground's axes, lengths over l.
 
     needed: [moment about the centre; force] of each body (K, r, 6); centres: (K, r, 3); origins: of
-    F1, F2 (K, J, 2, 3) twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the
-    rates (K, m)
+        F1, F2 (K, J, 2, 3)
+    twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the rates (K, m)
     """
 
     needed: np.ndarray

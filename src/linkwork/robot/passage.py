@@ -57,9 +57,9 @@ class Segment:
     over in it.
 
     start: time, q and (v, z) that it went out from; method: its name; crossed: the way over the
-    pose again: integrates it once more, saved at other times or (None) at every step, where a
-    sampled controller acts from a row,
-        by number (-1: the start), to the next, without calling it
+        pose
+    again: integrates it once more, saved at other times or (None) at every step, where a sampled
+        controller acts from a row, by number (-1: the start), to the next, without calling it
     """
 
     chart: CompiledChart
@@ -96,11 +96,10 @@ class Stand(NamedTuple):
     """Hold where a run stands between two segments.
 
     chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole
-    turns of angles that are
-        not in q; control: what a sampled controller holds
+        turns of angles that are not in q; control: what a sampled controller holds
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while
-    the bound is lowered method: of integration; over: the singular pose that was stepped over to
-    come here
+        the bound is lowered
+    method: of integration; over: the singular pose that was stepped over to come here
     """
 
     chart: CompiledChart

@@ -37,15 +37,16 @@ class Reactions:
 
     joints: names; `reactions[name]` is the wrench (..., 6) [N m, N] of one
     wrenches: (..., joints, 6), all that the joint transmits: actuator, spring, friction and gear
-    forces included constraint: (..., joints, 6), the part that does no work in the joint's motion:
-    without those forces gears: multiplier of each gear (...) by name; it pushes every geared rate
-    by ratio times that frame: "ground": about the origin of F1 in the ground's axes; "first": the
-    same in F1's axes; "second": about the
-        origin of F2 in F2's axes
+        forces included
+    constraint: (..., joints, 6), the part that does no work in the joint's motion: without those
+        forces
+    gears: multiplier of each gear (...) by name; it pushes every geared rate by ratio times that
+    frame: "ground": about the origin of F1 in the ground's axes; "first": the same in F1's axes;
+        "second": about the origin of F2 in F2's axes
     indeterminate: components in that frame, by joint, that rigid bodies leave open, for constraints
-    depend on each other:
-        of all distributions that one is given whose constraint wrenches about the origins of F2,
-        moments over `length` [m], have the least sum of squares (the least Lagrange multipliers)
+        depend on each other: of all distributions that one is given whose constraint wrenches about
+        the origins of F2, moments over `length` [m], have the least sum of squares (the least
+        Lagrange multipliers)
     """
 
     joints: tuple[str, ...]

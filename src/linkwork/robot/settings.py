@@ -27,7 +27,8 @@ class Settings:
     what acts, and where it starts.
 
     duration: T [s]; method: by name, None where it follows from the inputs (`suited`); step: of a
-    fixed one [s] events: to watch for, as they are given
+        fixed one [s]
+    events: to watch for, as they are given
     rtol, atol: of the local error; save_at: times (K,) [s], or None
     max_step: [s]; max_steps: accepted and rejected ones together; threads: None for all processors
     integrator: the method itself; that for smooth inputs where none is asked for

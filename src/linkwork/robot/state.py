@@ -20,7 +20,8 @@ class State:
     """Hold a closed configuration and its independent rates; leading dimensions stack states.
 
     positions: coordinates of all joints (..., m) [m, rad; 1 of quaternions], in the order of
-    `coordinates` rates: independent rates v (..., n) [m/s, rad/s], in the order of `independent`
+        `coordinates`
+    rates: independent rates v (..., n) [m/s, rad/s], in the order of `independent`
     q: the tree's coordinates (..., nq), of which all the others are functions
     coordinates, independent: names
     """
@@ -127,9 +128,9 @@ class Reached(State):
 class Motion:
     """Hold a motion of the whole mechanism over time (K samples).
 
-    time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n); joint_rates
-    and joint_accelerations: of all joints (K, m); tool: the tool's pose along the way (K, 3 planar
-    or 6 spatial) [m, rad].
+    time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n)
+    joint_rates, joint_accelerations: of all joints (K, m)
+    tool: the tool's pose along the way (K, 3 planar or 6 spatial) [m, rad]
     """
 
     time: np.ndarray

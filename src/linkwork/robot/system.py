@@ -50,7 +50,8 @@ class System:
 
     inputs: u over time, of the integrator; acting: what acts, None for plain forces
     parameters: values of the parameters of controllers and drives, in the order of
-    `acting.parameters` faults: what a sampled function raised
+        `acting.parameters`
+    faults: what a sampled function raised
     """
 
     inputs: Signal

@@ -38,7 +38,8 @@ class Scene:
     """Hold all that is drawn of a robot, in a pose, and how its bodies move from there in others.
 
     pose: the points; moves: of the ground and of all bodies, to each of the poses that are shown
-    (K) shown: whether these are all that is shown; else the mechanism may be brought anywhere
+        (K)
+    shown: whether these are all that is shown; else the mechanism may be brought anywhere
     """
 
     robot: Robot

@@ -44,8 +44,9 @@ class JointPlace:
     turns, slides: axes (k, 3) that it turns about and slides along; ball: whether it turns freely
     threaded: whether it slides as it turns; rod: whether it holds nothing but a distance
     coordinates: their names; slide: that of the one that slides, if one does; driven: whether one
-    of its rates is actuated tubed: whether it slides as a rod in a tube: between moving bodies, on
-    one of which all joints stand at its end
+        of its rates is actuated
+    tubed: whether it slides as a rod in a tube: between moving bodies, on one of which all joints
+        stand at its end
     """
 
     name: str

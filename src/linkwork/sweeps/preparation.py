@@ -51,7 +51,8 @@ class Bench:
     """Hold a study that is ready to run.
 
     robot: with the study's numbers free; drives: by actuator; start: where runs start that vary
-    nothing of it cases: one for each controller
+        nothing of it
+    cases: one for each controller
     """
 
     study: Study

@@ -2,7 +2,8 @@
 
 For each output: mean, standard deviation, least and largest value of the members that finished, and
 its correlation with each number that varies. Means and second moments of chunks are put together by
-Chan's formula. Source: Chan, Golub & LeVeque, Algorithms for computing the sample variance (1983).
+Chan's formula.
+Source: Chan, Golub & LeVeque, Algorithms for computing the sample variance (1983).
 """
 
 from __future__ import annotations

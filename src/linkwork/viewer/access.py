@@ -4,7 +4,8 @@ Any page that a user visits may send requests to this computer, and a websocket 
 other origins by browsers. So the address holds a token that nobody else knows; with it the page is
 given and a cookie set, and without either nothing is: no page, no websocket. A websocket that a
 page of another origin opens is refused even so. Both are checked by the server before viser sees
-anything. Sources: RFC 6455, sec. 10.2 (origins of websockets); RFC 6265 (cookies).
+anything.
+Sources: RFC 6455, sec. 10.2 (origins of websockets); RFC 6265 (cookies).
 """
 
 from __future__ import annotations

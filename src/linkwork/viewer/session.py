@@ -34,10 +34,12 @@ class View:
     """Hold what is to be seen of a robot at one instant.
 
     placement: where all parts are; tool: position (3) [m] and orientation (3, 3) of the tool, or
-    None arrows: by kind, those that are shown; conditioning: 0 to 1; closure: largest |phi|
-    [m, rad] coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m],
-    or None where none are defined time: of the run [s], or None while posing; notice: one sentence
-    on what stands in the way, or empty
+        None
+    arrows: by kind, those that are shown; conditioning: 0 to 1; closure: largest |phi| [m, rad]
+    coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m], or None
+        where none are defined
+    time: of the run [s], or None while posing; notice: one sentence on what stands in the way, or
+        empty
     """
 
     placement: Placement
@@ -56,9 +58,11 @@ class Session:
     """Hold the present state of what is shown; all its methods belong to one thread.
 
     state: what is shown; goal: what is wanted of it, if anything; replay, player: the run and where
-    it stands following: whether the state is that of the run; shown: kinds of arrows; notice: one
-    sentence on what stands in the way largest: magnitudes of straight and of turning arrows, by
-    kind, that are drawn in full along the run
+        it stands
+    following: whether the state is that of the run; shown: kinds of arrows; notice: one sentence on
+        what stands in the way
+    largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the
+        run
     """
 
     robot: Robot

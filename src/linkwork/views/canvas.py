@@ -28,8 +28,9 @@ class Canvas:
     """Hold where and how strongly things are drawn.
 
     axes: of matplotlib; points: all that are drawn (N, 3) [m]; size: largest extent of the
-    mechanism [m] towards: unit vector to the viewer (3), zero in the plane; strength: 1 in full, 0
-    white; level: below or above others
+        mechanism [m]
+    towards: unit vector to the viewer (3), zero in the plane; strength: 1 in full, 0 white; level:
+        below or above others
     """
 
     axes: Any
