@@ -11,8 +11,8 @@ by fixed-point iteration, the loops of every Y_i closed by Newton's method from 
 q, so that all lie on one branch: the smooth one. Two numbers of nodes estimate the error, the finer
 one going out from the polynomial of the coarser one; where the branch is not smooth they disagree,
 and there is no crossing. What is asked for on the way over is the polynomial through its values at
-the nodes and both ends, where all is regular: of the state it is the collocation's own. Source:
-Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
+the nodes and both ends, where all is regular: of the state it is the collocation's own.
+Source: Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
 """
 
 from __future__ import annotations
