@@ -111,11 +111,12 @@ def test_joints_near_the_guess_are_met_as_by_steps_of_least_squares(case):
             + 0.02 * random.uniform(-1, 1) * (length if robot.unit(name) == "m" else 1.0)
             for name in robot.independent
         }
-        q = posing.closed_near(robot, targets, robot.home.q)
-        if q is None:
+        asked, values = robot.joints_asked(tuple(targets)), np.array(list(targets.values()))
+        (q,), (there,) = robot.leader_of_joints(asked).approached(robot.home.q[None], values[None])
+        if not there:
             continue
         met += 1
-        close(q, posing.at_joints(robot, targets, robot.home.q), 1e-9)
+        close(q, posing.alone(robot, asked, values, robot.home.q), 1e-9)
         state = robot.assemble(targets)
         assert {name: float(state[name]) for name in targets} == targets
     assert met
@@ -138,3 +139,70 @@ def test_the_pose_of_a_stack_that_is_out_of_reach_is_named(case):
         robot.assemble(tool=poses)
     with pytest.raises(UnreachableError, match=r"^(?!pose)"):
         robot.assemble(tool=poses[5])
+
+
+def test_a_stack_of_joint_coordinates_is_led_as_each_alone(case):
+    robot, size = case
+    aims = robot.assemble(tool=poses_near(robot, size, 0.01, 10).reshape(2, 5, size))
+    stack = {name: aims[name] for name in robot.independent}
+    states = robot.assemble(stack)
+    assert states.batch == (2, 5)
+    assert robot.closure_error(states).max() < 1e-12
+    for index in np.ndindex(2, 5):
+        alone = robot.assemble({name: float(values[index]) for name, values in stack.items()})
+        close(states.at(index).positions, alone.positions, 1e-12)
+
+
+def test_joints_that_are_not_independent_are_led_in_stacks_too():
+    robot = lw.Robot(lw.robots.prr3())
+    aims = robot.assemble(tool=poses_near(robot, 3, 0.02, 7))
+    for names in (("pivot_1", "slide_2", "wrist_3"), ("pivot_1", "slide_1", "slide_2", "wrist_3")):
+        states = robot.assemble({name: aims[name] for name in names})
+        close(states.positions, aims.positions, 1e-8)
+
+
+def test_one_number_beside_a_stack_of_joint_coordinates_holds_for_all():
+    robot = lw.Robot(lw.robots.five_bar())
+    first, second = (float(robot.home[name]) for name in robot.independent)
+    asked = dict(zip(robot.independent, ([first, first + 0.1], second), strict=True))
+    states = robot.assemble(asked)
+    close(states[robot.independent[0]], [first, first + 0.1], 1e-14)
+    close(states[robot.independent[1]], [second, second], 1e-14)
+
+
+def test_whole_turns_that_are_asked_of_a_stack_are_kept():
+    robot = lw.Robot(lw.robots.four_bar())
+    (crank,) = robot.independent
+    asked = float(robot.home[crank]) + np.array([0.1, 0.1 + 2 * np.pi, 0.1 - 6 * np.pi])
+    states = robot.assemble({crank: asked})
+    close(states[crank], asked, 1e-12)
+
+
+def test_the_joints_of_a_stack_that_are_out_of_reach_are_named():
+    robot = lw.Robot(lw.robots.prr3())
+    stack = {name: np.full(4, float(robot.home[name])) for name in robot.independent}
+    stack[robot.independent[0]][2] += 100
+    with pytest.raises(UnreachableError, match=r"^state 2: "):
+        robot.assemble(stack)
+
+
+def test_few_joints_make_no_stack():
+    robot = lw.Robot(lw.robots.five_bar())
+    with pytest.raises(lw.LinkworkError, match="give one number, or values of 2 joints"):
+        robot.assemble({robot.independent[0]: [1.0, 2.0]})
+
+
+@pytest.mark.parametrize("name", ["prr3", "stewart"])
+def test_far_poses_are_met_on_the_mode_of_the_guess(name):
+    """Behind a barred way steps go on from where it ends, from the guess, or at random: all of what
+    is met has the signs of the guess, and its pose."""
+    robot = lw.Robot(getattr(lw.robots, name)())
+    size = SIZES[name]
+    leader, poses = robot.leader(size, kept=True), poses_near(robot, size, 0.3, 200)
+    q, there, mode = leader.led(robot.home.q, poses)
+    assert there.sum() > 10
+    assert (leader.signs(q[there]) * mode >= 0).all()
+    made = robot.make_state(q[there], np.zeros((there.sum(), robot.mobility)))
+    assert robot.closure_error(made).max() < 1e-11
+    _, whole = leader.approached(q[there], poses[there])
+    assert whole.all()

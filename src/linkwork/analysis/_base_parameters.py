@@ -22,11 +22,11 @@ from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State, checks
+from linkwork.robot.closing import closed, of_any_length
 from linkwork.robot.linear import own_rates
 
 DEPENDENT = 1e-8
 NEGLIGIBLE = 1e-9
-CLOSED = 1e-10
 ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
 SPREAD = 0.3
 ROUNDS = 30
@@ -163,10 +163,9 @@ def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.nda
     q = robot.equations.reference + SPREAD * tree.units * random.standard_normal(
         (samples, tree.units.size)
     )
-    q = unit(tree, q)
-    for _ in range(ROUNDS):
-        q, gap = robot.kernel("closure_step")(q)
-    q = q[(gap[:, 0] < CLOSED) & np.isfinite(q).all(axis=1)]
+    step = of_any_length(robot.kernel("closure_step"))
+    q, good, *_ = closed(step, unit(tree, q), (), ROUNDS, contracting=False)
+    q = q[good]
     sizes = (pace(robot) ** order * own_rates(robot, robot.home) for order in (1, 2))
     v, dv = (size * random.standard_normal((len(q), robot.mobility)) for size in sizes)
     return robot.make_state(q, v), dv

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State, checks
+from linkwork.robot import Robot, State, checks, closing
 from linkwork.robot.evaluation import actuator_weights, internal_forces
 from linkwork.robot.linear import (
     actuator_forces,
@@ -45,6 +45,7 @@ ROUNDS = 200
 BALANCED = 1e-10  # energy of what stays unbalanced, relative to what balances each other
 LONGEST = 0.3  # shift, in the mechanism's own units
 WEAK = 0.05
+CLOSED, OPEN = 1e-13, 1e-9  # gaps of loops, in own units, that are none, and that are not closed
 SAME = 1e-6  # difference of poses that counts as none, lengths relative to the mechanism's own
 
 
@@ -227,14 +228,9 @@ def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:
     chart = robot.chart_of(state)
     w = chart.tree_rates(state.q, xi)
     q = robot.assembler.moved(state.q, w)
-    for _ in range(12):
-        q, gap = chart.kernel("closure_step")(q)
-        if not np.isfinite(q).all():
-            return None
-        if gap[0] <= 1e-13:
-            break
+    q, gap = closing.settled(chart.kernel("closure_step"), q, chart.p, CLOSED)
     tree = robot.equations.tree
-    if gap[0] > 1e-9 or largest((q - state.q) / tree.units) > 10 * max(
+    if gap > OPEN or largest((q - state.q) / tree.units) > 10 * max(
         largest(w / tree.rate_units), 1e-9
     ):
         return None

@@ -23,6 +23,7 @@ from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.equations.lengths import ROUNDING
 from linkwork.kernels import Kernel, compile_function
+from linkwork.robot.closing import closed, of_any_length
 from linkwork.simulation.threads import usable_processors
 
 CHUNK = 4096
@@ -112,28 +113,14 @@ class Solver:
     def _solve(
         self, q: np.ndarray, y: np.ndarray, iterations: int, mode: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        found, good, allowed = (
-            np.array(q),
-            np.zeros(len(q), bool),
-            CONVERGED * self.square.robot.size,
+        enough = CONVERGED * self.square.robot.size
+        q, good, *_ = closed(
+            of_any_length(self.step), q, (y,), iterations, enough, contracting=False
         )
-        index, ones = np.arange(len(q)), np.ones(q.shape[1])
-        for _ in range(iterations):
-            q, gap = self.step(q, y)
-            finite = np.isfinite(
-                q @ ones
-            )  # the largest of some numbers passes over those that are none
-            done = finite & (gap[:, 0] <= allowed)
-            found[index[done]], good[index[done]] = q[done], True
-            going = ~done & finite
-            if not going.any():
-                break
-            if going.mean() < 0.9:
-                q, y, index = q[going], y[going], index[going]
-        alignment, determinants = self.verdict(found[good], np.zeros(y.shape[-1]))
+        alignment, determinants = self.verdict(q[good], np.zeros(y.shape[-1]))
         fits = True if mode is None else (np.sign(determinants) == mode).all(axis=1)
         good[good] = (alignment[:, 0] > 0) & fits
-        return found, good
+        return q, good
 
 
 def solver(square: Square) -> Solver:

@@ -28,11 +28,12 @@ import numpy as np
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
 from linkwork.analysis.newton import extent
 from linkwork.analysis.singular_values import singular_values
-from linkwork.analysis.square import led_coordinates, pose_names, twist_rows
+from linkwork.analysis.square import led_coordinates, pose_names
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.robot import Motion, Robot, State, checks
+from linkwork.robot.asked import twist_rows
 from linkwork.robot.labels import POSE_ANGLES
 from linkwork.simulation import Run
 
@@ -166,7 +167,7 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     return Watched(
         robot,
         whole,
-        stacked_rows(robot, twist_rows(robot, whole), direct.J),
+        stacked_rows(robot, twist_rows(robot.equations, whole), direct.J),
         scale,
         np.ones(len(direct.what)),
     )

@@ -22,14 +22,13 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations, body_motion
-from linkwork.equations.algebra import SX, matrix_quaternion
+from linkwork.equations.algebra import SX
 from linkwork.equations.chart import Chart, choose_chart, choose_independent, solve
-from linkwork.equations.effects import rotation_vector
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, checks
+from linkwork.robot.asked import TWIST_ROWS, Rows, joint_rows, tool_rows
 from linkwork.robot.labels import POSE_ANGLES, POSES
 
-TWIST_ROWS = {"x": 3, "y": 4, "z": 5, "rx": 0, "ry": 1, "rz": 2, "angle": 2}
 SAMPLES = 4
 DEPENDENT = 1e-6
 SPREAD = 0.02
@@ -151,20 +150,9 @@ def of_joints(robot: Robot, names: Sequence[str]) -> Square:
             raise LinkworkError(
                 f"{name!r} is part of a quaternion and cannot be asked for; name angles and slides"
             )
-    joints, y = robot.equations.joints, SX.sym("y", len(names))
-    angular = dict(zip(robot.coordinates, robot.labels.angular, strict=True))
-    errors = [
-        short_way(difference)
-        if angular[name] and name not in robot.equations.tree.coordinates
-        else difference
-        for name, difference in (
-            (name, joints.position(name) - y[k]) for k, name in enumerate(names)
-        )
-    ]
-    heights = np.array([robot.labels.sizes[robot.coordinates.index(name)] for name in names])
-    return square(
-        robot, tuple(names), joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors), heights
-    )
+    places = [robot.coordinates.index(name) for name in names]
+    rows = joint_rows(robot.equations, names, robot.labels.angular[places].tolist())
+    return square(robot, tuple(names), rows, robot.labels.sizes[places])
 
 
 def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
@@ -177,7 +165,6 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
     Raises:
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
     """
-    # What is asked of the tool: a rotation vector whole or not at all.
     robot.require_tool()
     what = tool_coordinates(robot) if what is None else tuple(what)
     checks.known(what, pose_names(robot), "coordinate of the tool")
@@ -186,37 +173,8 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
         raise LinkworkError(
             f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none"
         )
-    # Errors of the pose, those of turns the short way round.
-    tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
-    position, orientation, angle = body_motion.tool_pose(tree, tool)
-    y = SX.sym("y", len(what))
-    errors = {
-        name: position[k] - y[what.index(name)] for k, name in enumerate("xyz") if name in what
-    }
-    if "angle" in what:
-        errors["angle"] = short_way(angle - y[what.index("angle")])
-    if turns:
-        r = ca.vertcat(*[y[what.index(name)] for name in ("rx", "ry", "rz")])
-        R = ca.reshape(orientation, 3, 3).T
-        error = rotation_vector(matrix_quaternion(ca.mtimes(R, exponential(r).T)))
-        errors |= {name: error[k] for k, name in enumerate(("rx", "ry", "rz"))}
-    # The rows in the mechanism's own units.
     heights = np.where([name in POSE_ANGLES for name in what], 1.0, robot.equations.tree.length)
-    return square(
-        robot,
-        what,
-        twist_rows(robot, what),
-        y,
-        ca.vertcat(*[errors[name] for name in what]),
-        heights,
-    )
-
-
-def twist_rows(robot: Robot, what: Sequence[str]) -> ca.SX:
-    """Return the rows (rows x nv) of the tool's twist that belong to coordinates of its pose."""
-    tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
-    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
-    return J[[TWIST_ROWS[name] for name in what], :]
+    return square(robot, what, tool_rows(robot.equations, what), heights)
 
 
 def pose_names(robot: Robot) -> tuple[str, ...]:
@@ -277,22 +235,7 @@ def full_rank(rows: np.ndarray) -> bool:
     return bool(np.linalg.matrix_rank(rows, rtol=DEPENDENT) == len(rows))
 
 
-def short_way(angle: ca.SX) -> ca.SX:
-    """Return an angle [rad] between -pi and pi."""
-    return ca.atan2(ca.sin(angle), ca.cos(angle))
-
-
-def exponential(r: ca.SX) -> ca.SX:
-    """Return R = exp([r x]) of a rotation vector."""
-    square_length = ca.sumsqr(r)
-    t = ca.sqrt(square_length + 1e-300)
-    K = ca.skew(r)
-    return SX.eye(3) + ca.sin(t) / t * K + 2 * (ca.sin(t / 2) / t) ** 2 * ca.mtimes(K, K)
-
-
-def square(
-    robot: Robot, what: tuple[str, ...], J: ca.SX, target: ca.SX, error: ca.SX, heights: np.ndarray
-) -> Square:
+def square(robot: Robot, what: tuple[str, ...], rows: Rows, heights: np.ndarray) -> Square:
     """Return the system; refuse another number of rows than freedoms."""
     freedoms = robot.mobility - len(robot.spins)
     if len(what) != freedoms:
@@ -301,7 +244,7 @@ def square(
             f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the "
             f"mobility is {freedoms}{besides}; give as many"
         )
-    return Square(robot, what, J, target, error, heights)
+    return Square(robot, what, *rows, heights)
 
 
 def around(robot: Robot) -> list[np.ndarray]:

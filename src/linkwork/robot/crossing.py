@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from math import isfinite
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -27,6 +26,7 @@ from numpy.polynomial import Polynomial
 from linkwork.equations.equations import smallest_singular
 from linkwork.kernels import Kernel
 from linkwork.robot.charts import CompiledChart
+from linkwork.robot.closing import settled
 from linkwork.robot.system import System
 
 NODES = (6, 8)
@@ -229,16 +229,8 @@ class Crossing:
         closed."""
         if self._closure is None:
             return q, True
-        best, residual = q, np.inf
-        for _ in range(NEWTON):
-            out = self._closure.flat(q, self.chart.p)
-            gap = out.item(-1)
-            if not (gap < residual and isfinite(q @ q)):
-                break
-            best, residual, q = q, gap, out[:-1]
-            if residual <= ROUNDING:
-                break
-        return best, residual <= self.closure
+        q, residual = settled(self._closure, q, self.chart.p, ROUNDING, NEWTON)
+        return q, bool(residual <= self.closure)
 
     def _residual(self, q: np.ndarray) -> float:
         """Return the largest |phi(q)|."""

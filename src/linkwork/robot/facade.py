@@ -147,7 +147,7 @@ class Robot(Model):
 
     def assemble(
         self,
-        joints: Mapping[str, float] | None = None,
+        joints: Mapping[str, ArrayLike] | None = None,
         *,
         tool: ArrayLike | None = None,
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
@@ -158,7 +158,8 @@ class Robot(Model):
         (inverse kinematics).
 
         Args:
-            joints: some joint coordinates by name [m, rad].
+            joints: some joint coordinates by name [m, rad]; values (...) of as many as the mobility
+                give a stack of states.
             tool: pose of the tool [m, rad] (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6)
                 in space: x, y, z[, rotation vector]. Leading dimensions give a stack of states,
                     each from the same guess.

@@ -4,7 +4,7 @@ doors."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -14,14 +14,15 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.robot import checks
-from linkwork.robot.approach import approach
+from linkwork.robot.asked import Asked, JointsAsked
 from linkwork.robot.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
+from linkwork.robot.closing import Least, approach
 from linkwork.robot.labels import Labels
 from linkwork.robot.leading import Leader
 from linkwork.robot.modes import ModeStages, modes_of
 from linkwork.robot.state import State
-from linkwork.robot.turning import own_turning
+from linkwork.robot.turning import own_turning, turnable
 from linkwork.simulation import Turning
 
 
@@ -123,25 +124,58 @@ class Model:
 
     @cached_property
     def assembler(self) -> Assembler:
-        tree, rows, labels = self.equations.tree, self.equations.rows, self.labels
-        evaluate = self._assembly.evaluate
-        named = self.coordinates, self.rates, labels.angular, labels.sizes
+        tree, rows = self.equations.tree, self.equations.rows
         unheld = rows.unheld.names if rows.unheld else ()
-        return Assembler(evaluate, tree, *named, rows.names, unheld, rows.units, self.planar)
+        return Assembler(self._assembly.evaluate, tree, rows.names, unheld, rows.units, self.planar)
 
     def leader(self, size: int, kept: bool) -> Leader:
         """Return what leads the tool to poses of so many numbers; kept: whether on the working mode
         of where it begins."""
-        if (size, kept) not in self._leaders:
-            twist = self.assembler.pose_indices(size)
-            modes = modes_of(self.equations, self.p, twist) if kept else ModeStages()
-            kernel, positions = self._assembly.kernel, self.home.positions
-            given = kernel, self.assembler, self.mechanism, positions, modes, twist
-            self._leaders[size, kept] = Leader(*given, approach(self.chart, modes, twist))
-        return self._leaders[size, kept]
+        return self._leader(self.assembler.pose(size), kept, True)
+
+    def leader_of_joints(self, asked: JointsAsked) -> Leader:
+        """Return what leads joint coordinates, on the branch as far as they determine it."""
+        return self._leader(asked, self.determined_by(asked), False)
+
+    def determined_by(self, asked: JointsAsked) -> bool:
+        """Tell whether joints are as many as determine the motion."""
+        return len(asked.what) == self.mobility and not self.spins
+
+    def _leader(self, asked: Asked, kept: bool, strict: bool) -> Leader:
+        if (key := (asked.names, kept)) not in self._leaders:
+            modes = modes_of(self.equations, self.p, asked) if kept else ModeStages()
+            steps = self.least(asked, modes), approach(self.chart, modes, asked)
+            slides = self.home.positions[~self.labels.angular]
+            given = self.assembler, modes, strict, self.mechanism, slides
+            self._leaders[key] = Leader(*steps, *given)
+        return self._leaders[key]
+
+    def least(self, asked: Asked, modes: ModeStages | None = None) -> Least:
+        """Return the steps of least squares towards what is asked."""
+        tree, rows = self.equations.tree, self.equations.rows
+        return Least(self.kernel("assembly"), tree, rows.units, asked, modes or ModeStages())
 
     @cached_property
-    def _leaders(self) -> dict[tuple[int, bool], Leader]:
+    def joints_asked(self) -> Callable[[tuple[str, ...]], JointsAsked]:
+        """Return what values of some joint coordinates ask for."""
+        return lru_cache(maxsize=64)(self._joints_asked)
+
+    def _joints_asked(self, names: tuple[str, ...]) -> JointsAsked:
+        for name in names:
+            if name not in self.rates:
+                raise LinkworkError(
+                    f"{name!r} is part of a quaternion and cannot be asked for alone; give "
+                    "angles and slides, or the tool's pose"
+                )
+        places = [self.coordinates.index(name) for name in names]
+        rates = [self.rates.index(name) for name in names]
+        angular = self.labels.angular[places]
+        wraps = angular.copy()
+        wraps[angular] = turnable(self.chart, np.array(places, int)[angular].tolist())
+        return JointsAsked(names, places, rates, angular, wraps, self.labels.sizes[places])
+
+    @cached_property
+    def _leaders(self) -> dict[tuple[tuple[str, ...], bool], Leader]:
         return {}
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:

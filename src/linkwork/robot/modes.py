@@ -17,8 +17,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, body_motion
-from linkwork.equations.algebra import SX
+from linkwork.equations import Equations
 from linkwork.equations.chart import (
     Chart,
     chart_of,
@@ -27,6 +26,7 @@ from linkwork.equations.chart import (
     independent_rows,
     triangular,
 )
+from linkwork.robot.asked import Asked
 
 SAMPLES, SPREAD = (
     4,
@@ -58,8 +58,12 @@ class ModeStages:
     def signs(self, A: np.ndarray) -> np.ndarray:
         """Return the signs of the determinants (..., stages), 0 near singular poses, for A =
         [Phi; J] (..., rows, nv)."""
+        return self.told(self.parts(A))
+
+    def parts(self, A: np.ndarray) -> np.ndarray:
+        """Return the determinants (..., stages) relative to their sizes."""
         found = [determinant(A, stage.rows, stage.columns) / stage.size for stage in self.stages]
-        return self.told(np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0)))
+        return np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0))
 
     def told(self, parts: np.ndarray) -> np.ndarray:
         """Return the signs of determinants relative to their sizes, 0 near singular poses."""
@@ -77,17 +81,14 @@ def same(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.asarray((one * other >= 0).all(axis=-1))
 
 
-def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> ModeStages:
-    """Return the modes of the tool led in rows `twist` of [omega; v].
+def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
+    """Return the modes of a mechanism that is led in what is asked.
 
     Args:
         p: values of the free parameters.
     """
     tree, Phi = equations.tree, equations.rows.Phi
-    J, _ = body_motion.tool_twist(
-        tree, next(iter(equations.mechanism.tools.values())), SX.zeros(equations.nv)
-    )
-    A = ca.vertcat(Phi, J[twist, :])
+    A = ca.vertcat(Phi, asked.expressed(equations).J)
     read = ca.Function("A", [tree.q, equations.p], [ca.densify(A)])
     random = np.random.default_rng(1998)
     around = SPREAD * random.standard_normal((SAMPLES, equations.nq))
@@ -102,7 +103,7 @@ def modes_of(equations: Equations, p: np.ndarray, twist: list[int]) -> ModeStage
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
             stages.append(ModeStage(rows_of, columns, max(size, 1e-300)))
-    units = np.concatenate([equations.rows.units, np.where(np.array(twist) < 3, 1.0, tree.length)])
+    units = np.concatenate([equations.rows.units, asked.units])
     ((_, blocks, _),) = choose_orders(
         pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
     )

@@ -9,20 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
-from linkwork.equations.reference import tree_coordinates, unit
+from linkwork.equations.reference import CLOSED, tree_coordinates, unit
 from linkwork.errors import LinkworkError
 from linkwork.paths import Path
 from linkwork.robot import checks
-from linkwork.robot.assembly import LONGEST, OPEN_LOOPS, UnreachableError, contracted
+from linkwork.robot.asked import JointsAsked
+from linkwork.robot.assembly import OPEN_LOOPS, UnreachableError
+from linkwork.robot.closing import settled
 from linkwork.robot.labels import Labels
+from linkwork.robot.leading import Leader
 from linkwork.robot.state import Motion, State, with_positions
-from linkwork.robot.turning import turnable, turned
+from linkwork.robot.turning import turned
 
 if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
-CLOSED = 1e-12
-ROUNDS = 12
 MOST_SAMPLES = 10_000_000
 BRANCHES = ("guess", "any")
 
@@ -37,20 +38,13 @@ def state(
     checks.positive(tolerance, "the tolerance")
     q = of_tree(robot, given)
     closure_step = robot.kernel("closure_step")
-    next_q, gap = closure_step(q)
+    gap = closure_step(q)[1][..., 0]
     if not (widest := gap.max(initial=0.0)) <= tolerance:
         require_turns(given, robot.labels)
-        checks.require_closed(gap[..., 0], tolerance, lambda index: open_row(robot, q[index]))
-    for _ in range(ROUNDS):
-        if not widest > CLOSED or not np.isfinite(next_q).all():
-            break
-        after = closure_step(next_q)
-        if not np.isfinite(after[1]).all():
-            break
-        q, (next_q, gap) = next_q, after
-        widest = gap.max(initial=0.0)
-    if not widest <= OPEN_LOOPS:
-        require_closing(robot, q, gap[..., 0])
+        checks.require_closed(gap, tolerance, lambda index: open_row(robot, q[index]))
+    if widest > CLOSED:
+        q, gap = settled(closure_step, q, robot.p)
+        require_closing(robot, q, gap)
     made, labels = stacked(robot, q, rates), robot.labels
     windings, mismatch = labels.compared(given, made.positions)
     if not mismatch.max(initial=0.0) <= 10 * tolerance:
@@ -111,72 +105,83 @@ def require_closing(robot: Model, q: np.ndarray, gap: np.ndarray) -> None:
 
 def assemble(
     robot: Model,
-    joints: Mapping[str, float] | None,
+    joints: Mapping[str, ArrayLike] | None,
     tool: ArrayLike | None,
     rates: Rates,
     guess: State | None,
     branch: str = "guess",
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
-    start, asked = start_of(robot, guess), dict[int, float]()
+    start, asked = start_of(robot, guess), dict[int, np.ndarray]()
     if branch not in BRANCHES:
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if isinstance(joints, Mapping) and tool is None:
-        targets = {name: checks.number(value, f"joint {name!r}") for name, value in joints.items()}
-        checks.known(targets, robot.coordinates, "joint")
-        asked = {robot.coordinates.index(name): value for name, value in targets.items()}
-        q = closed_near(robot, targets, start)
-        if q is None:
-            q = at_joints(robot, targets, start)
+        names, values = asked_of(robot, joints)
+        asked = {robot.coordinates.index(name): values[..., k] for k, name in enumerate(names)}
+        q = at_joints(robot, names, values, start)
     elif tool is not None and joints is None:
         robot.require_tool()
         poses = np.atleast_1d(checks.finite(tool, "tool"))
-        leader = robot.leader(poses.shape[-1], kept=branch == "guess")
-        q = leader.lead(start, poses.reshape(-1, poses.shape[-1])).reshape(
-            *poses.shape[:-1], start.size
-        )
+        q = led(robot.leader(poses.shape[-1], kept=branch == "guess"), start, poses)
     else:
         raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
     return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
 
 
-def closed_near(robot: Model, targets: Mapping[str, float], start: np.ndarray) -> np.ndarray | None:
-    """Return q (nq) at values of the independent coordinates that are so near to a start that
-    Newton's method contracts.
+def asked_of(robot: Model, joints: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return the names of joint coordinates and their values (..., names)."""
+    parts = {name: checks.finite(value, f"joint {name!r}") for name, value in joints.items()}
+    checks.known(parts, robot.coordinates, "joint")
+    needed = robot.mobility - len(robot.spins)
+    for name, part in parts.items():
+        if part.ndim and len(parts) < needed:
+            raise LinkworkError(
+                f"joint {name!r} is {shown(part.tolist())}; give one number, or values of "
+                f"{needed} joints for a stack"
+            )
+    batch = checks.together(*{part.shape for part in parts.values()} or ((),))
+    values = np.empty((*batch, len(parts)))
+    for k, part in enumerate(parts.values()):
+        values[..., k] = part
+    return tuple(parts), values
 
-    None where others are given, or it does not.
+
+def at_joints(
+    robot: Model, names: tuple[str, ...], values: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Return q (..., nq) at joint coordinates (..., names), with the whole turns of what is asked.
+
+    Stacks, and values of the independent ones, are led to on the branch of the start.
     """
-    tree = robot.equations.tree
-    if targets.keys() != set(robot.independent) or not targets.keys() <= set(tree.coordinates):
-        return None
-    q = start.copy()
-    q[[tree.coordinates.index(name) for name in targets]] = list(targets.values())
-    if np.abs((q - start) / tree.units).max() > LONGEST:
-        return None
-    q = contracted(robot.kernel("closure_step"), tree, q)
-    return q if q is not None and robot.assembler.proper(q) else None
+    asked = robot.joints_asked(names)
+    independent = robot.determined_by(asked) and set(names) == set(robot.independent)
+    if values.ndim > 1 or independent:
+        q = led(robot.leader_of_joints(asked), start, values)
+    else:
+        q = alone(robot, asked, values, start)
+    return turned(robot.chart, q, asked.turns, values[..., asked.angular]) if asked.turns else q
 
 
-def at_joints(robot: Model, targets: dict[str, float], start: np.ndarray) -> np.ndarray:
-    """Return q (nq) at any joint coordinates that a start leads to, with the whole turns of what is
-    asked."""
-    places = [robot.coordinates.index(name) for name in targets]
-    angular = robot.labels.angular[places]
-    angles, wraps = np.array(places, int)[angular].tolist(), angular.copy()
-    wraps[angular] = turnable(robot.chart, angles)
+def alone(robot: Model, asked: JointsAsked, values: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return q (nq) at any joint coordinates (rows) that shortened steps from a start lead to."""
     try:
-        q = robot.assembler.at_joints(targets, start, wraps)
+        return robot.assembler.at(robot.least(asked), values, start)
     except UnreachableError as error:
-        if len(targets) <= robot.mobility:
+        if values.size <= robot.mobility:
             raise
         raise UnreachableError(
-            f"{len(targets)} joints are given, but {robot.mobility} determine all others; leave "
+            f"{values.size} joints are given, but {robot.mobility} determine all others; leave "
             f"some out, or give values that fit together: {error}"
         ) from None
-    return turned(robot.chart, q, angles, np.array(list(targets.values()))[angular])
 
 
-def wound(robot: Model, made: State, guess: State, asked: Mapping[int, float]) -> State:
+def led(leader: Leader, start: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return q (..., nq) at what is asked (..., rows)."""
+    q = leader.lead(start, values.reshape(-1, values.shape[-1]))
+    return q.reshape(*values.shape[:-1], start.size)
+
+
+def wound(robot: Model, made: State, guess: State, asked: Mapping[int, np.ndarray]) -> State:
     """Return states with the whole turns of joints that close loops as near as they come to what is
     asked, by place.
 
@@ -223,9 +228,8 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     )
     for k in range(samples):
         with checks.at(f"at t = {time[k]:.6g} s: "):
-            q = robot.assembler.at_pose(
-                poses[k], robot.assembler.moved(q, w * (duration / (samples - 1)))
-            )
+            q = robot.assembler.moved(q, w * (duration / (samples - 1)))
+            q = robot.assembler.at(leader.least, poses[k], q)
             w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
     if not (kept := leader.keeps(along)).all():
@@ -248,6 +252,8 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
 def stacked(robot: Model, q: np.ndarray, rates: Rates) -> State:
     """Return the states of configurations q (..., nq) with rates, their leading dimensions brought
     together."""
+    if rates is None:
+        return robot.make_state(q, np.zeros((*q.shape[:-1], robot.mobility)))
     v = independent_rates(robot, rates, q)
     batch = checks.together(q.shape[:-1], v.shape[:-1])
     return robot.make_state(
@@ -314,7 +320,7 @@ def open_row(robot: Model, q: np.ndarray) -> str:
 
 
 def require_full_pose(robot: Model, size: int) -> None:
-    robot.assembler.pose_names(size)
+    robot.assembler.pose(size)
     needed = robot.mobility - len(robot.spins)
     if size != needed:
         besides = " besides spins of members about themselves" if robot.spins else ""

@@ -112,20 +112,24 @@ def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
 def turned(
     chart: CompiledChart, q: np.ndarray, places: Sequence[int], values: np.ndarray
 ) -> np.ndarray:
-    """Return q (nq) with the whole turns with which joint coordinates come nearest to given values;
-    loops stay closed.
+    """Return q (..., nq) with the whole turns with which joint coordinates come nearest to given
+    values (..., places).
 
-    An angle of the tree turns itself; that of a joint that closes a loop takes an angle of the tree
-    with it that is not asked for.
+    Loops stay closed. An angle of the tree turns itself; that of a joint that closes a loop takes
+    an angle of the tree with it that is not asked for.
     """
+    (positions,) = chart.kernel("positions")(q)
+    if np.abs(values - positions[..., places]).max(initial=0.0) < np.pi:
+        return q
     q, grown = q.copy(), readings(chart)
     asked = [
         int(np.argmax(np.abs(grown[place]))) for place in places if np.abs(grown[place]).sum() == 1
     ]
-    for place, value in zip(places, values, strict=True):
+    for place, value in zip(places, np.moveaxis(values, -1, 0), strict=True):
         (positions,) = chart.kernel("positions")(q)
         for i in carriers(chart, place, asked)[-1:]:
-            q[i] += grown[place, i] * 2 * np.pi * np.round((value - positions[place]) / (2 * np.pi))
+            turns = np.round((value - positions[..., place]) / (2 * np.pi))
+            q[..., i] += grown[place, i] * 2 * np.pi * turns
     return q
 
 

@@ -1,11 +1,8 @@
 """Starts: close the loops of all members at a time, each with its own lengths, at its own
 coordinates or tool pose.
 
-    [Phi; J] s = -[phi; x - x_d],  q <- q + N s  Gauss-Newton steps of least length, for all members
-    together
-
-from where the study starts, as `Robot.assemble` does it for one state. Members that do not converge
-so, or on another working mode, are assembled one by one, with shorter steps.
+They are led from where the study starts (`robot.leading`). Members that do not converge so, or on
+another working mode, are assembled one by one, with shorter steps.
 """
 
 from __future__ import annotations
@@ -14,22 +11,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from linkwork.equations.algebra import wrapped
-from linkwork.equations.reference import CLOSED, unit
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.record import MechanismError
-from linkwork.robot import Robot, State
-from linkwork.robot.assembly import MATRICES
+from linkwork.robot import State
 from linkwork.robot.labels import POSES
-from linkwork.robot.modes import same
 from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
 from linkwork.sweeps.preparation import Bench
 
-TURNS_LAST = {True: [3, 4, 2], False: [3, 4, 5, 0, 1, 2]}
-ROUNDS = 30
-DAMPING = 1e-12  # of the normal equations, relative to their trace
-LONGEST = 0.5  # step of a rate [m, rad]
 Values = Mapping[str, np.ndarray]
 
 
@@ -83,106 +72,15 @@ def closed_together(
         }
     closed = np.ones(len(q), dtype=bool)
     if given:
-        q, closed = solved(robot, q, p, given, None)
+        leader = robot.leader_of_joints(robot.joints_asked(tuple(given)))
+        y, any_mode = np.stack(list(given.values()), axis=1), np.zeros(len(leader.modes.stages))
+        q, closed, _ = leader.closed(leader.step, q, (y, p), any_mode, contracting=False)
     if pose is not None:
-        begin, (q, closed) = q, solved(robot, q, p, {}, pose)
         leader = robot.leader(pose.shape[1], kept=True)
-        closed &= same(leader.signs(begin, p), leader.signs(q, p))
+        modes = leader.signs(q, p)
+        q, _, kept = leader.closed(leader.step, q, (pose, p), modes, contracting=False)
+        closed &= kept
     return q, closed
-
-
-def solved(
-    robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return q (M, nq) with the given joint coordinates or tool poses, and where that was
-    reached."""
-    q, closed, open_ = q.copy(), np.zeros(len(q), dtype=bool), np.arange(len(q))
-    for _ in range(ROUNDS):
-        part = {name: column[open_] for name, column in joints.items()}
-        residual, J, N, aligned = rows(
-            robot, q[open_], p[open_], part, None if pose is None else pose[open_]
-        )
-        size = np.abs(residual).max(axis=1, initial=0.0)
-        met = size <= CLOSED * np.maximum(
-            1.0, np.abs(q[open_] / robot.equations.tree.units).max(axis=1, initial=0.0)
-        )
-        closed[open_[met]] = aligned[met]
-        going = ~met & np.isfinite(size)
-        open_, residual, J, N = open_[going], residual[going], J[going], N[going]
-        if not open_.size:
-            break
-        step = least_step(J, residual)
-        step *= np.minimum(
-            1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)
-        )
-        q[open_] = unit(robot.equations.tree, q[open_] + np.einsum("mij,mj->mi", N, step))
-    return q, closed
-
-
-def least_step(J: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Return the shortest steps s (M, nv) of least |J s + residual|."""
-    A = np.swapaxes(J, 1, 2) @ J
-    damping = DAMPING * np.trace(A, axis1=1, axis2=2)[:, None, None]
-    right = np.swapaxes(J, 1, 2) @ residual[..., None]
-    return -np.linalg.solve(A + np.maximum(damping, 1e-300) * np.eye(A.shape[1]), right)[..., 0]
-
-
-def rows(robot: Robot, q: np.ndarray, p: np.ndarray, joints: Values, pose: np.ndarray | None):
-    """Return the residuals (M, rows), their Jacobians in the tree's rates, the maps N from these to
-    q', all in the mechanism's own units, and whether joints' frames face each other as they should
-    (M).
-    """
-    # phi, poses and coordinates, with their Jacobians, in one call.
-    kernel, nv = robot.kernel("assembly"), len(robot.equations.tree.rates)
-    out = {
-        name: value
-        for (name, _), value in zip(
-            kernel.outputs, kernel(q, np.zeros((len(q), nv)), p), strict=True
-        )
-    }
-    for name in MATRICES:
-        if name in out:
-            out[name] = np.swapaxes(out[name].reshape(len(q), nv, -1), 1, 2)
-    # Loops have to close; joints, then the tool, have to be where they are asked.
-    tree, units = robot.equations.tree, [robot.equations.rows.units]
-    residuals, jacobians = [out["phi"]], [out["Phi"]]
-    if joints:
-        places = [robot.coordinates.index(name) for name in joints]
-        error = out["coordinates"][:, places] - np.stack(list(joints.values()), axis=1)
-        residuals.append(np.where(robot.labels.angular[places], wrapped(error), error))
-        jacobians.append(out["J_coordinates"][:, [robot.rates.index(name) for name in joints]])
-        units.append(robot.labels.sizes[places])
-    if pose is not None:
-        residuals.append(pose_error(robot.planar, out, pose))
-        asked = list(TURNS_LAST[robot.planar][: pose.shape[1]])
-        jacobians.append(out["J_tool"][:, asked])
-        units.append(np.where(np.array(asked) < 3, 1.0, tree.length))
-    heights = np.concatenate(units)
-    return (
-        np.concatenate(residuals, axis=1) / heights,
-        np.concatenate(jacobians, axis=1) * tree.rate_units / heights[:, None],
-        out["derivatives"] * tree.rate_units,
-        out["alignment"][:, 0] >= 0,
-    )
-
-
-def pose_error(planar: bool, out: Values, pose: np.ndarray) -> np.ndarray:
-    """Return how far the tools are from poses (M, 2 or 3 in the plane, 3 or 6 in space); turns the
-    short way round."""
-    if planar:
-        return np.concatenate(
-            [out["position"][:, :2] - pose[:, :2], wrapped(out["angle"] - pose[:, 2:])], axis=1
-        )
-    moved = out["position"] - pose[:, :3]
-    if pose.shape[1] == 3:
-        return moved
-    from scipy.spatial.transform import Rotation
-
-    turn = (
-        Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3))
-        * Rotation.from_rotvec(pose[:, 3:]).inv()
-    )
-    return np.concatenate([moved, turn.as_rotvec()], axis=1)
 
 
 def closed_alone(
