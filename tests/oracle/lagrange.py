@@ -448,9 +448,8 @@ class LagrangeOracle:
         rank = int(np.sum(abs(np.diag(R)) > 1e-9 * abs(R[0, 0])))
         if B.shape[0] != B.shape[1] or not np.linalg.cond(B) < 1e10:
             raise OracleError(
-                f"{self.mechanism.name}: {len(columns) - rank} freedoms in this configuration, "
-                f"but the actuators {', '.join(self.mechanism.actuators)} do not determine the "
-                "motion"
+                f"{self.mechanism.name}: {len(columns) - rank} freedoms in this configuration, but "
+                f"the actuators {', '.join(self.mechanism.actuators)} do not determine the motion"
             )
         return {"columns": columns, "free": free, "actuated": actuated, "constrained": constrained}
 

@@ -123,12 +123,10 @@ def test_without_a_word_chunks_are_as_long_as_memory_likes():
             "line 12: drives.rail.time_constant: is missing"
         )),
         ("chunk: 16", (
-            "drives: {rail: {type: lag, time_constant: "
-            "0}}"
+            "drives: {rail: {type: lag, time_constant: 0}}"
         ), "line 12: drives.rail: time_constant of Lag is 0"),
         ("chunk: 16", (
-            "drives: {rial: {type: lag, time_constant: "
-            "1}}"
+            "drives: {rial: {type: lag, time_constant: 1}}"
         ), "line 12: drives.rial: there is no actuator 'rial'"),
         ("chunk: 16", "method: rk5", (
             "line 12: method: there is no method 'rk5'; there are sharp_smart"

@@ -57,18 +57,15 @@ make."""
 NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
     "branches of motion meet at the given reference, as where a linkage lies in a line; home is "
-    "bent to {}; give a "
-    "reference on the branch that is meant"
+    "bent to {}; give a reference on the branch that is meant"
 )
 UNHELD = (
     "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and "
-    "rad), as rounded numbers "
-    "leave them: {}; the other rows are closed exactly, these are not held"
+    "rad), as rounded numbers leave them: {}; the other rows are closed exactly, these are not held"
 )
 FLIPPED = (
-    "the loops close near the reference configuration only with a joint's frames facing "
-    "opposite ways; give joint coordinates nearer to the intended configuration, or turn one of "
-    "the frames"
+    "the loops close near the reference configuration only with a joint's frames facing opposite "
+    "ways; give joint coordinates nearer to the intended configuration, or turn one of the frames"
 )
 
 

@@ -45,8 +45,7 @@ def read_yaml(path: Path) -> Mechanism:
         if text.lstrip().startswith("<"):
             raise MechanismError(
                 "this is a model file, not a mechanism file; read it by "
-                "linkwork.formats.load(path).mechanism, or turn it into one by 'linkwork "
-                "convert'",
+                "linkwork.formats.load(path).mechanism, or turn it into one by 'linkwork convert'",
                 place=f"line {text[: text.index('<')].count(chr(10)) + 1}",
             )
         return parsed(text)

@@ -136,9 +136,8 @@ class Polygon(ShapeBase):
         same = all(turn > 0 for turn in turns) or all(turn < 0 for turn in turns)
         if not same or abs(abs(sum(turns)) - 2 * pi) > ROUND:
             raise MechanismError(
-                "the corners are not those of a convex polygon in their order; give them one "
-                "after the other, all turns to one side, and make what is not convex of several "
-                "polygons",
+                "the corners are not those of a convex polygon in their order; give them one after "
+                "the other, all turns to one side, and make what is not convex of several polygons",
                 ("points",),
             )
         return self

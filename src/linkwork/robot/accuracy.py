@@ -63,9 +63,8 @@ class Estimate(NamedTuple):
 
     def __str__(self) -> str:
         return (
-            f"Its error is about {self.value:.2g} {self.unit} ({self.name} at t = "
-            f"{self.time:.6g} s), {self.ratio:.2g} times what rtol and atol allow a step; "
-            "tighten them."
+            f"Its error is about {self.value:.2g} {self.unit} ({self.name} at t = {self.time:.6g} "
+            f"s), {self.ratio:.2g} times what rtol and atol allow a step; tighten them."
         )
 
 

@@ -36,33 +36,27 @@ _SENTENCES = {
     Status.FINISHED: "The run reached its end at t = {time:.9g} s.",
     Status.SINGULAR: (
         "The run stopped at t = {time:.9g} s: from here the chosen independent rates do not "
-        "determine the others"
-        " (smallest relative pivot {rejected_pivot:.2g}, bound {pivot_bound:.2g}); the pose is "
-        "singular, or needs other"
-        " independent coordinates."
+        "determine the others (smallest relative pivot {rejected_pivot:.2g}, bound "
+        "{pivot_bound:.2g}); the pose is singular, or needs other independent coordinates."
     ),
     Status.CLOSURE_LOST: (
         "The run stopped at t = {time:.9g} s: the loops do not close any more (residual "
-        "{rejected_residual:.2g} after"
-        " Newton's method, wanted {closure_tol:.2g}), however small the step; the mechanism "
-        "cannot be assembled beyond"
-        " this pose, or closure_tol lies below rounding."
+        "{rejected_residual:.2g} after Newton's method, wanted {closure_tol:.2g}), however small "
+        "the step; the mechanism cannot be assembled beyond this pose, or closure_tol lies below "
+        "rounding."
     ),
     Status.STEP_UNDERFLOW: (
         "The run stopped at t = {time:.9g} s: the error stays above the tolerance however small "
-        "the step"
-        " (next would be {step:.2g} s); the motion breaks off here, or rtol and atol lie below "
-        "rounding."
+        "the step (next would be {step:.2g} s); the motion breaks off here, or rtol and atol lie "
+        "below rounding."
     ),
     Status.TOO_MANY_STEPS: (
         "The run stopped at t = {time:.9g} s: it used up max_steps = {max_steps:d} steps (step "
-        "size now {step:.2g} s);"
-        " allow more, loosen rtol and atol, {remedy}."
+        "size now {step:.2g} s); allow more, loosen rtol and atol, {remedy}."
     ),
     Status.NON_FINITE: (
         "The run stopped at t = {time:.9g} s: {culprit} is infinite or undefined from here on, "
-        "however small the step"
-        " (next would be {step:.2g} s)."
+        "however small the step (next would be {step:.2g} s)."
     ),
     Status.EVENT: "The run was ended by event {event:d} (counted from 0) at t = {time:.9g} s.",
     Status.CALLBACK_FAILED: (
@@ -71,7 +65,6 @@ _SENTENCES = {
     Status.CANCELLED: "The run was cancelled at t = {time:.9g} s.",
     Status.STIFF: (
         "The run was left at t = {time:.9g} s: it is stiff there, stability bounds the steps "
-        "({step:.2g} s) of an explicit"
-        " method, not the tolerance."
+        "({step:.2g} s) of an explicit method, not the tolerance."
     ),
 }
