@@ -100,9 +100,8 @@ def test_controllers_never_ask_for_the_robot_that_they_control():
 MOST = 30
 """Lines of a function's body that are understood without a comment."""
 WITHOUT = {
-    *("works", "run_reactions"),
-    *("segment", "collected", "measured", "members", "after", "_along", "_recorded"),
-    *("follow", "axes", "resume", "furnish", "advance"),
+    *("segment", "collected", "members", "after", "_along", "_recorded"),
+    *("follow", "resume", "furnish", "advance"),
 }
 """Functions that are still to be commented."""
 

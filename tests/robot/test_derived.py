@@ -299,9 +299,10 @@ def test_a_stiff_run_has_a_balance_however_seldom_it_is_saved(method):
 def test_a_balance_that_is_not_known_is_told(monkeypatch):
     robot = arm()
     run = robot.simulate(robot.home, [1.0], duration=0.5)
-    from linkwork.robot.derived import Flow
+    from linkwork.robot.saved_states import SavedStates
 
-    monkeypatch.setattr(Flow, "power", lambda self, y, r: np.full(len(y), np.nan))
+    nothing = property(lambda states: np.full(len(states.y), np.nan))
+    monkeypatch.setattr(SavedStates, "power", nothing)
     with pytest.warns(UserWarning, match=r"energy balance, is not known \(nan\) from t = "):
         assert np.isnan(run.dataset.energy_balance.values[-1])
 

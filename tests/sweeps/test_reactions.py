@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.sweeps import Study, StudyError, measuring, report, sweep
+from linkwork.robot import reactions
+from linkwork.robot.network import Network
+from linkwork.sweeps import Study, StudyError, report, sweep
 from linkwork.sweeps.chunk import bench_of
 
 from tests.sweeps.carts import CART, study, whole
@@ -73,7 +75,7 @@ def test_reactions_are_those_of_the_runs_that_simulate_makes(monkeypatch):
         trajectories=("reaction_force", "reaction_moment"),
     )
     found = whole(given)
-    monkeypatch.setattr(measuring, "MEMORY", 7 * bench_of(given).network.numbers)
+    monkeypatch.setattr(reactions, "MEMORY", 7 * Network.of(robot).numbers)
     in_pieces = whole(given)
     for name in given.trajectories:
         np.testing.assert_allclose(in_pieces[name], found[name], rtol=1e-12, atol=1e-12)

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from linkwork.equations.algebra import wrapped
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.settings import Settings
@@ -84,10 +83,14 @@ class Compared:
         return repeatable(self.passage.system, self.passage.settings)
 
     @cached_property
+    def _reached(self) -> tuple[np.ndarray, np.ndarray]:
+        return reached(self.segments)
+
+    @cached_property
     def companion(self) -> list[Segment]:
         """The run once more at a tenth of the tolerance, or half of the step, to the time that it
         came to."""
-        times, _ = reached(self.segments)
+        times, _ = self._reached
         if not times[-1] > self.passage.start:
             return list(self.segments)
         settings = tightened(self.passage.settings).but(save_at=times)
@@ -101,7 +104,7 @@ class Compared:
         """The largest error of the tree's coordinates and rates and of extra states; None where it
         is not known."""
         start, settings = self.passage.start, self.passage.settings
-        t, y = reached(self.segments)
+        t, y = self._reached
         if not self.known or not t[-1] > start:
             return None
         t_c, y_c = reached(self.companion)
@@ -177,8 +180,9 @@ def compared(
 
 def without_turns(d: np.ndarray, units: Sequence[str]) -> np.ndarray:
     """Return differences (K, n), those of angles without whole turns."""
-    turns = np.array([unit == "rad" for unit in units])
-    return np.where(turns, wrapped(d), d)
+    angles, found = np.array([unit == "rad" for unit in units], bool), d.copy()
+    found[:, angles] -= 2 * np.pi * np.rint(d[:, angles] / (2 * np.pi))
+    return found
 
 
 def tree_rates(chart: CompiledChart, y: np.ndarray, _: np.ndarray) -> dict[str, np.ndarray]:

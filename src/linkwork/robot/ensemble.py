@@ -8,7 +8,7 @@ from chart to chart (`side_by_side`); what the lanes cannot do they do by themse
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -21,14 +21,23 @@ from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.robot import following
 from linkwork.robot.accuracy import compared, repeatable, tightened
-from linkwork.robot.assembly import AssemblyKernel
-from linkwork.robot.labels import POSES
+from linkwork.robot.measuring import measured
 from linkwork.robot.members import Members, members
 from linkwork.robot.one_by_one import Lone, Progress, Task, by_themselves
 from linkwork.robot.passage import Segment
-from linkwork.robot.recording import ending, labels, singular_times
+from linkwork.robot.quantities import (
+    QUANTITIES,
+    Place,
+    SavedQuantity,
+    axes_of,
+    coords_of,
+    labels,
+    told_by,
+)
+from linkwork.robot.recording import ending, singular_times
 from linkwork.robot.running import smooth, watched
 from linkwork.robot.saved_rows import SavedRows, last_states, saved
+from linkwork.robot.saved_states import Aim
 from linkwork.robot.settings import Settings
 from linkwork.robot.side_by_side import Leg, begun, courses, in_lanes, side_by_side, unbegun
 from linkwork.robot.state import Reached, State
@@ -86,7 +95,6 @@ class Ensemble:
     _last: Callable[[], tuple[State, np.ndarray]] = field(repr=False)
     _passed: Happened = field(repr=False)
     _sentences: Callable[[int], str] = field(repr=False)
-    _measure: Callable[[], tuple[dict[str, Variable], dict[str, Variable]]] = field(repr=False)
     _companion: Callable[[], Ensemble] | None = field(repr=False)
     _again: Again = field(repr=False)
 
@@ -113,14 +121,10 @@ class Ensemble:
         crew, parts = self.members, self.rows()
         count = 1 + max((int(part.times.max(initial=-1)) for part in parts), default=-1)
         time = np.full((len(crew), count + 1), np.nan)
-        read, rates = (
-            np.full((*time.shape, len(names)), np.nan)
-            for names in (crew.robot.coordinates, crew.robot.rates)
-        )
         for part in parts:
-            at = part.members, part.times
-            time[at] = part.t
-            read[at], rates[at] = joints_of(crew, part).values()
+            time[part.members, part.times] = part.t
+        joints = [QUANTITIES[name] for name in ("joint_position", "joint_rate")]
+        read, rates = measured(crew, parts, count + 1, joints).values()
         time[:, -1], read[:, -1] = self.end_time, state.positions
         chart, v = crew.robot.chart_of(state), np.nan_to_num(state.rates)
         rates[:, -1] = chart.kernel("joints_motion")(state.q, v, 0 * v, crew.p_robot())[1]
@@ -188,6 +192,31 @@ class Ensemble:
         """Return when a member stepped over singular poses (on_singular="step_over") [s]."""
         return self._passed.times[self._passed.members == self._numbered(member)]
 
+    def measured(
+        self,
+        quantities: Iterable[SavedQuantity],
+        aim: Aim | None = None,
+        threads: int | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Return quantities (N, K, ...) at the saved times by name; what a member did not reach is
+        nan.
+
+        aim: where a controller leads to; threads: all processors if left out
+        """
+        wanted, save_at = list(quantities), self.settings.save_at
+        turning = [each.name for each in wanted if each.turning and self._may_wind]
+        wanted += [QUANTITIES["joint_rate"]] if turning else []
+        parts, count = self.rows(), len(save_at)
+        found = measured(self.members, parts, count, wanted, aim=aim, threads=threads)
+        times = np.broadcast_to(save_at, (len(self), count))
+        for name in turning:
+            found[name] = self.turned(times, found[name], found["joint_rate"])
+        return found
+
+    @property
+    def _may_wind(self) -> bool:
+        return self.members.robot.labels.may_wind
+
     def turned(self, time: np.ndarray, read: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Return coordinates of all joints (N, K, m) that are read off the tree's with their whole
         turns (`following`)."""
@@ -215,10 +244,16 @@ class Ensemble:
         """
         import xarray
 
-        variables, coords = self._measure()
-        time = np.broadcast_to(coords["time"].values, (len(self), len(coords["time"].values)))
-        read, rates = variables["joint_position"], variables["joint_rate"].values
-        variables["joint_position"] = replace(read, values=self.turned(time, read.values, rates))
+        # What the table tells of the saved states.
+        crew = self.members
+        system, axes = crew.system, axes_of(crew.robot, crew.system.extras)
+        told, times = told_by(Place.ENSEMBLE, axes), self.settings.save_at
+        found = self.measured(told)
+        variables = {
+            each.name: each.told(found[each.name], system, "member", "time") for each in told
+        }
+        coords = {"time": Variable(("time",), times, {"units": "s"})} | coords_of(told, axes)
+        # How the members ended, what that took, and what varied.
         variables |= {
             "status": Variable(
                 ("member",), np.array([Status(s).name for s in self.status], dtype=object)
@@ -229,6 +264,7 @@ class Ensemble:
         variables |= {
             name: Variable(("member",), values) for name, values in self.parameters.items()
         }
+        # What happened on the way, of all members one after the other.
         if self.members.system.events:
             coords["event"] = labels("event", self._happened.names.tolist())
             coords["event_time"] = Variable(("event",), self._happened.times, {"units": "s"})
@@ -324,7 +360,6 @@ def collected(
         _passed=passed(lone),
         _last=lambda: last_states(crew, legs, lone),
         _sentences=sentence,
-        _measure=lambda: measured(crew, rows(), settings.save_at),
         _companion=companion(crew, settings),
         _again=partial(again, crew, settings, lone),
         settings=settings,
@@ -417,74 +452,6 @@ def passed(lone: Sequence[Lone]) -> Happened:
         np.full(whose.size, "singular pose", object),
         np.array([t for _, of in found for t in of], float),
     )
-
-
-def measured(
-    crew: Members, parts: Sequence[SavedRows], times: np.ndarray
-) -> tuple[dict[str, Variable], dict[str, Variable]]:
-    """Return positions and rates of all joints, closure, tool and extra states at the saved times;
-    and the axes' labels."""
-    robot, extras = crew.robot, crew.system.extras
-    shape = (len(crew), len(times))
-    coords = {
-        "time": Variable(("time",), times, {"units": "s"}),
-        "coordinate": labels(
-            "coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]
-        ),
-        "rate": labels("rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]),
-    }
-    axes = {"joint_position": "coordinate", "joint_rate": "rate"}
-    units = {
-        "joint_position": "m, rad",
-        "joint_rate": "m/s, rad/s",
-        "tool_pose": "m, rad",
-        "drive_state": "",
-    }
-    if robot.mechanism.tools:
-        coords["pose"] = labels("pose", POSES[robot.planar])
-        axes["tool_pose"] = "pose"
-    if extras:
-        coords["extra"] = labels("extra", [x.name for x in extras], [x.unit for x in extras])
-        axes["drive_state"] = "extra"
-        units["drive_state"] = ", ".join(extra.unit for extra in extras)
-    values = {
-        name: np.full((*shape, coords[axis].values.size), np.nan) for name, axis in axes.items()
-    }
-    for part in parts:
-        (q, _, z), p, places = part.split(), crew.p_robot(part.members), (part.members, part.times)
-        found = joints_of(crew, part)
-        for name in found:
-            values[name][places] = found[name]
-        if extras:
-            values["drive_state"][places] = z[:, : len(extras)]
-        if robot.mechanism.tools:
-            values["tool_pose"][places] = AssemblyKernel(
-                robot.kernel("assembly").given(p), robot.planar
-            ).tool_poses(q)
-    variables = {
-        name: Variable(("member", "time", axes[name]), array, {"units": units[name]})
-        for name, array in values.items()
-    }
-    return variables, coords
-
-
-def joints_of(crew: Members, part: SavedRows) -> dict[str, np.ndarray]:
-    """Return the positions and rates of all joints at saved states (rows, m), by name."""
-    found = part.measured(partial(joints, crew))
-    if part.nodes:  # angles are not interpolated: they may jump by a turn
-        found["joint_position"] = crew.robot.kernel("positions")(
-            part.split()[0], crew.p_robot(part.members)
-        )[0]
-    return found
-
-
-def joints(crew: Members, rows: SavedRows) -> dict[str, np.ndarray]:
-    """Return the positions and rates of all joints at states (rows, m), by name."""
-    q, v, _ = rows.split()
-    found = rows.chart.kernel("joints_motion")(
-        q, v, np.zeros(v.shape[1]), crew.p_robot(rows.members)
-    )
-    return dict(zip(("joint_position", "joint_rate"), found, strict=False))
 
 
 @contextmanager

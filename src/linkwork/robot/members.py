@@ -113,6 +113,19 @@ class Members:
         require_covers(given, *self.span)
         return as_inputs(given, len(self))
 
+    def inputs_at(self, members: np.ndarray, t: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the integrator's inputs (rows, nu) of a member in each row, at its time [s].
+
+        held: by a sampled controller (rows, inputs)
+        """
+        if self.forces is None:
+            given = self.system.inputs(t)
+        else:
+            of_each = {i: self.signal(i) for i in np.unique(members).tolist()}
+            each = zip(members.tolist(), t, strict=True)
+            given = np.array([of_each[i](time) for i, time in each])
+        return np.concatenate([given, held], axis=1)
+
     def signal(self, member: int) -> Signal:
         """Return the inputs of one member: its forces, joined with what else varies in time."""
         if self.forces is None:

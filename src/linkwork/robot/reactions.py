@@ -87,10 +87,12 @@ class Samples:
     applied: np.ndarray | None = None
 
     def __getitem__(self, rows: slice) -> Samples:
+        chart, p = self.chart, self.chart.p
+        if p.ndim > 1 and len(p) > 1:  # of each sample its own
+            chart = chart.with_parameters(p[rows])
+        q, v, v_dot, u = (part[rows] for part in (self.q, self.v, self.v_dot, self.u))
         applied = None if self.applied is None else self.applied[rows]
-        return Samples(
-            self.chart, self.q[rows], self.v[rows], self.v_dot[rows], self.u[rows], applied
-        )
+        return Samples(chart, q, v, v_dot, u, applied)
 
 
 def reactions(

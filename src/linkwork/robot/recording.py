@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Sequence
+from dataclasses import astuple, replace
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
-from linkwork.robot import chart_transfer, checks, derived, following, limits
+from linkwork.robot import chart_transfer, checks, limits
 from linkwork.robot.accuracy import WORTH_TELLING, Compared, Departure, without_turns
-from linkwork.robot.charts import CompiledChart
 from linkwork.robot.fault_sources import culprit
-from linkwork.robot.labels import POSES
 from linkwork.robot.next_chart import lost
 from linkwork.robot.passage import Passage, Segment
-from linkwork.robot.reactions import COMPONENTS, Reactions
+from linkwork.robot.quantities import AXES
+from linkwork.robot.run_record import RunRecord
 from linkwork.robot.settings import Settings
 from linkwork.robot.state import State
 from linkwork.robot.system import System
@@ -32,31 +30,7 @@ from linkwork.simulation.signals import require_increasing
 if TYPE_CHECKING:
     from linkwork.robot.model import Model
 
-STATES = (
-    *(
-        "joint_position",
-        "joint_rate",
-        "joint_acceleration",
-        "actuator_force",
-        "kinetic_energy",
-        "potential_energy",
-    ),
-    *("closure_error", "tool_pose", "drive_state", "command", "external_wrench"),
-)
-AXES = (
-    *(
-        "time",
-        "coordinate",
-        "rate",
-        "actuator",
-        "spring",
-        "pose",
-        "extra",
-        "wrench",
-        "wrench_component",
-    ),
-    *("event", "event_time"),
-)
+COORDS = ("time", *AXES, "event", "event_time")
 MOST_TOLD = 8  # singular poses whose times the message tells
 ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
 TOLD = (
@@ -230,8 +204,8 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
         return {"error_estimate": ratio, "error_estimate_until": until}
 
     return Run(
-        variables=of.variables,
-        coords=Deferred({AXES: of.axes}),
+        variables=of,
+        coords=Deferred({COORDS: of.coords}),
         attrs=Deferred(
             {
                 ASKED: partial(asked, robot, system, settings),
@@ -257,8 +231,8 @@ def errors(made: Compared, of: RunRecord) -> dict[str, Variable]:
     places = np.searchsorted(other.time, of.time[of.time <= other.time[-1]])
     found = {}
     for name in ("joint_position", "joint_rate", "drive_state"):
-        if name in of.known:
-            variable, exact = of.known[name], other.known[name].values[places]
+        if name in of:
+            variable, exact = of[name], other[name].values[places]
             d = variable.values - np.pad(
                 exact, [(0, len(of.time) - len(exact)), (0, 0)], constant_values=np.nan
             )
@@ -329,21 +303,6 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
     return last.status, last.message
 
 
-def trimmed(
-    segments: Sequence[Segment], besides: ArrayLike = ()
-) -> list[tuple[Segment, np.ndarray]]:
-    """Return the segments with the rows to keep: an instant saved by two of them is kept once.
-
-    besides: times that were saved, but not asked for
-    """
-    kept, end = [], -np.inf
-    for segment in segments:
-        t = segment.trajectory.t
-        kept.append((segment, np.flatnonzero((t > end) & ~np.isin(t, besides))))
-        end = t[-1] if len(t) else end
-    return kept
-
-
 def statistics(segments: Sequence[Segment]) -> Statistics:
     """Add up what the segments took."""
     parts = [segment.trajectory for segment in segments]
@@ -367,194 +326,7 @@ def closure_error(segment: Segment) -> float:
     return max(part.closure_error, segment.chart.unheld_gap(q).max())
 
 
-@dataclass(frozen=True, eq=False)
-class RunRecord:
-    """Measure what follows from a run's states at the saved times (K,), each kind of quantities
-    when first asked for.
-
-    besides: times of calls of a sampled controller, which were saved for the work between them
-    start: the state that the run went out from; every: whether every step was saved
-    """
-
-    robot: Model
-    system: System
-    segments: Sequence[Segment]
-    besides: np.ndarray
-    start: State
-    every: bool
-
-    @cached_property
-    def kept(self) -> list[tuple[Segment, np.ndarray]]:
-        return trimmed(self.segments, self.besides)
-
-    @cached_property
-    def time(self) -> np.ndarray:
-        """The saved times (K,) [s]."""
-        return np.concatenate([segment.trajectory.t[rows] for segment, rows in self.kept])
-
-    def axes(self) -> dict[str, Variable]:
-        """Return the labels of the variables' axes."""
-        robot, system = self.robot, self.system
-        coords = {
-            "time": Variable(("time",), self.time, {"units": "s"}),
-            "coordinate": labels(
-                "coordinate", robot.coordinates, [robot.unit(label) for label in robot.coordinates]
-            ),
-            "rate": labels(
-                "rate", robot.rates, [f"{robot.unit(label)}/s" for label in robot.rates]
-            ),
-            "actuator": labels("actuator", robot.actuators),
-        }
-        if any(spring.damping for spring in robot.mechanism.springs.values()):
-            coords["spring"] = labels("spring", tuple(robot.mechanism.springs))
-        if robot.mechanism.tools:
-            coords["pose"] = labels("pose", POSES[robot.planar])
-        if system.extras:
-            coords["extra"] = labels(
-                "extra", [x.name for x in system.extras], [x.unit for x in system.extras]
-            )
-        if system.acting and system.acting.wrenches:
-            coords["wrench"] = labels(
-                "wrench", [f"{i}: {w.body}" for i, w in enumerate(system.acting.wrenches)]
-            )
-            coords["wrench_component"] = labels("wrench_component", COMPONENTS)
-        if system.events:
-            found = [segment.trajectory.events for segment in self.segments]
-            happened = np.concatenate([part.index for part in found])
-            coords["event"] = labels("event", [system.events[i].name for i in happened])
-            coords["event_time"] = Variable(
-                ("event",), np.concatenate([part.times for part in found]), {"units": "s"}
-            )
-        return coords
-
-    @property
-    def variables(self) -> Deferred[Variable]:
-        return Deferred(
-            {STATES: lambda: self.known, derived.POWERS: self.powers, derived.BALANCE: self.balance}
-        )
-
-    def reactions(self, frame: str, length: float | None) -> Reactions:
-        """Return the joint reactions at the saved times."""
-        return derived.run_reactions(self.robot, self.system, self.kept, frame, length)
-
-    @cached_property
-    def of(self) -> dict[str, np.ndarray]:
-        """What was measured (K, ...), by name."""
-        parts = [measured(segment, rows, self.system) for segment, rows in self.kept]
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-    @cached_property
-    def windings(self) -> tuple[np.ndarray, np.ndarray]:
-        """Whole turns of joints' coordinates (K, m), and the times at which they were counted (K,)
-        [s]."""
-        return following.windings(self.robot, self.start, self.segments, self.every)
-
-    @cached_property
-    def positions(self) -> np.ndarray:
-        """The coordinates of all joints at the saved times, with their whole turns."""
-        read, labels = self.of["positions"], self.robot.labels
-        if not labels.may_wind:
-            return read
-        times, windings = self.windings
-        return labels.turned(
-            read, windings[np.searchsorted(times, self.time)] if labels.may_jump else windings
-        )
-
-    def final_windings(self) -> dict[str, object]:
-        """Return the whole turns of joints' coordinates at the end that the tree's do not tell, if
-        there are any."""
-        last = self.windings[1][-1] if self.robot.labels.may_wind else np.zeros(0)
-        return {"final_windings": last} if last.any() else {}
-
-    @cached_property
-    def known(self) -> dict[str, Variable]:
-        return self.states()
-
-    def states(self) -> dict[str, Variable]:
-        """Return positions, rates and accelerations of all joints, forces, energies, tool and
-        closure."""
-        of = self.of
-        rates = of["rates"]
-        quantities: dict[str, derived.Quantity] = {
-            "joint_position": (("coordinate",), self.positions, "m, rad"),
-            "joint_rate": (("rate",), rates, "m/s, rad/s"),
-            "joint_acceleration": (("rate",), of["accelerations"], "m/s^2, rad/s^2"),
-            "actuator_force": (("actuator",), of["force"], "N, N m"),
-            "kinetic_energy": ((), of["kinetic"], "J"),
-            "potential_energy": ((), of["potential"], "J"),
-            "closure_error": ((), of["residual"], "own lengths, rad"),
-        }
-        if self.robot.mechanism.tools:
-            quantities["tool_pose"] = (("pose",), self.robot.tool_poses(of["q"]), "m, rad")
-        if self.system.extras:
-            quantities["drive_state"] = (
-                ("extra",),
-                of["z"],
-                ", ".join(extra.unit for extra in self.system.extras),
-            )
-        if self.system.acting:
-            units = ", ".join(dict.fromkeys(drive.unit for drive in self.system.acting.drives))
-            quantities["command"] = (("actuator",), of["command"], units)
-        if self.system.acting and self.system.acting.wrenches:
-            wrenches = of["wrenches"].reshape(len(self.time), -1, 6)
-            quantities["external_wrench"] = (("wrench", "wrench_component"), wrenches, "N m, N")
-        return named(quantities)
-
-    def powers(self) -> dict[str, Variable]:
-        return named(derived.power_quantities(self.robot, self.system, self.kept, self.of))
-
-    def balance(self) -> dict[str, Variable]:
-        return named(derived.balance_quantities(self.robot, self.system, self.kept, self.of))
-
-
-def named(quantities: Mapping[str, derived.Quantity]) -> dict[str, Variable]:
-    """Return quantities over time as variables."""
-    return {
-        name: Variable(("time", *axes), values, {"units": unit})
-        for name, (axes, values, unit) in quantities.items()
-    }
-
-
-def measured(segment: Segment, rows: np.ndarray, system: System) -> dict[str, np.ndarray]:
-    """Return what a segment's rows hold and what follows from it, by name; wrenches (moment, force)
-    in the ground's axes."""
-    part, n = segment.trajectory, segment.chart.equations.mobility
-    found = {
-        "q": part.q[rows],
-        "z": part.v[rows, n : n + len(system.extras)],
-        "force": part.u[rows],
-    }
-    found["residual"] = np.maximum(part.residual[rows], segment.chart.unheld_gap(found["q"]))
-    found |= segment.measured(partial(moving, segment.chart, system), rows)
-    if segment.crossed is not None:  # angles are not interpolated: they may jump by a turn
-        found["positions"] = segment.chart.kernel("positions")(found["q"])[0]
-    return found
-
-
-def moving(
-    chart: CompiledChart, system: System, y: np.ndarray, u: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Return what follows from states y = (q, v, z) and inputs u in a chart (K, ...), by name."""
-    kernel, nq = chart.kernel, chart.equations.nq
-    n = nq + chart.equations.mobility
-    found, q, v, z = {}, y[:, :nq], y[:, nq:n], y[:, n:]
-    if system.acting is None:
-        v_dot = kernel("motion")(q, v, u)[1]
-    else:
-        v_dot, *values = system.kernel(chart, "recorded")(q, v, z, u, system.p(chart))
-        found = dict(zip(("command", "force", "wrenches"), values, strict=True))
-    positions, joint_rates, joint_accelerations, _ = kernel("joints_motion")(q, v, v_dot)
-    kinetic, potential, _ = kernel("energy")(q, v)
-    found |= {"positions": positions, "rates": joint_rates, "accelerations": joint_accelerations}
-    return found | {"kinetic": kinetic[:, 0], "potential": potential[:, 0]}
-
-
 def passed_limits(robot: Model, run: Run) -> tuple[str, ...]:
     """Return one sentence for each joint limit that is passed at a run's saved times."""
     positions = run.variables["joint_position"].values
     return limits.passed(robot, positions, run.coords["time"].values)
-
-
-def labels(axis: str, names: Sequence[str], units: Sequence[str] = ()) -> Variable:
-    attrs = {"unit_of_each": ", ".join(units)} if units else {}
-    return Variable((axis,), np.array(names, dtype=object), attrs)

@@ -3,7 +3,7 @@ kernels see them all at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.members import Members
 from linkwork.robot.one_by_one import Lone
-from linkwork.robot.recording import trimmed
+from linkwork.robot.run_record import trimmed
 from linkwork.robot.side_by_side import Leg
 from linkwork.robot.state import State
 from linkwork.simulation.turns import whole
@@ -50,22 +50,16 @@ class SavedRows:
     held: np.ndarray
     nodes: Nodes | None = None
 
-    def measured(
-        self, measure: Callable[[SavedRows], Mapping[str, np.ndarray]]
-    ) -> dict[str, np.ndarray]:
-        """Return quantities (rows, ...) by name, those of crossings by their values at the nodes
-        (`Segment.measured`)."""
-        if self.nodes is None:
-            return dict(measure(self))
-        t, y, weights = self.nodes
-        each = [
+    @property
+    def at_nodes(self) -> SavedRows:
+        """The states at the nodes of the crossings, those of each row one after the other."""
+        assert self.nodes is not None
+        t, y, _ = self.nodes
+        members, times, held = (
             np.repeat(values, t.shape[1], axis=0)
             for values in (self.members, self.times, self.held)
-        ]
-        found = measure(
-            SavedRows(self.chart, each[0], each[1], t.ravel(), y.reshape(-1, y.shape[2]), each[2])
         )
-        return {name: blended(weights, values) for name, values in found.items()}
+        return SavedRows(self.chart, members, times, t.ravel(), y.reshape(-1, y.shape[2]), held)
 
     @classmethod
     def saved(cls, leg: Leg, at: np.ndarray, wanted: np.ndarray) -> SavedRows:

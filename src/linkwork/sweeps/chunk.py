@@ -11,11 +11,11 @@ from threading import Lock
 import numpy as np
 
 from linkwork.robot.ensemble import ensemble
+from linkwork.robot.quantities import QUANTITIES
 from linkwork.simulation import Status
 from linkwork.sweeps.home import REFUSED
 from linkwork.sweeps.measuring import measured
 from linkwork.sweeps.preparation import Bench
-from linkwork.sweeps.quantities import QUANTITIES
 from linkwork.sweeps.starts import starts
 from linkwork.sweeps.study import Study
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from linkwork.mechanism.record import MechanismError
 from linkwork.mechanism.refusal import shown, suggestion
-from linkwork.sweeps.quantities import QUANTITIES
+from linkwork.robot.quantities import QUANTITIES, Place
 
 Reduce = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -94,8 +94,9 @@ class Output:
 
 def require_quantity(name: str) -> None:
     """Refuse a name that is no quantity's."""
-    if name not in QUANTITIES:
-        near = suggestion(name, QUANTITIES)
+    known = [each.name for each in QUANTITIES.values() if each.belongs(Place.STUDY)]
+    if name not in known:
+        near = suggestion(name, known)
         raise MechanismError(
-            f"{name!r} is no quantity{near}; the quantities are {', '.join(QUANTITIES)}"
+            f"{name!r} is no quantity{near}; the quantities are {', '.join(known)}"
         )

@@ -16,16 +16,13 @@ from linkwork.control.goals import target
 from linkwork.equations.algebra import wrapped
 from linkwork.mechanism.numbers import located
 from linkwork.robot import Motion, Robot, State
-from linkwork.robot.labels import POSES
-from linkwork.robot.network import Network
-from linkwork.robot.reactions import spread
+from linkwork.robot.quantities import QUANTITIES, Axis, axes_of, lacks
 from linkwork.robot.settings import Settings
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps.drives import drive
 from linkwork.sweeps.driving_cases import Case, controlled, pushed, reached
 from linkwork.sweeps.home import REFUSED, UNREACHABLE, home, same_start, several_in_an_inertia
 from linkwork.sweeps.outputs import Output
-from linkwork.sweeps.quantities import QUANTITIES, REACTIONS
 from linkwork.sweeps.study import Study, StudyError
 
 STATUSES = {status.value: status.name for status in Status} | {
@@ -119,19 +116,11 @@ class Bench:
     @cached_property
     def labels(self) -> Mapping[str, tuple[str, ...]]:
         """The names along each axis of components."""
-        robot = self.robot
-        return {
-            "coordinate": robot.coordinates,
-            "rate": robot.rates,
-            "actuator": robot.actuators,
-            "joint": tuple(robot.mechanism.pairs),
-            "pose": POSES[robot.planar] if robot.mechanism.tools else (),
-            "extra": tuple(extra.name for extra in self.extras),
-        }
+        return {name: tuple(axis.names) for name, axis in self._axes.items()}
 
-    def lengths(self, axis: str | None) -> tuple[int, ...]:
-        """Return the shape of a quantity's components."""
-        return () if axis is None else (len(self.labels[axis]),)
+    @cached_property
+    def _axes(self) -> Mapping[str, Axis]:
+        return axes_of(self.robot, self.extras)
 
     @cached_property
     def outputs(self) -> Mapping[str, Output]:
@@ -306,30 +295,14 @@ class Bench:
     def require_quantity(self, name: str, where: tuple[str, ...]) -> None:
         """Refuse a quantity that this study's runs do not have."""
         geared = any("ratios" in located(self.study.robot, path)[0] for path in self.study.paths)
-        goals = bool(self.study.controllers)
-        lacks = {
-            "the robot has no tool": name in ("tool_pose", "tool_error")
-            and not self.labels["pose"],
-            "no drive has a state": name == "drive_state" and not self.extras,
-            "there is no controller": name in ("tracking_error", "tool_error") and not goals,
-            "no joint is between two bodies": name in REACTIONS and not self.labels["joint"],
-            "the ratio of a gear varies": name in REACTIONS and geared,
-        }
-        for reason, lacking in lacks.items():
-            if lacking:
-                raise StudyError(f"{name!r} is not defined here: {reason}", where)
-
-    # Reactions
-
-    @cached_property
-    def network(self) -> Network:
-        """The graph of the joints between bodies."""
-        return Network.of(self.robot.mechanism)
-
-    @cached_property
-    def spread(self) -> float:
-        """The length over which moments count where rigid bodies leave reactions open [m]."""
-        return spread(self.robot)
+        quantity, aimless = QUANTITIES[name], not self.study.controllers
+        reason = (
+            lacks(quantity, self._axes)
+            or (quantity.aimed and aimless and "there is no controller")
+            or (quantity.axis == "joint" and geared and "the ratio of a gear varies")
+        )
+        if reason:
+            raise StudyError(f"{name!r} is not defined here: {reason}", where)
 
     # Goals
 

@@ -19,6 +19,7 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GearJoint, Limits, Mechanism
 from linkwork.robot import Robot, State
+from linkwork.robot.quantities import QUANTITIES, SavedQuantity
 from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states
@@ -31,20 +32,7 @@ if TYPE_CHECKING:
 
 FEW = 12  # joint coordinates that are all shown; of more those that are driven
 SAMPLES = 600  # drawn of a run, at most
-PLOTS = {
-    "tool_pose": "Pose of the tool.",
-    "joint_position": "Joint coordinates.",
-    "joint_rate": "Joint rates.",
-    "command": "Commands to the drives.",
-    "actuator_force": "Forces and torques of the actuators.",
-    "actuator_power": "Power of the actuators.",
-    "conditioning": (
-        "How well the actuated rates determine the others, over how well they do at home: 0 is "
-        "singular."
-    ),
-}
-ENERGIES = ("kinetic_energy", "potential_energy", "work", "energy_balance")
-PEAKS = ("tool_pose", "joint_position", "joint_rate", "actuator_force", "actuator_power")
+FIRST = ("tool_pose", "joint_position", "joint_rate", "command")  # of the pictures
 METHODS = {"Rodas5P": "for stiff equations, with the exact Jacobian"}
 
 
@@ -91,7 +79,9 @@ def render(robot: Robot, run: Run) -> str:
         shown=min(len(time), SAMPLES),
         bodies=bodies_table(robot.mechanism),
         joints=joints_table(robot),
-        peaks=[table for name in PEAKS if (table := peaks_table(data, name))],
+        peaks=[
+            table for each in pictured() if each.peaks and (table := peaks_table(data, each.name))
+        ],
         energy=energy_table(data),
         balance=largest(data, "energy_balance"),
         closure=closure_table(run),
@@ -127,15 +117,29 @@ def plots(data: xarray.Dataset) -> Iterator[Picture]:
     thin = data.isel(time=np.unique(np.linspace(0, count - 1, SAMPLES).round().astype(int)))
     if "command" in thin and np.array_equal(thin["command"], thin["actuator_force"]):
         thin = thin.drop_vars("command")  # of ideal drives
-    for name, caption in PLOTS.items():
+    for quantity in pictured():
+        name = quantity.name
         if name in thin and thin[name].size:
-            yield picture(name.replace("_", "-"), caption, svg(plot_run(driven(thin, name), name)))
-    energies = [name for name in ENERGIES if name in thin]
+            drawing = svg(plot_run(driven(thin, name), name))
+            yield picture(name.replace("_", "-"), quantity.caption, drawing)
+    energies = energies_of(thin)
     if energies:
         caption = (
             "Energy: kinetic, potential, work done on the mechanism, and what the sum is off by."
         )
         yield picture("energy", caption, svg(plot_run(thin, energies)))
+
+
+def pictured() -> list[SavedQuantity]:
+    """Return the quantities that have pictures of their own, the first ones first."""
+    found = [each for each in QUANTITIES.values() if each.caption]
+    return sorted(found, key=lambda each: (*FIRST, each.name).index(each.name))
+
+
+def energies_of(data: xarray.Dataset) -> list[str]:
+    """Return the energies that a dataset holds, which share a picture and a table."""
+    told = [each.name for each in QUANTITIES.values() if each.unit == "J" and not each.axes]
+    return [name for name in told if name in data]
 
 
 def driven(data: xarray.Dataset, name: str) -> xarray.Dataset:
@@ -243,7 +247,7 @@ def peaks_table(data: xarray.Dataset, name: str) -> PageTable | None:
 
 def energy_table(data: xarray.Dataset) -> PageTable | None:
     """Return the energy balance at the start, at the end, and its extremes."""
-    names = [name for name in ENERGIES if name in data and data[name].size]
+    names = [name for name in energies_of(data) if data[name].size]
     if not names:
         return None
     rows = []

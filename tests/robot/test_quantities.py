@@ -1,0 +1,91 @@
+"""The table of quantities: what stands there is told everywhere, and is what the datasets hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.robot.quantities import QUANTITIES, Place, SavedQuantity
+from linkwork.sweeps.chunk import compute
+from linkwork.viewer import traces
+from linkwork.views.run_report import render
+
+from tests.catalogue import built
+from tests.sweeps.carts import study
+from tests.views.pages import Reader
+
+TIMES = np.linspace(0, 0.2, 11)
+
+
+@pytest.fixture
+def squares(monkeypatch) -> str:
+    """Put a quantity into the table: the squares of all joint rates."""
+    quantity = SavedQuantity(
+        "squared_rate", ("rate",), "m^2/s^2", lambda s: s.joints[1] ** 2, "Squares.", peaks=True
+    )
+    monkeypatch.setitem(QUANTITIES, quantity.name, quantity)
+    return quantity.name
+
+
+def test_a_quantity_of_the_table_is_told_by_runs_and_ensembles(squares):
+    robot = built("prr3")
+    run = robot.simulate(robot.home, [1.0, 0.0, 0.5], duration=0.2, save_at=TIMES)
+    runs = robot.ensemble(robot.home, [[1.0, 0.0, 0.5]], duration=0.2, save_at=TIMES)
+    for data, axes in (run.dataset, ("time", "rate")), (runs.dataset, ("member", "time", "rate")):
+        assert data[squares].dims == axes
+        assert data[squares].attrs["units"] == "m^2/s^2"
+        np.testing.assert_array_equal(data[squares].values, data["joint_rate"].values ** 2)
+        assert data[squares].values.any()
+
+
+def test_a_quantity_of_the_table_is_shown_in_the_report_and_in_the_viewer(squares):
+    robot = built("prr3")
+    run = robot.simulate(robot.home, [1.0, 0.0, 0.5], duration=0.2, save_at=TIMES)
+    text = Reader(render(robot, run)).text
+    assert "Squares." in text and "Peaks of the squared rate" in text
+    assert squares in traces.quantities(run)
+    shown = traces.traces(run, squares, robot.actuators)
+    np.testing.assert_array_equal(shown.values.T, run.dataset["joint_rate"].values[:, :3] ** 2)
+
+
+def test_a_quantity_of_the_table_is_asked_for_in_studies(squares):
+    given = study(outputs={"last": f"final {squares}.rail"}, trajectories=(squares, "joint_rate"))
+    found = compute(given, 0)
+    np.testing.assert_array_equal(found[squares], found["joint_rate"] ** 2)
+    np.testing.assert_array_equal(found["last"], found[squares][:, -1, 0])
+    assert found["last"].any()
+
+
+FORCES = {
+    "numbers": [[1.0, 0.0, 0.5], [0.0, 2.0, 0.0]],
+    "signals": [lw.Sampled(TIMES, np.outer(np.sin(9 * TIMES), [1.0, k, 0.0])) for k in (1, 2)],
+}
+
+
+@pytest.mark.parametrize("forces", FORCES)
+def test_quantities_see_the_forces_of_each_member(monkeypatch, forces):
+    pushed = SavedQuantity("pushed", ("actuator",), "N", lambda s: s.acted.force)
+    monkeypatch.setitem(QUANTITIES, pushed.name, pushed)
+    robot, given = built("prr3"), FORCES[forces]
+    found = robot.ensemble(robot.home, given, duration=0.2, save_at=TIMES).dataset["pushed"].values
+    for member, own in enumerate(given):
+        run = robot.simulate(robot.home, own, duration=0.2, save_at=TIMES)
+        np.testing.assert_array_equal(found[member], run.dataset["actuator_force"].values)
+
+
+def test_only_runs_tell_what_follows_from_them_as_a_whole(monkeypatch):
+    whole = SavedQuantity("share", (), "1", lambda run: run.time / run.time[-1], whole=True)
+    monkeypatch.setitem(QUANTITIES, whole.name, whole)
+    robot = built("pendulum")
+    run = robot.simulate(robot.home, duration=0.2, save_at=TIMES)
+    np.testing.assert_array_equal(run.dataset["share"].values, TIMES / 0.2)
+    assert "share" not in robot.ensemble(robot.home, None, duration=0.2, save_at=TIMES).dataset
+
+
+def test_the_documents_name_all_quantities_that_studies_may_ask_for():
+    text = (Path(lw.__file__).parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    asked = [each.name for each in QUANTITIES.values() if each.belongs(Place.STUDY)]
+    assert asked and all(f"`{name}`" in text for name in asked)
