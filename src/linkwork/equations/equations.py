@@ -146,7 +146,7 @@ class Equations:
         """Symbols of the free parameters (np), in the order of `parameters`."""
         return self.tree.p
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """Number of the tree's coordinates."""
         return len(self.tree.coordinates)
@@ -156,7 +156,7 @@ class Equations:
         """Number of the tree's rates."""
         return len(self.tree.rates)
 
-    @property
+    @cached_property
     def mobility(self) -> int:
         """Number n of independent rates."""
         return len(self.chart.independent)
@@ -166,7 +166,7 @@ class Equations:
         """Names of the independent rates."""
         return tuple(self.tree.rates[k] for k in self.chart.independent)
 
-    @property
+    @cached_property
     def constrained(self) -> bool:
         """Tell whether the coordinates have conditions to keep to: closed loops or unit
         quaternions."""

@@ -47,7 +47,12 @@ def reread(
     w, pivot = told(robot, given, q, v, p)
     found = chart.from_tree(w)
     again, other = told(robot, chart, q, found, p)
-    before, after = (robot.kernel("motion_energy")(q, rates, p)[0][..., 0] for rates in (w, again))
+    energy = robot.kernel("motion_energy")
+    if w.ndim == p.ndim == 1:
+        one, two = energy.flat(q, w, p).item(), energy.flat(q, again, p).item()
+        strong = abs(pivot) > checks.PIVOT_BOUND and abs(other) > checks.PIVOT_BOUND
+        return found, np.array(strong and abs(two - one) <= KEPT * max(one, two))
+    before, after = (energy(q, rates, p)[0][..., 0] for rates in (w, again))
     kept = np.abs(after - before) <= KEPT * np.maximum(before, after)
     kept &= np.minimum(np.abs(pivot), np.abs(other)) > checks.PIVOT_BOUND
     at_rest = np.abs(v).max(axis=-1, keepdims=True, initial=0.0) == 0
@@ -60,7 +65,7 @@ def told(
     """Return w = L v (..., nv) and the weakest relative pivot (...), in a good order where the
     chart's own is weak."""
     w, pivot = chart.weighed(q, v, p)
-    if np.abs(pivot).min(initial=np.inf) > checks.PIVOT_BOUND:
+    if (abs(pivot) if w.ndim == 1 else np.abs(pivot).min(initial=np.inf)) > checks.PIVOT_BOUND:
         return w, pivot
     w, pivot = evaluated(robot, chart, lambda other: other.kernel("tree_rates"), q, v, p)
     return w, pivot[..., 0]
@@ -87,8 +92,10 @@ def start(robot: Model, state: State) -> tuple[CompiledChart, np.ndarray]:
     A state in the home chart may start in a shorter one, if nothing is lost by that; any other
     keeps its own.
     """
-    own, shorter = robot.charts[state.independent], robot.run_chart
-    if own is not robot.chart or shorter is own:
+    own, shorter = robot.chart, robot.run_chart
+    if state.independent != robot.independent:
+        return robot.charts[state.independent], state.rates
+    if shorter is own:
         return own, state.rates
     v, kept = reread(robot, own, shorter, state.q, state.rates)
     return (shorter, v) if kept else (own, state.rates)

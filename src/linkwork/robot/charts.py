@@ -117,18 +117,21 @@ class CompiledChart:
         return np.concatenate([tree.units, tree.rate_units[list(self.equations.chart.independent)]])
 
     @cached_property
-    def tolerances(self) -> Callable[[float, int], np.ndarray]:
-        """Return the absolute tolerance of each number of a state (q, v, z) of some size: atol in
+    def tolerances(self) -> Callable[[float, float, int], np.ndarray]:
+        """Return rtol and atol (2, size) of each number of a state (q, v, z) of some size: atol in
         its own unit."""
 
-        def found(atol: float, size: int) -> np.ndarray:
-            return atol * np.concatenate([self.units, np.ones(size - self.units.size)])
+        def found(rtol: float, atol: float, size: int) -> np.ndarray:
+            each = atol * np.concatenate([self.units, np.ones(size - self.units.size)])
+            return np.array([np.full(size, rtol), each])
 
         return lru_cache(maxsize=8)(found)
 
     def facing(self, q: np.ndarray) -> CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""
         pivots = self.kernel("pivots").flat(q, self.p).tolist()
+        if min(pivots, default=1.0) > 0:
+            return self
         return self.with_signs(tuple([-1.0 if pivot < 0 else 1.0 for pivot in pivots]))
 
     @cached_property

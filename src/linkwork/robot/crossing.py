@@ -205,7 +205,7 @@ class Crossing:
     def _tolerance(self, y: np.ndarray) -> np.ndarray:
         """Return the error that each number of y may have; a number small in its own unit counts as
         1 of it."""
-        units = self.chart.tolerances(1.0, y.shape[-1])
+        units = self.chart.tolerances(1.0, 1.0, y.shape[-1])[1]
         return self.atol * units + max(self.rtol, FINEST) * np.maximum(units, np.abs(y))
 
     def _slope(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -160,7 +160,8 @@ class Ensemble:
         units = [*map(robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
         size = np.maximum(np.abs(start), np.abs(y))
         allowed = (
-            robot.chart_of(self.final).tolerances(settings.atol, y.shape[1]) + settings.rtol * size
+            robot.chart_of(self.final).tolerances(1.0, settings.atol, y.shape[1])[1]
+            + settings.rtol * size
         )
         largest = compared(y, y_c, allowed, units, settings.integrator).max(axis=1)
         reached = (self.status == Status.FINISHED) & (other.status == Status.FINISHED)

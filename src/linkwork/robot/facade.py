@@ -495,9 +495,9 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot.running import Settings, simulate
+        from linkwork.robot.running import settings_of, simulate
 
-        settings = Settings(
+        settings = settings_of(
             duration=duration,
             method=method,
             step=step,

@@ -22,7 +22,7 @@ from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.parameters import with_parameters
 from linkwork.robot.state import State
-from linkwork.robot.system import System, as_input, require_starts, system
+from linkwork.robot.system import System, plain, require_starts, system
 from linkwork.simulation import Sampled, Signal
 from linkwork.simulation.many import MemberInputs, as_inputs, require_covers
 
@@ -294,7 +294,7 @@ def forces_of_each(robot: Model, forces: Any) -> tuple[np.ndarray | list[Signal]
     if isinstance(forces, Sequence) and any(
         isinstance(given, Sampled | Signal) for given in forces
     ):
-        return [as_input(robot, given) for given in forces], None
+        return [plain(robot, given).inputs for given in forces], None
     try:
         table = np.asarray(forces, float)
     except (TypeError, ValueError):

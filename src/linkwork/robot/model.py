@@ -18,6 +18,7 @@ from linkwork.robot.asked import Asked, JointsAsked
 from linkwork.robot.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.closing import Least, approach
+from linkwork.robot.choices import Choice, choices
 from linkwork.robot.labels import Labels
 from linkwork.robot.leading import Leader
 from linkwork.robot.modes import ModeStages, modes_of
@@ -90,6 +91,13 @@ class Model:
 
     def chart_of(self, state: State) -> CompiledChart:
         return self.charts[state.independent]
+
+    @cached_property
+    def choice(self) -> Callable[[CompiledChart, bytes], Choice]:
+        """Return what a run goes on in that leaves a chart at q, told by its bytes; kept for poses that runs come to again."""
+        return lru_cache(maxsize=1024)(
+            lambda chart, q: choices(self, chart, np.frombuffer(q)[None])[0]
+        )
 
     @property
     def kernel(self) -> Callable[[str], Kernel]:

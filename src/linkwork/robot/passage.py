@@ -21,7 +21,7 @@ from linkwork.robot import checks
 from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.crossing import Crossed, Crossing
-from linkwork.robot.next_chart import choice, regular
+from linkwork.robot.next_chart import Choice, choice
 from linkwork.robot.settings import Settings
 from linkwork.robot.system import System, with_jacobian
 from linkwork.robot.turning import turning
@@ -35,10 +35,10 @@ from linkwork.simulation import (
     Trajectory,
     Turning,
     as_signal,
-    integrate,
     stack,
 )
 from linkwork.simulation.events import Watch
+from linkwork.simulation.integration import Problem, advanced
 from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
@@ -154,17 +154,10 @@ class Passage:
         """
         if turns is not None:
             q, turns = self.turning.begun(q, turns)
-        chart = self._faced(chart, q)
-        return self.onward(
-            self.stand(
-                chart,
-                self.start,
-                q,
-                np.concatenate([v, z]),
-                turns,
-                self.system.control(chart, control),
-            )
-        )
+        chart, v = self._faced(chart, q), np.concatenate([v, z])
+        if self.system.acting is not None:
+            control = self.system.control(chart, control)
+        return self.onward(self.stand(chart, self.start, q, v, turns, control))
 
     def stand(
         self,
@@ -192,7 +185,9 @@ class Passage:
     @property
     def turning(self) -> Turning:
         """How large coordinates may grow, and which angles are wrapped."""
-        return turning(self.robot.turning, self.robot.chart, self.system.acting)
+        acting = self.system.acting
+        own = self.robot.turning
+        return own if acting is None else turning(own, self.robot.chart, acting)
 
     @cached_property
     def watch(self) -> Watch | None:
@@ -242,11 +237,11 @@ class Passage:
             return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
-        tried = self.settings.step_over and not regular(chart, q)
+        found = cast(Choice, self.robot.once(chosen, chart, q.tobytes()))
+        tried = self.settings.step_over and not found.regular
         over = self._over(here, done) if tried else None
         if over is None:
-            better = choice(self.robot, chart, q).better
-            n, kept, rates = chart.equations.mobility, False, v
+            better, n, kept, rates = found.better, chart.equations.mobility, False, v
             if better is not None:
                 rates, kept = reread(self.robot, chart, better, q, v[:n])
             if better is not None and kept:
@@ -300,44 +295,41 @@ class Passage:
     def _along(
         self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal
     ) -> Trajectory:
-        chart, t, system, settings = stand.chart, stand.t, self.system, self.settings
-        rtol, atol = system.tolerances(
-            chart, settings.rtol, settings.atol, stand.q.size + stand.v.size
-        )
+        chart, t, settings = stand.chart, stand.t, self.settings
         first = t == self.start and stand.method is settings.integrator
-        done = integrate(
-            system.kernel(chart, "motion").address,
-            chart.kernel("closure_step").address if chart.equations.constrained else None,
-            stand.q,
-            stand.v,
-            inputs,
-            system.p(chart),
-            duration=end - t,
-            start=t,
-            rtol=rtol,
-            atol=atol,
-            save_at=save_at,
-            max_step=settings.max_step,
-            first_step=self.pace if first else None,
-            max_steps=stand.steps,
-            method=stand.method,
-            leave_stiff=settings.leave_stiff,
-            closure_tol=CLOSURE * self.robot.size,
+        return advanced(
+            self.problem(chart, stand.method, inputs),
+            np.concatenate((stand.q, stand.v)),
+            stand.q.size,
+            t,
+            t + (end - t),
             pivot_bound=stand.bound,
-            jacobian=self.with_jacobian.kernel(chart, "jacobian").address
-            if stand.method.stiff
-            else None,
-            events=system.conditions(chart) if self.watching else None,
+            steps=stand.steps,
+            save_at=save_at,
+            first_step=self.pace if first else None,
             control=stand.control,
-            watch=self.watch if system.acting else None,
-            turning=self.turning,
             turns=stand.turns,
         )
-        most = settings.max_steps
-        return (
-            done
-            if stand.steps == most
-            else replace(done, bounds={**done.bounds, "max_steps": most})
+
+    def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
+        """Return what is integrated in a chart, and how."""
+        system, settings, robot = self.system, self.settings, self.robot
+        size = robot.equations.nq + robot.mobility + len(system.states)
+        return Problem(
+            system.kernel(chart, "motion").address,
+            chart.kernel("closure_step").address if robot.equations.constrained else 0,
+            self.with_jacobian.kernel(chart, "jacobian").address if method.stiff else 0,
+            system.p(chart),
+            inputs,
+            self.watch if system.acting else None,
+            system.conditions(chart) if system.acting and self.watching else None,
+            method,
+            system.tolerances(chart, settings.rtol, settings.atol, size),
+            settings.max_step,
+            settings.max_steps,
+            CLOSURE * robot.size,
+            settings.leave_stiff,
+            self.turning,
         )
 
     @cached_property

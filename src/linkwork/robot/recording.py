@@ -64,7 +64,7 @@ def simulate(
 
     left: what a run that is resumed had at its end
     """
-    if state.batch:
+    if state.q.ndim > 1:
         raise checks.LinkworkError(
             "a run starts from one state, not from a stack; take one by state.at(index)"
         )

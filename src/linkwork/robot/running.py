@@ -39,11 +39,11 @@ def simulate(
     left: Left | None = None,
 ) -> Run:
     """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
-    given = dict(by_name(parameters, "parameters", EXAMPLE))
-    own = {
-        name: given.pop(name) for name in list(given) if name in getattr(robot, "parameters", {})
-    }
-    robot = with_parameters(robot, own) if own else robot
+    given = {}
+    if parameters is not None:
+        given = dict(by_name(parameters, "parameters", EXAMPLE))
+        own = {name: given.pop(name) for name in list(given) if name in robot.parameters}
+        robot = with_parameters(robot, own) if own else robot
     start = left.time if left else 0.0
     span = (start, start + settings.duration)
     state = robot.own(state)
@@ -51,9 +51,11 @@ def simulate(
     runs = system(
         robot, forces, drives, wrenches, events, given, span, settings.integrator.stiff, state
     )
-    settings = settings.suited(smooth(runs, [runs.inputs]))
+    if not smooth(runs, [runs.inputs]):
+        settings = settings.suited(smooth=False)
     if left is None:
-        require_starts(runs, state)
+        if runs.acting is not None:
+            require_starts(runs, state)
         return recording.simulate(robot, state, runs, settings)
     if left.extras.size != len(runs.extras):
         raise LinkworkError(
@@ -136,7 +138,8 @@ def recorded(run: Run) -> dict[str, float]:
 
 def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
     """Tell whether inputs have no kinks: they are not sampled, nor is a controller."""
-    return runs.sampler is None and all(len(signal.coefficients) == 1 for signal in inputs)
+    sampled = runs.acting is not None and runs.acting.sampler is not None
+    return not sampled and all(len(signal.coefficients) == 1 for signal in inputs)
 
 
 def watched(
@@ -144,6 +147,8 @@ def watched(
 ) -> tuple[Event, ...]:
     """Return events as such: names stand for ready ones, and plain functions are watched without
     ending the run."""
+    if isinstance(events, tuple) and not events:
+        return ()
     given: Sequence[Any] = (
         [events]
         if isinstance(events, str | Event) or callable(events)

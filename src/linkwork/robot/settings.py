@@ -7,6 +7,7 @@ keyword arguments.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,14 @@ ON_SINGULAR = ("stop", "step_over")
 FINEST = 2.3e-14  # relative tolerance: a hundred times the rounding of doubles
 MOST_STEPS = 2**62  # what the loops count up to
 TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
+
+
+def settings_of(**values: Any) -> Settings:
+    """Return settings: those that were made before, where the same was asked for lately."""
+    try:
+        return _kept(**values)
+    except TypeError:  # a list or an array among them
+        return Settings(**values)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,7 +88,7 @@ class Settings:
         """Whether runs step over singular poses."""
         return self.on_singular == "step_over"
 
-    @property
+    @cached_property
     def leave_stiff(self) -> bool:
         """Whether runs go on by another method where they are stiff."""
         return self.method is None
@@ -105,3 +114,6 @@ class Settings:
         if self.integrator.step is not None:
             return {"step": self.integrator.step}
         return {"rtol": self.rtol, "atol": self.atol}
+
+
+_kept = lru_cache(maxsize=64, typed=True)(Settings)

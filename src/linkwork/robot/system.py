@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
 FREE = 1e300  # absolute tolerance of numbers that may err
+GIVEN = Sampled, Signal  # forces that are given over time
 KERNEL = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
 
 
@@ -59,24 +60,29 @@ class System:
     parameters: np.ndarray = field(default_factory=lambda: np.empty(0))
     faults: list[BaseException] = field(default_factory=list)
 
-    @property
+    @cached_property
     def extras(self) -> tuple[Extra, ...]:
         """The extra states of drives and controllers."""
         return self.acting.extras if self.acting else ()
 
-    @property
+    @cached_property
     def states(self) -> tuple[Extra, ...]:
         """All states z beside the robot's: the extra ones, then those that tell the turns of joints
         that are read."""
         followed = [name for names in self.acting.followed for name in names] if self.acting else ()
         return (*self.extras, *(Extra(name, "rad", 0.0) for name in followed))
 
+    @cached_property
+    def initial(self) -> np.ndarray:
+        """The extra states with which drives and controllers begin (nz)."""
+        return np.array([extra.initial for extra in self.extras], float)
+
     @property
     def events(self) -> tuple[Event, ...]:
         """The events to watch for."""
         return self.acting.events if self.acting else ()
 
-    @property
+    @cached_property
     def sampler(self) -> Sampler | None:
         """The sampled controller, if there is one."""
         return self.acting.sampler if self.acting else None
@@ -90,11 +96,7 @@ class System:
             positions: of all joints (..., m), of which the turns count; q: (..., nq).
             extras: the extra states there; their own if left out.
         """
-        own = (
-            np.array([extra.initial for extra in self.extras], float)
-            if extras is None
-            else np.asarray(extras, float)
-        )
+        own = self.initial if extras is None else np.asarray(extras, float)
         if self.acting is None or not self.acting.followed:
             return own
         read = robot.kernel("positions")(q)[0]
@@ -104,19 +106,17 @@ class System:
             [np.broadcast_to(own, (*seen.shape[:-1], own.size)), seen[..., places]], axis=-1
         )
 
-    def tolerances(
-        self, chart: CompiledChart, rtol: float, atol: float, size: int
-    ) -> tuple[float, np.ndarray]:
-        """Return rtol and atol of the numbers of a state (q, v, z) of some size.
+    def tolerances(self, chart: CompiledChart, rtol: float, atol: float, size: int) -> np.ndarray:
+        """Return rtol and atol (2, size) of the numbers of a state (q, v, z) of some size.
 
         States that tell turns do not count, nor in the root mean square of errors: steps are those
         without them.
         """
-        followed, each = len(self.states) - len(self.extras), chart.tolerances(atol, size)
-        if not followed:
-            return rtol, each
-        share = np.sqrt((size - followed) / size)
-        return share * rtol, np.append(share * each[:-followed], np.full(followed, FREE))
+        followed, table = len(self.states) - len(self.extras), chart.tolerances(rtol, atol, size)
+        if followed:
+            table = np.sqrt((size - followed) / size) * table
+            table[1, -followed:] = FREE
+        return table
 
     def p(self, chart: CompiledChart) -> np.ndarray:
         """Return the parameters of the mechanism, then those of controllers and drives."""
@@ -257,14 +257,16 @@ def system(
         joined: whether kernels of `Joined` are needed for plain forces, too.
         state: one or many, from which runs start; home if left out.
     """
-    drives = by_name(drives, "drives", "{'slide_1': Lag(0.01)}")
-    wrenches = several(wrenches, Wrench, "wrenches")
-    given = forces if callable(forces) and not isinstance(forces, Sampled | Signal) else None
-    given = forces if isinstance(forces, Sampler) else given
-    if given is None and not (drives or wrenches or events or joined):
-        checks.known(parameters, (), "parameter")
-        return System(as_input(robot, forces))
-    commands = as_input(robot, forces) if given is None else None
+    drives = {} if drives is None else by_name(drives, "drives", "{'slide_1': Lag(0.01)}")
+    if not isinstance(wrenches, tuple) or wrenches:
+        wrenches = several(wrenches, Wrench, "wrenches")
+    acts = isinstance(forces, Sampler) or (callable(forces) and not isinstance(forces, GIVEN))
+    if not (acts or drives or wrenches or events or joined):
+        if parameters:
+            checks.known(parameters, (), "parameter")
+        return plain(robot, forces)
+    given: Any = forces if acts else None
+    commands = None if acts else plain(robot, forces).inputs
     names = robot.names
     with BUILDING:
         acting = acting_once(names, given, drives, wrenches, tuple(events), span)
@@ -348,28 +350,28 @@ def require_cover(references: Sequence[Reference], span: tuple[float, float]) ->
             )
 
 
-def as_input(robot: Model, forces: Any) -> Signal:
-    """Return actuator forces as a signal: zero, constant, by name, or sampled."""
+def plain(robot: Model, forces: Any) -> System:
+    """Return the system under actuator forces: zero, constant, by name, or sampled."""
     n = len(robot.actuators)
-    if forces is None:
-        return at_rest(n)
-    if not isinstance(forces, Sampled | Signal):
-        forces = checks.finite(checks.actuator_forces(forces, robot.actuators), "forces")
-        if forces.ndim > 1:
+    if not isinstance(forces, GIVEN):
+        u = np.zeros(n) if forces is None else checks.actuator_forces(forces, robot.actuators)
+        if u.ndim > 1:
+            checks.finite(u, "forces")
             raise LinkworkError(
-                f"forces has shape {forces.shape}; give {n} numbers: "
-                f"{', '.join(robot.actuators)}, or linkwork.Sampled ones"
+                f"forces has shape {u.shape}; give {n} numbers: {', '.join(robot.actuators)}, or "
+                "linkwork.Sampled ones"
             )
+        return steady(u.tobytes())
     signal = as_signal(forces)
     if signal.coefficients.shape[2] != n:
         raise LinkworkError(
             f"the forces have {signal.coefficients.shape[2]} columns; give {n}: "
             f"{', '.join(robot.actuators)}"
         )
-    return signal
+    return System(signal)
 
 
-@cache
-def at_rest(n: int) -> Signal:
-    """Return n forces that are zero."""
-    return as_signal(np.zeros(n))
+@lru_cache(maxsize=256)
+def steady(forces: bytes) -> System:
+    """Return the system under constant forces, told by their bytes."""
+    return System(as_signal(checks.finite(np.frombuffer(forces), "forces")))

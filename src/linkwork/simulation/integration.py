@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from linkwork.simulation.native_loop import LoopOutcome
 
 NO_CONDITIONS = np.empty((0, 2))
+NOTHING = np.empty(0)
+GUESSED = np.array(
+    [0.0, math.inf, 0.0, 0.0]
+)  # a pace: the first step is guessed, and may grow at once
 NEARLY = (
     0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
 )
@@ -237,22 +241,8 @@ def integrate(
     duration that is not positive, times to save outside the run, samples that do not cover the run.
     """
     require_run(duration, max_steps)
-    if not 0 <= start < math.inf:
-        raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
-    stop = start + duration
     signal = as_signal(forces)
-    require_cover("the forces", signal, start, stop)
     q, v = _vector("q", q), _vector("v", v)
-    turning = turning or Turning.none(q.size)
-    counted = turning.table.copy()
-    if turns is not None:
-        counted[2] = turns
-    y = np.concatenate((q, v))
-    if not y.size:
-        raise LinkworkError("there is nothing to integrate: q and v are both empty")
-    times = np.empty(0) if save_at is None else times_within(save_at, start, stop)
-    native, loop = _compiled(method.stiff)
-    pace = _pace(first_step if method.step is None else method.step)
     for name, value in (
         ("max_step", max_step),
         ("pivot_bound", pivot_bound),
@@ -261,16 +251,105 @@ def integrate(
         _require_positive(name, value)
     if method.stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
+    y = np.concatenate((q, v))
+    if not y.size:
+        raise LinkworkError("there is nothing to integrate: q and v are both empty")
+    problem = Problem(
+        motion,
+        closure or 0,
+        jacobian or 0,
+        _vector("the parameters", parameters),
+        signal,
+        watch,
+        events,
+        method,
+        tolerances(rtol, atol, y.size),
+        max_step,
+        max_steps,
+        closure_tol,
+        leave_stiff,
+        turning or Turning.none(q.size),
+    )
+    return advanced(
+        problem,
+        y,
+        q.size,
+        start,
+        start + duration,
+        pivot_bound=pivot_bound,
+        steps=max_steps,
+        save_at=save_at,
+        first_step=first_step,
+        control=control,
+        turns=turns,
+    )
+
+
+class Problem(NamedTuple):
+    """Hold what does not change along a run in one chart: the numbers and objects that `integrate` takes, checked.
+
+    closure, jacobian: addresses, 0 where there is none; tolerances (2, n): rtol and atol of each component of (q, v)
+    """
+
+    motion: int
+    closure: int
+    jacobian: int
+    parameters: np.ndarray
+    forces: Signal
+    watch: Watch | None
+    events: Events | None
+    method: Method
+    tolerances: np.ndarray
+    max_step: float
+    max_steps: int
+    closure_tol: float
+    leave_stiff: bool
+    turning: Turning
+
+
+def advanced(
+    problem: Problem,
+    y: np.ndarray,
+    nq: int,
+    start: float,
+    stop: float,
+    *,
+    pivot_bound: float,
+    steps: int,
+    save_at: ArrayLike | None,
+    first_step: float | Pace | None,
+    control: Control | None,
+    turns: ArrayLike | None,
+) -> Trajectory:
+    """Integrate a problem from the state y (q, v) at start to stop [s], as `integrate` does; y holds the last state then."""
+    if not 0 <= start < math.inf:
+        raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
+    signal, method, turning, closure_tol = (
+        problem.forces,
+        problem.method,
+        problem.turning,
+        problem.closure_tol,
+    )
+    require_cover("the forces", signal, start, stop)
+    require_finite(y, nq)
+    counted = turning.table.copy()
+    if turns is not None:
+        counted[2] = turns
+    times = NOTHING if save_at is None else times_within(save_at, start, stop)
+    native, loop = _compiled(method.stiff)
+    pace = _pace(first_step if method.step is None else method.step)
     held, period, next_sample, acts = _sampling(control, start)
+    events, watch = problem.events, problem.watch
     conditions = events.table if events else NO_CONDITIONS
     seen = watch.signal if watch else signal
     facts = np.empty(len(loop.LoopOutcome._fields))
     rows = native.integrate(
-        motion, closure or 0, jacobian or 0, events.address if len(conditions) and events else 0, acts,
-        _vector("the parameters", parameters), signal.table, seen.table, watch.strict if watch else 0,
+        problem.motion, problem.closure, problem.jacobian,
+        events.address if len(conditions) and events else 0, acts,
+        problem.parameters, signal.table, seen.table, watch.strict if watch else 0,
         *method.plan.arguments,
-        tolerances(rtol, atol, y.size), pivot_bound, closure_tol, stability(method, leave_stiff),
-        q.size, y, times, save_at is None, start, stop, max_step, pace, max_steps,
+        problem.tolerances, pivot_bound, closure_tol, stability(method, problem.leave_stiff),
+        nq, y, times, save_at is None, start, stop, problem.max_step, pace, steps,
         held, period, next_sample, conditions, counted, facts,
     )  # fmt: skip
     outcome, found, event = loop.LoopOutcome._make(facts.tolist()), rows[:0], -1
@@ -282,16 +361,16 @@ def integrate(
         control = replace(control, held=held, next_sample=int(outcome.next_sample))
     status = Status(outcome.status)
     if status is Status.CLOSURE_LOST:
-        closure_tol *= turning.looser(y[: q.size])
+        closure_tol *= turning.looser(y[:nq])
     bounds = {
         "pivot_bound": pivot_bound,
         "closure_tol": closure_tol,
-        "max_steps": max_steps,
+        "max_steps": problem.max_steps,
         "event": event,
     }
     if method.stiff:
         bounds["remedy"] = "or look for what acts too suddenly"
-    return Trajectory(rows, found, y, counted[2], q.size, outcome, control, bounds, status)
+    return Trajectory(rows, found, y, counted[2], nq, outcome, control, bounds, status)
 
 
 @cache
@@ -318,16 +397,17 @@ def _pace(first_step: float | Pace | None) -> np.ndarray:
     at once."""
     if isinstance(first_step, Pace):
         return np.array([first_step.step, first_step.growth, first_step.longest, first_step.ideal])
-    if first_step is not None:
-        _require_positive("first_step", first_step)
-    return np.array([first_step or 0.0, math.inf, 0.0, 0.0])
+    if first_step is None:
+        return GUESSED
+    _require_positive("first_step", first_step)
+    return np.array([first_step, math.inf, 0.0, 0.0])
 
 
 def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float, int, int]:
     """Return the held inputs, the period, the index of the first sample, and the address of the
     controller's kernel."""
     if control is None:
-        return np.empty(0), 1.0, 0, 0
+        return NOTHING, 1.0, 0, 0
     first = (
         math.ceil(start / control.period - ROUNDING)
         if control.next_sample is None
@@ -370,6 +450,13 @@ def _tolerance(name: str, value: ArrayLike, n: int) -> ArrayLike:
         if not 0 < number < math.inf:
             raise LinkworkError(f"{name} must be positive and finite, not {number}")
     return given
+
+
+def require_finite(y: np.ndarray, nq: int) -> None:
+    """Refuse states of which a number is none; say which."""
+    if not all(map(math.isfinite, y.tolist())):
+        _vector("q", y[:nq])
+        _vector("v", y[nq:])
 
 
 def times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
