@@ -14,7 +14,7 @@ from linkwork.kernels import Kernel
 
 from benchmarks import native
 from benchmarks.table import Listing, Section, quantity
-from benchmarks.timing import interleaved, ns, summary, us
+from benchmarks.timing import empty_cache, interleaved, ns, summary, us
 
 STATES = 128
 COLUMNS = (
@@ -49,10 +49,11 @@ class Entry:
 
 def entry(name: str) -> Entry:
     """Derive, trace and compile a robot of the catalogue."""
-    start = perf_counter()
-    robot = lw.Robot(getattr(robots, name)())
-    motion = functions.motion(robot.run_chart.equations)
-    derived = perf_counter() - start
+    with empty_cache():
+        start = perf_counter()
+        robot = lw.Robot(getattr(robots, name)())
+        motion = functions.motion(robot.run_chart.equations)
+        derived = perf_counter() - start
     kernel, compiled = native.compiled_anew(motion)
     return Entry(robot, motion.n_instructions(), kernel, derived, sum(compiled.values()))
 

@@ -1,4 +1,5 @@
-"""What lies between `robot.simulate` and the compiled loop, and what is kept from one run to the next."""
+"""What lies between `robot.simulate` and the compiled loop, and what is kept from one run to the
+next."""
 
 import sys
 from itertools import pairwise
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot import model
+from linkwork.robot import passage
 from linkwork.robot.settings import Settings, settings_of
 from linkwork.simulation import native
 
@@ -18,7 +19,8 @@ MOST_KEPT = 1024
 
 
 def files_called(work, monkeypatch) -> list[str]:
-    """Return the files of the library in which functions are called, in order, until a compiled loop starts."""
+    """Return the files of the library in which functions are called, in order, until a compiled
+    loop starts."""
     called, loop = [], native.integrate
 
     def watch(frame, event, _):
@@ -58,10 +60,10 @@ def test_a_chart_is_chosen_once_for_a_pose_that_runs_come_to_again(monkeypatch):
 
     def counted(*given):
         asked.append(given)
-        return choices(*given)
+        return choice(*given)
 
-    choices = model.choices
-    monkeypatch.setattr(model, "choices", counted)
+    choice = passage.choice
+    monkeypatch.setattr(passage, "choice", counted)
     runs = [robot.simulate(robot.home, [5.0, 0.0, 0.0], duration=1.0) for _ in range(2)]
     assert len(asked) == 3
     other = lw.Robot(lw.robots.prr3())
@@ -71,7 +73,7 @@ def test_a_chart_is_chosen_once_for_a_pose_that_runs_come_to_again(monkeypatch):
     for run in runs[1:]:
         assert run.attrs["charts"] == runs[0].attrs["charts"]
         assert all(np.array_equal(first[name], run.dataset[name]) for name in first)
-    assert robot.choice.cache_info().maxsize == MOST_KEPT
+    assert robot.once.cache_info().maxsize == MOST_KEPT
 
 
 def test_equal_settings_are_made_once_and_lists_do_not_hinder():

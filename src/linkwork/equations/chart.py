@@ -23,7 +23,6 @@ from functools import cached_property, lru_cache
 from math import prod
 
 import casadi as ca
-import networkx as nx
 import numpy as np
 
 from linkwork.equations.algebra import SX
@@ -378,6 +377,8 @@ def triangular(
 def _triangular(
     rows: tuple[tuple[int, tuple[int, ...]], ...],
 ) -> tuple[tuple[tuple[int, ...], frozenset[int]], ...]:
+    import networkx as nx
+
     graph, pattern = nx.Graph(), dict(rows)
     graph.add_nodes_from(
         sorted(pattern)

@@ -119,6 +119,7 @@ class Equations:
         its bodies, by name
     idle: names of those of them that nothing acts on
     notes: sentences on what was decided about the reference that the description does not say
+    key: tells equations of different descriptions apart where it is known; the same in all charts
     """
 
     mechanism: Mechanism
@@ -135,6 +136,7 @@ class Equations:
     idle: tuple[str, ...]
     chart: Chart
     notes: tuple[str, ...]
+    key: str = ""
 
     @property
     def parameters(self) -> Mapping[str, float]:

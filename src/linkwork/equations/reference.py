@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 import casadi as ca
-import networkx as nx
 import numpy as np
 
 from linkwork.equations.algebra import SX, quaternion_matrix, rotation_matrix, turn_matrix
@@ -230,7 +229,9 @@ def described(mechanism: Mechanism) -> dict[str, float]:
 def body_poses(mechanism: Mechanism, values: dict[str, float]) -> dict[str, Pose]:
     """Return p_0B, R_0B of the bodies that joints other than rods reach from ground, for joint
     coordinates by name."""
-    graph = nx.MultiGraph(mechanism.graph())
+    import networkx as nx
+
+    graph = mechanism.graph()
     for name, joint in mechanism.pairs.items():
         if isinstance(joint, RodJoint):
             graph.remove_edge(*joint.connects, key=name)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
 import casadi as ca
-import networkx as nx
 import numpy as np
 
 from linkwork.equations import effects
@@ -59,6 +58,8 @@ def members(mechanism: Mechanism) -> dict[Member, str]:
 
     None is ground, a branching body, or a tool's.
     """
+    import networkx as nx
+
     graph, order = mechanism.graph(), list(mechanism.bodies).index
     hubs = {GROUND, *(tool.body for tool in mechanism.tools.values())}
     hubs |= {body for body in mechanism.bodies if graph.degree[body] > 2}  # pyright: ignore[reportIndexIssue]

@@ -87,10 +87,15 @@ def _path(name: str) -> Path:
     return folder() / f"{name}.kernel"
 
 
-@cache
 def _source() -> bytes:
-    """Return the source of this package: other source makes other code."""
-    files = [
-        file for file in resources.files("linkwork.kernels").iterdir() if file.name.endswith(".py")
-    ]
-    return b"".join(file.read_bytes() for file in sorted(files, key=lambda file: file.name))
+    """Return what the source of this package is told by: other source makes other code."""
+    return source("linkwork.kernels")
+
+
+@cache
+def source(package: str) -> bytes:
+    """Return a digest of the source of a package: other source makes other code."""
+    digest, folder = hashlib.sha256(), Path(str(resources.files(package)))
+    for file in sorted(folder.rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.digest()

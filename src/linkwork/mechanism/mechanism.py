@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-import networkx as nx
 from pydantic import Field, model_validator
 
 from linkwork import checks
@@ -22,6 +21,9 @@ from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 GROUND = "ground"
 SHOWN = 100  # names in one sentence
@@ -128,7 +130,7 @@ class Mechanism(Record):
         for name in self.reference:
             require(name, coordinates, "joint", ("reference",))
         # All hangs together.
-        loose = set(self.bodies) - set(nx.node_connected_component(self.graph(), GROUND))
+        loose = set(self.bodies) - self._reached()
         if loose:
             first = next(name for name in self.bodies if name in loose)
             raise MechanismError(
@@ -139,11 +141,22 @@ class Mechanism(Record):
     def graph(self) -> nx.MultiGraph:
         """Return the graph: nodes are `ground` and the bodies, edges the joints but the gears
         (key: the joint's name)."""
+        import networkx as nx
+
         graph = nx.MultiGraph()
         graph.add_nodes_from((GROUND, *self.bodies))
         for name, joint in self.pairs.items():
             graph.add_edge(*joint.connects, key=name)
         return graph
+
+    def _reached(self) -> set[str]:
+        """Return the bodies to which chains of joints lead from ground, ground among them."""
+        reached, beyond = set[str](), {GROUND}
+        while beyond:
+            reached |= beyond
+            ends = [set(joint.connects) for joint in self.pairs.values()]
+            beyond = set[str]().union(*(pair for pair in ends if pair & reached)) - reached
+        return reached
 
     def _check_actuators(self) -> None:
         rates, seen = dict.fromkeys(self.rates), set()

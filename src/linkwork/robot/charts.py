@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from threading import RLock
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -27,6 +27,7 @@ from linkwork.equations.chart import Chart, faced
 from linkwork.equations.chart_choice import DETERMINED, strengths
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
+from linkwork.robot.derivations import kept
 
 KERNELS = (
     "motion",
@@ -47,6 +48,7 @@ KERNELS = (
     "assembly",
     "regressor",
 )
+Found = TypeVar("Found")
 BUILDING = RLock()  # expressions are built by one thread at a time
 
 
@@ -76,7 +78,10 @@ class CompiledChart:
     def _kernel(self, name: str) -> Kernel:
         if name not in KERNELS:
             raise LinkworkError(f"there is no kernel {name!r}; there are {', '.join(KERNELS)}")
-        return self.compiled(name, getattr(functions, name)).given(self.p)
+        make = getattr(functions, name)
+        return self.compiled(
+            name, lambda equations: self._stored(name, lambda: make(equations))
+        ).given(self.p)
 
     def compiled(self, key: str, make: Callable[[Equations], ca.Function]) -> Kernel:
         """Return the kernel of a function of these equations, kept under a key for all charts that
@@ -91,8 +96,13 @@ class CompiledChart:
         share kernels."""
         with BUILDING:
             if key not in self._kept:
-                self._kept[key] = find()
+                self._kept[key] = self._stored(key, find)
             return self._kept[key]
+
+    def _stored(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return what follows from equations whose key is known, found once on this machine."""
+        key = self.equations.key
+        return kept(find, name, key, repr(self.key)) if key else find()
 
     @property
     def independent(self) -> tuple[str, ...]:

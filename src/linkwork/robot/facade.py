@@ -16,6 +16,7 @@ from linkwork.paths import Path
 from linkwork.robot import checks, evaluation, limits, linear, posing
 from linkwork.robot.assembly import OPEN_LOOPS
 from linkwork.robot.model import Model
+from linkwork.robot.settings import settings_of
 from linkwork.robot.state import Motion, State
 
 if TYPE_CHECKING:
@@ -495,7 +496,7 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot.running import settings_of, simulate
+        from linkwork.robot.running import simulate
 
         settings = settings_of(
             duration=duration,

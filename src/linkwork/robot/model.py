@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
 from linkwork.control.observation import Names
-from linkwork.equations import Equations, body_motion, derive, mobility
+from linkwork.equations import Equations, body_motion, mobility
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
@@ -18,7 +19,7 @@ from linkwork.robot.asked import Asked, JointsAsked
 from linkwork.robot.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
 from linkwork.robot.charts import Charts, CompiledChart, shorter
 from linkwork.robot.closing import Least, approach
-from linkwork.robot.choices import Choice, choices
+from linkwork.robot.derivations import derived, kept
 from linkwork.robot.labels import Labels
 from linkwork.robot.leading import Leader
 from linkwork.robot.modes import ModeStages, modes_of
@@ -45,7 +46,7 @@ class Model:
             )
         self.mechanism = mechanism
         wanted = checks.names(independent, "independent")
-        self.equations: Equations = derive(mechanism, wanted, free)
+        self.equations: Equations = derived(mechanism, wanted, tuple(free))
         self.parameters: dict[str, float] = dict(self.equations.parameters)
         self.p = np.array(list(self.parameters.values()))
         self.chart = CompiledChart(self.equations, self.p)
@@ -93,11 +94,10 @@ class Model:
         return self.charts[state.independent]
 
     @cached_property
-    def choice(self) -> Callable[[CompiledChart, bytes], Choice]:
-        """Return what a run goes on in that leaves a chart at q, told by its bytes; kept for poses that runs come to again."""
-        return lru_cache(maxsize=1024)(
-            lambda chart, q: choices(self, chart, np.frombuffer(q)[None])[0]
-        )
+    def once(self) -> Callable[..., Any]:
+        """Call a function of this robot and of what tells its results apart; results are kept for
+        some calls to come."""
+        return lru_cache(maxsize=1024)(lambda function, *given: function(self, *given))
 
     @property
     def kernel(self) -> Callable[[str], Kernel]:
@@ -123,7 +123,9 @@ class Model:
         the shorter one."""
         if self.origin is not None:
             return self.origin.run_chart.with_parameters(self.p)
-        chart = shorter(self.chart, self.equations.reference)
+        home, equations = self.chart, self.equations
+        found = kept(lambda: shorter(home, equations.reference).key, "run chart", equations.key)
+        chart = home if found == home.key else CompiledChart(equations.in_chart(found), self.p)
         return self.charts.setdefault(chart.independent, chart)
 
     @cached_property

@@ -31,11 +31,6 @@ class Choice(NamedTuple):
     better: CompiledChart | None
 
 
-def regular(chart: CompiledChart, q: np.ndarray) -> bool:
-    """Tell whether a configuration is far from losing rank; chart: any."""
-    return bool(chart.equations.regular(chart.constraint_jacobian(q)))
-
-
 def lost(chart: CompiledChart, q: np.ndarray) -> bool:
     """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart:
     any."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -226,6 +226,7 @@ class Passage:
         here = stand._replace(
             t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None
         )
+        # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
             return (
@@ -237,6 +238,8 @@ class Passage:
             return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
+        # The pivots are weak: the better chart there is taken, if it tells the same motion; near a
+        # singular pose, where that is asked for, the way over it comes first.
         found = cast(Choice, self.robot.once(chosen, chart, q.tobytes()))
         tried = self.settings.step_over and not found.regular
         over = self._over(here, done) if tried else None
@@ -251,6 +254,7 @@ class Passage:
                 )
             if self.settings.step_over and not tried:
                 over = self._over(here, done)
+        # Behind a pose that is stepped over, the same chart goes on as soon as it may.
         if over is not None:
             behind = over.trajectory
             short, q = behind.end_time - t, behind.q_end
@@ -258,6 +262,7 @@ class Passage:
             bound = min(SOFT, 0.5 * chart.pivot(q))
             here = here._replace(chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
             return here._replace(bound=bound, short=short, over=over)
+        # Nothing is better: the same chart goes on under a lower bound, down to the hard one.
         if stand.bound > checks.PIVOT_BOUND:
             bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
             here = here._replace(bound=bound)
@@ -420,3 +425,8 @@ class Passage:
             for time, rises in crossed.zeros(of):
                 if event.direction >= 0 if rises else event.direction <= 0:
                     yield time, number
+
+
+def chosen(robot: Model, chart: CompiledChart, q: bytes) -> Choice:
+    """Return what a run goes on in that leaves a chart at q, told by its bytes."""
+    return choice(robot, chart, np.frombuffer(q))

@@ -86,6 +86,7 @@ def resume(
             f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load "
             "returns"
         )
+    # Where the run ended, as far as it tells.
     try:
         q, v = (
             np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v")
@@ -100,6 +101,7 @@ def resume(
     n = len(independent)
     if q.size != robot.equations.nq or n != robot.mobility:
         raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
+    # The state there, in the chart that it ended in, with the whole turns of its joints.
     state = replace(robot.make_state(q, v[:n]), independent=independent)
     if "final_windings" in run.attrs:
         windings = np.atleast_1d(np.asarray(run.attrs["final_windings"], float))
@@ -116,6 +118,7 @@ def resume(
                 "the motion where it ended"
             )
         robot.charts[independent] = chart
+    # What else it goes on with: held inputs, counted turns, parameters, extra states.
     held, turns = (
         np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
         for name in ("final_held", "final_turns")

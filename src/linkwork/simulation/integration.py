@@ -240,6 +240,7 @@ def integrate(
     Raises `LinkworkError` for arguments that make no run: shapes, numbers that are not finite, a
     duration that is not positive, times to save outside the run, samples that do not cover the run.
     """
+    # What may not be: runs without an end, numbers that are none, methods without what they need.
     require_run(duration, max_steps)
     signal = as_signal(forces)
     q, v = _vector("q", q), _vector("v", v)
@@ -254,6 +255,7 @@ def integrate(
     y = np.concatenate((q, v))
     if not y.size:
         raise LinkworkError("there is nothing to integrate: q and v are both empty")
+    # What does not change on the way, and the run itself.
     problem = Problem(
         motion,
         closure or 0,
@@ -286,9 +288,11 @@ def integrate(
 
 
 class Problem(NamedTuple):
-    """Hold what does not change along a run in one chart: the numbers and objects that `integrate` takes, checked.
+    """Hold what does not change along a run in one chart: the numbers and objects that `integrate`
+    takes, checked.
 
-    closure, jacobian: addresses, 0 where there is none; tolerances (2, n): rtol and atol of each component of (q, v)
+    closure, jacobian: addresses, 0 where there is none; tolerances (2, n): rtol and atol of each
+    component of (q, v)
     """
 
     motion: int
@@ -321,7 +325,8 @@ def advanced(
     control: Control | None,
     turns: ArrayLike | None,
 ) -> Trajectory:
-    """Integrate a problem from the state y (q, v) at start to stop [s], as `integrate` does; y holds the last state then."""
+    """Integrate a problem from the state y (q, v) at start to stop [s], as `integrate` does; y
+    holds the last state then."""
     if not 0 <= start < math.inf:
         raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
     signal, method, turning, closure_tol = (
