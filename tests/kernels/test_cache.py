@@ -11,7 +11,7 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
-from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels import Kernel, cache, compile_function
 from linkwork.kernels import kernel as kernel_module
 from linkwork.kernels import module as modules
 from linkwork.kernels.cache import key
@@ -154,6 +154,19 @@ def test_no_warning_and_no_leftover_when_all_is_well(folder: Path):
             kernel = compile_function(random_function(seed))
             assert kernel.address and kernel.batch_address
     assert all(file.suffix == ".kernel" for file in folder.iterdir())
+
+
+def test_the_oldest_entries_go_where_all_are_too_large(folder: Path, monkeypatch):
+    monkeypatch.setattr(cache, "LARGEST", 2500)
+    names, other = ("youngest", "middle", "oldest"), folder / "of_the_user.txt"
+    for age, name in enumerate(names):
+        cache.write(name, bytes(1000))
+        os.utime(folder / f"{name}.kernel", (1e9 - age, 1e9 - age))
+    other.write_text("no kernel" * 1000)
+    os.utime(other, (0, 0))
+    cache.write(cache.SWEEPING, b"")
+    assert [cache.read(name) is not None for name in names] == [True, True, False]
+    assert other.exists()
 
 
 def test_the_key_separates_its_parts():

@@ -2,6 +2,7 @@
 next."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
@@ -94,3 +95,18 @@ def test_forces_are_told_apart_by_their_bits():
     assert not np.array_equal(first.attrs["final_q"], second.attrs["final_q"])
     again = robot.simulate(robot.home, {"slide_1": 5.0}, duration=0.1)
     assert np.array_equal(first.attrs["final_q"], again.attrs["final_q"])
+
+
+def test_threads_get_what_one_alone_gets():
+    robot = lw.Robot(lw.robots.prr3())
+    forces = [[5.0, 0.0, 0.1 * k] for k in range(4)]
+
+    def end(u) -> np.ndarray:
+        return robot.simulate(robot.home, u, duration=1.0).attrs["final_q"]
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(end, forces * 8))
+    alone = lw.Robot(lw.robots.prr3())
+    expected = [alone.simulate(alone.home, u, duration=1.0).attrs["final_q"] for u in forces]
+    for k, one in enumerate(found):
+        assert np.array_equal(one, expected[k % len(forces)])

@@ -1,15 +1,18 @@
-"""Object code kept on disk, so that a function is compiled once per machine.
+"""Object code kept on disk, so that a function is compiled once per machine; and whatever else
+takes long to find, by those who know what it depends on.
 
 An entry is one file, named by the hash of all that its content depends on: the function, the
 machine, the version of LLVM and the source of this package. It holds a line that marks the format,
 the hash of the rest, and the rest; a file that does not agree with its own hash is not used. Files
-are written under another name and renamed, so that a reader never sees half of one.
+are written under another name and renamed, so that a reader never sees half of one. Where all
+entries together grow larger than a gigabyte the oldest are taken away.
 """
 
 import hashlib
 import os
 import tempfile
 import warnings
+from contextlib import suppress
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -18,6 +21,9 @@ import platformdirs
 
 _MARK = b"linkwork kernel 1\n"
 _HASH_BYTES = hashlib.sha256().digest_size
+
+LARGEST = 2**30  # bytes of all entries together, about
+SWEEPING = "00"  # what the names of entries begin with whose writers look at that, one in 256
 
 
 def folder() -> Path:
@@ -66,11 +72,25 @@ def write(name: str, content: bytes) -> None:
             with os.fdopen(handle, "wb") as file:
                 file.write(_MARK + hashlib.sha256(content).digest() + content)
             os.replace(temporary, path)
+            if name.startswith(SWEEPING):
+                with suppress(FileNotFoundError):  # another process sweeps, too
+                    sweep()
         except OSError:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
         _warn_unwritable(path.parent, error.strerror or str(error))
+
+
+def sweep() -> None:
+    """Take away the oldest entries where all together are larger than LARGEST."""
+    found = [(path, path.stat()) for path in folder().glob("*.kernel")]
+    over = sum(state.st_size for _, state in found) - LARGEST
+    for path, state in sorted(found, key=lambda entry: entry[1].st_mtime):
+        if over <= 0:
+            return
+        path.unlink(missing_ok=True)
+        over -= state.st_size
 
 
 @cache
