@@ -147,7 +147,7 @@ def together(*paths: Path) -> Path:
 
     def curve(s: np.ndarray) -> Triple:
         parts = [path.curve(s) for path in paths]
-        return tuple(np.hstack([part[k] for part in parts]) for k in range(3))  # pyright: ignore[reportReturnType]
+        return tuple(np.hstack([part[k] for part in parts]) for k in range(3))  # pyright: ignore
 
     return Path(curve, paths[0].law)
 

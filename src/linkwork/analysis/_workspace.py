@@ -9,8 +9,10 @@ method happens to end. Legs that are coupled make one stage: of two modes whose 
 equal signs (an arm's elbow and shoulder both turned over) the nearer one is taken.
 
     conditioning        1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
-    isotropic velocity  min_i rate_i / |row i of K|        what the tool reaches in every direction, without turning
-    isotropic force     min_i force_i / |column i of J|    what it bears in every direction, without moment
+    isotropic velocity  min_i rate_i / |row i of K|      what the tool reaches in every direction,
+                                                         without turning
+    isotropic force     min_i force_i / |column i of J|  what it bears in every direction,
+                                                         without moment
 
 A constant-orientation workspace is a grid with the angle constant; the reachable one is
 `reachable.any("angle")` of a grid over angles, too, the dexterous one `reachable.all("angle")`.
@@ -232,7 +234,7 @@ def positive(
     """Return positive bounds of all actuators: one number, one each, or by name."""
     if values is None:
         return None
-    if np.ndim(values) == 0 and not isinstance(values, Mapping):  # pyright: ignore[reportArgumentType]
+    if np.ndim(values) == 0 and not isinstance(values, Mapping):  # pyright: ignore
         values = [checks.number(values, what)] * len(robot.actuators)
     numbers = checks.values_by_name(values, robot.actuators, what, "actuator")
     if not (numbers > 0).all() or numbers.ndim != 1:

@@ -1,9 +1,10 @@
 """Singularities: where a parallel robot loses or gains a freedom, and how far away that is.
 
-    kind I     det B = 0    leg-singular: the joints move, the tool stands still (in what it is led in); the edge of the
-                            workspace
-    kind II    det A = 0    actuator-singular: the tool moves with the actuators locked, and bears no force there
-    kind III   both
+    kind I      det B = 0   leg-singular: the joints move, the tool stands still (in what it is led
+                            in); the edge of the workspace
+    kind II     det A = 0   actuator-singular: the tool moves with the actuators locked, and bears
+                            no force there
+    kind III    both
     constraint  rank Phi < its rank elsewhere: the loops themselves let go of a freedom
 
 At one state the kinds are told by singular values: of the rows of the tool and of the actuators on

@@ -94,13 +94,13 @@ class FluidCylinder(Drive):
 class PneumaticCylinder(FluidCylinder):
     """Drive a slide by air through a proportional 5/3 valve.
 
-        p_i' = (n / V_i) (R T m_i' - p_i V_i'),  F = p_a A_a - p_b A_b - atmosphere (A_a - A_b) +
-        stops
+        p_i' = (n / V_i) (R T m_i' - p_i V_i')
+        F = p_a A_a - p_b A_b - atmosphere (A_a - A_b) + stops
 
     with the mass flows of a valve opened by |command|, from the pressure p_1 to p_2 (ISO 6358):
 
-        m' = |command| C rho_0 p_1 sqrt(T_0 / T) psi(p_2 / p_1),  psi(r) = 1 for r <= b, else sqrt(1
-        - ((r - b) / (1 - b))^2),
+        m' = |command| C rho_0 p_1 sqrt(T_0 / T) psi(p_2 / p_1)
+        psi(r) = 1 for r <= b, else sqrt(1 - ((r - b) / (1 - b))^2)
 
     Sources: ISO 6358-1; Beater, Pneumatic Drives, ch. 4 and 5.
     """
@@ -154,7 +154,8 @@ class PneumaticCylinder(FluidCylinder):
 class HydraulicCylinder(FluidCylinder):
     """Drive a slide by oil through a four-way servo valve.
 
-        p_a' = (beta_a / V_a) (Q_a - A_a w - c (p_a - p_b)),    p_b' = (beta_b / V_b) (A_b w - Q_b + c (p_a - p_b))
+        p_a' = (beta_a / V_a) (Q_a - A_a w - c (p_a - p_b))
+        p_b' = (beta_b / V_b) (A_b w - Q_b + c (p_a - p_b))
         Q = flow command sqrt(dp / drop) over each metering edge,    F = p_a A_a - p_b A_b + stops
         1 / beta_i = 1 / beta + air p_0 / p_i^2,    p_0 = 100 kPa
 

@@ -76,8 +76,9 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
             )
         return DesiredMotion(signal)
     if hasattr(goal, "time") and hasattr(goal, "state"):
-        columns = [goal.state[name] for name in names.actuators]  # pyright: ignore[reportAttributeAccessIssue]
-        return DesiredMotion(as_signal(Sampled(goal.time, np.stack(columns, axis=-1))))  # pyright: ignore[reportAttributeAccessIssue]
+        columns = [goal.state[name] for name in names.actuators]  # pyright: ignore
+        led = Sampled(goal.time, np.stack(columns, axis=-1))  # pyright: ignore
+        return DesiredMotion(as_signal(led))
     if isinstance(goal, Mapping) and (
         lacking := [name for name in names.actuators if name not in goal]
     ):
@@ -85,7 +86,10 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
             f"the goal lacks {', '.join(lacking)}; give all of {', '.join(names.actuators)}"
         )
     try:
-        values = [checks.number(goal[name], f"{name} of the goal") for name in names.actuators]  # pyright: ignore
+        values = [
+            checks.number(goal[name], f"{name} of the goal")  # pyright: ignore
+            for name in names.actuators
+        ]
     except (TypeError, AttributeError, IndexError):
         raise LinkworkError(
             f"the goal is {goal!r}; give a state, a motion, coordinates by name, or a signal of "

@@ -5,10 +5,12 @@ other. They are written in the axes of the side whose chain is shorter ("this" s
 "that"): there the last joints' columns are constants or near it, so that eliminating them costs
 little and divides by lengths, not by sines.
 
-    position row   phi = e . g,  g = p_that - p_this  Phi w = e . v,  v = v_that - v_this - omega_this x g
-    direction row  phi = e . f                        Phi w = (f x e) . omega,  omega = omega_that - omega_this
-    screw row      phi = h sin(e . g / h - angle)     Phi w = e . v - h e . omega
-    distance row   phi = (g . g - l^2) / (2 l)        Phi w = g . (v_that - v_this) / l
+    position row   phi = e . g                     Phi w = e . v
+    direction row  phi = e . f                     Phi w = (f x e) . omega
+    screw row      phi = h sin(e . g / h - angle)  Phi w = e . v - h e . omega
+    distance row   phi = (g . g - l^2) / (2 l)     Phi w = g . (v_that - v_this) / l
+
+    g = p_that - p_this,  v = v_that - v_this - omega_this x g,  omega = omega_that - omega_this
 
 and with w' = 0 the second derivative of phi leaves the bias gamma, so that  Phi w' + gamma = 0.
 Source: the paper, Eqs. (1), (2); Nikravesh 1988, ch. 6 (constraints by vectors).

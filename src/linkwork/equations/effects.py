@@ -8,7 +8,8 @@ both in F1's axes:
     force      -k (x - rest) - d w - (viscous + coulomb / sqrt(w . w + r^2)) w
     potential  k (x - rest) . (x - rest) / 2
     friction   vanishes with w, and is stiff at rest: d(force)/dw = -(viscous + coulomb / r) there
-    rotor      kinetic energy J w . w / 2:  J adds to the tree's inertia, by the rows that give w from the tree's rates
+    rotor      kinetic energy J w . w / 2:  J adds to the tree's inertia, by the rows that give w
+               from the tree's rates
 
 A spring between points at the distance l pulls with the tension  k (l - l_0) + d l'.
 """

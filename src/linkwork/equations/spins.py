@@ -62,7 +62,7 @@ def members(mechanism: Mechanism) -> dict[Member, str]:
 
     graph, order = mechanism.graph(), list(mechanism.bodies).index
     hubs = {GROUND, *(tool.body for tool in mechanism.tools.values())}
-    hubs |= {body for body in mechanism.bodies if graph.degree[body] > 2}  # pyright: ignore[reportIndexIssue]
+    hubs |= {body for body in mechanism.bodies if graph.degree[body] > 2}  # pyright: ignore
     inner = nx.Graph(graph)
     inner.remove_nodes_from(hubs)
     chains = {

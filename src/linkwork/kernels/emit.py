@@ -2,9 +2,10 @@
 for states side by side.
 
     void one(const double* in, double* out)
-    void batch(int64_t blocks, const double* in, double* out)  in[block][n_in][lanes],
-    out[block][n_out][lanes]
-    void wide(const double* in, double* out)                   in[n_in][ABREAST * lanes], out[n_out][ABREAST * lanes]
+    void batch(int64_t blocks, const double* in, double* out)
+        in[block][n_in][lanes], out[block][n_out][lanes]
+    void wide(const double* in, double* out)
+        in[n_in][ABREAST * lanes], out[n_out][ABREAST * lanes]
 
 All come from the same walk over the program's sections, for double and for <lanes x double>:
 straight-line code, but for the sines and cosines at the sections' ends (`angles`). The sections of

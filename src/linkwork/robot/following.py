@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     from linkwork.robot.members import Members
     from linkwork.robot.model import Model
 
-DENSE, NEAR = (
-    2.0,
-    1.0,
-)  # saved times for each step, and how far an angle turns from one to the next [rad], that tell its turns
+DENSE, NEAR = 2.0, 1.0
+"""Saved times for each step, and how far an angle turns from one to the next [rad], that tell its
+turns."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -229,7 +229,7 @@ class Callback:
             state = observation(
                 self.chart, acting.names, q, v, z, parameters, partial(self._turned, z)
             )
-            forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore[reportOptionalMemberAccess]
+            forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore
             result[later.size :] = ordered(forces, actuators, CONTROLLER)
         except BaseException as error:
             self.system.faults.append(error)

@@ -3,14 +3,14 @@ meet.
 
 With e(a) = (cos a, sin a) and n(a) = (sin a, -cos a):
 
-    K1    about O = (0, 0) at the angle beta, length rr                                           beta, actuated
-    K2    on K1's pin, at the angle beta + Theta:   P = rr e(beta) - d e(beta + Theta)            Theta
-    K3    about B, at the angle gamma:              P = B + ss n(gamma),                          gamma
-          its point D = B + sd e(gamma) + sc n(gamma) hangs on C by a spring
-    K5    about A, at the angle delta, and          K4 on it, at Phi + delta:                     delta, Phi
-                                                    P = A + zt e(delta) + e n(Phi + delta)
-    K7    about A, at the angle epsilon, and        K6 on it, at Omega + epsilon:                 epsilon, Omega
-                                                    P = A + u n(epsilon) + zf e(Omega + epsilon)
+    K1  about O = (0, 0) at the angle beta, length rr                                beta, actuated
+    K2  on K1's pin, at the angle beta + Theta:   P = rr e(beta) - d e(beta + Theta)          Theta
+    K3  about B, at the angle gamma:              P = B + ss n(gamma),                        gamma
+        its point D = B + sd e(gamma) + sc n(gamma) hangs on C by a spring
+    K5  about A, at the angle delta, and          K4 on it, at Phi + delta:              delta, Phi
+                                                  P = A + zt e(delta) + e n(Phi + delta)
+    K7  about A, at the angle epsilon, and        K6 on it, at Omega + epsilon:      epsilon, Omega
+                                                  P = A + u n(epsilon) + zf e(Omega + epsilon)
 
 The joints bear the names of the published angles, and their coordinates are these angles: q =
 (beta, Theta, gamma, Phi, delta, Omega, epsilon). The joints P_3, P_4, P_6 of K3, K4, K6 to K2 close

@@ -1,11 +1,12 @@
 """The Bennett linkage: four links in space, four skew revolute joints, one freedom, three rows too
 many.
 
-    links            crank and rocker: length a, twist alpha;  coupler and ground: length b, twist beta
-    it moves if      sin(alpha) / a = sin(beta) / b
-    closure          Rz(q_1) Tx(a) Rx(alpha) Rz(q_2) Tx(b) Rx(beta) Rz(q_3) Tx(a) Rx(alpha) Rz(q_4) Tx(b) Rx(beta) = 1:
-                     q_3 = -q_1,  q_4 = -q_2,  tan(q_1 / 2) tan(q_2 / 2) = sin((beta + alpha) / 2) /
-                     sin((beta - alpha) / 2)
+    links         crank and rocker: length a, twist alpha;  coupler and ground: length b, twist beta
+    it moves if   sin(alpha) / a = sin(beta) / b
+    closure       Rz(q_1) Tx(a) Rx(alpha) Rz(q_2) Tx(b) Rx(beta)
+                  Rz(q_3) Tx(a) Rx(alpha) Rz(q_4) Tx(b) Rx(beta) = 1:
+                  q_3 = -q_1,  q_4 = -q_2,
+                  tan(q_1 / 2) tan(q_2 / 2) = sin((beta + alpha) / 2) / sin((beta - alpha) / 2)
 
 Gruebler's formula counts 6 * 3 - 5 * 4 = -2 freedoms.
 """

@@ -1,9 +1,11 @@
 """The Delta robot of Clavel with rotary drives: three arms, three parallelograms of rods, a
 platform that only translates.
 
-    leg i    in the vertical plane of e_i = (cos f_i, sin f_i, 0),  f = (-pi/2, pi/6, 5 pi/6);  t_i = z x e_i
-    elbow i  E_i = (base_radius + arm cos q_i) e_i - arm sin q_i z                                    motor_i, actuated
-    rods     from E_i -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i:  |P + platform_radius e_i - E_i| = rod
+    leg i    in the vertical plane of e_i = (cos f_i, sin f_i, 0),  t_i = z x e_i,
+             f = (-pi/2, pi/6, 5 pi/6)
+    elbow i  E_i = (base_radius + arm cos q_i) e_i - arm sin q_i z           motor_i, actuated
+    rods     from E_i -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i:
+             |P + platform_radius e_i - E_i| = rod
 
 z points up, the platform hangs below the base, arms are level at q = 0 and turn down. Nothing but
 the six rods holds the platform, in position and in orientation.
@@ -133,8 +135,8 @@ def delta(
 def arm_angle(x: float, z: float, arm: float, rod: float) -> float:
     """Return the angle q [rad] of an arm whose rods end x outside and z above the motor's axis [m].
 
-    |(x - arm cos q, z + arm sin q)| = rod, so x cos q - z sin q = (x^2 + z^2 + arm^2 - rod^2) / (2 arm); the two
-    solutions the one with the elbow outside.
+    |(x - arm cos q, z + arm sin q)| = rod, so x cos q - z sin q = (x^2 + z^2 + arm^2 - rod^2) /
+    (2 arm): of the two solutions the one with the elbow outside.
     """
     reach = hypot(x, z)
     projection = (x * x + z * z + arm**2 - rod**2) / (2 * arm)

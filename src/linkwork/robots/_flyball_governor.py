@@ -1,10 +1,11 @@
 """The stiff flyball governor of the IFToMM benchmark library: a turning shaft, two rods with balls,
 a slider on springs.
 
-    shaft     upright along z from the ground, height h, turns by q                               spindle, actuated
-    slider    on the shaft at the height s                                                        slide
-    rod i     about a horizontal hinge at the height h, c from the axis, a_i below the horizontal hinge_1, hinge_2
-              a point at the distance r along it: c + r cos a_i from the axis, h - r sin a_i high
+    shaft     upright along z from the ground, height h, turns by q               spindle, actuated
+    slider    on the shaft at the height s                                        slide
+    rod i     about a horizontal hinge at the height h, c from the axis, a_i      hinge_1, hinge_2
+              below the horizontal; a point at the distance r along it:
+              c + r cos a_i from the axis, h - r sin a_i high
     ball i    at the rod's end, r = l
     spring i  from the rod's middle to the slider, c from the axis; without tension at the length l0
 

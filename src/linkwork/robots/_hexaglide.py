@@ -1,9 +1,10 @@
 """The Hexaglide 6-PUS: six carriages on parallel rails carry a platform by rods of constant length.
 
-    carriage i    at (q_i, y_i, 0) on a rail along x                                                slide_i, actuated
-    rod i         from the carriage to P + R b_i:   |P + R b_i - (q_i, y_i, 0)| = rod, so with d = P + R b_i - (0, y_i, 0)
-                  q_i = d_x + s_i sqrt(rod^2 - d_y^2 - d_z^2),  s_i = 1 or -1: the carriage is ahead
-                  or behind
+    carriage i    at (q_i, y_i, 0) on a rail along x                              slide_i, actuated
+    rod i         from the carriage to P + R b_i:   |P + R b_i - (q_i, y_i, 0)| = rod,
+                  so with d = P + R b_i - (0, y_i, 0)
+                  q_i = d_x + s_i sqrt(rod^2 - d_y^2 - d_z^2),
+                  s_i = 1 or -1: the carriage is ahead or behind
 
 z points up, the platform hangs below the rails.
 """

@@ -1,8 +1,9 @@
 """The linear Delta robot: three carriages on columns, three parallelograms of rods, a platform that
 only translates.
 
-    carriage i    at base_radius e_i + q_i z,  e_i = (cos f_i, sin f_i, 0),  f = (-pi/2, pi/6, 5 pi/6)    slide_i, actuated
-    rods          from the carriage -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i,  t_i = z x e_i:
+    carriage i    at base_radius e_i + q_i z                                      slide_i, actuated
+                  e_i = (cos f_i, sin f_i, 0),  f = (-pi/2, pi/6, 5 pi/6),  t_i = z x e_i
+    rods          from the carriage -+ spread/2 t_i to P + platform_radius e_i -+ spread/2 t_i:
                   |P + (platform_radius - base_radius) e_i - q_i z| = rod
 
 z points up, the carriages run above the platform. Nothing but the six rods holds the platform.

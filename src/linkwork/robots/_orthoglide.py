@@ -1,8 +1,8 @@
 """The Orthoglide: a Delta with three orthogonal rails, isotropic where its rods lie along them.
 
-    carriage i    at (offset + rod + q_i) e_i, e_i an axis of the ground                                slide_i, actuated
-    rods          from the carriage -+ spread/2 t_i to P + offset e_i -+ spread/2 t_i,  t_i = e_{i+1}:
-                  (P_i - rod - q_i)^2 + P_j^2 + P_k^2 = rod^2
+    carriage i    at (offset + rod + q_i) e_i, e_i an axis of the ground          slide_i, actuated
+    rods          from the carriage -+ spread/2 t_i to P + offset e_i -+ spread/2 t_i,
+                  (P_i - rod - q_i)^2 + P_j^2 + P_k^2 = rod^2,  t_i = e_{i+1}
 
 At q = 0 the platform is at the origin and moves along e_i exactly as carriage i does. In each leg
 the rods keep the platform from turning about e_i x t_i = e_{i+2}.

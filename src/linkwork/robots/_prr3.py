@@ -1,9 +1,12 @@
 """The planar 3-PRR robot of Kordjazi, Akbarzadeh & Tahani, ICME 2010 ("the paper").
 
     base triangle  A = (0, 0), B = (l3, 0), C = (l3/2, sqrt(3)/2 l3)
-    slider i       at P_i + q_i d_i,  d_i = (cos a_i, sin a_i),  a = (0, 2 pi/3, 4 pi/3)     slide_i, actuated
-    link i         absolute angle a_i + q_{3+i}, length l1, mass centre at its middle           pivot_i
-    platform       vector from vertex i to the centre: length l2, angle a_i + q_{3+i} + q_{6+i}  wrist_i
+    slider i       at P_i + q_i d_i,  d_i = (cos a_i, sin a_i)                    slide_i, actuated
+                   a = (0, 2 pi/3, 4 pi/3)
+    link i         absolute angle a_i + q_{3+i}, length l1, mass centre           pivot_i
+                   at its middle
+    platform       vector from vertex i to the centre: length l2,                 wrist_i
+                   angle a_i + q_{3+i} + q_{6+i}
 
 The platform's frame lies in its centre; at angle zero the vector from vertex 1 to the centre points
 along x.

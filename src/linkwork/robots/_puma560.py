@@ -1,7 +1,9 @@
 """The Unimation Puma 560 arm: an open chain of six revolute joints, with rotors and friction.
 
-    link i  has the axes of Denavit & Hartenberg's frame i:  A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i)      joint_i
-    rotor   the inertia G^2 J moves with the joint's rate;  friction G^2 B (viscous) and |G| T_c (Coulomb)
+    link i  has the axes of Denavit & Hartenberg's frame i:                                 joint_i
+            A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i)
+    rotor   the inertia G^2 J moves with the joint's rate;
+            friction G^2 B (viscous) and |G| T_c (Coulomb)
 
 Two of the published inertia tensors are no solid's, and are given here in a form with exactly the
 same motion:

@@ -1,12 +1,12 @@
 """The planar 3-RPR robot: three legs of actuated length between a base and a platform, cylinders
 and pistons with inertia.
 
-    base triangle    A = (0, 0), B = (b, 0), C = (b/2, sqrt(3)/2 b); its middle G = (b/2, b/(2 sqrt 3))
-    cylinder i       turns about corner i, at the angle p_i from the x axis                   pivot_i
-    piston i         its tip at the distance s_i from the corner                              slide_i, actuated
-    platform         vertex i at P + R(phi) r d_i,  d_i = (cos a_i, sin a_i), a = (7/6, 11/6, 1/2) pi,
-                     phi = p_i + w_i                                                          wrist_i
-    loops            corner_i + s_i (cos p_i, sin p_i) = P + R(phi) r d_i
+    base triangle  A = (0, 0), B = (b, 0), C = (b/2, sqrt(3)/2 b); middle G = (b/2, b/(2 sqrt 3))
+    cylinder i     turns about corner i, at the angle p_i from the x axis   pivot_i
+    piston i       its tip at the distance s_i from the corner              slide_i, actuated
+    platform       vertex i at P + R(phi) r d_i,                            wrist_i
+                   d_i = (cos a_i, sin a_i),  a = (7/6, 11/6, 1/2) pi,  phi = p_i + w_i
+    loops          corner_i + s_i (cos p_i, sin p_i) = P + R(phi) r d_i
 
 The platform's frame lies in its centre; at angle zero its triangle is parallel to the base's.
 There, in the middle, the three legs meet in one point and cannot hold the platform's turn; the

@@ -1,12 +1,13 @@
 """The planar 3-RRR robot: three actuated cranks, three distal links, a platform with three
 freedoms.
 
-    base triangle    A = (0, 0), B = (b, 0), C = (b/2, sqrt(3)/2 b); its middle G = (b/2, b/(2 sqrt 3))
-    crank i          from corner i, at the angle m_i from the x axis, length l1               motor_i, actuated
-    distal link i    at the angle m_i + e_i, length l2                                        elbow_i
-    platform         vertex i at P + R(phi) r d_i,  d_i = (cos a_i, sin a_i), a = (7/6, 11/6, 1/2) pi,
-                     phi = m_i + e_i + w_i                                                    wrist_i
-    loops            corner_i + l1 (cos m_i, sin m_i) + l2 (cos (m_i + e_i), sin (m_i + e_i)) = P + R(phi) r d_i
+    base triangle    A = (0, 0), B = (b, 0), C = (b/2, sqrt(3)/2 b); middle G = (b/2, b/(2 sqrt 3))
+    crank i          from corner i, at the angle m_i from the x axis, length l1   motor_i, actuated
+    distal link i    at the angle m_i + e_i, length l2                            elbow_i
+    platform         vertex i at P + R(phi) r d_i,                                wrist_i
+                     d_i = (cos a_i, sin a_i),  a = (7/6, 11/6, 1/2) pi,  phi = m_i + e_i + w_i
+    loops            corner_i + l1 (cos m_i, sin m_i) + l2 (cos (m_i + e_i), sin (m_i + e_i))
+                     = P + R(phi) r d_i
 
 The platform's frame lies in its centre; at angle zero its triangle is parallel to the base's.
 """

@@ -1,11 +1,12 @@
 """The spatial slider-crank of the IFToMM benchmark library: a crank about x, a rod between ball and
 cross, a slider along x.
 
-    crank     about the x axis through A = (0, y, z), upright at angle t = 0, length r            crank, actuated
-              B = A + r (0, -sin t, cos t)                                                        ball
-    slider    C = (s, 0, 0),  s^2 = l^2 - B_y^2 - B_z^2                                           slide
-    rod       from B to C, length l; the cross at C has one pin along x in the slider, the other  cross
-              across the rod: C - B = l (cos c_2, sin c_1 sin c_2, -cos c_1 sin c_2)
+    crank     about the x axis through A = (0, y, z), upright at t = 0, length r    crank, actuated
+              B = A + r (0, -sin t, cos t)                                          ball
+    slider    C = (s, 0, 0),  s^2 = l^2 - B_y^2 - B_z^2                             slide
+    rod       from B to C, length l; the cross at C has one pin along x             cross
+              in the slider, the other across the rod:
+              C - B = l (cos c_2, sin c_1 sin c_2, -cos c_1 sin c_2)
 
 The published problem says "universal joint" and not which way its pins lie. With the first along x,
 as in Haug's revolute-cylindrical joint, the motion stays within 1e-4 m of F. Gonzalez's published

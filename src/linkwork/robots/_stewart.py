@@ -1,9 +1,10 @@
 """The Gough-Stewart platform 6-UPS: six legs of tube and rod, each driven in its length, carry a
 platform.
 
-    leg i   from A_i on the base to P + R b_i on the platform: |P + R b_i - A_i| = q_i  leg_i, actuated
-    tube i  universal joint in A_i, first axis level; the leg's axis is the tube's z     universal_i
-    rod i   slides in the tube, its origin in the ball joint at b_i                      ball_i
+    leg i   from A_i on the base to P + R b_i on the platform:
+            |P + R b_i - A_i| = q_i                                                leg_i, actuated
+    tube i  universal joint in A_i, first axis level; the leg's axis is the tube's z   universal_i
+    rod i   slides in the tube, its origin in the ball joint at b_i                         ball_i
 
 z points up, the base is at z = 0.
 """

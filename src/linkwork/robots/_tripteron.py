@@ -1,14 +1,14 @@
 """The Tripteron 3-PRRR: three orthogonal legs, each with all its axes parallel, and a platform that
 only translates.
 
-    carriage i  at q_i e_i on its rail along e_i, an axis of the ground                          slide_i, actuated
+    carriage i  at q_i e_i on its rail along e_i, an axis of the ground           slide_i, actuated
     links of i  proximal and distal, in the plane across e_i: turn about e_i by root_i, elbow_i
-    tip i       the third revolute joint, axis e_i, on the platform                              tip_i
+    tip i       the third revolute joint, axis e_i, on the platform               tip_i
 
 With i, j, k cyclic and at zero angles the proximal link along e_j and the distal link along e_k:
 
-    q_i = P_i,  P_j + proximal = proximal cos a + (-distal) sin(a + b),  P_k + distal = proximal sin
-    a + distal cos(a + b)
+    q_i = P_i,  P_j + proximal = proximal cos a + (-distal) sin(a + b),
+                P_k + distal = proximal sin a + distal cos(a + b)
 
 where a = root_i, b = elbow_i: the coordinates of the platform's centre P are those of the drives,
 fully decoupled. A leg keeps the platform from turning about e_j and e_k, so three legs do it twice:

@@ -79,7 +79,7 @@ def integrator(name: str | None, step: float | None) -> Method | None:
     if name is None:
         needed = " or ".join(map(repr, FIXED))
         raise LinkworkError(f"a step of {step:g} s needs a method that keeps to it: {needed}")
-    entry = METHODS.get(name) if isinstance(name, str) else None  # pyright: ignore[reportArgumentType, reportCallIssue]
+    entry = METHODS.get(name) if isinstance(name, str) else None  # pyright: ignore
     if entry is None:
         raise LinkworkError(f"there is no method {shown(name)}; there are {', '.join(METHODS)}")
     if entry.fixed and step is None:

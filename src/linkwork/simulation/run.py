@@ -134,7 +134,7 @@ class Run:
     attrs: Mapping[str, Any]
     status: Status
     message: str = Told()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    statistics: Statistics = Told()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    statistics: Statistics = Told()  # pyright: ignore
     error: BaseException | None = None
     transmitted: Callable[[str, float | None], Any] | None = field(default=None, repr=False)
     described: Callable[[], str] | None = field(default=None, repr=False)

@@ -6,7 +6,8 @@ for:
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j),   i = 1 .. s,     y(t + h) = y + h sum_j a_sj k_j,
     error estimate  = h sum_i e_i k_i,
-    dense output    y(t + theta h) = y + h sum_i b_i(theta) k_i,    b_i(theta) = sum_m P_im theta^(m+1).
+    dense output    y(t + theta h) = y + h sum_i b_i(theta) k_i,
+                    b_i(theta) = sum_m P_im theta^(m+1).
 
 The dense output of pairs without further stages is Hermite's cubic through both ends and both
 slopes, with the quartic term d_i that raises its order:
@@ -71,13 +72,15 @@ class StepPlan:
 class Tableau:
     """Hold an explicit embedded pair whose stage s is the first of the next step.
 
-    `stiff`, `in_lanes`: whether a method takes stiff systems, and whether members of ensembles do
-    it side by side; `name`: for people; `order`: of the solution that is carried on; `error_order`:
-    of the one it is compared with; `a` (s, s): strictly lower triangular, its last row the weights
-    b; `c` (s,): stage times; `e` (s,): error weights; `dense` (s + more, degree): P, the dense
-    output's polynomials in theta, theta^2, ...; `blur`: as of a `StepPlan`; `second` (s,): weights of
-    another error estimate, as of DOP853; `more` (more, s + more) and `more_c`: stages that the
-    dense output needs beside the others.
+    stiff, in_lanes: whether a method takes stiff systems, and whether members of ensembles do it
+        side by side
+    name: for people
+    order: of the solution that is carried on; error_order: of the one it is compared with
+    a (s, s): strictly lower triangular, its last row the weights b; c (s,): stage times
+    e (s,): error weights; second (s,): those of another error estimate, as of DOP853
+    dense (s + more, degree): P, the dense output's polynomials in theta, theta^2, ...
+    more (more, s + more), more_c: stages that the dense output needs beside the others
+    blur: as of a `StepPlan`
     """
 
     name: str

@@ -3,8 +3,9 @@ member's number.
 
     grid    every combination of the levels, the last name varying fastest
     random  independent values x = F^-1(u), u from a counter-based generator (Philox), so that
-    member i is i's alone
-    sobol   the same with u from a scrambled Sobol sequence, which fills the space evenly; best with 2^k members
+            member i is i's alone
+    sobol   the same with u from a scrambled Sobol sequence, which fills the space evenly; best with
+            2^k members
 
 Sources: Salmon et al., Parallel random numbers: as easy as 1, 2, 3 (2011); Owen, Scrambling Sobol'
 and Niederreiter-Xing points (1998).

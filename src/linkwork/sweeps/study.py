@@ -38,8 +38,10 @@ NUMBERS_AT_ONCE = (
 )
 CHUNKS = (16, 4096)  # members of the shortest and the longest chunk then
 OWN = ("start", "forces", "controllers", "drives")
-TAKEN = ("member", "time", "chunk", "checksum", "status", "end_time", "nfev", "pivot", "closure_error", "controller",
-         "coordinate", "rate", "actuator", "joint", "pose", "extra")  # fmt: skip
+TAKEN = (
+    *("member", "time", "chunk", "checksum", "status", "end_time", "nfev", "pivot"),
+    *("closure_error", "controller", "coordinate", "rate", "actuator", "joint", "pose", "extra"),
+)
 
 
 class StudyError(MechanismError):

@@ -124,7 +124,8 @@ class Maker:
     def between(self, part: ScenePart, k: int, piece: PlacedMesh) -> Fixture:
         """Fix a solid in the span between a point of a part and the next one, which move with two
         bodies."""
-        bodies, points = (part.bodies[k], part.bodies[k + 1]), part.form.points[k : k + 2]  # pyright: ignore
+        bodies = part.bodies[k], part.bodies[k + 1]
+        points = part.form.points[k : k + 2]  # pyright: ignore
         start, end = (
             (p - self.poses[of][0]) @ self.poses[of][1]
             for of, p in zip(bodies, points, strict=True)

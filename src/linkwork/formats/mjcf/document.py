@@ -19,8 +19,8 @@ from linkwork.mechanism import MechanismError
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 ACTUATORS = (
-    "motor", "general", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "cylinder", "muscle",
-    "adhesion", "dcmotor", "plugin",
+    "motor", "general", "position", "velocity", "intvelocity", "orientation", "pid", "damper",
+    "cylinder", "muscle", "adhesion", "dcmotor", "plugin",
 )  # fmt: skip
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex", "flexstrain", "flexvert")
 INCLUDES = 50

@@ -1,13 +1,13 @@
 """The equality constraints and tendons of an MJCF model as joints.
 
-    connect, alone                      a spherical joint; a revolute one where the tree between the two bodies moves in a
-                                        plane anyway (hinges of one direction, slides across it):
-                                        the motion is the same
-    connects of the same two bodies     on one line: a revolute joint about it; on no line: a fixed joint
-    weld                                a fixed joint; without torque (torquescale 0) a connect
-    joint, linear                       a gear, a locked joint where only one is named
-    tendon of two sites, held           a rod; with stiffness or damping a spring between two points
-    tendon of joints, held              a gear
+    connect, alone                   a spherical joint; a revolute one where the tree between the
+                                     two bodies moves in a plane anyway (hinges of one direction,
+                                     slides across it): the motion is the same
+    connects of the same two bodies  on one line: a revolute joint about it; else a fixed joint
+    weld                             a fixed joint; without torque (torquescale 0) a connect
+    joint, linear                    a gear, a locked joint where only one is named
+    tendon of two sites, held        a rod; with stiffness or damping a spring between two points
+    tendon of joints, held           a gear
 
 Where body names and an anchor are given, the two bodies fit together at qpos0; sites fit where they
 are.

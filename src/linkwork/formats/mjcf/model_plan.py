@@ -1,15 +1,16 @@
 """How a mechanism is held by MJCF: a tree of bodies, and what ties the loops.
 
-    tree     a minimum spanning tree from ground: fixed joints first, then those that MuJoCo only knows inside a tree
-             (with effects, driven or geared; prismatic, screw, cylindrical, universal, planar),
-             then revolute, spherical and free ones (three slides and a ball, but for free bodies
-             without effects); a body that only rods reach gets a free joint
-    cut      a revolute joint is two connects on its axis, or one in a loop that moves in a plane; a spherical one is a
-             connect; a rod is a tendon held at its length; any other joint leads to a part of its
-             body, with an equal share of its mass, and a weld joins part and body
+    tree     a minimum spanning tree from ground: fixed joints first, then those that MuJoCo only
+             knows inside a tree (with effects, driven or geared; prismatic, screw, cylindrical,
+             universal, planar), then revolute, spherical and free ones (three slides and a ball,
+             but for free bodies without effects); a body that only rods reach gets a free joint
+    cut      a revolute joint is two connects on its axis, or one in a loop that moves in a plane; a
+             spherical one is a connect; a rod is a tendon held at its length; any other joint leads
+             to a part of its body, with an equal share of its mass, and a weld joins part and body
     massless bodies with one joint in and one out vanish: MJCF puts several joints into one body
-    ball     with slides after it, as of a free joint seen from its second body: in a loop it gets a body of its own, for
-             MuJoCo's constraints leave out how a ball turns the slides in its body (`mj_jacDot`)
+    ball     with slides after it, as of a free joint seen from its second body: in a loop it gets a
+             body of its own, for MuJoCo's constraints leave out how a ball turns the slides in its
+             body (`mj_jacDot`)
 
 All places are at home, where the loops are closed, in the ground's axes; MuJoCo's qpos0 is this
 configuration.

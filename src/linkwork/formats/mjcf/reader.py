@@ -69,7 +69,7 @@ def read_mjcf(root: Element, notes: Notes) -> Mechanism:
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
-    everything: dict[str, Joint] = {**joints.joints, **closing, **tendons, **gears}  # pyright: ignore
+    everything: dict[str, Joint] = joints.joints | closing | tendons | gears  # pyright: ignore
     used = ties.sites | tendon_sites | _driven_sites(document)
     tools = {
         name: (body, X)

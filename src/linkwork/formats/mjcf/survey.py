@@ -54,28 +54,32 @@ SOLVING = {
     "solimp",
 }
 JOINT = {
-    "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping", "frictionloss", "armature",
+    "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping",
+    "frictionloss", "armature",
 }  # fmt: skip
 GEOM = {
-    "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype", "conaffinity", "condim",
-    "priority", "friction", "solmix", "gap", "fitscale", "castshadow", "surfacevel", "adhesion",
+    "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype",
+    "conaffinity", "condim", "priority", "friction", "solmix", "gap", "fitscale", "castshadow",
+    "surfacevel", "adhesion",
 }  # fmt: skip
 DRIVE = {
-    "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite", "gear", "ctrllimited",
-    "forcelimited", "actlimited", "lengthrange", "cranklength", "interp",
+    "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite",
+    "gear", "ctrllimited", "forcelimited", "actlimited", "lengthrange", "cranklength", "interp",
 }  # fmt: skip
 
 ATTRIBUTES: dict[str, set[str]] = {
     "compiler": {
-        "angle", "autolimits", "coordinate", "eulerseq", "inertiafromgeom", "inertiagrouprange", "boundmass",
-        "boundinertia", "settotalmass", "balanceinertia", "meshdir", "texturedir", "assetdir", "strippath",
-        "discardvisual", "usethread", "fitaabb", "fusestatic", "saveinertial", "convexhull", "exactmeshinertia",
-        "savecanonical", "savecompiled", "passthrough", "conflict",
+        "angle", "autolimits", "coordinate", "eulerseq", "inertiafromgeom", "inertiagrouprange",
+        "boundmass", "boundinertia", "settotalmass", "balanceinertia", "meshdir", "texturedir",
+        "assetdir", "strippath", "discardvisual", "usethread", "fitaabb", "fusestatic",
+        "saveinertial", "convexhull", "exactmeshinertia", "savecanonical", "savecompiled",
+        "passthrough", "conflict",
     },
     "option": {
-        "gravity", "timestep", "integrator", "solver", "iterations", "tolerance", "ls_iterations", "ls_tolerance",
-        "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance", "cone", "jacobian", "impratio",
-        "apirate", "magnetic", "o_margin", "o_solref", "o_solimp", "o_friction", "sdf_iterations", "sdf_initpoints",
+        "gravity", "timestep", "integrator", "solver", "iterations", "tolerance", "ls_iterations",
+        "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance",
+        "cone", "jacobian", "impratio", "apirate", "magnetic", "o_margin", "o_solref", "o_solimp",
+        "o_friction", "sdf_iterations", "sdf_initpoints",
         "actuatorgroupdisable", "sleep_tolerance",
     },
     "body": POSE | {"childclass", "fuse", "sleep", "simple"},
@@ -87,7 +91,8 @@ ATTRIBUTES: dict[str, set[str]] = {
     "geom": POSE | GEOM | SOLVING,
     "site": POSE | {"type", "size", "fromto", "mesh"},
     "connect": {"active", "body1", "body2", "anchor", "site1", "site2"} | SOLVING,
-    "weld": {"active", "body1", "body2", "anchor", "relpose", "torquescale", "site1", "site2"} | SOLVING,
+    "weld": SOLVING
+    | {"active", "body1", "body2", "anchor", "relpose", "torquescale", "site1", "site2"},
     "spatial": {"stiffness", "damping", "springlength", "width", "limited"} | SOLVING,
     "fixed": {"stiffness", "damping", "springlength", "limited"} | SOLVING,
     "key": {"time", "qpos", "qvel", "act", "ctrl", "mpos", "mquat"},
@@ -167,10 +172,10 @@ def _inside(element: Element, notes: Notes) -> None:
     """Note what an element of a known tag and those in it say that is not read."""
     _attributes(element, element.tag, notes)
     known = {
-        "worldbody": BODY_ELEMENTS, "body": BODY_ELEMENTS, "frame": BODY_ELEMENTS, "equality": set(EQUALITIES),
+        **dict.fromkeys(("worldbody", "body", "frame"), BODY_ELEMENTS), "equality": set(EQUALITIES),
         "tendon": {"spatial", "fixed"}, "actuator": set(ACTUATORS), "keyframe": {"key"},
-        "default": BODY_ELEMENTS | set(ACTUATORS) | {"default", "equality", "tendon"}, "spatial": {"site", "geom", "pulley"},
-        "fixed": {"joint"},
+        "default": BODY_ELEMENTS | set(ACTUATORS) | {"default", "equality", "tendon"},
+        "spatial": {"site", "geom", "pulley"}, "fixed": {"joint"},
     }.get(element.tag, set())  # fmt: skip
     for child in element.children:
         if element.tag in ("equality", "spatial", "fixed") or (element.tag, child.tag) == (

@@ -306,7 +306,8 @@ class TreeReader:
     def piece(self, element: Element, X: np.ndarray) -> Piece:
         """Read a joint; X is the pose of the <frame> around it in the body."""
         # What moves, and along which axis.
-        kind: Kind = element.choice("type", ("hinge", "slide", "ball", "free"), "hinge")  # pyright: ignore
+        kinds = ("hinge", "slide", "ball", "free")
+        kind: Kind = element.choice("type", kinds, "hinge")  # pyright: ignore
         axis = np.array(element.vector("axis", (0.0, 0.0, 1.0)))
         if np.linalg.norm(axis) < 1e-12:
             raise element.refusal(

@@ -8,7 +8,7 @@ universal joint's axes are x of the first and y of the second frame. Then, for t
     revolute   Rot(z, q)                    cylindrical  Rot(z, angle) Trans(z, slide)
     prismatic  Trans(z, q)                  universal    Rot(x, angle_1) Rot(y, angle_2)
     screw      Rot(z, q) Trans(z, pitch q)  planar       Trans(x, x) Trans(y, y) Rot(z, angle)
-    spherical  R of the quaternion          free         Trans(x, x) Trans(y, y) Trans(z, z) R of the quaternion
+    spherical  R of the quaternion          free         Trans((x, y, z)) R of the quaternion
 
 and with the twist t = (omega, v) of the second frame seen in the first: rates = F t, and H t = 0
 for what is held. Leading dimensions (instants of time) are kept everywhere.

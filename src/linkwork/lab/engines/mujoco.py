@@ -1,12 +1,12 @@
 """The mechanism in MuJoCo: the model file that `linkwork.formats` writes of it, with stiffer
 constraints.
 
-    M v' + h = S' u + J' f,  J v' + gamma + R f = -b r' - k r  (r: the gaps, R: MuJoCo's
-    regularisation)
+    M v' + h = S' u + J' f,  J v' + gamma + R f = -b r' - k r
 
-`linkwork.formats.mjcf.model_plan` says how MJCF holds a mechanism. Two things are put in other words
-first: rods are links with borrowed mass (a tendon between their ends would lack gamma), and Coulomb
-friction and the springs of balls, which MuJoCo takes otherwise, are forces added from outside.
+r are the gaps, R is MuJoCo's regularisation. `linkwork.formats.mjcf.model_plan` says how MJCF holds
+a mechanism. Two things are put in other words first: rods are links with borrowed mass (a tendon
+between their ends would lack gamma), and Coulomb friction and the springs of balls, which MuJoCo
+takes otherwise, are forces added from outside.
 
 The constraints' impedance is 0.9999, MuJoCo's greatest, and R, which MuJoCo takes from its
 estimates of inverse inertia, is scaled down by `softness`. As J v' + gamma is in the equation, the
