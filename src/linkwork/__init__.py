@@ -125,60 +125,20 @@ __all__ = [
     "views",
 ]
 
-_HOMES = {
-    "errors": ("LinkworkError",),
-    "mechanism": (
-        "Body",
-        "Box",
-        "Capsule",
-        "Cylinder",
-        "CylindricalJoint",
-        "FixedJoint",
-        "Frame",
-        "FreeJoint",
-        "Friction",
-        "GearJoint",
-        "Inertia",
-        "Limits",
-        "Mechanism",
-        "MechanismError",
-        "PlanarJoint",
-        "PointSpring",
-        "Polygon",
-        "PrismaticJoint",
-        "RevoluteJoint",
-        "RodJoint",
-        "ScrewJoint",
-        "Sphere",
-        "SphericalJoint",
-        "Spring",
-        "Tool",
-        "UniversalJoint",
-    ),
-    "robot": (
-        "Ensemble",
-        "Motion",
-        "Reactions",
-        "Robot",
-        "SingularError",
-        "State",
-        "UnreachableError",
-    ),
-    "simulation": ("Run", "Sampled", "Signal", "Status"),
-}
+_HOMES = ("errors", "mechanism", "simulation", "robot")  # of the classes
 _MOVED = ("engines", "textbook")  # to `lab`
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         value = version("linkwork")
-    elif name in _HOME:
-        value = getattr(import_module(f"linkwork.{_HOME[name]}"), name)
-    elif name in __all__ or name in _MOVED:
-        value = import_module(f"linkwork.{name}")
-    else:
+    elif name not in __all__ and name not in _MOVED:
         raise AttributeError(f"module 'linkwork' has no attribute {name!r}")
+    elif name[0].isupper():
+        homes = (import_module(f"linkwork.{home}") for home in _HOMES)
+        value = next(getattr(home, name) for home in homes if hasattr(home, name))
+    else:
+        value = import_module(f"linkwork.{name}")
     globals()[name] = value
     return value
 

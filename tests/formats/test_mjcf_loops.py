@@ -178,6 +178,23 @@ def test_a_joint_equality_of_one_joint_locks_it(tmp_path):
     assert robot.home["roll"] == pytest.approx(0.25)
 
 
+def test_a_locked_screw_is_advanced_as_far_as_it_is_turned(tmp_path):
+    nut, lock = (
+        lw.ScrewJoint(connects=("ground", "nut"), pitch=0.1),
+        '<joint joint1="nut" polycoef="0.5"/>',
+    )
+    arm = lw.RevoluteJoint(connects=("nut", "arm"), axis=(1.0, 0.0, 0.0))
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=1.0, yy=1.0, zz=1.0))
+    free = lw.Mechanism(
+        name="vice", bodies={"nut": body, "arm": body}, joints={"nut": nut, "arm": arm}
+    )
+    lw.formats.save(free, tmp_path / "free.xml")
+    text = (tmp_path / "free.xml").read_text().replace("</equality>", lock + "</equality>")
+    robot = lw.Robot(read(text, tmp_path).mechanism)
+    assert robot.home["nut"] == pytest.approx(0.5)
+    assert robot.body_poses(robot.home)["nut"][0] == pytest.approx([0.0, 0.0, 0.05])
+
+
 STRAIGHT = (
     '<tendon><spatial name="cable" {0}><site site="hub"/><site site="seat"/></spatial></tendon>'
 )

@@ -302,9 +302,7 @@ def tool_kernel(robot: Robot) -> Kernel:
     equations, tool = robot.equations, next(iter(robot.mechanism.tools.values()))
     position, orientation, _ = body_motion.tool_pose(equations.tree, tool)
     outputs = {"position": position, "orientation": orientation}
-    return compile_function(
-        functions.function("tool", equations, {"q": equations.tree.q}, outputs)
-    ).given(robot.p)
+    return compile_function(functions.function("tool", equations, outputs)).given(robot.p)
 
 
 def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:

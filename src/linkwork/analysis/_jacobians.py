@@ -69,7 +69,7 @@ class Jacobians:
             "det_B": self.inverse.determinant,
             "det_A": self.direct.determinant,
         }
-        function = functions.function("input_output", equations, {"q": equations.tree.q}, outputs)
+        function = functions.function("input_output", equations, outputs)
         return compile_function(function).given(self.robot.p)
 
     def __call__(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -75,10 +75,8 @@ class Solver:
 
     def _compiled(self, name: str, outputs: dict[str, ca.SX]) -> Kernel:
         square = self.square
-        inputs = {"q": square.equations.tree.q, "y": square.target}
-        return compile_function(functions.function(name, square.equations, inputs, outputs)).given(
-            square.robot.p
-        )
+        function = functions.function(name, square.equations, outputs, y=square.target)
+        return compile_function(function).given(square.robot.p)
 
     def signs(self, q: np.ndarray) -> np.ndarray:
         """Return the signs of the stages' determinants (..., stages), relative to those at the

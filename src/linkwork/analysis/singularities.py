@@ -205,12 +205,8 @@ class Distance:
             ca.jtimes(vanishing.determinant, tree.q, tree.derivatives(moved.solution)).T
             for vanishing, moved in ((made.direct, made.inverse), (made.inverse, made.direct))
         ]
-        function = functions.function(
-            "determinant_slopes",
-            equations,
-            {"q": tree.q},
-            {"slope_A": slopes[0], "slope_B": slopes[1]},
-        )
+        outputs = {"slope_A": slopes[0], "slope_B": slopes[1]}
+        function = functions.function("determinant_slopes", equations, outputs)
         return compile_function(function).given(made.robot.p)
 
     def __call__(self, q: np.ndarray, length: float | None) -> dict[str, np.ndarray]:

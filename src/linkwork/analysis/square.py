@@ -225,7 +225,7 @@ def twist_maps(robot: Robot) -> list[np.ndarray]:
     tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
     J, _ = body_motion.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
     read = ca.Function(
-        "twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination[0])]
+        "twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination.L)]
     )
     return [np.array(read(q, robot.p)) for q in around(robot)]
 

@@ -10,7 +10,7 @@ from linkwork.cli.catalogue import built
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
 from linkwork.mechanism import GROUND, GearJoint, Joint, Limits
-from linkwork.mechanism.joints import SLIDES
+from linkwork.mechanism.joints import SLIDES, TYPES, OneFreedom
 from linkwork.robot import Robot
 
 KERNELS = ("motion", "inverse_dynamics", "terms", "closure_step")
@@ -79,12 +79,12 @@ def joint_facts(robot: Robot, name: str, joint: Joint) -> dict[str, Any]:
         "role": "gear" if gear else "cut" if name in robot.equations.topology.cuts else "tree",
         "actuated": [rate for rate in joint.rates(name) if rate in robot.actuators],
         "limits": {
-            freedom: [limits.lower, limits.upper]
-            for freedom, (_, _, limits, _) in effects
-            if limits != Limits()
+            freedom: [own.limits.lower, own.limits.upper]
+            for freedom, own in effects
+            if own.limits != Limits()
         },
         "stiffness": {
-            freedom: spring.stiffness for freedom, (_, spring, _, _) in effects if spring.stiffness
+            freedom: own.spring.stiffness for freedom, own in effects if own.spring.stiffness
         },
     }
 
@@ -204,7 +204,7 @@ def freedom_name(joint: dict[str, Any], freedom: str) -> str:
     """Return a freedom by the joint's name; the one of a joint that has no other by that alone."""
     return (
         joint["name"]
-        if joint["type"] in ("revolute", "prismatic", "screw")
+        if issubclass(TYPES[joint["type"]], OneFreedom)
         else f"{joint['name']}.{freedom}"
     )
 

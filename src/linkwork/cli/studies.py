@@ -16,6 +16,7 @@ from linkwork.cli.entries import by_name, number, numbers
 from linkwork.cli.simulate import StartOptions
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
+from linkwork.equations.body_motion import pose_places
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
@@ -263,7 +264,7 @@ def stiffness(source: Source, joints: str | None, tool: str | None, given: str) 
         )
     K, _ = analysis.tool_stiffness(robot, state, named)
     labels = ("rx", "ry", "rz", "x", "y", "z")
-    shown = [3, 4, 2] if robot.planar else [3, 4, 5, 0, 1, 2]
+    shown = pose_places(robot.planar)
     rows = [(labels[i], *(f"{K[i, j]:.4g}" for j in shown)) for i in shown]
     out = console()
     out.print(

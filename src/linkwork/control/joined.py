@@ -105,7 +105,7 @@ class Joined:
             for c, drive in zip(commands, self.acting.drives, strict=True)
             if not isinstance(drive, Ideal)
         ]
-        pivot = self.equations.elimination[2]
+        pivot = self.equations.elimination.pivot
         return (
             ca.if_else(ca.norm_1(ca.vertcat(*driven)) < ca.inf, pivot, np.nan) if driven else pivot
         )

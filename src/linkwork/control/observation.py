@@ -238,4 +238,4 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
     node = tree.node(tool.body)
     J = body_motion.jacobian(tree, node, near_offset(node, vector(tool.frame.position)))
     twist = ca.mtimes(J, equations.rates)
-    return twist[[3, 4, 2]] if planar else twist[[3, 4, 5, 0, 1, 2]]
+    return twist[body_motion.pose_places(planar)]

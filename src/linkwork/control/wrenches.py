@@ -69,7 +69,7 @@ class Wrench(ActingPart):
         J = body_motion.jacobian(
             equations.tree, node, near_offset(node, np.array(self.point, float))
         )
-        return ca.mtimes(equations.elimination[0].T, ca.mtimes(J.T, wrench))
+        return ca.mtimes(equations.elimination.L.T, ca.mtimes(J.T, wrench))
 
 
 def three(values: Any, what: str, unit: str) -> tuple[float, ...]:

@@ -6,6 +6,8 @@ ground's axes (paper, Eqs. (3), (4)).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import casadi as ca
 import numpy as np
 
@@ -66,13 +68,21 @@ def vanishes(expression: ca.SX) -> bool:
     return expression.is_constant() and abs(float(expression)) < 1e-12
 
 
-def tool_pose(tree: Tree, tool: Tool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return a tool's position p_0T (3) [m], matrix R_0T row by row (9), and its angle about z
-    [rad] where planar (else 0)."""
+class ToolPose(NamedTuple):
+    """Hold a tool's position p_0T (3) [m], matrix R_0T row by row (9), and its angle about z [rad]
+    where planar (else 0)."""
+
+    position: ca.SX
+    orientation: ca.SX
+    angle: ca.SX
+
+
+def tool_pose(tree: Tree, tool: Tool) -> ToolPose:
+    """Return where a tool is."""
     node = tree.node(tool.body)
     p = node.O + offset(node, vector(tool.frame.position))
     R = node.R.then_constant(rotation_matrix(tool.frame.rotation))
-    return p, ca.vec(R.matrix.T), planar_angle(R) if is_planar(tree) else SX(0)
+    return ToolPose(p, ca.vec(R.matrix.T), planar_angle(R) if is_planar(tree) else SX(0))
 
 
 def planar_angle(R: Orientation) -> ca.SX:
@@ -81,6 +91,12 @@ def planar_angle(R: Orientation) -> ca.SX:
     if not R.axis.any():
         return SX(offset)
     return (R.angle if R.axis[2] > 0 else -R.angle) + offset
+
+
+def pose_places(planar: bool) -> list[int]:
+    """Return the places in a twist [omega; v] of the rates of a pose: x, y and angle, or x, y, z
+    and three turns."""
+    return [3, 4, 2] if planar else [3, 4, 5, 0, 1, 2]
 
 
 def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -26,6 +26,7 @@ import numpy as np
 
 from linkwork.equations.algebra import (
     SX,
+    Number,
     Vector,
     cross,
     dot,
@@ -35,7 +36,7 @@ from linkwork.equations.algebra import (
     vector,
     zero,
 )
-from linkwork.equations.joints import KINDS, ElementaryMotion, Row, transversals
+from linkwork.equations.joints import ElementaryMotion, Row, motions_of, rows_of, transversals
 from linkwork.equations.orientation import Orientation, convert
 from linkwork.equations.tree import Column, Node, Tree, in_axes, in_base
 from linkwork.mechanism import Frame, PairJoint
@@ -92,13 +93,12 @@ def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
     )
     swapped = len(tree.path(sides[1].node)) < len(tree.path(sides[0].node))
     this = sides[1] if swapped else sides[0]
-    kind = KINDS[joint.type]
-    rows = kind.rows(joint, snap(this.R_F.T @ tree.number(this.arm)))
+    rows = rows_of(joint, snap(this.R_F.T @ tree.number(this.arm)))
     return Cut(
         name,
         sides,
         swapped,
-        kind.motions(joint),
+        motions_of(joint),
         tuple(row.exchanged() for row in rows) if swapped else rows,
     )
 
@@ -120,13 +120,19 @@ def residuals(cut: Cut) -> list[ca.SX]:
         elif row.length is not None:
             result.append((dot(gap, gap) - row.length**2) / (2 * row.length))
         elif row.pitch is not None:
-            e1, e2 = transversals(row.e, np.zeros(3))
-            f1, advance = in_base(cut.that.R, e1), dot(e, gap) / row.pitch
-            s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)
+            advance, c, s = thread(cut, row, row.pitch, gap)
             result.append(row.pitch * (ca.sin(advance) * c - ca.cos(advance) * s))
         else:
             result.append(dot(e, gap))
     return result
+
+
+def thread(cut: Cut, row: Row, pitch: Number, gap: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return how far a screw has advanced, over its pitch, and cosine and sine of how far it has
+    turned."""
+    e1, e2 = transversals(row.e, np.zeros(3))
+    f1, advance = in_base(cut.that.R, e1), dot(in_base(cut.this.R, row.e), gap) / pitch
+    return advance, dot(in_base(cut.this.R, e1), f1), dot(in_base(cut.this.R, e2), f1)
 
 
 def shared(tree: Tree, cut: Cut) -> set[int]:
@@ -304,19 +310,9 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
             result.append(dot(in_axes(this.R, row.moment), turning))
         elif cut.open:
             v = tree.velocities(omega, rates, nodes)
-            result.append(
-                open_bias(
-                    cut,
-                    row,
-                    omega[i],
-                    alpha[i],
-                    v[i],
-                    a[i],
-                    here(v[j] + cross(omega[j], d)),
-                    a_that,
-                    turning,
-                )
-            )
+            v_that = here(v[j] + cross(omega[j], d))
+            side = omega[i], alpha[i], v_that - v[i], a_that - a[i]
+            result.append(open_bias(cut, row, *side, turning))
         else:
             # e' (a_that - a_this), the arm's part taken in the body, where it is constant.
             to_body, arm = this.node.R.near.T, SX(this.arm)
@@ -336,23 +332,19 @@ def open_bias(
     alpha: ca.SX,
     v: ca.SX,
     a: ca.SX,
-    v_that: ca.SX,
-    a_that: ca.SX,
     turning: ca.SX,
 ) -> ca.SX:
-    """Return gamma of a row of a joint whose origins part: omega to a of this side's node, v_that
-    and a_that of that point."""
+    """Return gamma of a row of a joint whose origins part: omega, alpha of this side, v, a of that
+    point less its node's."""
     this = cut.this
     gap = ca.mtimes(this.node.axes.matrix.T, cut.that.P - this.P)
     d = in_axes(this.node.R, this.arm)
     if row.length is not None:
-        apart = v_that - v - cross(omega, d)
-        return (
-            dot(apart, apart) + dot(gap, a_that - a - cross(alpha, d) - spin(omega, d))
-        ) / row.length
+        apart = v - cross(omega, d)
+        return (dot(apart, apart) + dot(gap, a - cross(alpha, d) - spin(omega, d))) / row.length
     d, e = d + gap, in_axes(this.R, row.e)
-    slide = v_that - v - cross(omega, d)
-    bias = dot(e, a_that - a - cross(alpha, d) - spin(omega, d) - 2 * cross(omega, slide))
+    slide = v - cross(omega, d)
+    bias = dot(e, a - cross(alpha, d) - spin(omega, d) - 2 * cross(omega, slide))
     return bias - row.pitch * dot(e, turning) if row.pitch is not None else bias
 
 
@@ -368,12 +360,7 @@ def alignment(cut: Cut) -> ca.SX:
         if row.f is not None and not row.crossing:
             products.append(dot(in_base(cut.this.R, row.f), in_base(cut.that.R, row.f)))
         if row.pitch is not None:
-            gap, (e1, e2) = cut.that.P - cut.this.P, transversals(row.e, np.zeros(3))
-            f1, advance = (
-                in_base(cut.that.R, e1),
-                dot(in_base(cut.this.R, row.e), gap) / row.pitch,
-            )
-            s, c = dot(in_base(cut.this.R, e2), f1), dot(in_base(cut.this.R, e1), f1)
+            advance, c, s = thread(cut, row, row.pitch, cut.that.P - cut.this.P)
             products.append(ca.cos(advance) * c + ca.sin(advance) * s)
     return ca.mmin(ca.vertcat(*products))
 

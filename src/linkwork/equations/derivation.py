@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -166,67 +167,58 @@ def closure_rows(
     of_gears: units of the gears' residuals, by name; of_loops: length over the own one and number
     of joints, by cut joint
     """
-    # One list for each thing that a row has.
-    rates = SX.sym("rates", len(tree.rates))
-    names, phi, Phi, open_Phi, gamma, units, extents = [], [], [], [], [], [], []
-
-    def gather(
-        name: str,
-        residual: ca.SX,
-        row: ca.SX,
-        open_row: ca.SX,
-        bias: ca.SX,
-        unit: float,
-        extent: float,
-    ) -> None:
-        if ca.SX(ca.sparsify(row)).nnz() == 0 and residual.is_constant():
-            refuse_open(name, float(residual), unit)
-            return
-        units.append(unit)
-        extents.append(extent)
-        names.append(name)
-        phi.append(residual)
-        Phi.append(row)
-        open_Phi.append(open_row)
-        gamma.append(bias)
-
-    # Cut joints: a gap has the unit of length, a turn is free of units.
+    # Rows of the joints that close loops, and what the gears hold.
+    rates, found = SX.sym("rates", len(tree.rates)), []
     for cut in cuts:
-        if not cut.rows:
-            continue
-        jacobians = (
-            ca.vertsplit(of(tree, cut)) for of in (closure.jacobian, closure.open_jacobian)
-        )
-        parts = zip(
-            closure.residuals(cut), *jacobians, closure.biases(tree, cut, rates), strict=True
-        )
-        for row, part in zip(cut.rows, parts, strict=True):
-            along, turns = of_loops[cut.joint]
-            unit, extent = (tree.length, max(along, 1.0)) if row.f is None else (1.0, turns)
-            gather(f"{cut.joint}: {row.name}", *part, unit=unit, extent=extent)
-    # Gears: their bias by differentiation along the rates.
+        along, turns = of_loops[cut.joint]
+        sizes = [
+            (tree.length, max(along, 1.0)) if row.f is None else (1.0, turns) for row in cut.rows
+        ]
+        columns = [
+            [f"{cut.joint}: {row.name}" for row in cut.rows],
+            closure.residuals(cut),
+            ca.vertsplit(closure.jacobian(tree, cut)),
+            ca.vertsplit(closure.open_jacobian(tree, cut)),
+            closure.biases(tree, cut, rates),
+            *zip(*sizes, strict=True),
+        ]
+        found += map(ClosureRow, *columns) if cut.rows else ()
     for name, gear in mechanism.gears.items():
-        residual, Phi_row = gears.row(gear, joints)
-        bias = ca.mtimes(derivative(Phi_row, tree, rates), rates)
-        gather(f"{name}: ratio", residual, Phi_row, Phi_row, bias, of_gears[name], 1.0)
+        residual, Phi = gears.row(gear, joints)
+        bias = ca.mtimes(derivative(Phi, tree, rates), rates)
+        found.append(ClosureRow(f"{name}: ratio", residual, Phi, Phi, bias, of_gears[name], 1.0))
+    # Those that something moves, one below the other.
+    kept = [row for row in found if not row.vanishes]
+    names, phi, Phi, open_Phi, gamma, *sizes = zip(*kept, strict=True) if kept else [()] * 7
     alignment = ca.mmin(ca.vertcat(SX(1), *[closure.alignment(cut) for cut in cuts]))
     stacked, open_stacked = (
         ca.sparsify(ca.vertcat(SX(0, len(tree.rates)), *part)) for part in (Phi, open_Phi)
     )
+    phi, gamma = (ca.vertcat(SX.zeros(0, 1), *part) for part in (phi, gamma))
     return ClosureRows(
-        tuple(names),
-        column(phi),
-        stacked,
-        open_stacked,
-        rates,
-        column(gamma),
-        alignment,
-        *np.array([units, extents], float),
+        names, phi, stacked, open_stacked, rates, gamma, alignment, *np.array(sizes, float)
     )
 
 
-def column(values: list[ca.SX]) -> ca.SX:
-    return ca.vertcat(SX.zeros(0, 1), *values)
+class ClosureRow(NamedTuple):
+    """Hold one row of `ClosureRows`: its name, phi, Phi (1 x nv) where closed and where open, gamma, unit
+    and extent."""
+
+    name: str
+    phi: ca.SX
+    Phi: ca.SX
+    open_Phi: ca.SX
+    gamma: ca.SX
+    unit: float
+    extent: float
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether nothing moves the row (out of a plane); one that stays open is refused."""
+        still = ca.SX(ca.sparsify(self.Phi)).nnz() == 0 and self.phi.is_constant()
+        if still:
+            refuse_open(self.name, float(self.phi), self.unit)
+        return still
 
 
 def refuse_open(row: str, residual: float, unit: float) -> None:
@@ -239,7 +231,14 @@ def refuse_open(row: str, residual: float, unit: float) -> None:
         )
 
 
-Samples = tuple[ClosureRows, list[np.ndarray], list[np.ndarray], tuple[str, ...]]
+class ClosedSamples(NamedTuple):
+    """Hold the rows, the closed reference and closed configurations near it, Phi there in own
+    units, and notes."""
+
+    rows: ClosureRows
+    configurations: list[np.ndarray]
+    Phi: list[np.ndarray]
+    notes: tuple[str, ...]
 
 
 def closed_samples(
@@ -247,9 +246,8 @@ def closed_samples(
     rows: ClosureRows,
     start: np.ndarray,
     starts: Callable[[], Iterable[np.ndarray]],
-) -> Samples:
-    """Return the rows, the closed reference configuration and closed ones near it, Phi there in own
-    units, notes.
+) -> ClosedSamples:
+    """Close the loops at the reference and near it.
 
     Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at
     the reference, or at a start that leads to none, another one is looked for beside it.
@@ -270,16 +268,17 @@ def closed_samples(
         return closed_samples(joints, fewer, start, starts)
     rank = len(independent_rows(samples[1]))
     if len(independent_rows(samples[1][:1])) == rank:
-        return rows, *samples, rounded
+        return ClosedSamples(rows, *samples, rounded)
     beside = bent(tree, rows, reference, rank)
     if beside is None:
-        return rows, samples[0][:1], samples[1][:1], rounded
+        return ClosedSamples(rows, samples[0][:1], samples[1][:1], rounded)
     where = ", ".join(
         f"{label} = {x:.3g}"
         for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN]
     )
     samples = about(tree, rows, beside)
-    return rows, *samples, (BENT.format(where), *unheld_notes(tree, rows, samples[0]))
+    notes = BENT.format(where), *unheld_notes(tree, rows, samples[0])
+    return ClosedSamples(rows, *samples, notes)
 
 
 def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> ClosureRows | None:

@@ -18,14 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 
 import casadi as ca
 
 from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
 from linkwork.equations.joint_map import JointMap, derivative
 from linkwork.equations.tree import Node, Tree, near_offset
-from linkwork.mechanism import Friction, GearJoint, Mechanism, PointSpring, Spring
+from linkwork.mechanism import Friction, Mechanism, PointSpring, Spring
 from linkwork.mechanism.joints import TURN
 
 
@@ -52,10 +51,17 @@ class Freedom:
         """Return the force of friction and damper on the freedom."""
         resistance = self.friction.viscous + self.spring.damping
         if present(self.friction.coulomb):
-            resistance += self.friction.coulomb / ca.sqrt(
-                ca.sumsqr(w) + self.friction.coulomb_rate**2
-            )
+            resistance += self.friction.coulomb / self.softened(w)
         return -resistance * w
+
+    def softened(self, w: ca.SX) -> ca.SX:
+        """Return sqrt(w . w + r^2), the length of w that Coulomb friction sees."""
+        return ca.sqrt(ca.sumsqr(w) + self.friction.coulomb_rate**2)
+
+    def acceleration(self, tree: Tree, rates: ca.SX, accelerations: ca.SX) -> ca.SX:
+        """Return the derivative of the freedom's rates, J w' + (dJ/dt) w, for those of the tree."""
+        turning = ca.mtimes(derivative(self.J, tree, rates), rates)
+        return ca.mtimes(self.J, accelerations) + turning
 
     @property
     def potential(self) -> ca.SX:
@@ -66,25 +72,13 @@ def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
     """Return the freedoms in which something acts, or every freedom."""
     found = []
     for name, joint in joints.mechanism.joints.items():
-        if isinstance(joint, GearJoint):
-            continue
-        labels, rates = iter(joint.coordinates(name)), iter(joint.rates(name))
-        for freedom, (friction, spring, _, rotor) in joint.effects().items():
-            free = freedom == TURN
-            own, own_rates = (
-                list(islice(labels, 4 if free else 1)),
-                list(islice(rates, 3 if free else 1)),
-            )
-            if every or any(
-                map(
-                    present,
-                    (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor),
-                )
-            ):
-                x = ca.vertcat(*[joints.position(label) for label in own])
-                J = joints.rate_rows(own_rates)
-                x = rotation_vector(x) if free else x
-                found.append(Freedom(tuple(own_rates), x, J, friction, spring, rotor))
+        for part in joint.parts(name):
+            friction, spring, _, rotor = part.effects
+            if every or any(map(present, part.effects.loads)):
+                x = ca.vertcat(*map(joints.position, part.coordinates))
+                x = rotation_vector(x) if part.name == TURN else x
+                J = joints.rate_rows(part.rates)
+                found.append(Freedom(part.rates, x, J, friction, spring, rotor))
     return tuple(found)
 
 
@@ -118,8 +112,7 @@ def rotor_forces(
     total = SX.zeros(rates.numel())
     for f in freedoms:
         if present(f.rotor):
-            turning = ca.mtimes(derivative(f.J, tree, rates), rates)
-            total += f.rotor * ca.mtimes(f.J.T, ca.mtimes(f.J, accelerations) + turning)
+            total += f.rotor * ca.mtimes(f.J.T, f.acceleration(tree, rates, accelerations))
     return total
 
 

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -72,19 +73,11 @@ class ClosureRows:
         """Return some of the rows."""
         own = list(indices)
         names = tuple(self.names[index] for index in own)
-        phi, Phi, open_Phi = (part[own, :] for part in (self.phi, self.Phi, self.open_Phi))
-        units, extents = self.units[own], self.extents[own]
-        return ClosureRows(
-            names,
-            phi,
-            Phi,
-            open_Phi,
-            self.rates,
-            self.gamma[own, :],
-            self.alignment,
-            units,
-            extents,
+        phi, Phi, open_Phi, gamma = (
+            part[own, :] for part in (self.phi, self.Phi, self.open_Phi, self.gamma)
         )
+        sizes = self.units[own], self.extents[own]
+        return ClosureRows(names, phi, Phi, open_Phi, self.rates, gamma, self.alignment, *sizes)
 
     @property
     def unheld_gap(self) -> ca.SX:
@@ -102,6 +95,14 @@ class ClosureRows:
         """Tell which elements of Phi are not zero, by row and column, and whether they are
         constant."""
         return constancy(self.Phi)
+
+
+class Elimination(NamedTuple):
+    """Hold L (nv x n) and b (nv) of w = L v, w' = L v' + b, and the weakest relative pivot."""
+
+    L: ca.SX
+    b: ca.SX
+    pivot: ca.SX
 
 
 @dataclass(frozen=True)
@@ -210,15 +211,15 @@ class Equations:
         return SX.sym("v", self.mobility)
 
     @cached_property
-    def elimination(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return L (nv x n), the bias b (nv) of w' = L v' + b, and the weakest relative pivot."""
+    def elimination(self) -> Elimination:
+        """Solve Phi w = 0 and Phi w' + gamma = 0 for the dependent rates, in the chart's order."""
         Phi_a = self.rows.Phi[:, list(self.chart.independent)]
         X, _ = solve(self.chart, self.rows.Phi, -Phi_a)
         L = self.scatter(X, SX.eye(self.mobility))
         gamma = ca.substitute(self.rows.gamma, self.rows.rates, ca.mtimes(L, self.v))
         X, pivots = solve(self.chart, self.rows.Phi, ca.horzcat(-Phi_a, -gamma))
         full = self.scatter(X, ca.horzcat(SX.eye(self.mobility), SX.zeros(self.mobility)))
-        return full[:, :-1], full[:, -1], weakest(pivots)
+        return Elimination(full[:, :-1], full[:, -1], weakest(pivots))
 
     def scatter(self, dependent: dict[int, ca.SX], independent: ca.SX) -> ca.SX:
         """Arrange rows of dependent and independent rates in the tree's order."""
@@ -228,7 +229,7 @@ class Equations:
     @property
     def rates(self) -> ca.SX:
         """Return w = L v (nv), Eq. (7)."""
-        return ca.mtimes(self.elimination[0], self.v)
+        return ca.mtimes(self.elimination.L, self.v)
 
     @cached_property
     def freedoms(self) -> tuple[effects.Freedom, ...]:
@@ -243,7 +244,7 @@ class Equations:
         With L = [1; L_d]:  M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).  M's lower triangle
         repeats the upper one.
         """
-        L = self.elimination[0]
+        L = self.elimination.L
         H = dynamics.generalised_inertia(self.tree) + effects.rotor_inertia(self.freedoms, self.nv)
         a, d = list(self.chart.independent), list(self.chart.dependent)
         if not d:
@@ -273,7 +274,7 @@ class Equations:
     def actuation(self) -> ca.SX:
         """Return S (actuators x n), the actuated rates S v; forces u of the actuators are S' u on
         the rates v."""
-        return ca.mtimes(self.joints.rate_rows(self.mechanism.actuators), self.elimination[0])
+        return ca.mtimes(self.joints.rate_rows(self.mechanism.actuators), self.elimination.L)
 
     @property
     def gravity(self) -> ca.SX:

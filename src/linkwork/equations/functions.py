@@ -18,11 +18,11 @@ from linkwork.equations.joint_map import derivative
 
 
 def function(
-    name: str, equations: Equations, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]
+    name: str, equations: Equations, outputs: dict[str, ca.SX], **inputs: ca.SX
 ) -> ca.Function:
-    """Make a CasADi function of inputs and p, with dense outputs and no expression computed
+    """Make a CasADi function of q, inputs and p, with dense outputs and no expression computed
     twice."""
-    inputs = inputs | {"p": equations.p}
+    inputs = {"q": equations.tree.q, **inputs, "p": equations.p}
     dense = [ca.densify(value) for value in outputs.values()]
     return ca.Function(
         name, list(inputs.values()), dense, list(inputs), list(outputs), {"cse": True}
@@ -36,14 +36,13 @@ def motion(equations: Equations) -> ca.Function:
     acceleration = solve_symmetric(
         equations.inertia[0], applied - equations.bias_forces(equations.gravity)
     )
-    inputs = {"q": equations.tree.q, "v": equations.v, "u": u}
     derivatives = equations.tree.derivatives(equations.rates)
     outputs = {
         "derivatives": derivatives,
         "accelerations": acceleration,
-        "pivot": equations.elimination[2],
+        "pivot": equations.elimination.pivot,
     }
-    return function("motion", equations, inputs, outputs)
+    return function("motion", equations, outputs, v=equations.v, u=u)
 
 
 def inverse_dynamics(equations: Equations) -> ca.Function:
@@ -52,16 +51,14 @@ def inverse_dynamics(equations: Equations) -> ca.Function:
     dv = SX.sym("dv", equations.mobility)
     L, b, pivot = equations.elimination
     h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
-    inputs = {"q": equations.tree.q, "v": equations.v, "dv": dv}
-    return function(
-        "inverse_dynamics", equations, inputs, {"forces": ca.mtimes(L.T, h), "pivot": pivot}
-    )
+    outputs = {"forces": ca.mtimes(L.T, h), "pivot": pivot}
+    return function("inverse_dynamics", equations, outputs, v=equations.v, dv=dv)
 
 
 def actuation(equations: Equations) -> ca.Function:
     """Return q -> S (actuators x n), the actuated rates S v, and the weakest relative pivot."""
-    outputs = {"S": equations.actuation, "pivot": equations.elimination[2]}
-    return function("actuation", equations, {"q": equations.tree.q}, outputs)
+    outputs = {"S": equations.actuation, "pivot": equations.elimination.pivot}
+    return function("actuation", equations, outputs)
 
 
 def terms(equations: Equations) -> ca.Function:
@@ -79,9 +76,9 @@ def terms(equations: Equations) -> ca.Function:
         "Cv": velocity,
         "G": at_rest,
         "f": velocity - equations.bias_forces(still),
-        "pivot": equations.elimination[2],
+        "pivot": equations.elimination.pivot,
     }
-    return function("terms", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
+    return function("terms", equations, outputs, v=equations.v)
 
 
 def closure_step(equations: Equations) -> ca.Function:
@@ -100,21 +97,19 @@ def closure_step(equations: Equations) -> ca.Function:
         phi * ca.DM(1 / equations.rows.units), *tree.norms(), equations.rows.excess
     )
     largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
-    return function("closure_step", equations, {"q": tree.q}, {"q_next": q, "residual": largest})
+    return function("closure_step", equations, {"q_next": q, "residual": largest})
 
 
 def unheld_gap(equations: Equations) -> ca.Function:
     """Return q -> the largest |phi| of the rows that are not held, in own units."""
-    return function(
-        "unheld_gap", equations, {"q": equations.tree.q}, {"gap": equations.rows.unheld_gap}
-    )
+    return function("unheld_gap", equations, {"gap": equations.rows.unheld_gap})
 
 
 def tree_rates(equations: Equations) -> ca.Function:
     """Return (q, v) -> the rates w = L v of the whole tree, and the weakest relative pivot, Eq.
     (7)."""
-    outputs = {"w": equations.rates, "pivot": equations.elimination[2]}
-    return function("tree_rates", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
+    outputs = {"w": equations.rates, "pivot": equations.elimination.pivot}
+    return function("tree_rates", equations, outputs, v=equations.v)
 
 
 def motion_energy(equations: Equations) -> ca.Function:
@@ -122,12 +117,7 @@ def motion_energy(equations: Equations) -> ca.Function:
     all charts."""
     tree, w = equations.tree, equations.rows.rates
     H = dynamics.generalised_inertia(tree) + effects.rotor_inertia(equations.freedoms, equations.nv)
-    return function(
-        "motion_energy",
-        equations,
-        {"q": tree.q, "w": w},
-        {"T": ca.mtimes(w.T, ca.mtimes(H, w)) / 2},
-    )
+    return function("motion_energy", equations, {"T": ca.mtimes(w.T, ca.mtimes(H, w)) / 2}, w=w)
 
 
 def maps(equations: Equations) -> ca.Function:
@@ -136,14 +126,12 @@ def maps(equations: Equations) -> ca.Function:
     L, _, pivot = equations.elimination
     T = ca.mtimes(body_motion.body_jacobians(equations.mechanism, equations.tree), L)
     outputs = {"L": ca.mtimes(equations.joints.rate_rows(), L), "T": T, "pivot": pivot}
-    return function("maps", equations, {"q": equations.tree.q}, outputs)
+    return function("maps", equations, outputs)
 
 
 def positions(equations: Equations) -> ca.Function:
     """Return q -> coordinates of all joints."""
-    return function(
-        "positions", equations, {"q": equations.tree.q}, {"positions": equations.joints.positions()}
-    )
+    return function("positions", equations, {"positions": equations.joints.positions()})
 
 
 def joints_motion(equations: Equations) -> ca.Function:
@@ -159,9 +147,7 @@ def joints_motion(equations: Equations) -> ca.Function:
         "accelerations": ca.mtimes(J, ca.mtimes(L, dv) + b) + turning,
         "pivot": pivot,
     }
-    return function(
-        "joints_motion", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs
-    )
+    return function("joints_motion", equations, outputs, v=equations.v, dv=dv)
 
 
 def bodies_motion(equations: Equations) -> ca.Function:
@@ -176,23 +162,21 @@ def bodies_motion(equations: Equations) -> ca.Function:
         "origins": origins,
         "orientations": orientations,
         "twists": twists,
-        "pivot": equations.elimination[2],
+        "pivot": equations.elimination.pivot,
     }
-    return function("bodies_motion", equations, {"q": equations.tree.q, "v": equations.v}, outputs)
+    return function("bodies_motion", equations, outputs, v=equations.v)
 
 
 def constraints(equations: Equations) -> ca.Function:
     """Return q -> phi and Phi."""
     outputs = {"phi": equations.rows.phi, "Phi": equations.rows.Phi}
-    return function("constraints", equations, {"q": equations.tree.q}, outputs)
+    return function("constraints", equations, outputs)
 
 
 def pivots(equations: Equations) -> ca.Function:
     """Return q -> the relative pivots of the elimination, block by block."""
     _, found = solve(equations.chart, equations.rows.Phi, SX(len(equations.rows.names), 0))
-    return function(
-        "pivots", equations, {"q": equations.tree.q}, {"pivots": ca.vertcat(SX(0, 1), *found)}
-    )
+    return function("pivots", equations, {"pivots": ca.vertcat(SX(0, 1), *found)})
 
 
 def assembly(equations: Equations) -> ca.Function:
@@ -217,16 +201,9 @@ def assembly(equations: Equations) -> ca.Function:
         "J_coordinates": equations.joints.rate_rows(),
     }
     if tool is not None:
-        position, orientation, angle = body_motion.tool_pose(tree, tool)
         J, bias = body_motion.tool_twist(tree, tool, rates)
-        outputs |= {
-            "position": position,
-            "orientation": orientation,
-            "angle": angle,
-            "J_tool": J,
-            "bias_tool": bias,
-        }
-    return function("assembly", equations, {"q": tree.q, "rates": rates}, outputs)
+        outputs |= body_motion.tool_pose(tree, tool)._asdict() | {"J_tool": J, "bias_tool": bias}
+    return function("assembly", equations, outputs, rates=rates)
 
 
 def regressor(equations: Equations) -> ca.Function:
@@ -237,10 +214,8 @@ def regressor(equations: Equations) -> ca.Function:
     """
     dv = SX.sym("dv", equations.mobility)
     Y, rest = linear.regressor(equations, dv)
-    outputs = {"Y": Y, "rest": rest, "pivot": equations.elimination[2]}
-    return function(
-        "regressor", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs
-    )
+    outputs = {"Y": Y, "rest": rest, "pivot": equations.elimination.pivot}
+    return function("regressor", equations, outputs, v=equations.v, dv=dv)
 
 
 def energy(equations: Equations) -> ca.Function:
@@ -254,5 +229,5 @@ def energy(equations: Equations) -> ca.Function:
         potential -= body.mass * dot(
             equations.gravity, tree.point(tree.node(name), vector(body.centre_of_mass))
         )
-    outputs = {"kinetic": kinetic, "potential": potential, "pivot": equations.elimination[2]}
-    return function("energy", equations, {"q": tree.q, "v": v}, outputs)
+    outputs = {"kinetic": kinetic, "potential": potential, "pivot": equations.elimination.pivot}
+    return function("energy", equations, outputs, v=v)

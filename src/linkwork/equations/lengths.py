@@ -8,11 +8,12 @@ mechanism without any length has 1 m.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
-from linkwork.mechanism import Mechanism, RodJoint
+from linkwork.equations.joints import held_length
+from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, PairJoint
 
 ROUNDING = 1e-9
@@ -24,7 +25,7 @@ def own_length(mechanism: Mechanism) -> float:
     given."""
     points = held_points(mechanism).values()
     extents = [float(np.linalg.norm(np.ptp(own, axis=0))) for own in points]
-    extents += [joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)]
+    extents += held_lengths(mechanism.pairs.values())
     farthest = max((float(np.abs(own).max()) for own in points), default=0.0)
     gyration = radius_of_gyration(mechanism)
     if max(extents, default=0.0) > ROUNDING * max(farthest, gyration):
@@ -42,8 +43,9 @@ def loop_length(mechanism: Mechanism, loop: Collection[str]) -> float:
     for joint in joints:
         for body, frame in zip(joint.connects, joint.frames, strict=True):
             points.setdefault(body, []).append(frame.position)
-    rods = sum(joint.length for joint in joints if isinstance(joint, RodJoint))
-    return rods + sum(float(np.linalg.norm(np.ptp(own, axis=0))) for own in points.values())
+    return sum(held_lengths(joints)) + sum(
+        float(np.linalg.norm(np.ptp(own, axis=0))) for own in points.values()
+    )
 
 
 def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:
@@ -58,6 +60,11 @@ def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:
     return {name: np.array(own, float) for name, own in points.items() if own}
 
 
+def held_lengths(joints: Iterable[PairJoint]) -> list[float]:
+    """Return the lengths [m] of the rods among some joints."""
+    return [length for joint in joints if (length := held_length(joint)) is not None]  # pyright: ignore
+
+
 def radius_of_gyration(mechanism: Mechanism) -> float:
     """Return that of all bodies together, each about its mass centre; 0 where nothing has mass."""
     mass = sum(body.mass for body in mechanism.bodies.values())
@@ -68,9 +75,9 @@ def radius_of_gyration(mechanism: Mechanism) -> float:
 def slides(mechanism: Mechanism) -> dict[str, bool]:
     """Tell of every joint coordinate and rate, by name, whether it is a length; else it is an angle
     or a quaternion's."""
-    told = {}
-    for name, joint in mechanism.pairs.items():
-        alone = len(joint.freedoms) == 1
-        for label in (*joint.coordinates(name), *joint.rates(name)):
-            told[label] = (joint.freedoms[0] if alone else label.rpartition(".")[2]) in SLIDES
-    return told
+    return {
+        label: part.name in SLIDES
+        for name, joint in mechanism.pairs.items()
+        for part in joint.parts(name)
+        for label in (*part.coordinates, *part.rates)
+    }

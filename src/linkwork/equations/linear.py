@@ -55,7 +55,7 @@ def derivatives(equations: Equations) -> ca.Function:
         "T_tool": T_tool,
         "pivot": pivot,
     }
-    return functions.function("derivatives", equations, {"q": tree.q, "v": v, "u": u}, outputs)
+    return functions.function("derivatives", equations, outputs, v=v, u=u)
 
 
 def shifted(matrix: ca.SX, q: ca.SX, dq: ca.SX) -> ca.SX:

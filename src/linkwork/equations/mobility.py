@@ -13,13 +13,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linkwork.equations.joints import KINDS, rows_of
 from linkwork.equations.reflections import reflect
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
-from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint, RodJoint
+from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
 
 RANK = 1e-9
-IN_PLANE = {"fixed": 0, "planar": 3, "free": 3, "rod": 2}
 
 
 def free_motions(Phi: np.ndarray) -> np.ndarray:
@@ -30,15 +30,13 @@ def free_motions(Phi: np.ndarray) -> np.ndarray:
 def gruebler(mechanism: Mechanism, planar: bool) -> int:
     """Return the mobility that Gruebler's formula gives."""
     space = 3 if planar else 6
-    taken = sum(space - freedoms(name, joint, planar) for name, joint in mechanism.pairs.items())
+    taken = sum(space - freedoms(joint, planar) for joint in mechanism.pairs.values())
     return space * len(mechanism.bodies) - taken - len(mechanism.gears)
 
 
-def freedoms(name: str, joint: PairJoint, planar: bool) -> int:
+def freedoms(joint: PairJoint, planar: bool) -> int:
     """Return the freedoms that a joint leaves its two bodies, in space or in the plane."""
-    if planar:
-        return IN_PLANE.get(joint.type, 1)
-    return 5 if isinstance(joint, RodJoint) else len(joint.rates(name))
+    return KINDS[joint.type].in_plane if planar else 6 - len(rows_of(joint))
 
 
 def refuse_locked(topology: Topology, tree: Tree, rows: Sequence[str], Phi: np.ndarray) -> None:

@@ -28,12 +28,12 @@ import numpy as np
 from linkwork.equations.algebra import SX, cross, dense, dot, wrapped
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.joint_map import JointMap
+from linkwork.equations.joints import pattern
 from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
 from linkwork.equations.reference import OPEN, OpenLoopsError, System, close, described, unit
 from linkwork.equations.tree import Tree
-from linkwork.mechanism import ScrewJoint
-from linkwork.mechanism.joints import TURN
+from linkwork.mechanism.joints import SLIDES, TURN
 
 STEPS, HALVINGS = 50, 12
 LONGEST = 0.5  # step, in own units
@@ -93,25 +93,17 @@ def differences(joints: JointMap) -> tuple[ca.SX, list[bool]]:
     mechanism, tree, values = joints.mechanism, joints.tree, described(joints.mechanism)
     lengths, r, periodic = slides(mechanism), [], []
     for name, joint in mechanism.pairs.items():
-        labels = iter(joint.coordinates(name))
-        for freedom in joint.freedoms:
-            if freedom == TURN:
-                own = [next(labels) for _ in range(4)]
-                r.append(
-                    rotation_vector(
-                        turn_between(
-                            ca.vertcat(*map(joints.position, own)), [values[x] for x in own]
-                        )
-                    )
-                )
+        for part in joint.parts(name):
+            own = part.coordinates
+            if part.name == TURN:
+                p = ca.vertcat(*map(joints.position, own))
+                r.append(rotation_vector(turn_between(p, [values[label] for label in own])))
                 periodic += [False] * 3
             else:
-                label = next(labels)
-                r.append(
-                    (joints.position(label) - values[label])
-                    / (tree.length if lengths[label] else 1.0)
-                )
-                periodic.append(label in joint.angles(name) and not isinstance(joint, ScrewJoint))
+                (label,) = own
+                unit = tree.length if lengths[label] else 1.0
+                r.append((joints.position(label) - values[label]) / unit)
+                periodic.append(part.name not in SLIDES and "screw" not in pattern(joint))
     return ca.vertcat(SX(0, 1), *r), periodic
 
 

@@ -33,6 +33,6 @@ def powers(equations: Equations) -> ca.Function:
         "actuated": ca.mtimes(equations.actuation, equations.v),
         "friction": friction,
         "dampers": ca.vertcat(SX(0, 1), *dampers),
-        "pivot": equations.elimination[2],
+        "pivot": equations.elimination.pivot,
     }
-    return function("powers", equations, {"q": tree.q, "v": equations.v}, outputs)
+    return function("powers", equations, outputs, v=equations.v)

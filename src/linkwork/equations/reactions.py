@@ -26,8 +26,7 @@ from linkwork.equations.algebra import SX, cross, present, spin, vector, zero
 from linkwork.equations.closure import Side, side
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
-from linkwork.equations.joint_map import derivative
-from linkwork.equations.joints import KINDS
+from linkwork.equations.joints import motions_of
 from linkwork.equations.moments import tensor
 from linkwork.equations.tree import in_base, near_offset
 from linkwork.mechanism import PairJoint
@@ -56,9 +55,7 @@ def joint_loads(equations: Equations) -> ca.Function:
         "f": known_forces(equations, accelerations),
         "pivot": pivot,
     }
-    return function(
-        "joint_loads", equations, {"q": equations.tree.q, "v": equations.v, "dv": dv}, outputs
-    )
+    return function("joint_loads", equations, outputs, v=equations.v, dv=dv)
 
 
 def joint_axes(equations: Equations) -> ca.Function:
@@ -68,7 +65,7 @@ def joint_axes(equations: Equations) -> ca.Function:
         frame for joint in equations.mechanism.pairs.values() for frame in frames(equations, joint)
     )
     axes = ca.vertcat(SX(0, 1), *[ca.vec(frame.R.matrix.T) for frame in sides])
-    return function("joint_axes", equations, {"q": equations.tree.q}, {"axes": axes})
+    return function("joint_axes", equations, {"axes": axes})
 
 
 def bodies_need(equations: Equations, accelerations: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
@@ -104,7 +101,7 @@ def frames(equations: Equations, joint: PairJoint) -> tuple[Side, Side]:
 def joint_twists(joint: PairJoint, first: Side, second: Side) -> Iterator[ca.SX]:
     """Yield s of each rate of a joint; the second axis of two turns (a universal joint) is fixed in
     F2."""
-    motions = KINDS[joint.type].motions(joint)
+    motions = motions_of(joint)
     crossed = sum(motion.turns for motion in motions) == 2
     for motion in motions:
         if motion.ball:
@@ -120,13 +117,8 @@ def known_forces(equations: Equations, accelerations: ca.SX) -> ca.SX:
     labels, w = equations.mechanism.rates, equations.rates
     f = SX.zeros(len(labels))
     for freedom in equations.freedoms:
-        turning = ca.mtimes(derivative(freedom.J, equations.tree, w), w)
-        rotor = (
-            freedom.rotor * (ca.mtimes(freedom.J, accelerations) + turning)
-            if present(freedom.rotor)
-            else 0
-        )
-        f[[labels.index(label) for label in freedom.rates]] += (
-            freedom.force(ca.mtimes(freedom.J, w)) - rotor
-        )
+        force = freedom.force(ca.mtimes(freedom.J, w))
+        if present(freedom.rotor):
+            force -= freedom.rotor * freedom.acceleration(equations.tree, w, accelerations)
+        f[[labels.index(label) for label in freedom.rates]] += force
     return f

@@ -14,10 +14,11 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, quaternion_matrix, rotation_matrix, turn_matrix
-from linkwork.equations.joints import KINDS
+from linkwork.equations.joints import complete, motions_of
+from linkwork.equations.lengths import held_lengths
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
-from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint, RodJoint
+from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
 from linkwork.mechanism.joints import QUATERNION, TURN
 
 CLOSED = 1e-12
@@ -173,10 +174,7 @@ def starts(
     reached = body_poses(mechanism, described(mechanism))
     lost = [name for name in topology.added if topology.joints[name].connects[1] not in reached]
     random = np.random.default_rng(1998)
-    size = max(
-        (joint.length for joint in mechanism.pairs.values() if isinstance(joint, RodJoint)),
-        default=tree.length,
-    )
+    size = max(held_lengths(mechanism.pairs.values()), default=tree.length)
     for _ in range(STARTS if lost else 0):
         q = first.copy()
         for name in lost:
@@ -233,7 +231,7 @@ def body_poses(mechanism: Mechanism, values: dict[str, float]) -> dict[str, Pose
 
     graph = mechanism.graph()
     for name, joint in mechanism.pairs.items():
-        if isinstance(joint, RodJoint):
+        if not complete(joint):
             graph.remove_edge(*joint.connects, key=name)
     poses: dict[str, Pose] = {GROUND: (np.zeros(3), np.eye(3))}
     for parent, body in nx.bfs_edges(graph, GROUND):
@@ -260,7 +258,7 @@ def across(joint: PairJoint, q: np.ndarray, pose: Pose, backwards: bool) -> Pose
 def displacement(joint: PairJoint, q: np.ndarray) -> Pose:
     """Return p_12, R_12 of a joint for its coordinates."""
     p, R, numbers = np.zeros(3), np.eye(3), list(q)
-    for motion in KINDS[joint.type].motions(joint):
+    for motion in motions_of(joint):
         own, numbers = numbers[: motion.coordinates], numbers[motion.coordinates :]
         if motion.ball:
             R = R @ np.array(ca.DM(quaternion_matrix(SX(np.array(own)))))

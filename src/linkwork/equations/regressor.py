@@ -22,7 +22,6 @@ import numpy as np
 from linkwork.equations import body_motion, effects
 from linkwork.equations.algebra import SX, cross, spin, zero
 from linkwork.equations.equations import Equations
-from linkwork.equations.joint_map import derivative
 from linkwork.equations.moments import Moments
 from linkwork.equations.tree import near_offset
 from linkwork.mechanism import Mechanism
@@ -53,8 +52,8 @@ def values(mechanism: Mechanism) -> np.ndarray:
         moments = Moments.of_body(body, np.zeros(3))
         pi += [moments.m, *moments.h, *(moments.I[place] for place in ELEMENTS.values())]
     for joint in mechanism.pairs.values():
-        for friction, spring, _, rotor in joint.effects().values():
-            pi += [friction.viscous + spring.damping, friction.coulomb, rotor]
+        for own in joint.effects().values():
+            pi += [own.friction.viscous + own.spring.damping, own.friction.coulomb, own.rotor]
     return np.array(pi)
 
 
@@ -129,11 +128,10 @@ def unit_wrenches(omega: ca.SX, alpha: ca.SX, a: ca.SX) -> Iterator[ca.SX]:
 def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
     """Return the forces (nv x 3 per freedom) on the tree's rates that a unit of friction and rotor
     inertia takes."""
-    blocks = [SX(len(equations.tree.rates), 0)]
+    tree, blocks = equations.tree, [SX(len(equations.tree.rates), 0)]
     for freedom in effects.freedoms(equations.joints, every=True):
         J, rate = freedom.J, ca.mtimes(freedom.J, w)
-        sharp = rate / ca.sqrt(ca.sumsqr(rate) + freedom.friction.coulomb_rate**2)
-        acceleration = ca.mtimes(J, dw) + ca.mtimes(derivative(J, equations.tree, w), w)
+        sharp, acceleration = rate / freedom.softened(rate), freedom.acceleration(tree, w, dw)
         blocks.append(ca.mtimes(J.T, ca.horzcat(rate, sharp, acceleration)))
     return ca.horzcat(*blocks)
 

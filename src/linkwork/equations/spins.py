@@ -10,7 +10,6 @@ either: it may then be left to itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
 
 import casadi as ca
 import numpy as np
@@ -22,7 +21,6 @@ from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
 from linkwork.equations.tree import Node, Tree
 from linkwork.mechanism import GROUND, Limits, Mechanism
-from linkwork.mechanism.joints import TURN
 
 LONGEST = 3  # joints inside a member that is looked at
 STILL = 1e-9  # motion that counts as none, relative to the largest
@@ -175,10 +173,8 @@ def rate_rows(joints: JointMap, labels: Sequence[str]) -> ca.SX:
 def limited_rates(mechanism: Mechanism) -> Iterator[str]:
     """Yield the rates of joints' freedoms that have limits."""
     for name, joint in mechanism.joints.items():
-        rates = iter(joint.rates(name))
-        for freedom, (_, _, limits, _) in joint.effects().items():
-            own = list(islice(rates, 3 if freedom == TURN else 1))
-            yield from own if limits != Limits() else ()
+        for part in joint.parts(name):
+            yield from part.rates if part.effects.limits != Limits() else ()
 
 
 def apart(chains: Sequence[Member]) -> list[Member]:

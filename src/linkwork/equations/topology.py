@@ -21,18 +21,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import or_
 
 from linkwork.equations.algebra import present
-from linkwork.mechanism import (
-    GROUND,
-    FixedJoint,
-    Frame,
-    FreeJoint,
-    Mechanism,
-    PairJoint,
-    RodJoint,
-    ScrewJoint,
-)
+from linkwork.equations.joints import complete, pattern, rows_of
+from linkwork.mechanism import GROUND, FixedJoint, Frame, FreeJoint, Mechanism, PairJoint
 
 
 @dataclass(frozen=True)
@@ -110,8 +103,7 @@ def span(mechanism: Mechanism) -> Topology:
         rim = [
             name
             for name, joint in waiting.items()
-            if not isinstance(joint, RodJoint)
-            and (joint.connects[0] in depth) != (joint.connects[1] in depth)
+            if complete(joint) and (joint.connects[0] in depth) != (joint.connects[1] in depth)
         ]
         if not rim:
             hang(next(body for body in mechanism.bodies if body not in depth))
@@ -135,8 +127,8 @@ def counting(mechanism: Mechanism) -> set[str]:
     sprung = {
         name
         for name, joint in mechanism.pairs.items()
-        if isinstance(joint, ScrewJoint)
-        or any(present(spring.stiffness) for _, spring, _, _ in joint.effects().values())
+        if "screw" in pattern(joint)
+        or any(present(effects.spring.stiffness) for effects in joint.effects().values())
     }
     return geared | sprung
 
@@ -173,32 +165,27 @@ def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Top
 
 def joins(joint: PairJoint, body: str) -> bool:
     """Tell whether a joint is a free joint between ground and a body."""
-    return isinstance(joint, FreeJoint) and set(joint.connects) == {GROUND, body}
+    return not rows_of(joint) and set(joint.connects) == {GROUND, body}
 
 
 def platforms(mechanism: Mechanism) -> list[str]:
     """Return the bodies that three or more ball joints hold, and no joint of another type but rods
     and free joints."""
-    held: dict[str, list[str]] = {body: [] for body in mechanism.bodies}
+    held: dict[str, list[PairJoint]] = {body: [] for body in mechanism.bodies}
     for joint in mechanism.pairs.values():
-        for body in joint.connects:
-            if body != GROUND:
-                held[body].append(joint.type)
-    return [
-        body
-        for body, types in held.items()
-        if types.count("spherical") >= 3 and set(types) <= {"spherical", "rod", "free"}
-    ]
+        for body in set(joint.connects) - {GROUND}:
+            held[body].append(joint)
+    return [body for body, joints in held.items() if hung(joints)]
+
+
+def hung(joints: Sequence[PairJoint]) -> bool:
+    """Tell whether there are three or more ball joints, and none of another type but rods and free
+    joints."""
+    balls = [pattern(joint) == ("ball",) for joint in joints]
+    loose = [not complete(joint) or not rows_of(joint) for joint in joints]
+    return sum(balls) >= 3 and all(map(or_, balls, loose))
 
 
 def has_effects(joint: PairJoint) -> bool:
     """Tell whether friction, a spring or a rotor acts in a joint."""
-    return any(
-        any(
-            map(
-                present,
-                (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, rotor),
-            )
-        )
-        for friction, spring, _, rotor in joint.effects().values()
-    )
+    return any(present(load) for effects in joint.effects().values() for load in effects.loads)

@@ -43,7 +43,7 @@ from linkwork.equations.algebra import (
     vector,
     zero,
 )
-from linkwork.equations.joints import KINDS, ElementaryMotion
+from linkwork.equations.joints import ElementaryMotion, motions_of
 from linkwork.equations.moments import Moments, regrouped
 from linkwork.equations.orientation import GROUND_AXES, Axes, Orientation, convert
 from linkwork.equations.topology import Branch, Topology
@@ -347,7 +347,7 @@ def grow(
     # Places of all coordinates and rates, and which of them are quaternions.
     coordinates, rates, quaternions = [], [], []
     for name, joint in topology.joints.items():
-        for motion in KINDS[joint.type].motions(joint):
+        for motion in motions_of(joint):
             if motion.ball:
                 places = len(coordinates), len(rates)
                 quaternions.append(
@@ -389,7 +389,7 @@ def branch_nodes(
     """
     # The joint's steps from the parent outwards, whichever way it was described.
     inner, outer = reversed(joint.frames) if branch.reversed else joint.frames
-    steps = list(placed(KINDS[joint.type].motions(joint), start, rate))
+    steps = list(placed(motions_of(joint), start, rate))
     if branch.reversed:
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
     origin, own = vector(outer.position), rotation_matrix(outer.rotation).T

@@ -7,6 +7,8 @@ turn of a spherical joint q is the rotation vector of R_12 and w the relative an
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from pydantic import Field, model_validator
 
 from linkwork.mechanism.record import Amount, MechanismError, Name, Positive, Real, Record, Vector3
@@ -49,6 +51,24 @@ class Limits(Record):
                 f"the lower limit {self.lower} is not below the upper limit {self.upper}"
             )
         return self
+
+
+class Effects(NamedTuple):
+    """Hold what acts in one freedom of a joint, apart from actuators, and what bounds it.
+
+    rotor: inertia that moves with the rate [kg m^2; kg for a slide]
+    """
+
+    friction: Friction = Friction()
+    spring: Spring = Spring()
+    limits: Limits = Limits()
+    rotor: float = 0.0
+
+    @property
+    def loads(self) -> tuple[float, ...]:
+        """The numbers that are all zero where no force and no rotor acts."""
+        friction, spring = self.friction, self.spring
+        return (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, self.rotor)
 
 
 class PointSpring(Record):

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import hypot
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
-from linkwork.mechanism.effects import Friction, Limits, Spring
+from linkwork.mechanism.effects import Effects, Friction, Limits, Spring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.record import (
     Amount,
@@ -33,6 +33,21 @@ from linkwork.mechanism.record import (
     followed,
 )
 
+__all__ = [
+    "CylindricalJoint",
+    "FixedJoint",
+    "FreeJoint",
+    "GearJoint",
+    "Joint",
+    "PairJoint",
+    "PlanarJoint",
+    "PrismaticJoint",
+    "RevoluteJoint",
+    "RodJoint",
+    "ScrewJoint",
+    "SphericalJoint",
+    "UniversalJoint",
+]
 TURN = "turn"
 SLIDES = ("slide", "x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -55,6 +70,16 @@ def unit_axis(axis: Vector3) -> Vector3:
 Axis = Annotated[Vector3, AfterValidator(unit_axis)]
 
 
+class JointFreedom(NamedTuple):
+    """Name one freedom of a joint and what it brings; a free turn has four coordinates and three
+    rates."""
+
+    name: str
+    coordinates: tuple[str, ...]
+    rates: tuple[str, ...]
+    effects: Effects
+
+
 class JointBase(Record):
     """Say what all joint types share: the freedoms, by name, and the coordinates and rates these
     bring."""
@@ -64,26 +89,37 @@ class JointBase(Record):
 
     def coordinates(self, name: str) -> tuple[str, ...]:
         """Return the names of the coordinates of a joint of this type called `name`."""
-        return self._names(name, QUATERNION)
+        return tuple(label for own in self._names(name, QUATERNION) for label in own)
 
     def rates(self, name: str) -> tuple[str, ...]:
         """Return the names of the rates of a joint of this type called `name`."""
-        return self._names(name, ANGULAR_VELOCITY)
+        return tuple(label for own in self._names(name, ANGULAR_VELOCITY) for label in own)
 
     def angles(self, name: str) -> tuple[str, ...]:
         """Return the names of the coordinates that are angles [rad] of a joint of this type called
         `name`."""
-        labels = zip(self.freedoms, self._names(name, (TURN,)), strict=True)
-        return tuple(label for freedom, label in labels if freedom not in (*SLIDES, TURN))
+        parts = self.parts(name)
+        return tuple(part.coordinates[0] for part in parts if part.name not in (*SLIDES, TURN))
 
-    def _names(self, name: str, turning: tuple[str, ...]) -> tuple[str, ...]:
+    def parts(self, name: str) -> tuple[JointFreedom, ...]:
+        """Return the freedoms of a joint of this type called `name`."""
+        coordinates = self._names(name, QUATERNION)
+        columns = coordinates, self._names(name, ANGULAR_VELOCITY), self.effects().values()
+        return tuple(map(JointFreedom, self.freedoms, *columns))
+
+    def effects(self) -> dict[str, Effects]:
+        """Return what acts in each freedom, by its name."""
+        return {}
+
+    def _names(self, name: str, turning: tuple[str, ...]) -> list[tuple[str, ...]]:
+        """Return the coordinates or rates of each freedom; `turning`: how those of a free turn
+        end."""
         if len(self.freedoms) == 1 and self.freedoms != (TURN,):
-            return (name,)
-        return tuple(
-            f"{name}.{part}"
+            return [(name,)]
+        return [
+            tuple(f"{name}.{part}" for part in (turning if freedom == TURN else (freedom,)))
             for freedom in self.freedoms
-            for part in (turning if freedom == TURN else (freedom,))
-        )
+        ]
 
 
 class PairJoint(JointBase):
@@ -93,11 +129,6 @@ class PairJoint(JointBase):
     frames: tuple[Frame, Frame] = Field(
         default=(Frame(), Frame()), description="joint frame in the first and in the second body"
     )
-
-    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
-        """Return friction, spring, limits and rotor inertia by freedom: nothing where there is
-        none."""
-        return {}
 
 
 class OneFreedom(PairJoint):
@@ -114,9 +145,9 @@ class OneFreedom(PairJoint):
         default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"
     )
 
-    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
-        """Return friction, spring, limits and rotor inertia by freedom."""
-        return {self.freedoms[0]: (self.friction, self.spring, self.limits, self.rotor_inertia)}
+    def effects(self) -> dict[str, Effects]:
+        own = Effects(self.friction, self.spring, self.limits, self.rotor_inertia)
+        return {self.freedoms[0]: own}
 
 
 class ManyFreedoms(PairJoint):
@@ -137,10 +168,9 @@ class ManyFreedoms(PairJoint):
         description="by freedom; inertia that moves with its rate [kg m^2; kg for a slide]",
     )
 
-    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
-        """Return friction, spring, limits and rotor inertia by freedom."""
+    def effects(self) -> dict[str, Effects]:
         return {
-            freedom: (
+            freedom: Effects(
                 self.friction.get(freedom, Friction()),
                 self.spring.get(freedom, Spring()),
                 self.limits.get(freedom, Limits()),
@@ -293,10 +323,6 @@ class GearJoint(JointBase):
         default=0.0, description="value that the sum keeps [unit of ratio times coordinate]"
     )
 
-    def effects(self) -> dict[str, tuple[Friction, Spring, Limits, float]]:
-        """Return nothing: a gear has no coordinate."""
-        return {}
-
     @model_validator(mode="after")
     def _couples(self):
         if sum(ratio != 0 for ratio in self.ratios.values()) < 2:
@@ -320,3 +346,7 @@ Joint = Annotated[
     | GearJoint,
     Field(discriminator="type"),
 ]
+TYPES: dict[str, type[JointBase]] = {
+    kind.model_fields["type"].default: kind for kind in get_args(get_args(Joint)[0])
+}
+"""The joint types by their name in files."""

@@ -13,8 +13,7 @@ def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
     """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to
     report."""
     for name, joint in mechanism.joints.items():
-        labels = iter(joint.coordinates(name))
-        for freedom, (_, _, limits, _) in joint.effects().items():
-            own = [next(labels) for _ in range(4 if freedom == TURN else 1)]
+        for part in joint.parts(name):
+            limits, first = part.effects.limits, part.coordinates[0]
             if limits.lower is not None or limits.upper is not None:
-                yield own[0], limits, f"{name}.{TURN}" if freedom == TURN else own[0]
+                yield first, limits, f"{name}.{TURN}" if part.name == TURN else first

@@ -15,6 +15,14 @@ from pydantic import Field, model_validator
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.record import MechanismError, Positive, Real, Record
 
+__all__ = [
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "Polygon",
+    "Shape",
+    "Sphere",
+]
 ROUND = 1e-9  # how far the angles at the corners of a polygon may be from one full turn [rad]
 
 Share = Annotated[float, Field(ge=0, le=1)]

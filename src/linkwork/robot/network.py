@@ -24,7 +24,8 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations import mobility
-from linkwork.mechanism import GROUND, Mechanism, RodJoint
+from linkwork.equations.joints import held_length
+from linkwork.mechanism import GROUND, Mechanism
 
 DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
 
@@ -68,13 +69,15 @@ class Network:
         place = {name: index for index, name in enumerate(mechanism.bodies)} | {GROUND: -1}
         joints = list(mechanism.pairs.values())
         pairs = tuple((place[joint.connects[0]], place[joint.connects[1]]) for joint in joints)
-        freedoms = [mobility.freedoms("", joint, planar=False) for joint in joints]
+        freedoms = [mobility.freedoms(joint, planar=False) for joint in joints]
         counts = [len(joint.rates("")) for joint in joints]
         rates = tuple(
             slice(end - count, end)
             for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True)
         )
-        rods = frozenset(index for index, joint in enumerate(joints) if isinstance(joint, RodJoint))
+        rods = frozenset(
+            index for index, joint in enumerate(joints) if held_length(joint) is not None
+        )
         # Prim's rule: few freedoms first, then near to ground.
         depth, branches = {-1: 0}, []
         while len(depth) <= len(mechanism.bodies):

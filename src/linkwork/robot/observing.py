@@ -70,17 +70,13 @@ def joints_function(equations: Equations) -> ca.Function:
         "positions": equations.joints.positions(),
         "rates": ca.mtimes(equations.joints.rate_rows(), equations.rates),
     }
-    return functions.function(
-        "observation", equations, {"q": equations.tree.q, "v": equations.v}, outputs
-    )
+    return functions.function("observation", equations, outputs, v=equations.v)
 
 
 def quantity_function(equations: Equations, key: Quantity) -> ca.Function:
     """Return (q, v) -> one quantity."""
-    inputs = {"q": equations.tree.q, "v": equations.v}
-    return functions.function(
-        "observation", equations, inputs, {"quantity": expression(equations, key)}
-    )
+    outputs = {"quantity": expression(equations, key)}
+    return functions.function("observation", equations, outputs, v=equations.v)
 
 
 def observed(robot: Model, state: State) -> Observation:

@@ -237,4 +237,4 @@ def tool(equations: Equations) -> ca.Function:
     position, orientation, angle = body_motion.tool_pose(equations.tree, first)
     planar = body_motion.is_planar(equations.tree)
     pose = ca.vertcat(position[:2], angle) if planar else ca.vertcat(position, orientation)
-    return functions.function("tool", equations, {"q": equations.tree.q}, {"pose": pose})
+    return functions.function("tool", equations, {"pose": pose})

@@ -18,7 +18,7 @@ from math import sqrt
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
-from linkwork.equations.joints import KINDS, ElementaryMotion
+from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, rows_of
 from linkwork.mechanism import GROUND, Body, Frame, Mechanism, PairJoint
 from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
@@ -31,7 +31,6 @@ POINT_MASS = 0.2
 """Radius of gyration over the distance to the farthest joint, below which a mass is nearly a
 point."""
 HINGE, SLIDER = (1, 0, False), (0, 1, False)  # motions of a joint
-X = np.array([1.0, 0.0, 0.0])
 
 Placed = tuple[np.ndarray, np.ndarray]
 
@@ -242,7 +241,7 @@ def joint_places(
     joints = [
         joint_place(name, joint, poses, not set(joint.rates(name)).isdisjoint(robot.actuators))
         for name, joint in robot.mechanism.pairs.items()
-        if KINDS[joint.type].rows(joint, X)
+        if rows_of(joint)
     ]
     meeting = meeting_points(joints, robot.bodies)
     moved = [moved_out(joint, meeting, centres) for joint in joints]
@@ -258,9 +257,8 @@ def joint_place(
         frame_pose(poses[body], frame)
         for body, frame in zip(joint.connects, joint.frames, strict=True)
     )
-    kind = KINDS[joint.type]
     motions = [
-        (motion, R_2 if turned else R_1) for motion, turned in after_turns(kind.motions(joint))
+        (motion, R_2 if turned else R_1) for motion, turned in after_turns(motions_of(joint))
     ]
     return JointPlace(
         name,
@@ -274,7 +272,7 @@ def joint_place(
         ).reshape(-1, 3),
         ball=any(motion.ball for motion, _ in motions),
         threaded=any(motion.turns and motion.slides for motion, _ in motions),
-        rod=any(row.length is not None for row in kind.rows(joint, X)),
+        rod=held_length(joint) is not None,
         coordinates=joint.coordinates(name),
         slide=next(
             (

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
-from linkwork.equations.joints import KINDS
+from linkwork.equations.joints import motions_of
 from linkwork.mechanism import GROUND, PairJoint
 from linkwork.robot import Robot, State
 from linkwork.scene.curves import across
@@ -119,7 +119,7 @@ def actuators_of(robot: Robot) -> tuple[Actuator, ...]:
 def actuator(label: str, name: str, joint: PairJoint) -> Actuator:
     """Place a rate by the motion that it belongs to; those of a free turn are about the axes of the
     first frame."""
-    motions = after_turns(KINDS[joint.type].motions(joint))
+    motions = after_turns(motions_of(joint))
     rates = [(motion, turned, k) for motion, turned in motions for k in range(motion.rates)]
     motion, turned, k = rates[joint.rates(name).index(label)]
     own = np.eye(3)[k] if motion.ball else motion.turn if motion.turns else motion.slide

@@ -194,9 +194,9 @@ def joints_table(robot: Robot) -> PageTable:
         )
         driven = [rate for rate in joint.rates(name) if rate in robot.actuators]
         bounds = [
-            f"{label} {bound(limits)}"
-            for label, (_, _, limits, _) in joint.effects().items()
-            if limits != Limits()
+            f"{label} {bound(effects.limits)}"
+            for label, effects in joint.effects().items()
+            if effects.limits != Limits()
         ]
         rows.append((name, joint.type, between, ", ".join(driven) or "–", "; ".join(bounds) or "–"))
     return PageTable(

@@ -30,4 +30,4 @@ def rows(joint: FixedJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     )
 
 
-KIND = Kind(motions, rows)
+KIND = Kind(motions, rows, in_plane=0)

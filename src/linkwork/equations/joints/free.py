@@ -20,4 +20,4 @@ def rows(joint: FreeJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     return ()
 
 
-KIND = Kind(motions, rows)
+KIND = Kind(motions, rows, in_plane=3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,13 +17,20 @@ class ElementaryMotion:
     (`ball`).
 
     A unit rate turns about `turn` (unit or zero) and slides by `slide`, both fixed in the inner and
-    in the outer frame; a ball has three rates, the angular velocity in the axes of the
-    description's first frame, and four coordinates.
+    in the outer frame; that of a screw turns and slides by `pitch`. A ball has three rates, the
+    angular velocity in the axes of the description's first frame, and four coordinates.
     """
 
     turn: np.ndarray = field(default_factory=lambda: np.zeros(3))
     slide: Vector = field(default_factory=lambda: np.zeros(3))
     ball: bool = False
+    pitch: Number | None = None
+
+    @property
+    def what(self) -> Literal["turn", "slide", "screw", "ball"]:
+        if self.ball:
+            return "ball"
+        return "screw" if self.pitch is not None else "turn" if self.turn.any() else "slide"
 
     @property
     def turns(self) -> bool:
@@ -43,7 +50,7 @@ class ElementaryMotion:
 
     def reversed(self) -> ElementaryMotion:
         """Return the motion of the inner frame seen from the outer one, for the same coordinate."""
-        return self if self.ball else ElementaryMotion(-self.turn, -self.slide)
+        return self if self.ball else replace(self, turn=-self.turn, slide=-self.slide)
 
 
 @dataclass(frozen=True)
@@ -82,11 +89,16 @@ class Kind:
 
     motions: from F1 to F2, in order
     rows: takes the joint and a preferred first direction; `exchanged` gives the rows with F1 and F2
-    exchanged
+    exchanged in_plane: the freedoms that it leaves two bodies in a planar mechanism
     """
 
     motions: Callable[[Any], tuple[ElementaryMotion, ...]]
     rows: Callable[[Any, np.ndarray], tuple[Row, ...]]
+    in_plane: int = 1
+
+
+def screw(axis: object, pitch: Number) -> ElementaryMotion:
+    return ElementaryMotion(turn=np.array(axis), slide=pitch * np.array(axis), pitch=pitch)
 
 
 def turn(axis: object) -> ElementaryMotion:

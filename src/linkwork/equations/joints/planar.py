@@ -27,4 +27,4 @@ def rows(joint: PlanarJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     )
 
 
-KIND = Kind(motions, rows)
+KIND = Kind(motions, rows, in_plane=3)

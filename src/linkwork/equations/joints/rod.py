@@ -21,4 +21,4 @@ def rows(joint: RodJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     return (Row("length", np.zeros(3), length=joint.length),)
 
 
-KIND = Kind(motions, rows)
+KIND = Kind(motions, rows, in_plane=2)

@@ -21,6 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
+from linkwork.equations.reference import displacement
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import Document, flag
 from linkwork.formats.mjcf.joints import Coupling, Joints
@@ -315,9 +316,7 @@ class LoopReader:
                 f"holds {label!r} alone, which is part of a joint of several freedoms"
             )
         joint = joints.joints[label]
-        piece = self.pieces[coupling.joint]
-        axis = np.array(joint.axis)  # pyright: ignore
-        motion = poses.turn(axis, value) if piece.kind == "hinge" else poses.shift(value * axis)
+        motion = poses.pose(*displacement(joint, np.array([value])))
         first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
 

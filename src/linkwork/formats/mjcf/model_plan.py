@@ -24,33 +24,18 @@ from typing import Literal
 
 import numpy as np
 
+from linkwork.equations.joints import complete, held_length, motions_of, pattern, rows_of
 from linkwork.formats import poses
 from linkwork.formats.mjcf.tree import Kind, plane_normal
-from linkwork.mechanism import (
-    GROUND,
-    CylindricalJoint,
-    FixedJoint,
-    FreeJoint,
-    Friction,
-    Limits,
-    Mechanism,
-    MechanismError,
-    PairJoint,
-    PlanarJoint,
-    PrismaticJoint,
-    RevoluteJoint,
-    RodJoint,
-    ScrewJoint,
-    SphericalJoint,
-    Spring,
-    UniversalJoint,
-)
+from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
+from linkwork.mechanism.effects import Effects
 
 ADVANCE = "advance"  # name of a screw's slide
 ARM = 0.2
 """Distance of the two points that hold a revolute joint's axis, as part of the mechanism's size."""
-Effects = tuple[Friction, Spring, Limits, float]
-NO_EFFECTS: Effects = (Friction(), Spring(), Limits(), 0.0)
+TURN, BALL = ("turn",), ("ball",)  # motions of the joints that are tied where they close a loop
+RANKS: dict[tuple[str, ...], int] = {TURN: 2, BALL: 3}
+NO_EFFECTS = Effects()
 
 
 @dataclass(frozen=True)
@@ -68,6 +53,11 @@ class Home:
             for body, F in zip(joint.connects, joint.frames, strict=True)
         )
         return near, far
+
+    def turned(self, joint: PairJoint) -> bool:
+        """Tell whether a joint's two frames are turned against each other."""
+        near, far = self.frames(joint)
+        return bool(np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9)
 
     def size(self, mechanism: Mechanism) -> float:
         """Return the largest distance of a joint from the first one [m], or 1 where all are in one
@@ -174,7 +164,7 @@ class _Planner:
         self.needed = {*kept} | {
             name
             for name, joint in mechanism.pairs.items()
-            if any(effects != NO_EFFECTS for effects in effects_of(joint).values())
+            if any(effects != NO_EFFECTS for effects in joint.effects().values())
             or {*joint.rates(name), *joint.coordinates(name)} & {*mechanism.actuators, *geared}
         }
 
@@ -220,20 +210,15 @@ class _Planner:
     # ----------------------------------------------------------------------------------------- tree
 
     def _rank(self, name: str, joint: PairJoint) -> int | None:
-        match joint:
-            case FixedJoint():
-                return 0
-            case RodJoint():
-                return None
-            case _ if name in self.needed:
-                return 1
-            case FreeJoint():
-                return 4 if GROUND in joint.connects else 5
-            case RevoluteJoint():
-                return 2
-            case SphericalJoint():
-                return 3
-        return 1
+        if not complete(joint):
+            return None
+        if not joint.freedoms:
+            return 0
+        if name in self.needed:
+            return 1
+        if not rows_of(joint):
+            return 4 if GROUND in joint.connects else 5
+        return RANKS.get(pattern(joint), 1)
 
     def _tree(self) -> tuple[dict[str, tuple[str, str]], list[str]]:
         """Return parent and body by joint (or, for bodies that only rods reach, by a name given
@@ -276,11 +261,8 @@ class _Planner:
     def _needs_part(self, name: str, joint: PairJoint) -> bool:
         """Tell whether a joint that closes a loop must stay a joint, leading to a part of its
         body."""
-        if isinstance(joint, FixedJoint | RodJoint):
-            return False
-        return name in self.needed or not isinstance(
-            joint, RevoluteJoint | SphericalJoint | FreeJoint
-        )
+        tied = pattern(joint) in (TURN, BALL) or not rows_of(joint)
+        return bool(joint.freedoms) and (name in self.needed or not tied)
 
     # --------------------------------------------------------------------------------------- joints
 
@@ -294,48 +276,31 @@ class _Planner:
         )
 
     def _forward(self, name: str, joint: PairJoint) -> tuple[Move, ...]:
-        # Anchor and axes at home, in the ground's axes.
         near, far = self.home.frames(joint)
-        effects, at = effects_of(joint), far[:3, 3]
-
-        def move(kind: Kind, freedom: str, axis: np.ndarray) -> Move:
-            label = name if joint.coordinates(name) == (name,) else f"{name}.{freedom}"
-            return Move(kind, label, at, axis, self.home.coordinates[label], effects[freedom])
-
-        # As MuJoCo stacks them: slides before hinges, and a screw as both, tied by its pitch.
-        match joint:
-            case FixedJoint():
-                return ()
-            case RevoluteJoint():
-                return (move("hinge", "angle", far[:3, :3] @ joint.axis),)
-            case PrismaticJoint():
-                return (move("slide", "slide", far[:3, :3] @ joint.axis),)
-            case CylindricalJoint():
-                axis = far[:3, :3] @ joint.axis
-                return move("slide", "slide", axis), move("hinge", "angle", axis)
-            case ScrewJoint():
-                hinge = move("hinge", "angle", far[:3, :3] @ joint.axis)
-                slide = Move("slide", f"{name}.{ADVANCE}", at, hinge.axis, joint.pitch * hinge.ref)
-                return slide, hinge
-            case UniversalJoint():
-                one, two = near[:3, :3] @ joint.axes[0], far[:3, :3] @ joint.axes[1]
-                return move("hinge", "angle_1", one), move("hinge", "angle_2", two)
-            case PlanarJoint():
-                x, y, z = near[:3, :3].T
-                return move("slide", "x", x), move("slide", "y", y), move("hinge", "angle", z)
-            case SphericalJoint():
-                return (self._ball(name, name, at, effects["turn"]),)
-            case FreeJoint():
-                slides = (
-                    move("slide", freedom, axis)
-                    for freedom, axis in zip("xyz", near[:3, :3].T, strict=True)
-                )
-                return *slides, self._ball(name, f"{name}.turn", at, effects["turn"])
-        return ()
-
-    def _ball(self, name: str, label: str, at: np.ndarray, effects: Effects) -> Move:
-        self._require_neutral(name, effects)
-        return Move("ball", label, at, np.zeros(3), effects=effects)
+        motions, at, moves = motions_of(joint), far[:3, 3], []
+        for k, (motion, part) in enumerate(zip(motions, joint.parts(name), strict=True)):
+            label = name if len(motions) == 1 else f"{name}.{part.name}"
+            # Axes at home, in the ground's axes: no turn before leaves the first frame's alone, none
+            # behind the second's.
+            turned = any(after.turns for after in motions[k + 1 :])
+            R = (near if turned else far)[:3, :3]
+            effects, ref = part.effects, self.home.coordinates[part.coordinates[0]]
+            # As MuJoCo stacks them: a slide before the hinge of its axis, a screw as both.
+            match motion.what:
+                case "turn":
+                    moves.append(Move("hinge", label, at, R @ motion.turn, ref, effects))
+                case "slide":
+                    slide = Move("slide", label, at, R @ motion.slide, ref, effects)
+                    along = bool(moves) and np.array_equal(moves[-1].axis, slide.axis)
+                    moves.insert(len(moves) - along, slide)
+                case "screw":
+                    hinge = Move("hinge", label, at, R @ motion.turn, ref, effects)
+                    advance = float(motion.pitch or 0.0) * ref
+                    moves += Move("slide", f"{name}.{ADVANCE}", at, hinge.axis, advance), hinge
+                case "ball":
+                    self._require_neutral(name, effects)
+                    moves.append(Move("ball", label, at, np.zeros(3), effects=effects))
+        return tuple(moves)
 
     def _float(self, name: str, body: str) -> Move:
         """Return MuJoCo's own free joint, for what moves freely in ground without effects."""
@@ -344,11 +309,8 @@ class _Planner:
     def _require_neutral(self, name: str, effects: Effects) -> None:
         """Refuse what MuJoCo measures from qpos0 and the mechanism from where the two frames
         agree."""
-        _, spring, limits, _ = effects
-        near, far = self.home.frames(self.mechanism.pairs[name])
-        if (spring.stiffness or limits.upper is not None) and np.max(
-            abs(near[:3, :3] - far[:3, :3])
-        ) > 1e-9:
+        measured = effects.spring.stiffness or effects.limits.upper is not None
+        if measured and self.home.turned(self.mechanism.pairs[name]):
             raise MechanismError(
                 f"joints.{name}: has a spring or a limit and is turned at home; MuJoCo measures "
                 "the turn of a ball joint from home, so that the two frames must agree there"
@@ -359,25 +321,21 @@ class _Planner:
     def _ties(self, name: str, joint: PairJoint) -> list[ModelTie]:
         near, far = self.home.frames(joint)
         points = near[:3, 3], far[:3, 3]
-        match joint:
-            case RodJoint():
-                return [ModelTie("rod", name, joint.connects, points, joint.length)]
-            case SphericalJoint():
-                return [ModelTie("connect", name, joint.connects, points)]
-            case RevoluteJoint() if self._planar(joint, near[:3, :3] @ joint.axis):
-                return [ModelTie("connect", name, joint.connects, points)]
-            case RevoluteJoint():
-                reach = self.arm / 2 * (near[:3, :3] @ joint.axis)
-                return [
-                    ModelTie(
-                        "connect",
-                        f"{name}.{end}",
-                        joint.connects,
-                        (points[0] + sign * reach, points[1] + sign * reach),
-                    )
-                    for end, sign in (("near", -1), ("far", 1))
-                ]
-        return []
+        if (length := held_length(joint)) is not None:
+            return [ModelTie("rod", name, joint.connects, points, float(length))]
+        if pattern(joint) == BALL:
+            return [ModelTie("connect", name, joint.connects, points)]
+        if pattern(joint) != TURN:
+            return []
+        axis = near[:3, :3] @ motions_of(joint)[0].turn
+        if self._planar(joint, axis):
+            return [ModelTie("connect", name, joint.connects, points)]
+        reach = self.arm / 2 * axis
+        ends = [
+            (end, points[0] + way, points[1] + way)
+            for end, way in (("near", -reach), ("far", reach))
+        ]
+        return [ModelTie("connect", f"{name}.{end}", joint.connects, (p, q)) for end, p, q in ends]
 
     def _planar(self, joint: PairJoint, axis: np.ndarray) -> bool:
         """Tell whether a revolute joint closes a loop that moves in the plane across it."""
@@ -464,11 +422,6 @@ class _Planner:
             ordered[name] = self.seats[name]
             waiting += children.get(name, [])[::-1]
         return ordered
-
-
-def effects_of(joint: PairJoint) -> dict[str, Effects]:
-    """Return friction, spring, limits and rotor inertia of a joint by freedom."""
-    return joint.effects()  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def turns_after_a_ball(first: tuple[Move, ...], then: tuple[Move, ...]) -> bool:

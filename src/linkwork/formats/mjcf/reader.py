@@ -12,6 +12,7 @@ from collections import Counter
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from linkwork.equations.joints import motions_of
 from linkwork.formats import poses
 from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf.document import ACTUATORS, Document
@@ -29,8 +30,6 @@ from linkwork.mechanism import (
     Mechanism,
     MechanismError,
     PairJoint,
-    RevoluteJoint,
-    SphericalJoint,
     Tool,
 )
 
@@ -308,11 +307,10 @@ def _reference(
             for body, F in zip(joint.connects, joint.frames, strict=True)
         )
         turn = Rotation.from_matrix(near[:3, :3].T @ far[:3, :3])
-        if isinstance(joint, RevoluteJoint):
-            found[name] = float(turn.as_rotvec() @ joint.axis)
-        elif isinstance(joint, SphericalJoint):
+        for motion in motions_of(joint):
             quaternion = turn.as_quat(canonical=True, scalar_first=True)
-            found |= dict(zip(joint.coordinates(name), map(float, quaternion), strict=True))
+            values = quaternion if motion.ball else [turn.as_rotvec() @ motion.turn]
+            found |= dict(zip(joint.coordinates(name), map(float, values), strict=True))
     neutral = {label: 1.0 if label.endswith(".qw") else 0.0 for label in found}
     return {
         label: value for label, value in found.items() if abs(value - neutral[label]) > poses.TINY

@@ -18,6 +18,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from linkwork.equations.joints import motions_of
 from linkwork.formats import poses, xml
 from linkwork.formats.mjcf.geoms import BETWEEN, size_of
 from linkwork.formats.mjcf.model_plan import ADVANCE, Home, ModelPlan, ModelTie, Move, Seat, plan
@@ -26,14 +27,10 @@ from linkwork.formats.notes import Notes
 from linkwork.mechanism import (
     GROUND,
     Body,
-    FreeJoint,
     Limits,
     Mechanism,
     MechanismError,
-    PairJoint,
-    ScrewJoint,
     Shape,
-    SphericalJoint,
 )
 from linkwork.mechanism.body import rigid
 
@@ -137,6 +134,7 @@ class _Writer:
         for tie in self.plan.ties:
             self._tie(tie)
         self._springs()
+        self._screws()
         self._gears()
         for rate in self.mechanism.actuators:
             self._actuator(rate)
@@ -357,13 +355,17 @@ class _Writer:
                 damping=number(spring.damping),
             )
 
+    def _screws(self) -> None:
+        """Couple the advance of screws to their turn."""
+        for name, joint in self.mechanism.pairs.items():
+            for motion, part in zip(motions_of(joint), joint.parts(name), strict=True):
+                if motion.pitch is not None:
+                    ends = {"joint1": f"{name}.{ADVANCE}", "joint2": part.coordinates[0]}
+                    line = numbers((0, float(motion.pitch), 0, 0, 0))
+                    self._add("equality", "joint", name=name, **ends, polycoef=line)
+
     def _gears(self) -> None:
-        """Couple hinges and slides: a screw's advance, two of them by a joint equality, more by a
-        tendon of joints."""
-        for name, joint in self.mechanism.joints.items():
-            if isinstance(joint, ScrewJoint):
-                slide, ratio = f"{name}.{ADVANCE}", numbers((0, joint.pitch, 0, 0, 0))
-                self._add("equality", "joint", name=name, joint1=slide, joint2=name, polycoef=ratio)
+        """Couple hinges and slides: two of them by a joint equality, more by a tendon of joints."""
         for name, gear in self.mechanism.gears.items():
             ratios = {label: ratio for label, ratio in gear.ratios.items() if ratio}
             for label in ratios:
@@ -404,7 +406,7 @@ class _Writer:
         joint = self.mechanism.pairs[name]
         near, _ = self.home.frames(joint)
         axis = near[:3, "xyz".index(freedom[-1])]
-        ball = name if isinstance(joint, SphericalJoint) else f"{name}.turn"
+        ball = name if name in self.moves else f"{name}.turn"
         owner = next(
             seat
             for seat in self.plan.seats.values()
@@ -436,10 +438,7 @@ class _Writer:
     def _say(self) -> None:
         """Note what MuJoCo takes otherwise than the mechanism."""
         # What MuJoCo's constraints are: soft, and without gamma for held tendons.
-        say, effects = (
-            self.notes.say,
-            [effects for move in self.moves.values() for effects in [move.effects]],
-        )
+        say, effects = self.notes.say, [move.effects for move in self.moves.values()]
         kinds = {tie.kind for tie in self.plan.ties}
         if kinds or self.mechanism.gears:
             say(
@@ -452,12 +451,12 @@ class _Writer:
                 "second derivative of a held tendon"
             )
         # What it makes of friction and limits.
-        if any(friction.coulomb for friction, *_ in effects):
+        if any(own.friction.coulomb for own in effects):
             say(
                 "Coulomb friction is written as frictionloss, which holds still at rest instead "
                 "of being smooth about rate zero"
             )
-        if any(limits != Limits() for _, _, limits, _ in effects):
+        if any(own.limits != Limits() for own in effects):
             say("limits are stops in MuJoCo; here passing them is only reported")
         # What is closed, measured or joined otherwise.
         if "weld" in kinds:
@@ -472,7 +471,7 @@ class _Writer:
         turned = [
             name
             for name in self.mechanism.joints
-            if name in balls and self._turned(self.mechanism.pairs[name])
+            if name in balls and self.home.turned(self.mechanism.pairs[name])
         ]
         if turned:
             say(
@@ -502,12 +501,6 @@ class _Writer:
                 f"{', '.join(unshown)}: has shapes that are left out: polygons, or those of a "
                 "body that is no body in MJCF"
             )
-
-    def _turned(self, joint: PairJoint) -> bool:
-        near, far = self.home.frames(joint)
-        return isinstance(joint, SphericalJoint | FreeJoint) and bool(
-            np.max(abs(near[:3, :3] - far[:3, :3])) > 1e-9
-        )
 
 
 def put(element: ET.Element, name: str, value: float) -> None:

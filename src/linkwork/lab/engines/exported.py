@@ -207,9 +207,8 @@ def titled(item: Edge) -> list[tuple[str, Step]]:
                     (step.coordinates[0], f"{item.joint}.{ADVANCE}"), step.halves(), strict=True
                 )
             case "ball":
-                titles.append(
-                    (item.joint if item.kind == "spherical" else f"{item.joint}.turn", step)
-                )
+                alone = len(item.steps) == 1
+                titles.append((item.joint if alone else f"{item.joint}.turn", step))
             case _:
                 titles.append((step.coordinates[0], step))
     return titles

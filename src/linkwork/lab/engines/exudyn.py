@@ -29,7 +29,7 @@ from linkwork.lab.engines.interface import (
     in_time,
     instants,
 )
-from linkwork.lab.engines.joints import HELD, effects_of, held_rows
+from linkwork.lab.engines.joints import held, held_rows
 from linkwork.lab.engines.motion import (
     BodyMotion,
     JointMotion,
@@ -167,19 +167,20 @@ class ExudynEngine:
                     "rotors, which Exudyn cannot hold; use mujoco"
                 )
         for name, joint in self.carried.pairs.items():
-            if TURN in joint.freedoms and effects_of(joint)[TURN][3]:
+            if TURN in joint.freedoms and joint.effects()[TURN].rotor:
                 raise EngineError(
                     f"joints.{name}: Exudyn has no rotor for a free turn; use pinocchio or mujoco"
                 )
 
     def independent_rows(self, positions: np.ndarray) -> dict[str, tuple[int, ...]]:
-        """Return for each joint which of what it holds Exudyn has to hold (indices of `HELD`) at a
+        """Return for each joint which of what it holds Exudyn has to hold (indices of `held`) at a
         closed configuration.
 
         The tree's joints keep all their rows. Those of the cut joints and of the gears act on the
         tree's rates by a matrix; pivoted QR finds the independent ones among them.
         """
-        kept = {name: HELD.get(joint.type, (0,)) for name, joint in self.carried.joints.items()}
+        kept = dict.fromkeys(self.carried.gears, (0,))
+        kept |= {name: tuple(held(joint.type)) for name, joint in self.carried.pairs.items()}
         unit = np.eye(len(self.carried.rates))
         motion = along_tree(
             self.carried, self.tree, np.broadcast_to(positions, (len(unit), len(positions))), unit

@@ -71,7 +71,7 @@ def scene(
         mechanism, tree: the description and a spanning tree of it.
         start: the bodies' poses and twists.
         positions, rates: of all joints, shapes (nq,) and (nv,).
-        rows: for each joint the indices of `HELD` that it holds; a gear holds its one row or none.
+        rows: for each joint the indices of `held` that it holds; a gear holds its one row or none.
         forces: constant, shape (n,), or a function of time.
     """
     # Bodies, and markers where joints hold them.
@@ -98,10 +98,10 @@ def scene(
     for item in edges.values():
         add_joint(built, item, rows[item.joint])
         for step in item.steps:
-            friction, spring, rotor = acting[step.rates[0]]
-            add_joint_forces(built, item, step, friction, spring)
-            if rotor:
-                add_rotor(built, item, rotor)
+            own = acting[step.rates[0]]
+            add_joint_forces(built, item, step, own.friction, own.spring)
+            if own.rotor:
+                add_rotor(built, item, own.rotor)
     # What acts between several joints or bodies.
     for name, gear in mechanism.gears.items():
         if rows[name]:
@@ -196,11 +196,11 @@ def recorded(built: BuiltSystem, names: tuple[str, ...], numbers: list[list[Any]
 def add_joint(built: BuiltSystem, item: Edge, rows: tuple[int, ...]) -> None:
     """Hold these rows of a joint."""
     system, markers = built.system, list(built.markers[item.joint])
-    if item.kind == "rod":
+    if item.rod:
         if rows:
             system.AddObject(items.DistanceConstraint(markerNumbers=markers, distance=item.size))
         return
-    threaded = item.kind == "screw" and 2 in rows
+    threaded = "screw" in item.motions and 2 in rows
     axes = [int(axis in rows) for axis in range(6)]
     if threaded:
         axes[2] = 0
@@ -250,7 +250,7 @@ def add_rotor(built: BuiltSystem, item: Edge, inertia: float) -> None:
 
 def coordinate_marker(built: BuiltSystem, item: Edge) -> Any:
     """Add a marker of the coordinate of a joint of one freedom."""
-    return slide_marker(built, item) if item.kind == "prismatic" else turn_marker(built, item)
+    return slide_marker(built, item) if item.motions == ("slide",) else turn_marker(built, item)
 
 
 def slide_marker(built: BuiltSystem, item: Edge) -> Any:

@@ -16,30 +16,17 @@ for what is held. Leading dimensions (instants of time) are kept everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linkwork.mechanism import (
-    CylindricalJoint,
-    Frame,
-    Friction,
-    Limits,
-    PairJoint,
-    PrismaticJoint,
-    RevoluteJoint,
-    RodJoint,
-    ScrewJoint,
-    Spring,
-    UniversalJoint,
-)
+from linkwork.mechanism import Frame, Mechanism, PairJoint, RodJoint
 
-Effects = Mapping[str, tuple[Friction, Spring, Limits, float]]
 Motion = Literal["turn", "slide", "screw", "ball"]
 X, Y, Z = np.eye(3)
+CROSSED = ("turn", "turn")  # motions of a universal joint
 
 MOTIONS: dict[str, tuple[tuple[Motion, np.ndarray], ...]] = {
     "fixed": (),
@@ -55,35 +42,25 @@ MOTIONS: dict[str, tuple[tuple[Motion, np.ndarray], ...]] = {
 }
 """The steps of each joint type in its turned frames."""
 
-RATES = {
-    "fixed": (),
-    "revolute": (2,),
-    "prismatic": (5,),
-    "screw": (2,),
-    "cylindrical": (2, 5),
-    "universal": (0, 1),
-    "spherical": (0, 1, 2),
-    "planar": (3, 4, 2),
-    "free": (3, 4, 5, 0, 1, 2),
-    "rod": (),
-}
-"""The components of the twist (omega, v) that are the rates; a universal joint's second see
-`rate_rows`."""
+RODS = ("rod",)
+"""The joint types whose frames keep a distance; their one row is told as the first translation."""
 
-HELD = {
-    "fixed": (0, 1, 2, 3, 4, 5),
-    "revolute": (0, 1, 2, 3, 4),
-    "prismatic": (0, 1, 3, 4, 5),
-    "screw": (0, 1, 2, 3, 4),
-    "cylindrical": (0, 1, 3, 4),
-    "universal": (0, 1, 2, 5),
-    "spherical": (0, 1, 2),
-    "planar": (2, 3, 4),
-    "free": (),
-    "rod": (0,),
-}
-"""What is held: translations (0, 1, 2) and rotations (3, 4, 5) along x, y, z; a screw's 2 and a
-rod's 0 see `held_rows`."""
+
+def rates_shown(kind: str) -> list[int]:
+    """Return the components of the twist (omega, v) that are the rates; a universal joint's second
+    see `rate_rows`."""
+    found = []
+    for motion, axis in MOTIONS[kind]:
+        place = int(np.argmax(axis))
+        found += [0, 1, 2] if motion == "ball" else [place + 3 * (motion == "slide")]
+    return found
+
+
+def held(kind: str) -> list[int]:
+    """Return what is held: translations (0, 1, 2) and rotations (3, 4, 5) along x, y, z; a screw's
+    2 see `held_rows`."""
+    moved = [(component + 3) % 6 for component in rates_shown(kind)]
+    return [0] if kind in RODS else [axis for axis in range(6) if axis not in moved]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +126,16 @@ class Edge:
     steps: tuple[Step, ...]
     size: float = 0.0
 
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """Return what the steps are."""
+        return tuple(step.motion for step in self.steps)
+
+    @property
+    def rod(self) -> bool:
+        """Tell whether the joint keeps a distance and nothing else."""
+        return self.kind in RODS
+
     def reversed(self) -> Edge:
         """Return the same joint seen from the other body."""
         back = tuple(step.reversed() for step in reversed(self.steps))
@@ -157,20 +144,9 @@ class Edge:
 
 def edge(name: str, joint: PairJoint) -> Edge:
     """Turn a joint's frames and write its motion as steps."""
-    kind, turn = kind_of(joint), np.eye(4)
-    match joint:
-        case UniversalJoint(axes=(first, second)):
-            turn[:3, :3] = np.column_stack([first, second, np.cross(first, second)])
-        case RevoluteJoint() | PrismaticJoint() | ScrewJoint() | CylindricalJoint():
-            turn = turn_z_to(np.array(joint.axis))
+    kind, turn = joint.type, turned(joint)
     near, far = (pose_of(frame) @ turn for frame in joint.frames)
-    size = (
-        joint.pitch
-        if isinstance(joint, ScrewJoint)
-        else joint.length
-        if isinstance(joint, RodJoint)
-        else 0.0
-    )
+    size = getattr(joint, "pitch", getattr(joint, "length", 0.0))
     coordinates, rates = iter(joint.coordinates(name)), iter(joint.rates(name))
 
     def step(motion: Motion, axis: np.ndarray) -> Step:
@@ -185,14 +161,19 @@ def edge(name: str, joint: PairJoint) -> Edge:
     return Edge(name, kind, joint.connects, (near, far), steps, size)
 
 
-def kind_of(joint: PairJoint) -> str:
-    """Return the name of a joint's type."""
-    return joint.type  # pyright: ignore[reportAttributeAccessIssue]
+def turned(joint: PairJoint) -> np.ndarray:
+    """Return the pose, without translation, in which the joint's axis is z; a universal joint's
+    axes are x and y."""
+    if (axes := getattr(joint, "axes", None)) is not None:
+        turn = np.eye(4)
+        turn[:3, :3] = np.column_stack([*axes, np.cross(*axes)])
+        return turn
+    return turn_z_to(np.array(getattr(joint, "axis", Z)))
 
 
-def effects_of(joint: PairJoint) -> Effects:
-    """Return friction, spring, limits and rotor inertia by freedom, in the order of the steps."""
-    return joint.effects()  # pyright: ignore[reportAttributeAccessIssue]
+def rods_of(mechanism: Mechanism) -> dict[str, RodJoint]:
+    """Return the rods of a mechanism."""
+    return {name: joint for name, joint in mechanism.pairs.items() if isinstance(joint, RodJoint)}
 
 
 def pose_of(frame: Frame) -> np.ndarray:
@@ -226,27 +207,19 @@ def upright(z: np.ndarray) -> np.ndarray:
 def coordinates_at(item: Edge, pose: np.ndarray) -> np.ndarray:
     """Return a joint's coordinates at X_12, shape (..., nq); angles within half a turn."""
     R, p = pose[..., :3, :3], pose[..., :3, 3]
-    angle = np.arctan2(R[..., 1, 0], R[..., 0, 0])[..., None]
-    match item.kind:
-        case "revolute" | "screw":
-            return angle
-        case "prismatic":
-            return p[..., 2:]
-        case "cylindrical":
-            return np.concatenate([angle, p[..., 2:]], axis=-1)
-        case "universal":
-            return np.stack(
-                [np.arctan2(R[..., 2, 1], R[..., 1, 1]), np.arctan2(R[..., 0, 2], R[..., 0, 0])],
-                axis=-1,
-            )
-        case "spherical":
-            return quaternion_of(R)
-        case "planar":
-            return np.concatenate([p[..., :2], angle], axis=-1)
-        case "free":
-            return np.concatenate([p, quaternion_of(R)], axis=-1)
-        case _:
-            return np.zeros((*p.shape[:-1], 0))
+    if item.motions == CROSSED:
+        angles = np.arctan2(R[..., 2, 1], R[..., 1, 1]), np.arctan2(R[..., 0, 2], R[..., 0, 0])
+        return np.stack(angles, axis=-1)
+    columns = [np.zeros((*p.shape[:-1], 0))]
+    for motion, axis in MOTIONS[item.kind]:
+        match motion:
+            case "slide":
+                columns.append(p @ axis[:, None])
+            case "ball":
+                columns.append(quaternion_of(R))
+            case _:
+                columns.append(np.arctan2(R[..., 1, 0], R[..., 0, 0])[..., None])
+    return np.concatenate(columns, axis=-1)
 
 
 def quaternion_of(R: np.ndarray) -> np.ndarray:
@@ -261,10 +234,10 @@ def rate_rows(item: Edge, pose: np.ndarray) -> np.ndarray:
     The rates' derivatives are F t': the one row that moves, a universal joint's y axis of its
     second frame, moves perpendicular to omega.
     """
-    shown = RATES[item.kind]
-    unit = np.eye(6)[list(shown)].reshape(len(shown), 6)
+    shown = rates_shown(item.kind)
+    unit = np.eye(6)[shown].reshape(len(shown), 6)
     rows = np.array(np.broadcast_to(unit, (*pose.shape[:-2], len(shown), 6)))
-    if item.kind == "universal":
+    if item.motions == CROSSED:
         rows[..., 1, :3] = pose[..., :3, 1]
     return rows
 
@@ -273,46 +246,40 @@ def rate_rows(item: Edge, pose: np.ndarray) -> np.ndarray:
 
 
 def held_rows(item: Edge, pose: np.ndarray) -> np.ndarray:
-    """Return H with H t = 0 for the joint's own motions, shape (..., h, 6), in the order of `HELD`.
+    """Return H with H t = 0 for the joint's own motions, shape (..., h, 6), in the order of `held`.
 
     Universal: omega . (x_1 x y_2);  screw: v_z - pitch omega_z;  rod: v . p / |p|.
     """
-    held = HELD[item.kind]
-    unit = np.eye(6)[[(axis + 3) % 6 for axis in held]].reshape(len(held), 6)
-    rows = np.array(np.broadcast_to(unit, (*pose.shape[:-2], len(held), 6)))
-    if item.kind == "universal":
+    unit = np.eye(6)[[(axis + 3) % 6 for axis in held(item.kind)]].reshape(-1, 6)
+    rows = np.array(np.broadcast_to(unit, (*pose.shape[:-2], *unit.shape)))
+    if item.motions == CROSSED:
         rows[..., 3, :3] = np.cross(X, pose[..., :3, 1])
-    elif item.kind == "screw":
+    elif "screw" in item.motions:
         rows[..., 2, 2] = -item.size
-    elif item.kind == "rod":
+    elif item.rod:
         p = pose[..., :3, 3]
         rows[..., 0, 3:] = p / np.linalg.norm(p, axis=-1, keepdims=True)
     return rows
 
 
 def gaps(item: Edge, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what should vanish at X_12 in the order of `HELD`: translations (..., a) [m], then
+    """Return what should vanish at X_12 in the order of `held`: translations (..., a) [m], then
     turns (..., b) [rad].
 
     To first order they change by H t where they are small.
     """
     R, p = pose[..., :3, :3], pose[..., :3, 3]
-    held = HELD[item.kind]
-    shifts = p[..., [axis for axis in held if axis < 3]]
-    match item.kind:
-        case "rod":
-            shifts = np.linalg.norm(p, axis=-1, keepdims=True) - item.size
-        case "screw" if item.size:
-            advance = p[..., 2] / item.size - coordinates_at(item, pose)[..., 0]
-            shifts = shifts.copy()
-            shifts[..., 2] = item.size * (advance - 2 * np.pi * np.round(advance / (2 * np.pi)))
-    match item.kind:
-        case "fixed" | "prismatic":
-            turns = (R[..., (2, 0, 1), (1, 2, 0)] - R[..., (1, 2, 0), (2, 0, 1)]) / 2
-        case "universal":
-            turns = -R[..., 0, 1:2]
-        case _:
-            turns = np.stack([-R[..., 1, 2], R[..., 0, 2]], axis=-1)[
-                ..., : sum(axis > 2 for axis in held)
-            ]
+    shifts = p[..., [axis for axis in held(item.kind) if axis < 3]]
+    if item.rod:
+        shifts = np.linalg.norm(p, axis=-1, keepdims=True) - item.size
+    elif "screw" in item.motions and item.size:
+        advance = p[..., 2] / item.size - coordinates_at(item, pose)[..., 0]
+        shifts[..., 2] = item.size * (advance - 2 * np.pi * np.round(advance / (2 * np.pi)))
+    turning = [axis for axis in held(item.kind) if axis > 2]
+    if item.motions == CROSSED:
+        turns = -R[..., 0, 1:2]
+    elif len(turning) == 3:
+        turns = (R[..., (2, 0, 1), (1, 2, 0)] - R[..., (1, 2, 0), (2, 0, 1)]) / 2
+    else:
+        turns = np.stack([-R[..., 1, 2], R[..., 0, 2]], axis=-1)[..., : len(turning)]
     return shifts, turns

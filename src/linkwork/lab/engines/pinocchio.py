@@ -32,7 +32,7 @@ from linkwork.lab.engines.interface import (
     instants,
     load_engine,
 )
-from linkwork.lab.engines.joints import Edge, Step, turn_z_to
+from linkwork.lab.engines.joints import CROSSED, Edge, Step, turn_z_to
 from linkwork.lab.engines.rewrite import inertia_tensor
 from linkwork.lab.engines.start import Guess
 from linkwork.lab.engines.tied_tree import plan
@@ -311,7 +311,7 @@ class PinocchioEngine:
 def joint_models(item: Edge) -> list[tuple[str, Any, Any]]:
     """Return Pinocchio's joints for a joint: a name, the joint, and the pose whose z axis it moves
     about or along."""
-    if item.kind == "universal":
+    if item.motions == CROSSED:
         first, second = item.steps
         return [
             (first.rates[0], pin.JointModelUniversal(first.axis, second.axis), pin.SE3.Identity())

@@ -18,31 +18,27 @@ import networkx as nx
 import numpy as np
 
 from linkwork.lab.engines.interface import EngineError
-from linkwork.lab.engines.joints import MOTIONS, effects_of, kind_of
+from linkwork.lab.engines.joints import MOTIONS, rods_of, turned
 from linkwork.mechanism import (
     GROUND,
     Body,
-    CylindricalJoint,
     Frame,
     FreeJoint,
     Friction,
     Inertia,
     Joint,
-    Limits,
     Mechanism,
     PairJoint,
     PrismaticJoint,
     RevoluteJoint,
-    RodJoint,
     SphericalJoint,
     Spring,
-    UniversalJoint,
 )
+from linkwork.mechanism.effects import Effects
 from linkwork.mechanism.joints import TURN, ManyFreedoms
 
 Vector3 = tuple[float, float, float]
-Effects = tuple[Friction, Spring, Limits, float]
-Change = Callable[[str, Friction, Spring, Limits, float], Effects]
+Change = Callable[[str, Effects], Effects]
 
 FIELDS = ("friction", "spring", "limits", "rotor_inertia")
 
@@ -66,9 +62,8 @@ def with_free_joints(mechanism: Mechanism) -> tuple[Mechanism, tuple[str, ...]]:
     last joints.
     """
     graph = mechanism.graph()
-    for name, joint in mechanism.pairs.items():
-        if isinstance(joint, RodJoint):
-            graph.remove_edge(*joint.connects, key=name)
+    for name, rod in rods_of(mechanism).items():
+        graph.remove_edge(*rod.connects, key=name)
     groups = [group for group in nx.connected_components(graph) if GROUND not in group]
     hung = tuple(next(body for body in mechanism.bodies if body in group) for group in groups)
     free = {f"{body}.free": FreeJoint.model_construct(connects=(GROUND, body)) for body in hung}
@@ -88,7 +83,7 @@ def with_links(mechanism: Mechanism) -> Mechanism:
         EngineError: a body has no mass that its rods could borrow.
     """
     # Where rods hold which bodies.
-    rods = {name: joint for name, joint in mechanism.pairs.items() if isinstance(joint, RodJoint)}
+    rods = rods_of(mechanism)
     if not rods:
         return mechanism
     held: dict[str, list[np.ndarray]] = {}
@@ -230,21 +225,15 @@ def in_steps(mechanism: Mechanism, names: set[str]) -> Mechanism:
 
 def axes(joint: PairJoint) -> list[Vector3 | None]:
     """Return the axis of each freedom in its own frames; a ball has none."""
-    match joint:
-        case UniversalJoint():
-            return list(joint.axes)
-        case CylindricalJoint():
-            return [joint.axis, joint.axis]
-        case _:
-            return [
-                None if motion == "ball" else vector(axis)
-                for motion, axis in MOTIONS[kind_of(joint)]
-            ]
+    own = turned(joint)[:3, :3]
+    return [
+        None if motion == "ball" else vector(own @ axis) for motion, axis in MOTIONS[joint.type]
+    ]
 
 
 def effects_by_field(joint: PairJoint, freedom: str) -> dict[str, Any]:
     """Return one freedom's effects by the name of their field."""
-    return dict(zip(FIELDS, effects_of(joint)[freedom], strict=True))
+    return dict(zip(FIELDS, joint.effects()[freedom], strict=True))
 
 
 def vector(values: np.ndarray) -> Vector3:
@@ -270,21 +259,21 @@ def effects_apart(mechanism: Mechanism) -> tuple[Mechanism, Mechanism]:
     return with_all(in_mujoco), with_all(beside_mujoco)
 
 
-def in_mujoco(freedom: str, friction: Friction, spring: Spring, _: Limits, rotor: float) -> Effects:
+def in_mujoco(freedom: str, own: Effects) -> Effects:
     """Return viscous friction, dampers, the springs of hinges and slides, and rotors."""
-    pull = Spring(damping=spring.damping) if freedom == TURN else spring
-    return Friction(viscous=friction.viscous), pull, Limits(), rotor
+    pull = Spring(damping=own.spring.damping) if freedom == TURN else own.spring
+    return Effects(Friction(viscous=own.friction.viscous), pull, rotor=own.rotor)
 
 
-def beside_mujoco(freedom: str, friction: Friction, spring: Spring, *_: Any) -> Effects:
+def beside_mujoco(freedom: str, own: Effects) -> Effects:
     """Return Coulomb friction and the springs of balls."""
-    pull = Spring(stiffness=spring.stiffness) if freedom == TURN else Spring()
-    return friction.model_copy(update={"viscous": 0.0}), pull, Limits(), 0.0
+    pull = Spring(stiffness=own.spring.stiffness) if freedom == TURN else Spring()
+    return Effects(own.friction.model_copy(update={"viscous": 0.0}), pull)
 
 
 def with_effects(joint: Joint, change: Change) -> Joint:
     """Return a joint with the effects of all its freedoms changed."""
-    found = {freedom: change(freedom, *effects) for freedom, effects in joint.effects().items()}
+    found = {freedom: change(freedom, effects) for freedom, effects in joint.effects().items()}
     columns = zip(FIELDS, zip(*found.values(), strict=True), strict=False)
     many = isinstance(joint, ManyFreedoms)
     fields = {

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from linkwork.lab.engines.interface import EngineError
-from linkwork.lab.engines.joints import gaps, held_rows, upright
+from linkwork.lab.engines.joints import gaps, held_rows, rods_of, upright
 from linkwork.lab.engines.motion import BodyMotion, along_tree, applied
 from linkwork.lab.engines.tree import EngineTree
-from linkwork.mechanism import Mechanism, RodJoint
+from linkwork.mechanism import Mechanism
 
 CLOSED = 1e-12
 STEPS = 50
@@ -103,8 +103,7 @@ def with_link_motion(described: Mechanism, linked: Mechanism, motion: BodyMotion
     """Add the links that stand for rods: along z from end to end, d = p_2 - p_1, omega = d x d' /
     d^2 (no spin)."""
     poses, twists = list(np.moveaxis(motion.poses, -3, 0)), list(np.moveaxis(motion.twists, -2, 0))
-    rods = [joint for joint in described.pairs.values() if isinstance(joint, RodJoint)]
-    for rod in rods:
+    for rod in rods_of(described).values():
         (start, going, _), (end, coming, _) = (
             motion.frame(body, at(frame.position))
             for body, frame in zip(rod.connects, rod.frames, strict=True)

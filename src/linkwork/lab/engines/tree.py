@@ -16,12 +16,13 @@ from typing import Literal
 import numpy as np
 
 from linkwork.lab.engines.interface import EngineError
-from linkwork.lab.engines.joints import Edge, edge, effects_of
-from linkwork.mechanism import GROUND, Mechanism, PairJoint, ScrewJoint
+from linkwork.lab.engines.joints import MOTIONS, Edge, edge
+from linkwork.mechanism import GROUND, Mechanism, PairJoint
 
 ARM = 0.2  # distance of the two points tied on the axis of a cut revolute joint [m]
-COST = {"fixed": 0, "revolute": 4, "spherical": 5, "free": 6}  # any other kind costs 3
-UNTIED = {"prismatic", "screw", "cylindrical", "universal", "planar"}
+TIED = (("turn",), ("ball",))  # motions of the joints that hold points together
+COST = {(): 0, ("turn",): 4, ("ball",): 5, ("slide", "slide", "slide", "ball"): 6}
+"""By motions; what has any other costs 3 and cannot be tied."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ def coupled(mechanism: Mechanism) -> set[str]:
     return {owner[label] for gear in mechanism.gears.values() for label in gear.ratios} | {
         name
         for name, joint in mechanism.pairs.items()
-        if isinstance(joint, ScrewJoint) or any(rotor for *_, rotor in effects_of(joint).values())
+        if any(motion == "screw" for motion, _ in MOTIONS[joint.type])
+        or any(effects.rotor for effects in joint.effects().values())
     }
 
 
@@ -63,10 +65,7 @@ def loaded(mechanism: Mechanism) -> set[str]:
 
 def has_forces(joint: PairJoint) -> bool:
     """Tell whether friction, a spring or a damper acts in a joint."""
-    return any(
-        friction.viscous or friction.coulomb or spring.stiffness or spring.damping
-        for friction, spring, *_ in effects_of(joint).values()
-    )
+    return any(any(effects.loads[:-1]) for effects in joint.effects().values())
 
 
 def spanning_tree(mechanism: Mechanism) -> EngineTree:
@@ -86,11 +85,13 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
     chosen: dict[str, Edge] = {}
 
     def cost(item: Edge) -> tuple[int, int]:
-        rank = 1 if item.joint in first else 2 if item.joint in second else COST.get(item.kind, 3)
-        return rank if item.kind != "fixed" else 0, depth[item.bodies[0]]
+        rank = (
+            1 if item.joint in first else 2 if item.joint in second else COST.get(item.motions, 3)
+        )
+        return rank if item.steps else 0, depth[item.bodies[0]]
 
     # Prim's rule, over joints both ways round.
-    both = [e for item in edges.values() if item.kind != "rod" for e in (item, item.reversed())]
+    both = [e for item in edges.values() if not item.rod for e in (item, item.reversed())]
     while len(depth) <= len(mechanism.bodies):
         rim = [e for e in both if e.bodies[0] in depth and e.bodies[1] not in depth]
         if not rim:
@@ -99,7 +100,7 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
                 f"bodies.{body}: nothing but rods reaches it; add a free joint to ground"
             )
         best = min(rim, key=cost)
-        depth[best.bodies[1]] = depth[best.bodies[0]] + (best.kind != "fixed")
+        depth[best.bodies[1]] = depth[best.bodies[0]] + bool(best.steps)
         chosen[best.joint] = best
 
     # Edges in the order of the tree, and cuts that lead away from ground.
@@ -118,7 +119,7 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
         carried=frozenset(
             cut.joint
             for cut in cuts
-            if cut.steps and (cut.joint in first | second or cut.kind in UNTIED)
+            if cut.steps and (cut.joint in first | second or cut.motions not in COST)
         ),
     )
 
@@ -206,8 +207,8 @@ def ties(tree: EngineTree) -> tuple[EngineTie, ...]:
     for cut in tree.cuts:
         if cut.joint in tree.carried:
             closed.append(EngineTie("weld", (cut.bodies[1], part_of(cut)), (np.eye(4), np.eye(4))))
-        elif cut.kind in ("revolute", "spherical"):
-            single = cut.kind == "spherical" or planar_loop(tree, cut)
+        elif cut.motions in TIED:
+            single = cut.motions == ("ball",) or planar_loop(tree, cut)
             for arm in (0.0,) if single else (-ARM / 2, ARM / 2):
                 near, far = (frame @ along_z(arm) for frame in cut.frames)
                 closed.append(EngineTie("point", cut.bodies, (near, far)))

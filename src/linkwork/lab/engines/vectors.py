@@ -20,9 +20,10 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from linkwork.lab.engines.joints import Step, edge, effects_of
+from linkwork.lab.engines.joints import Step
 from linkwork.lab.engines.motion import applied, places
 from linkwork.mechanism import Friction, Mechanism, Spring
+from linkwork.mechanism.effects import Effects
 
 Quaternion = tuple[int, int, int, int]
 
@@ -208,12 +209,12 @@ class JointForces:
         rotors = np.zeros(len(vectors.rate_columns))
         single, turning = [], []
         for span in vectors.spans:
-            friction, spring, rotor = acting[span.step.rates[0]]
+            own = acting[span.step.rates[0]]
             if not span.step.follows:
-                rotors[span.v] = rotor
-                if spring.stiffness or spring.damping or friction.viscous or friction.coulomb:
+                rotors[span.v] = own.rotor
+                if any(own.loads[:-1]):
                     pushed = turning if span.step.motion == "ball" else single
-                    pushed.append((span, constants_of(friction, spring)))
+                    pushed.append((span, constants_of(own.friction, own.spring)))
         return cls(
             vectors=vectors,
             rotors=rotors,
@@ -240,12 +241,7 @@ def constants_of(friction: Friction, spring: Spring) -> tuple[float, ...]:
     return spring.stiffness, spring.rest, damping, friction.coulomb, friction.coulomb_rate
 
 
-def effects(mechanism: Mechanism) -> Mapping[str, tuple[Friction, Spring, float]]:
-    """Return friction, spring and rotor inertia of each freedom by its (first) rate."""
-    return {
-        step.rates[0]: (friction, spring, rotor)
-        for name, joint in mechanism.pairs.items()
-        for step, (friction, spring, _, rotor) in zip(
-            edge(name, joint).steps, effects_of(joint).values(), strict=True
-        )
-    }
+def effects(mechanism: Mechanism) -> Mapping[str, Effects]:
+    """Return what acts in each freedom by its (first) rate."""
+    pairs = mechanism.pairs.items()
+    return {part.rates[0]: part.effects for name, joint in pairs for part in joint.parts(name)}
