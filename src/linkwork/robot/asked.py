@@ -9,7 +9,7 @@ It is told twice: in expressions, which are compiled, and in the numbers that th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -37,12 +37,8 @@ class Rows(NamedTuple):
     error: ca.SX
 
 
-class Way(Protocol):
-    """Lead straight from one configuration to what is asked (N, rows)."""
-
-    def at(self, which: np.ndarray, part: np.ndarray) -> np.ndarray:
-        """Return the values (K, rows) at parts (K) from 0 to 1 of the ways `which` (K)."""
-        ...
+Way = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Straight ways (N): which of them (K), parts of these from 0 to 1 (K) -> values there (K, rows)."""
 
 
 class Asked(Protocol):
@@ -145,43 +141,21 @@ class ToolAsked:
     def jacobian(self, out: Outputs) -> np.ndarray:
         return out["J_tool"][:, self.twist]
 
-    def way(self, out: Outputs, y: np.ndarray) -> ToolWay:
-        shift = y[:, : self.axes] - out["position"][:, : self.axes]
-        goal = y[:, self.axes :]
-        begin = out["position"][0, : self.axes]
-        if self.planar or not goal.shape[1]:
-            turn = out["angle"][0, : goal.shape[1]]
-            return ToolWay(begin, turn, shift, wrapped(goal - turn))
+    def way(self, out: Outputs, y: np.ndarray) -> Way:
+        begin, shift = out["position"][0, : self.axes], -self.error(out, y)
+        if self.planar or len(self.what) == self.axes:
+            turn = out["angle"][0, : len(self.what) - self.axes]
+            return straight(np.concatenate([begin, turn]), shift)
         from scipy.spatial.transform import Rotation
 
-        R = out["orientation"][0].reshape(3, 3)
-        turning = (Rotation.from_rotvec(goal) * Rotation.from_matrix(R).inv()).as_rotvec()
-        return ToolWay(begin, R, shift, turning)
+        R = Rotation.from_matrix(out["orientation"].reshape(3, 3))
 
+        def at(which: np.ndarray, part: np.ndarray) -> np.ndarray:
+            moved = part[:, None] * shift[which]
+            turned = (Rotation.from_rotvec(moved[:, 3:]) * R).as_rotvec()
+            return np.concatenate([begin + moved[:, :3], turned], axis=1)
 
-@dataclass(frozen=True, eq=False)
-class ToolWay:
-    """Hold the straight ways (N) of a tool from one pose to others.
-
-    position, turn: where they begin: (axes), angle (1) in the plane or R (3, 3), empty where no
-    turn is asked for shift, turning: what leads to their ends (N, axes), (N, 1) in the plane,
-    rotation vectors (N, 3) in space
-    """
-
-    position: np.ndarray
-    turn: np.ndarray
-    shift: np.ndarray
-    turning: np.ndarray
-
-    def at(self, which: np.ndarray, part: np.ndarray) -> np.ndarray:
-        part = part[:, None]
-        position, turned = self.position + part * self.shift[which], part * self.turning[which]
-        if self.turn.ndim == 2:
-            from scipy.spatial.transform import Rotation
-
-            turned = (Rotation.from_rotvec(turned) * Rotation.from_matrix(self.turn)).as_rotvec()
-            return np.concatenate([position, turned], axis=1)
-        return np.concatenate([position, self.turn + turned], axis=1)
+        return at
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,20 +197,13 @@ class JointsAsked:
     def jacobian(self, out: Outputs) -> np.ndarray:
         return out["J_coordinates"][:, self.rates]
 
-    def way(self, out: Outputs, y: np.ndarray) -> JointsWay:
-        return JointsWay(out["coordinates"][0, self.places], -self.error(out, y))
+    def way(self, out: Outputs, y: np.ndarray) -> Way:
+        return straight(out["coordinates"][0, self.places], -self.error(out, y))
 
 
-@dataclass(frozen=True, eq=False)
-class JointsWay:
-    """Hold the straight ways (N) of joints: the values where they begin (rows), and what leads to
-    their ends (N, rows)."""
-
-    begin: np.ndarray
-    shift: np.ndarray
-
-    def at(self, which: np.ndarray, part: np.ndarray) -> np.ndarray:
-        return self.begin + part[:, None] * self.shift[which]
+def straight(begin: np.ndarray, shift: np.ndarray) -> Way:
+    """Return the ways from values (rows) along shifts (N, rows)."""
+    return lambda which, part: begin + part[:, None] * shift[which]
 
 
 def joint_rows(equations: Equations, names: Sequence[str], angular: Sequence[bool]) -> Rows:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isfinite, prod
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -41,15 +41,16 @@ DAMPING = 1e-12  # of the normal equations, relative to their trace
 CROWDED = 0.9  # part of the guesses that have to go on, or those that do are gathered
 MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
 
-Step = Callable[..., tuple[np.ndarray, ...]]
+Step = Callable[..., tuple[Any, ...]]
+Read = TypeVar("Read")
 
 
 class Closed(NamedTuple):
     """Hold where Newton's method has led.
 
-    q: configurations (K, nq), the guess's own where they are not met; met: which are closed at what
-    is asked (K) begun, told: what else was said of each before its first step, and before its last
-    one (K, ...)
+    q: configurations (K, nq), the guess's own where they are not met
+    met: which are closed at what is asked (K)
+    begun, told: what else was said of each before its first step, and before its last one (K, ...)
     """
 
     q: np.ndarray
@@ -71,7 +72,8 @@ def closed(
 
     Args:
         step: of q (K, nq) and what is given; returns q after it, the largest residual before it (K)
-            and its length (K), in the mechanism's own units, and what else is to be told (K, ...).
+            and its length (K) or None, in the mechanism's own units, and what else is to be told of
+            each (K, ...).
         q: guesses (K, nq).
         given: what is asked, and parameters: (K, ...), or one of each for all guesses.
         rounds: most steps to take.
@@ -83,27 +85,31 @@ def closed(
         return closed_alone(step, q, given, rounds, enough, contracting)
     found, met = q.copy(), np.zeros(len(q), bool)
     begun, told = list[np.ndarray](), list[np.ndarray]()
-    index, going, longest = np.arange(len(q)), np.ones(len(q), bool), LONGEST
-    ones = np.ones(q.shape[1])
+    index, going = np.arange(len(q)), np.ones(len(q), bool)
+    longest, ones = np.full(len(q), LONGEST), np.ones(q.shape[1])
     for _ in range(rounds):
         q, residual, length, *others = step(q, *given)
         begun = begun or others
         told = told or [np.zeros(part.shape) for part in others]
+        # The largest of some numbers, as residuals and lengths are, passes over those that are none.
+        going &= np.isfinite(q @ ones)
         near = residual <= enough
-        going &= np.isfinite(
-            q @ ones
-        )  # the largest of some numbers passes over those that are none
         if contracting:
             going &= length <= np.where(near, MET, longest)
-        done = going & near & (length <= MET)
-        for kept, part in ((found, q), *zip(told, others, strict=True)):
-            kept[index[done]] = part[done]
-        met[index[done]] = True
-        going &= ~done
+            longest = CONTRACTS * length
+        elif length is not None:
+            near &= length <= MET
+        # What is closed keeps this step, the last one.
+        done = going & near
+        if np.count_nonzero(done):
+            for kept, part in ((found, q), *zip(told, others, strict=True)):
+                kept[index[done]] = part[done]
+            met[index[done]] = True
+            going ^= done
         count = np.count_nonzero(going)
         if not count:
             break
-        longest = CONTRACTS * length
+        # Those that go on are gathered where they have become few.
         if count < CROWDED * len(going):
             q, index, longest = q[going], index[going], longest[going]
             given = [part[going] if part.ndim == 2 else part for part in given]
@@ -123,7 +129,8 @@ def closed_alone(
     guess, longest, begun, others = q, LONGEST, list[np.ndarray](), list[np.ndarray]()
     for _ in range(rounds):
         q, residual, length, *others = step(q, *given)
-        begun, near, size = begun or others, residual.item() <= enough, length.item()
+        begun, near = begun or others, residual.item() <= enough
+        size = 0.0 if length is None else length.item()
         if not isfinite(q.sum()) or (contracting and not size <= (MET if near else longest)):
             break
         if near and size <= MET:
@@ -133,12 +140,12 @@ def closed_alone(
 
 
 def of_any_length(kernel: Kernel) -> Step:
-    """Return the steps of a kernel: (q, ...) -> q after one, the residual before it; zeros, for no
-    length is too long."""
+    """Return the steps of a kernel: (q, ...) -> q after one, the residual before it. How long they
+    are is not told, for none is too long."""
 
-    def step(q: np.ndarray, *given: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def step(q: np.ndarray, *given: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
         after, residual = kernel(q, *given)
-        return after, residual[:, 0], np.zeros(len(q))
+        return after, residual[:, 0], None
 
     return step
 
@@ -156,7 +163,14 @@ def settled(
         rounds: most steps to take.
     """
     if q.ndim == 1:
-        return settled_alone(kernel, q, p, enough, rounds)
+        q, gap, _ = settled_alone(
+            lambda q: ((out := kernel.flat(q, p)).item(-1), out),
+            lambda _, out: out[:-1],
+            q,
+            enough,
+            rounds,
+        )
+        return q, np.array(gap)
     best, least, ones = q, np.full(q.shape[:-1], np.inf), np.ones(q.shape[-1])
     for _ in range(rounds):
         after, gap = kernel(q, p)
@@ -170,19 +184,25 @@ def settled(
 
 
 def settled_alone(
-    kernel: Kernel, q: np.ndarray, p: np.ndarray, enough: float, rounds: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the same as `settled` for one configuration (nq), the shortest way."""
-    best, least = q, inf
-    for _ in range(rounds):
-        out = kernel.flat(q, p)
-        gap = out.item(-1)
-        if not (gap < least and isfinite(q @ q)):
+    read: Callable[[np.ndarray], tuple[float, Read]],
+    move: Callable[[np.ndarray, Read], np.ndarray],
+    q: np.ndarray,
+    enough: float,
+    rounds: int,
+) -> tuple[np.ndarray, float, Read]:
+    """Return the q (nq) of least gap to which steps lead that each bring it nearer, the gap, and
+    what else is read there; read: q -> both; move: q and that -> q after a step."""
+    least, told = read(q)
+    least = least if isfinite(q @ q) else inf
+    for _ in range(rounds - 1):
+        if least <= enough:
             break
-        best, least, q = q, gap, out[:-1]
-        if gap <= enough:
+        after = move(q, told)
+        gap, found = read(after)
+        if not (gap < least and isfinite(after @ after)):
             break
-    return best, np.array(least)
+        q, least, told = after, gap, found
+    return q, least, told
 
 
 @dataclass(frozen=True, eq=False)

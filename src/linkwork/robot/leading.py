@@ -137,7 +137,7 @@ class Leader:
             if not going.size:
                 break
             aim = np.minimum(1.0, part[going] + length[going])
-            reached, _, good = self.closed(step, q[going], (way.at(which[going], aim),), mode)
+            reached, _, good = self.closed(step, q[going], (way(which[going], aim),), mode)
             q[going[good]], part[going[good]] = reached[good], aim[good]
             length[going] *= np.where(good, 2.0, 0.25)
             going = going[(part[going] < 1) & (length[going] > FINEST)]

@@ -229,7 +229,8 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     for k in range(samples):
         with checks.at(f"at t = {time[k]:.6g} s: "):
             q = robot.assembler.moved(q, w * (duration / (samples - 1)))
-            q = robot.assembler.at(leader.least, poses[k], q)
+            (near,), (there,) = leader.approached(q[None], poses[k : k + 1])
+            q = near if there else robot.assembler.at(leader.least, poses[k], q)
             w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
     if not (kept := leader.keeps(along)).all():

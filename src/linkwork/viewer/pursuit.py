@@ -22,14 +22,12 @@ from linkwork.equations.reference import unit
 from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import Assembler
+from linkwork.robot.closing import settled_alone
 from linkwork.viewer.bounds import Bound, bounds_of
 from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
 
 CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robot's size
-CLOSING, HALVED = (
-    12,
-    0.5,
-)  # Newton steps that close the loops; part of the gap that each has to leave at most
+CLOSING = 12  # steps that close the loops
 RANK = 1e-9  # singular value of rows, relative to the largest, that counts as none
 ARRIVED = 1e-9  # distance from a goal that counts as none, relative to the mechanism
 PIECE, PIECES = (
@@ -242,16 +240,17 @@ class Pursuit:
     ) -> tuple[np.ndarray, Outputs]:
         """Close the loops from nearby, by Newton steps of least length with the rows of nearby;
         return q and the outputs."""
-        out = self.assembler.still(q)
-        last = np.inf
-        for _ in range(CLOSING):
-            h, _ = self.hard_rows(out, held)
-            gap = np.abs(h).max(initial=0.0)
-            if gap <= CLOSED * self.robot.size or not gap < HALVED * last:
-                break
-            last = gap
-            q = self.moved(q, out, -H_inverse @ h)
+
+        def read(q: np.ndarray) -> tuple[float, tuple[np.ndarray, Outputs]]:
             out = self.assembler.still(q)
+            h, _ = self.hard_rows(out, held)
+            return float(np.abs(h).max(initial=0.0)), (h, out)
+
+        def move(q: np.ndarray, told: tuple[np.ndarray, Outputs]) -> np.ndarray:
+            h, out = told
+            return self.moved(q, out, -H_inverse @ h)
+
+        q, _, (_, out) = settled_alone(read, move, q, CLOSED * self.robot.size, CLOSING)
         return q, out
 
     def close(self, q: np.ndarray) -> np.ndarray | None:
