@@ -330,6 +330,8 @@ def collected(
     lone, asked: the runs of members by themselves, and the numbers of those that were to be run so:
     others were cancelled
     """
+    # Numbers of all: those of the lanes, then of members that ran by themselves, then of the
+    # cancelled.
     alone = {one.member: one for one in lone}
     unfinished = [member for member in asked if member not in alone]
     if not legs:
@@ -342,6 +344,7 @@ def collected(
         for name in STATISTICS:
             numbers[name][one.member] = getattr(one.statistics, name)
 
+    # Sentences, rows and events are worked out when they are first asked for.
     def sentence(member: int) -> str:
         if member in alone:
             return alone[member].message

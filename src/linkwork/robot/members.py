@@ -192,6 +192,7 @@ def members(
 
     joined: whether the system is to be one with controllers, for forces alone, too
     """
+    # What acts on all of them, and the states that they start in.
     state = robot.own(states)
     if len(state.batch) > 1:
         raise LinkworkError(
@@ -201,6 +202,7 @@ def members(
     each, shared = forces_of_each(robot, forces)
     runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined, state)
     require_starts(runs, state, parameters)
+    # What varies: numbers of the robot and of what acts, one for each member.
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
     checks.known(parameters, names, "parameter")
     varied = {
@@ -214,6 +216,7 @@ def members(
             raise LinkworkError(
                 f"parameter {name!r} has the shape {values.shape}; give one number for each member"
             )
+    # Members are as many as states, forces and parameters say alike.
     lengths = {f"parameter {name!r}": values.size for name, values in varied.items() if values.ndim}
     lengths |= {"states": state.batch[0]} if state.batch else {}
     lengths |= {"forces": len(each)} if each is not None else {}
@@ -224,11 +227,13 @@ def members(
             "all, or equally many"
         )
     count = next(iter(lengths.values()), 1)
+    # Parameters of each member.
     p = runs.p(robot.chart)[None, :]
     if varied:
         p = np.repeat(p, count, axis=0)
         for name, values in varied.items():
             p[:, names.index(name)] = values
+    # The chart that runs start in, where the rates of all of them can be told in it.
     chart, q = robot.chart_of(state), np.broadcast_to(state.q, (count, state.q.shape[-1]))
     v, told = np.broadcast_to(state.rates, (count, state.rates.shape[-1])), np.ones(count, bool)
     if chart is robot.chart and chart is not robot.run_chart:

@@ -367,6 +367,7 @@ class Passage:
     def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
         """Return a crossing, as far as the run goes, with what is saved and what happens on the
         way."""
+        # The run goes as far as its end, or the first event that ends it.
         happened = [
             (time, number)
             for time, number in sorted(self._events(crossing, crossed))
@@ -382,6 +383,7 @@ class Passage:
         )
         end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
         events = happened if last is None else happened[: last + 1]
+        # States at the times to save, at events, and at the end, where it is the crossing's own.
         asked = np.array([end]) if self.settings.save_at is None else self.settings.save_at
         asked = asked[(asked > crossed.t[0]) & (asked <= end)]
         times = np.array([*asked, *(time for time, _ in events), end])
@@ -390,6 +392,7 @@ class Passage:
         if end == crossed.t[-1]:
             states[-1], residuals[-1] = crossed.y[-1], 0.0
         rows = np.column_stack([times, states, self.system.inputs(times), residuals, kinds])
+        # The crossing counts as one step.
         weakest = np.abs(crossed.pivots).min(axis=1)
         status = Status.FINISHED if last is None else Status.EVENT
         outcome = done.outcome._replace(
@@ -404,6 +407,7 @@ class Passage:
             pivot_time=float(crossed.t[weakest.argmin()]),
             closure_error=float(residuals.max()),
         )
+        # Rows of the run, without those of its events and its end.
         y_end, q = states[-1].copy(), slice(1, 1 + done.nq)
         rows[:, q] = whole(rows[:, q], done.turns)
         saved, found = rows[: asked.size], rows[asked.size : -1]

@@ -201,6 +201,7 @@ def wound(robot: Model, made: State, guess: State, asked: Mapping[int, np.ndarra
 
 def follow(robot: Model, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
     """Lead the tool along a path: `Robot.follow`."""
+    # What is asked for is a motion along a path of whole poses.
     checks.positive(duration, "the duration")
     if not isinstance(samples, int) or samples < 2:
         raise LinkworkError(
@@ -218,6 +219,7 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
         checks.finite(part, "the path") for part in path.sample(time, duration)
     )
     require_full_pose(robot, poses.shape[1])
+    # The first pose as any other; the next ones from the pose before, moved on by its rates.
     leader, w = robot.leader(poses.shape[1], kept=True), np.zeros(robot.equations.nv)
     with checks.at("at t = 0 s: "):
         q = leader.lead(start_of(robot, guess), poses[:1])[0]
@@ -233,12 +235,14 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
             q = near if there else robot.assembler.at(leader.least, poses[k], q)
             w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
+    # One branch all the way.
     if not (kept := leader.keeps(along)).all():
         raise LinkworkError(
             f"at t = {time[np.argmin(kept)]:.6g} s: the joints are on another branch than at the "
             "start, for the path passes a stretched or folded pose, or its samples are too far "
             "apart; take more samples, or lead the path around"
         )
+    # Angles without jumps, ahead by the turns that the guess had.
     made = robot.make_state(along, v)
     positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(
         made.q, made.rates, v_dot

@@ -329,11 +329,13 @@ def segment(crew: Members, settings: Settings, leg: Leg, row: int) -> Segment:
     """Return what a member did in a leg as a segment of its own run."""
     from linkwork.simulation.native_loop import LoopOutcome
 
+    # The samples of the leg that are this member's.
     stand, done = leg.stand(row, settings.integrator), leg.outcomes
     first, saved = int(leg.stands.saved[row]), int(done.saved[row])
     rows = np.zeros((saved - first, 3 + done.y_end.shape[1]))
     rows[:, 0], rows[:, -1] = settings.save_at[first:saved], -1.0
     rows[:, 1:-2] = done.samples[row, first:saved]
+    # The outcome as the loop of one run tells it; what lanes do not have is zero.
     outcome = LoopOutcome(
         status=done.status[row],
         evaluations=done.nfev[row],
