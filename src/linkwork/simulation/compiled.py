@@ -20,14 +20,63 @@ import numpy as np
 from numba import njit, types
 from numba.core import event
 from numba.core.caching import IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.dispatcher import Dispatcher
 from numba.core.imputils import lower_builtin
 from numba.core.registry import cpu_target
+from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
 TAUGHT: list[FunctionType] = []  # what generates the code of operators that Numba is taught here
 
-OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+ARITHMETIC = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+
+
+class _Linked(JITCodeLibrary):
+    """Hold a function that compiled code takes in; no machine code is made of it by itself."""
+
+    def _finalize_final_module(self):
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _Introduce(AnalysisPass):
+    """Make a function known to those that call it, without an address."""
+
+    _name = "linkwork_introduce"
+
+    def __init__(self):
+        super().__init__()
+
+    def run_pass(self, state):
+        lowered = state["cr"]
+        entry = object().__sizeof__  # one of its own, built in, that refuses arguments
+        state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=entry)
+        return False
+
+
+class _Linking(Compiler):
+    """Compile functions only to be linked into others."""
+
+    def define_pipelines(self):
+        state = self.state
+        state.flags.no_compile = True
+        state.library = _Linked(state.targetctx.codegen(), state.func_id.func_qualname)
+        (passes,) = super().define_pipelines()
+        passes.add_pass_after(_Introduce, NativeLowering)
+        passes.finalize()
+        return [passes]
+
+
+OPTIONS = {
+    **ARITHMETIC,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": _Linking,
+}
 
 
 def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
@@ -51,7 +100,7 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     """Compile or load; return None where the cache folder cannot be used and nothing has been
     compiled yet."""
     try:
-        dispatcher = njit(cache=True, **OPTIONS)(function)
+        dispatcher = njit(cache=True, **ARITHMETIC)(function)
     except RuntimeError:  # Numba found no folder that it may write to
         return None
     cache: Any = dispatcher._cache  # pyright: ignore[reportAttributeAccessIssue]
@@ -155,7 +204,7 @@ def _uncached(what: str, function: Callable, signature) -> Dispatcher:
         " let the environment variable NUMBA_CACHE_DIR name a folder that can be written",
         stacklevel=4,
     )
-    dispatcher = njit(**OPTIONS)(function)
+    dispatcher = njit(**ARITHMETIC)(function)
     dispatcher.compile(signature)
     return dispatcher
 

@@ -9,7 +9,7 @@ from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.native_parts import add_turns, copy
-from linkwork.simulation.pointers import call
+from linkwork.simulation.pointers import call, pointer
 
 ROUNDING = 1e-9
 
@@ -73,5 +73,5 @@ def act(kernels, room, turns, signals, held, count, row, rewrites):
 def resized(rows, size):
     """Return the rows in a table of another length."""
     table = np.empty((size, rows.shape[1]))
-    table[: rows.shape[0]] = rows
+    copy(pointer(rows), pointer(table), rows.size)
     return table
