@@ -65,28 +65,27 @@ def compiled_loop(robot: lw.Robot, task: Task, tolerance: float) -> Callable[[],
 
 def loop_of(run: Callable[[], object], module: ModuleType = native) -> Callable[[], np.ndarray]:
     """Return the compiled loop that a run calls, alone, as a call that returns the state y at its
-    end.
+    end, and behind it what a sampled controller holds.
 
-    Its arguments are those with which the run called it, once; the state and what a sampled
-    controller holds, which it overwrites, are set anew.
+    Its arguments are those with which the run called it, once; y, which it overwrites, is set anew.
 
     module: where the loop is: `native`, or `native_rosenbrock` for the stiff method
     """
     loop = module.integrate
-    places = [list(signature(loop.py_func).parameters).index(name) for name in ("y_end", "held")]
-    found: list[tuple[tuple, list[np.ndarray]]] = []
+    place = list(signature(loop.py_func).parameters).index("y")
+    found: list[tuple[tuple, np.ndarray]] = []
 
     def spy(*arguments: object) -> object:
-        found.append((arguments, [np.copy(arguments[i]) for i in places]))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        found.append((arguments, np.copy(arguments[place])))  # pyright: ignore[reportArgumentType, reportCallIssue]
         return loop(*arguments)
 
     with patch.object(module, "integrate", spy):
         run()
-    ((arguments, starts),) = found
-    state, held = (arguments[i] for i in places)
+    ((arguments, start),) = found
+    state = arguments[place]
 
     def call() -> np.ndarray:
-        state[:], held[:] = starts
+        state[:] = start
         loop(*arguments)
         return state
 

@@ -1,13 +1,26 @@
 """The integrator is compiled once per machine, says so, and is not even loaded before it is
 needed."""
 
+import importlib
 import importlib.util
 
 import numpy as np
 import pytest
-from numba import types
+from numba import cfunc, types
 from numba.core.registry import cpu_target
+from simulation_problems import KERNEL, van_der_pol, van_der_pol_jacobian
 
+from linkwork.simulation import (
+    DORMAND_PRINCE,
+    RK4,
+    RODAS,
+    Condition,
+    Events,
+    Sampled,
+    integrate,
+    native,
+    native_rosenbrock,
+)
 from linkwork.simulation.compiled import compiled_once
 
 from tests.processes import finished
@@ -164,3 +177,43 @@ def test_the_cache_is_renewed_when_another_file_changes(user, helper, tmp_path):
         done = finished("-B", "-c", script, cwd=tmp_path)
         assert done.stdout == f"{factor:.1f}\n", done.stderr
     assert done.stderr == ""
+
+
+PART = """
+from numba import njit
+from linkwork.simulation.compiled import OPTIONS
+
+@njit(**OPTIONS)
+def times(x):
+    return 3.0 * x
+"""
+
+
+@cfunc(KERNEL)
+def position(x, out):
+    """The event of passing q = 0."""
+    out[0] = x[0]
+
+
+def test_parts_of_compiled_code_are_no_functions_of_their_own(tmp_path, monkeypatch):
+    (tmp_path / "tripling.py").write_text(PART)
+    path = tmp_path / "product.py"
+    path.write_text(USER.replace("helping", "tripling"))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert load(path).product(2.0) == 6.0
+    with pytest.raises(KeyError, match="times is called by compiled code alone"):
+        importlib.import_module("tripling").times(2.0)
+
+
+@pytest.mark.parametrize("method", [DORMAND_PRINCE, RK4(0.1), RODAS], ids=lambda way: way.name)
+def test_a_loop_has_one_signature_whatever_it_is_given(method):
+    assert van_der_pol.address and van_der_pol_jacobian.address and position.address
+    watched = Events(position.address, (Condition(),))
+    for forces in (np.zeros(0), Sampled(np.array([0.0, 1.0]), np.zeros((2, 0)))):
+        for times, events in ((None, None), ([0.5], None), (None, watched)):
+            run = integrate(
+                van_der_pol.address, None, [2.0], [0.0], forces, [1.0], duration=1, save_at=times,
+                method=method, jacobian=van_der_pol_jacobian.address, events=events,
+            )  # fmt: skip
+            assert run.success
+    assert len((native_rosenbrock if method.stiff else native).integrate.signatures) == 1

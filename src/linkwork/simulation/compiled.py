@@ -35,9 +35,15 @@ ARITHMETIC = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
 class _Linked(JITCodeLibrary):
-    """Hold a function that compiled code takes in; no machine code is made of it by itself."""
+    """Hold a function that compiled code takes in; no machine code is made of it by itself.
+
+    It is inlined where it asks for that (`INLINED`), and called otherwise.
+    """
 
     def _finalize_final_module(self):
+        for function in self.get_defined_functions():
+            if b"alwaysinline" not in b" ".join(function.attributes):
+                function.add_function_attribute("noinline")
         self._finalized = True
 
 
@@ -52,7 +58,8 @@ class _Introduce(AnalysisPass):
 
     def run_pass(self, state):
         lowered = state["cr"]
-        entry = object().__sizeof__  # one of its own, built in, that refuses arguments
+        # Something built in, of its own, that refuses all arguments: Numba asks for no less.
+        entry = f"{{{lowered.fndesc.qualname} is called by compiled code alone}}".format
         state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=entry)
         return False
@@ -76,7 +83,9 @@ OPTIONS = {
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
     "pipeline_class": _Linking,
+    "forceinline": False,  # else it would be inherited from the first function that calls this one
 }
+INLINED = {**OPTIONS, "forceinline": True}
 
 
 def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 
 NO_CONDITIONS = np.empty((0, 2))
 NOTHING = np.empty(0)
-GUESSED = np.array(
-    [0.0, math.inf, 0.0, 0.0]
-)  # a pace: the first step is guessed, and may grow at once
+GUESSED = 0.0, math.inf, 0.0, 0.0  # a pace: the first step is guessed, and may grow at once
 NEARLY = (
     0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
 )
@@ -346,16 +344,20 @@ def advanced(
     held, period, next_sample, acts = _sampling(control, start)
     events, watch = problem.events, problem.watch
     conditions = events.table if events else NO_CONDITIONS
-    seen = watch.signal if watch else signal
+    observed = events.address if len(conditions) and events else 0
+    seen, strict = (watch.signal, watch.strict) if watch else (signal, 0)
+    state = np.concatenate((y, held)) if control else y
     facts = np.empty(len(loop.LoopOutcome._fields))
+    # Plain tuples of numbers, in the order of `Kernels` and `RunCourse`.
     rows = native.integrate(
-        problem.motion, problem.closure, problem.jacobian,
-        events.address if len(conditions) and events else 0, acts,
-        problem.parameters, signal.table, seen.table, watch.strict if watch else 0,
-        *method.plan.arguments,
-        problem.tolerances, pivot_bound, closure_tol, stability(method, problem.leave_stiff),
-        nq, y, times, save_at is None, start, stop, problem.max_step, pace, steps,
-        held, period, next_sample, conditions, counted, facts,
+        (problem.motion, problem.closure, problem.jacobian, observed, acts),
+        problem.parameters, method.plan.table, problem.tolerances, conditions, signal.table, seen.table,
+        (
+            float(start), float(stop), period, *pace,
+            float(pivot_bound), float(closure_tol), float(stability(method, problem.leave_stiff)),
+            float(problem.max_step), int(steps), next_sample, int(save_at is None), strict,
+        ),
+        times, counted, state, facts,
     )  # fmt: skip
     outcome, found, event = loop.LoopOutcome._make(facts.tolist()), rows[:0], -1
     if len(conditions):
@@ -363,6 +365,7 @@ def advanced(
         found, rows = rows[happened], rows[~happened]
         event = next((int(i) for i in found[:, -1] if conditions[int(i), 1]), -1)
     if control is not None:
+        y[:], held = state[: y.size], state[y.size :]
         control = replace(control, held=held, next_sample=int(outcome.next_sample))
     status = Status(outcome.status)
     if status is Status.CLOSURE_LOST:
@@ -397,28 +400,28 @@ def stability(method: Method, asked: bool) -> float:
     return NEARLY * method.stability if asked else 0.0
 
 
-def _pace(first_step: float | Pace | None) -> np.ndarray:
+def _pace(first_step: float | Pace | None) -> tuple[float, ...]:
     """Return the numbers of the pace at the start: a step of 0 is guessed, and the first may grow
     at once."""
     if isinstance(first_step, Pace):
-        return np.array([first_step.step, first_step.growth, first_step.longest, first_step.ideal])
+        return tuple(map(float, astuple(first_step)))
     if first_step is None:
         return GUESSED
     _require_positive("first_step", first_step)
-    return np.array([first_step, math.inf, 0.0, 0.0])
+    return float(first_step), math.inf, 0.0, 0.0
 
 
 def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float, int, int]:
     """Return the held inputs, the period, the index of the first sample, and the address of the
     controller's kernel."""
     if control is None:
-        return NOTHING, 1.0, 0, 0
+        return NOTHING, 0.0, 0, 0
     first = (
         math.ceil(start / control.period - ROUNDING)
         if control.next_sample is None
         else control.next_sample
     )
-    return _vector("the held inputs", control.held), control.period, first, control.address
+    return _vector("the held inputs", control.held), float(control.period), first, control.address
 
 
 def _vector(what: str, values: ArrayLike) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED
 from linkwork.simulation.lane_tables import BREAK, LIVE, PIECE, ROW, START, STEP, STOP, TIME
 from linkwork.simulation.native_loop import ROUNDING
 from linkwork.simulation.vectors import LANES
@@ -29,19 +29,19 @@ class Signals(NamedTuple):
     timed: bool
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def shared(i, rows):
     """Return row i of a table of which one row may serve all."""
     return i if rows > 1 else 0
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def signal_of(signals, row):
     """Return the signal of a row, which may be that of all."""
     return shared(row, signals.pieces.size - 1)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def force(signals, i, t, from_left, x, n, lane, tally):
     """Evaluate signal i at t into x[n:] of the lane, and keep its piece, from which to look for the
     next."""
@@ -61,7 +61,7 @@ def force(signals, i, t, from_left, x, n, lane, tally):
         x[n + j, lane] = value
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def next_target(signals, i, t, lane, now, tally):
     """Return the next time at which a step of a lane has to end, by signal i."""
     breaks, end, stop = signals.breaks, signals.breaking[i + 1], now[STOP, lane]
@@ -71,7 +71,7 @@ def next_target(signals, i, t, lane, now, tally):
     return min(stop, breaks[tally[BREAK, lane]]) if tally[BREAK, lane] < end else stop
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def set_forces(signals, theta, x, n, now, tally):
     """Evaluate the signals of all lanes at the times of a stage, t + theta h."""
     for lane in range(LANES):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_inputs import force, next_target, shared, signal_of
 from linkwork.simulation.lane_refusals import goes_on
 from linkwork.simulation.lane_samples import keep_sample
@@ -75,7 +75,7 @@ class Results(NamedTuple):
     counts: Any
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def fill(waiting, members, signals, parameters, begun, save_at, results, turned, progress, tables):
     """Store the members that have stopped, and load the ones that wait, from number `waiting` on,
     into their lanes.
@@ -104,7 +104,7 @@ def fill(waiting, members, signals, parameters, begun, save_at, results, turned,
     return live, waiting
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def load_member(i, lane, members, signals, parameters, begun, save_at, results, turned, tables):
     """Put a started member into a lane; turned: whether any turn was counted before."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
@@ -138,7 +138,7 @@ def load_member(i, lane, members, signals, parameters, begun, save_at, results, 
         tally[SAVED, lane] = first + 1
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def store_member(lane, members, results, turned, tables):
     """Keep what the member in a lane has come to; turned: whether any turn was counted before."""
     y, now, tally = tables.y, tables.now, tables.tally

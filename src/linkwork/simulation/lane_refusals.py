@@ -7,7 +7,7 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_tables import (
     ACCEPTED,
     ACCEPTS,
@@ -48,7 +48,7 @@ from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, SINGU
 from linkwork.simulation.vectors import LANES
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def goes_on(lane, now, tally):
     """Tell whether the member in a lane goes on; keep why not."""
     stop = now[STOP, lane]
@@ -61,7 +61,7 @@ def goes_on(lane, now, tally):
     return tally[STATUS, lane] == OK
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def first_ailment(k, stage, n, lane, now):
     """Return what a stage's numbers tell of a slope from which no step can retreat: OK, SINGULAR or
     NON_FINITE."""
@@ -105,7 +105,7 @@ def diagnose(lane, solution, closure_tol, tables):
     now[REJECTED_PIVOT, lane] = lowest
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def reject(lane, exponent, first_pivot, now, tally):
     """Shrink the step of a lane; stop where the pivot at its start, the first one, is at the bound
     already."""

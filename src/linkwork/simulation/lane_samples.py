@@ -7,7 +7,7 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_inputs import set_forces
 from linkwork.simulation.lane_steps import combine, project
 from linkwork.simulation.lane_tables import (
@@ -37,7 +37,7 @@ from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR,
 from linkwork.simulation.vectors import LANES, call_wide, load, splat, store
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def due(lane, save_at, now, tally):
     """Return when a lane has to take its next sample: by the end of its run, to rounding, or
     never."""
@@ -45,13 +45,13 @@ def due(lane, save_at, now, tally):
     return min(save_at[row], now[STOP, lane]) if row < tally[LAST, lane] else math.inf
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def within(lane, save_at, now, tally):
     """Tell whether a lane wants a sample inside its step, not at the end of it."""
     return now[WANTED, lane] > 0 and due(lane, save_at, now, tally) < now[ARRIVAL, lane]
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def extends(lane, save_at, now, tally):
     """Tell whether a lane needs the dense output: for a sample inside its step, or to look at what
     it may not have seen."""
@@ -59,7 +59,7 @@ def extends(lane, save_at, now, tally):
     return (looks and now[ACCEPTS, lane] > 0) or within(lane, save_at, now, tally)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def want_samples(save_at, now, tally):
     """Mark the lanes with a sample to take in their accepted steps, and where; return how many, and
     how many within."""
@@ -106,7 +106,7 @@ def extend(motion, method, signals, save_at, tables):
         set_forces(signals, method.c[method.solution], x, n, now, tally)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def keep_sample(i, row, lane, state, samples, tables):
     """Write a lane's state, angles with their whole turns, as a sample of member i."""
     for m in range(tables.nq):
@@ -116,7 +116,7 @@ def keep_sample(i, row, lane, state, samples, tables):
         samples[i, row, m] = state[m, lane]
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def interpolate(method, tables, state):
     """Leave the states of all lanes at the times t + theta h, with each lane's theta, in a
     table."""
@@ -139,7 +139,7 @@ def interpolate(method, tables, state):
         store(state, m, load(tables.y, m) + h * total)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def take_samples(closure, method, closure_tol, save_at, samples, tables):
     """Take the samples within the accepted steps by dense output, projected; a step with one that
     cannot be is refused."""

@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED
 from linkwork.simulation.lane_inputs import force, next_target, shared, signal_of
 from linkwork.simulation.lane_refusals import first_ailment
 from linkwork.simulation.lane_steps import project, scaled
@@ -46,14 +46,14 @@ from linkwork.simulation.native_parts import CLOSURE_LOST, OK
 from linkwork.simulation.vectors import LANES, call_wide, load, some, store
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def block_row(member, n):
     """Return the first row of a member's block in `begun`: the first NUMBERS rows of `now`, those
     of y, those of k_0."""
     return member // LANES * (NUMBERS + 2 * n + 1)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def start_block(
     kernels, method, signals, limits, members, first, parameters, begun, results, turned, tables
 ):
@@ -69,7 +69,7 @@ def start_block(
     return turned
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def set_out(members, first, signals, parameters, turned, tables):
     """Put the members from `first` on into the lanes, where and when they start; the last one into
     lanes that are left."""
@@ -100,7 +100,7 @@ def set_out(members, first, signals, parameters, turned, tables):
         now[LOOSE, lane] = now[WANTED, lane] = 1.0
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def close_starts(kernels, limits, tables):
     """Close the loops of q."""
     now, closure_tol = tables.now, limits.closure_tol
@@ -115,7 +115,7 @@ def close_starts(kernels, limits, tables):
             tables.tally[STATUS, lane] = CLOSURE_LOST
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def evaluate_starts(kernels, tables):
     """Evaluate the first slope, k_0."""
     n, k, now, tally = tables.n, tables.k, tables.now, tables.tally
@@ -130,7 +130,7 @@ def evaluate_starts(kernels, tables):
             now[PIVOT, lane] = now[REJECTED_PIVOT, lane] = k[n, lane]
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def guess_steps(kernels, method, signals, limits, tables):
     """Guess the first step from the slope k_0 and one a little ahead, k_1: see `native_pace`."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
@@ -168,7 +168,7 @@ def guess_steps(kernels, method, signals, limits, tables):
             tally[EVALUATIONS, lane] += 1
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def keep_starts(first, begun, members, results, turned, tables):
     """Keep what came of the starts."""
     n, row, tally, counts = tables.n, block_row(first, tables.n), tables.tally, results.counts

@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED
 from linkwork.simulation.lane_tables import (
     ACCEPTS,
     ARRIVAL,
@@ -55,7 +55,7 @@ from linkwork.simulation.vectors import (
 )
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def move(source, row, target, count, kept):
     """Copy rows, from `row` on, to the head of the target, but for the lanes that are to be kept:
     seldom there are any.
@@ -71,7 +71,7 @@ def move(source, row, target, count, kept):
             store(target, m, load(source, row + m))
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def project(closure, nq, state, z, z_next, now, tolerance, reserve):
     """Project q, the head of the state, onto phi(q) = 0 by Newton's method in z, in the lanes where
     now[WANTED] > 0.
@@ -109,7 +109,7 @@ def project(closure, nq, state, z, z_next, now, tolerance, reserve):
     store(now, RESIDUAL, residual)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def scaled(values, row, n, y, tolerance):
     """Return the root mean square of values / (atol + rtol |y|), the values from a row on."""
     total = splat(0.0)
@@ -121,7 +121,7 @@ def scaled(values, row, n, y, tolerance):
     return root(total / splat(float(n)))
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def choose_steps(now):
     """Let the steps land on their targets, or go half of the way rather than leave slivers; idle
     lanes stay."""
@@ -134,7 +134,7 @@ def choose_steps(now):
     store(now, ARRIVAL, choose(lands, target, t + step))
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def combine(weights, count, n, now, y, k, x):
     """x = y + h sum_(j < count) weights_j k_j, with the step h of each lane.
 
@@ -171,7 +171,7 @@ def combine(weights, count, n, now, y, k, x):
         store(x, m, load(y, m) + h * total)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def error_norm(weights, solution, closed, tables):
     """Return the root mean square of (|h sum_i e_i k_i| + |moved by the projection|) / (atol + rtol
     |y|).
@@ -192,7 +192,7 @@ def error_norm(weights, solution, closed, tables):
     return root(total / splat(float(n)))
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def judge(method, closed, closure_tol, tables):
     """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and
     the smallest pivots."""
@@ -212,13 +212,13 @@ def judge(method, closed, closure_tol, tables):
     store(now, LOWEST, lowest)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def falling(now):
     """Tell in which lanes steps have fallen far below the longest one lately: see `native_pace`."""
     return load(now, STEP_SIZE) <= splat(SHORT) * load(now, LONGEST)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def accept(sixteenths, max_step, now):
     """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in
     `native_pace`."""

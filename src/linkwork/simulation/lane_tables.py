@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.vectors import LANES, as_table
 
 ALIGNMENT = 64
@@ -84,7 +84,7 @@ def room(rows):
     return memory[first : first + rows * LANES].reshape(rows, LANES)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def rows_of(n, nq, inputs, free, stages):
     """Return where the tables end that `furnish` deals out; free: number of parameters."""
     x, k, z = n + inputs + free, (stages + 1) * (n + 1), nq + free
@@ -92,7 +92,7 @@ def rows_of(n, nq, inputs, free, stages):
     return np.cumsum(np.array(sizes))
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def furnish(space, end, n, nq, tolerance, spans, wraps):
     """Return the tables, one after the other in some space, which has to be kept alive, with what
     all lanes share."""

@@ -7,7 +7,7 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_tables import LOOSE
 from linkwork.simulation.native_parts import turns_in, without
 from linkwork.simulation.vectors import LANES, absolute, larger, load, splat
@@ -15,7 +15,7 @@ from linkwork.simulation.vectors import LANES, absolute, larger, load, splat
 LOOSER = math.nextafter(1.0, 2.0)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def large(tables):
     """Tell in which lanes a coordinate may be large, beyond the shortest of all spans, or was."""
     largest = splat(0.0)
@@ -44,7 +44,7 @@ def settle(tables):
     return counted
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def keep_turns(i, lane, turns, tables):
     """Keep the whole turns of a lane's angles for member i."""
     for m in range(tables.nq):

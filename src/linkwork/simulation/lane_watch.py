@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_inputs import force, set_forces, signal_of
 from linkwork.simulation.lane_samples import interpolate
 from linkwork.simulation.lane_tables import (
@@ -59,7 +59,7 @@ class LaneSignals(NamedTuple):
     bending: Any
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def watch_of(watched, row):
     """Return what is to be watched of a row, which may be that of all."""
     i, columns = signal_of(watched, row), watched.coefficients.shape[2]
@@ -139,7 +139,7 @@ def inspect(motion, method, signals, watched, peaks, tables):
     set_forces(signals, method.c[method.solution], x, n, now, tally)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def refuse(now, bent):
     """Refuse the steps whose errors are too large; bent: 1 where bends refuse them, 0 where a peak
     does."""
@@ -189,7 +189,7 @@ def measure(motion, method, signals, factor, tables):
             judge_defect(lane, stages * (n + 1) + n, tables)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def judge_defect(lane, pivot_row, tables):
     """Take the defect of a lane into its error, or say what ails it."""
     now, tally, pivot, defect = (

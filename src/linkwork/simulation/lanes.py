@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit, types
 
-from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.compiled import INLINED, compiled_once
 from linkwork.simulation.lane_inputs import Signals, force, next_target, set_forces, signal_of
 from linkwork.simulation.lane_members import Results, Roster, fill, leave, measure_closure
 from linkwork.simulation.lane_refusals import diagnose, first_ailment, look_due, reject
@@ -68,6 +68,7 @@ from linkwork.simulation.lane_watch import LaneSignals, inspect, mark, mark_peak
 from linkwork.simulation.native_loop import LOOK
 from linkwork.simulation.native_pace import sixteenths
 from linkwork.simulation.native_parts import OK, RESERVE, Kernels, method_of
+from linkwork.simulation.pointers import pointer
 from linkwork.simulation.vectors import LANES, as_table, call_wide, load, some, splat, store
 
 
@@ -82,7 +83,7 @@ class Demands(NamedTuple):
     max_step: float
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def attempt(kernels, method, signals, limits, tables):
     """Try a step in all lanes: leave its stages in k, the new states in x, and what is to be said
     of it in `now`."""
@@ -110,7 +111,7 @@ def attempt(kernels, method, signals, limits, tables):
     judge(method, nq if kernels.closure != 0 else 0, limits.closure_tol, tables)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def decide(method, limits, tables):
     """Accept the steps whose errors are within the tolerance; find why the equations fail in
     others."""
@@ -124,7 +125,7 @@ def decide(method, limits, tables):
             diagnose(lane, method.solution, limits.closure_tol, tables)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def look_into(kernels, method, signals, watched, limits, save_at, samples, tables):
     """Look at what the stages may not have seen within the accepted steps, and take the samples
     there; refuse steps in which something is wrong.
@@ -144,7 +145,7 @@ def look_into(kernels, method, signals, watched, limits, save_at, samples, table
         take_samples(kernels.closure, method, limits.closure_tol, save_at, samples, tables)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def book(exponent, tables):
     """Count the steps, accepted and refused, and shrink those that are refused."""
     n, now, tally = tables.n, tables.now, tables.tally
@@ -156,7 +157,7 @@ def book(exponent, tables):
             reject(lane, exponent, tables.k[n, lane], now, tally)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def go_on(kernels, method, signals, limits, tables):
     """Go on from the ends of the accepted steps: their states, and their last slopes, are the next
     ones' first."""
@@ -169,7 +170,7 @@ def go_on(kernels, method, signals, limits, tables):
     move(tables.k, method.solution * (n + 1), tables.k, n + 1, kept)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def restart(motion, last, signals, tables):
     """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break
     of their signal."""
@@ -197,7 +198,7 @@ def restart(motion, last, signals, tables):
             now[PIVOT, lane] = min(now[PIVOT, lane], now[REJECTED_PIVOT, lane])
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def any_turned(turns):
     """Tell whether any whole turn is counted."""
     count = 0
@@ -219,7 +220,7 @@ _wholes, _counts = (types.Array(types.intp, dimensions, "C") for dimensions in (
 _whole, _number = types.intp, types.float64
 _SIGNATURE = (
     _tuple(Kernels, _whole, _whole, _whole, _whole, _whole),
-    types.Tuple((_array, _whole, _whole, _whole, _whole, _whole, _number, _number)),
+    _array,
     _tuple(Demands, _rows, _number, _number, _number),
     _table,
     _table,
@@ -239,13 +240,13 @@ def integrate(
 ):  # fmt: skip
     """Integrate members from their starts to their ends, and leave their last states there.
 
-    plan: the arguments of the `StepPlan` of an explicit pair; turning (2, nq): spans and wraps as
+    plan: the `StepPlan.table` of an explicit pair; turning (2, nq): spans and wraps as
     in `turns.Turning`. parameters (N, np) or (1, np), signals, watched: as told by `members.rows`;
     save_at (K,): times [s]. cancel (1,): the run ends where it is when another thread writes
     anything but 0; progress (1,): the members ended.
     """
     n, nq, inputs = members.y.shape[1], turning.shape[1], signals.coefficients.shape[2]
-    method, count = method_of(*plan), members.rows.size
+    method, count = method_of(pointer(plan)), members.rows.size
     end = rows_of(n, nq, inputs, parameters.shape[1], method.stages)
     space, blocks = room(end[-1]), room(block_row(count + LANES - 1, n))
     tables = furnish(space, end, n, nq, limits.tolerance, turning[0], turning[1])

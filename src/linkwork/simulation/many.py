@@ -269,7 +269,7 @@ def integrate_many(
 
     asked = (
         lanes.Kernels(motion, closure or 0, 0, 0, 0),
-        method.plan.arguments,
+        method.plan.table,
         lanes.Demands(
             tolerance, float(closure_tol), stability(method, leave_stiff), float(max_step)
         ),

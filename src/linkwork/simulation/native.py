@@ -19,8 +19,8 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.native_loop import Trial, integrator
+from linkwork.simulation.compiled import INLINED, compiled_once
+from linkwork.simulation.native_loop import SIGNATURE, begin, end, following
 from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
@@ -34,78 +34,78 @@ from linkwork.simulation.native_parts import (
 from linkwork.simulation.pointers import combine
 
 
-@njit(forceinline=True, **OPTIONS)
-def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
-    """Try one step of size h from y at t; leave the new, projected state in `new` and the slopes in
-    k."""
+@njit(**INLINED)
+def advance(run):
+    """Try a step from y; leave the new, projected state in `new` and the slopes in k."""
+    room, method, h = run.room, run.method, run.step
     n, nq, width, stages, solution = room.n, room.nq, room.width, method.stages, method.solution
-    y, new, k, x, sample = room.y, room.new, room.k, room.x, room.sample
-    closed, fixed = nq if kernels.closure != 0 else 0, method.estimates == 0
-    pivot, pivot_time, last_pivot, residual, evaluations, projections = (
-        math.inf,
-        t,
-        math.inf,
-        0.0,
-        0,
-        0,
-    )
+    y, new, k, x = room.y, room.new, room.k, room.x
+    fixed, piece = method.estimates == 0, run.piece
+    # Symplectic: q' at the new v replaces that of k_1.
     if fixed and method.computed > solution:
         combine(method.a + solution * stages, 1, h, y, k, width, n, new)
         copy(y, x, nq)
         for m in range(nq, n):
             x[m] = new[m]
-        ailment, last_pivot = evaluate(kernels.motion, room, 1, limits.pivot_bound)
-        if ailment != OK:
-            return Trial(ailment, math.inf, last_pivot, t, last_pivot, residual, 1, 0)
+        run.ailment, run.last_pivot = evaluate(run, 1)
+        if run.ailment != OK:
+            run.lowest = run.last_pivot
+            return
         copy(k + width, k, nq)
-        evaluations = 1
     for i in range(1, solution + 1):
         combine(method.a + i * stages, i, h, y, k, width, n, new if i == solution else x)
+        # The last stage is the new state itself, closed.
         if i == solution:
-            if closed > 0:
-                residual, projections = project(
-                    kernels.closure, limits.closure_tol, measured, new, room
-                )
-                if not residual <= limits.closure_tol:
-                    lost = unclosed(residual, room, solution)
-                    return Trial(
-                        lost,
-                        math.inf,
-                        pivot,
-                        pivot_time,
-                        last_pivot,
-                        residual,
-                        evaluations,
-                        projections,
-                    )
+            if run.kernels.closure != 0 and nq > 0:
+                run.residual = project(run, run.course.every_step != 0, new)
+                if not run.residual <= run.loose:
+                    run.ailment = unclosed(run, run.residual, solution)
+                    return
             if fixed:
                 break
             copy(new, x, n)
-        time = t + method.c[i] * h
-        piece = force(inputs, time, True, piece, x + n)
-        ailment, last_pivot = evaluate(kernels.motion, room, i, limits.pivot_bound)
-        evaluations += 1
-        if last_pivot < pivot:
-            pivot, pivot_time = last_pivot, time
-        if ailment != OK:
-            return Trial(
-                ailment, math.inf, pivot, pivot_time, last_pivot, residual, evaluations, projections
-            )
-    error = 0.0
+        time = run.t + method.c[i] * h
+        piece = force(run.inputs, time, True, piece, x + n)
+        run.ailment, run.last_pivot = evaluate(run, i)
+        if run.last_pivot < run.lowest:
+            run.lowest, run.lowest_time = run.last_pivot, time
+        if run.ailment != OK:
+            return
+    run.error = error_of(run, fixed)
+    if not math.isfinite(run.error):  # one number of k that is not finite spoils it: 0 * nan is nan
+        run.ailment = NON_FINITE
+
+
+@njit(**INLINED)
+def error_of(run, fixed):
+    """Return the scaled error of a step; of a fixed one 0, if its end is finite."""
+    room, method, h, error = run.room, run.method, run.step, 0.0
+    n, width, k, sample, zeros, count = (
+        room.n, room.width, room.k, room.sample, room.zeros, method.solution + 1
+    )  # fmt: skip
     if fixed:
         for m in range(n):
-            error += 0.0 * new[m]
-    else:
-        combine(method.e, solution + 1, 1.0, room.zeros, k, width, n, sample)
-        error = error_norm(sample, h, closed, limits, room)
-        if method.estimates > 1 and error > 0:
-            combine(method.e + stages, solution + 1, 1.0, room.zeros, k, width, n, sample)
-            second = 0.1 * error_norm(sample, h, 0, limits, room)
-            error *= error / math.sqrt(error * error + second * second)
-    ailment = (
-        OK if math.isfinite(error) else NON_FINITE
-    )  # one number of k that is not finite spoils it: 0 * nan is nan
-    return Trial(ailment, error, pivot, pivot_time, last_pivot, residual, evaluations, projections)
+            error += 0.0 * room.new[m]
+        return error
+    combine(method.e, count, 1.0, zeros, k, width, n, sample)
+    error = error_norm(run, sample, h, room.nq if run.kernels.closure != 0 else 0)
+    if method.estimates > 1 and error > 0:
+        combine(method.e + method.stages, count, 1.0, zeros, k, width, n, sample)
+        second = 0.1 * error_norm(run, sample, h, 0)
+        error *= error / math.sqrt(error * error + second * second)
+    return error
 
 
-integrate = integrator("the explicit integrators", advance)
+follow = following(advance)
+
+
+@compiled_once("the explicit integrators", SIGNATURE)
+def integrate(
+    kernels, p, plan, tolerance, conditions, signal, seen, course, save_at, counted, y, facts
+):  # fmt: skip
+    """Integrate by an explicit method; the arguments are those of `native_loop.begin` and
+    `native_loop.end`."""
+    run, memory, rows = begin(
+        kernels, p, plan, tolerance, conditions, signal, seen, course, save_at, counted, y
+    )
+    return end(run, memory, follow(run, rows), y, facts)

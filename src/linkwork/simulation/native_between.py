@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.native_parts import add_turns, copy
 from linkwork.simulation.pointers import call, pointer
 
@@ -15,53 +15,54 @@ ROUNDING = 1e-9
 
 
 class Schedule(NamedTuple):
-    """Say where steps have to end: at the `count` `breaks` of the signals, where a controller acts,
-    each `period`, at the multiples of the `length` of fixed steps (0: there is none), and at
-    `stop`.
+    """Say where steps have to end, beside the end of the run and where a controller acts: at the
+    `count` `breaks` of the signals, and at the multiples of the `length` of fixed steps
+    (0: there is none).
     """
 
-    start: float
-    stop: float
     breaks: Any
     count: int
-    period: float
     length: float
 
 
-@njit(forceinline=True, **OPTIONS)
-def next_end(schedule, t, next_break, grid, next_sample):
-    """Return where a step from t has to end, the number of the next break and of the next multiple
-    of the fixed length."""
-    breaks, length, end = schedule.breaks, schedule.length, schedule.stop
-    while next_break < schedule.count and breaks[next_break] <= t + ROUNDING * (t - schedule.start):
+@njit(**INLINED)
+def set_target(run):
+    """Find where a step from here has to end, and the numbers of the next break and of the next
+    multiple of a fixed length."""
+    course, (breaks, count, length) = run.course, run.schedule
+    t, end, next_break, grid = run.t, course.stop, run.next_break, run.grid
+    while next_break < count and breaks[next_break] <= t + ROUNDING * (t - course.start):
         next_break += 1
     while length > 0 and grid * length <= t + ROUNDING * length:
         grid += 1
-    if next_break < schedule.count:
+    if next_break < count:
         end = min(end, breaks[next_break])
-    if schedule.period > 0:
-        end = min(end, next_sample * schedule.period)
+    if course.period > 0:
+        end = min(end, run.next_sample * course.period)
     if length > 0:
         end = min(end, grid * length)
-    return end, next_break, grid
+    run.target, run.next_break, run.grid = end, next_break, grid
 
 
-@njit(forceinline=True, **OPTIONS)
-def due(schedule, t, next_sample):
-    """Tell whether a controller acts at t."""
-    return schedule.period > 0 and next_sample * schedule.period <= t + ROUNDING * schedule.period
+@njit(**INLINED)
+def due(run):
+    """Tell whether a controller acts here."""
+    period = run.course.period
+    return period > 0 and run.next_sample * period <= run.t + ROUNDING * period
 
 
 @njit(**OPTIONS)
-def act(kernels, room, turns, signals, held, count, row, rewrites):
+def act(run):
     """Let a controller set the held inputs, in the state at x and in the row just written if that
-    `rewrites` what it says; return which of them is not finite, or -1.
+    is of this time; return which of them is not finite, or -1.
     """
-    add_turns(room.x, turns, room.nq)
-    call(kernels.control, room.x, held)
+    room, signals, held = run.room, run.inputs.columns, run.held
+    count, row = room.inputs - signals, run.rows + (run.saved - 1) * run.columns
+    add_turns(room.x, run.turns, room.nq)
+    call(run.kernels.control, room.x, held)
     copy(room.y, room.x, room.nq)
     copy(held, room.x + room.n + signals, count)
-    if rewrites:
+    if run.saved > 0 and row[0] == run.t:
         copy(held, row + 1 + room.n + signals, count)
     for i in range(count):
         if not math.isfinite(held[i]):

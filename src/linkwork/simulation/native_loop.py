@@ -13,23 +13,21 @@ is refused.
 Whole turns of large angles are counted apart after each step (`turns`); events, controllers and
 rows take them with their turns.
 
-Names: those of `native_parts`; `held`, the last inputs, which a controller sets at the times k
-period; `conditions`, a row (direction, terminal) for each event; `loose`, the closure's tolerance
-at the present size of q.
+Names: those of `native_parts` and `native_memory`; `run`, the structure that holds all of a run.
 """
 
 import math
-from types import FunctionType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 
-from linkwork.simulation.compiled import OPTIONS, compiled_once
-from linkwork.simulation.native_between import ROUNDING, Schedule, act, due, next_end, resized
+from linkwork.simulation.compiled import INLINED, OPTIONS
+from linkwork.simulation.native_between import ROUNDING, Schedule, act, due, resized, set_target
 from linkwork.simulation.native_events import LOOKS, MOST
-from linkwork.simulation.native_occurrences import EventPlaces, StepSpan, happenings, take_samples
+from linkwork.simulation.native_memory import RunCourse, furnish, integration_at, memory_for
+from linkwork.simulation.native_occurrences import take_events, take_samples
 from linkwork.simulation.native_pace import (
     LARGEST_FACTOR,
     SAFETY,
@@ -47,17 +45,15 @@ from linkwork.simulation.native_parts import (
     OK,
     SINGULAR,
     Kernels,
-    Room,
     StepLimits,
     Turns,
     add_turns,
     copy,
-    evaluate_first,
+    evaluate,
     first_fault,
     force,
     inputs_of,
     method_of,
-    padded,
     project,
     record,
     settle,
@@ -66,6 +62,7 @@ from linkwork.simulation.native_parts import (
 from linkwork.simulation.native_watch import free_until, look_into, next_bend, watch_of
 from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
+from linkwork.simulation.structures import numba_type
 
 STEP_UNDERFLOW = int(Status.STEP_UNDERFLOW)
 TOO_MANY_STEPS = int(Status.TOO_MANY_STEPS)
@@ -78,20 +75,6 @@ FIRST_ROWS = 64
 LOOK = 1024
 """Accepted steps from one look for stiffness to the next, and more than a stiff run ends with."""
 VOTES = 15  # by which stiff steps are more than others, where the run is called stiff
-
-
-class Trial(NamedTuple):
-    """What came of a trial step: OK or why the equations failed, the scaled error, the smallest
-    pivot, the cost."""
-
-    ailment: int
-    error: float
-    pivot: float
-    pivot_time: float
-    last_pivot: float
-    residual: float
-    evaluations: int
-    projections: int
 
 
 class LoopOutcome(NamedTuple):
@@ -117,343 +100,298 @@ class LoopOutcome(NamedTuple):
     rejected_residual: float
 
 
-COUNTS = 7  # numbers of an outcome that count something
+_array, _table = (
+    types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2)
+)
+_state = types.Array(types.float64, 1, "C")
 
 
-@njit(forceinline=True, **OPTIONS)
-def memory_for(n, nq, parameters, inputs, events, stages, degree, stiff):
-    """Return zeros for all that `furnish` deals out."""
-    states, ends = (4 + stages) * padded(n + 1), max(padded(n + 1), padded(stages))
-    size = (
-        states
-        + (MOST + 4) * (events + 1)
-        + n
-        + inputs
-        + 2 * parameters
-        + 2 * nq
-        + 1
-        + degree
-        + stages
-        + ends
-    )
-    return np.zeros(size + (n * (2 * n + inputs + 2) if stiff else 0))
+def _flat(group: type) -> Any:
+    """Return Numba's type of a plain tuple: to look into a named one takes it two microseconds."""
+    return types.BaseTuple.from_types(list(numba_type(group)))
 
 
-@njit(forceinline=True, **OPTIONS)
-def furnish(y, n, nq, parameters, inputs, conditions, events, stages, degree):
-    """Return where a run computes, and where its events are looked at, in the memory from y on."""
-    width = padded(n + 1)
-    k = y + 3 * width
-    g = k + (stages + 1) * width
-    x = g + (MOST + 4) * (events + 1)
-    z = x + n + inputs + parameters
-    z_next = z + nq + parameters
-    powers = z_next + nq + 1
-    weights = powers + degree
-    zeros = weights + stages
-    work = zeros + max(width, padded(stages))
-    room = Room(
-        y,
-        y + width,
-        y + 2 * width,
-        k,
-        x,
-        z,
-        z_next,
-        powers,
-        weights,
-        zeros,
-        work,
-        n,
-        nq,
-        width,
-        inputs,
-    )
-    thetas, within, crossings = (
-        g + (MOST + 4) * events,
-        g + (MOST + 2) * events,
-        g + (MOST + 3) * events,
-    )
-    return room, EventPlaces(conditions, events, g, thetas, within, crossings)
+SIGNATURE = (
+    *(_flat(Kernels), _array, _array, _table, _table),
+    *(_array, _array, _flat(RunCourse), _array),
+    *(types.Array(types.float64, 2, "C"), _state, _state),
+)
 
 
-def run(
-    motion, closure, jacobian, events, control, p, signal, seen, strict,
-    plan, stages, degree, estimates, solution, computed, exponent, blur,
-    tolerance, pivot_bound, closure_tol, stability,
-    nq, y_end, save_at, every_step, start, stop, max_step, pace, max_steps,
-    held, period, next_sample, conditions, counted, facts,
-):  # fmt: skip
-    """Integrate from y_end at start to stop, leave the last state in y_end, its whole turns in the
-    last row of counted (spans, wraps, turns) and the `LoopOutcome` in facts; return the rows, of angles
-    with their turns.
+@njit(**OPTIONS)
+def begin(kernels, p, plan, tolerance, conditions, signal, seen, given, save_at, counted, y):
+    """Return a run at its start, the memory that holds it, and a table for its rows.
 
-    A row is (t, y, u, residual, event), with event = -1 where the row was asked for. signal, seen:
-    the inputs and what is to be watched, as of `Signal.table`. pace (4,): the numbers of a
-    `Rhythm`; a step <= 0 asks for a guess of the first. `exponent` = 1 / (order of the error
-    estimate + 1), or 0: all steps have the length given there. tolerance (2, n): rtol, atol.
-    `stability`: h |lambda| from which a step is taken for stiff, or 0: stiffness is not looked for.
+    p (np,); plan: `StepPlan.table`; tolerance (2, n): rtol, atol; conditions: a row (direction,
+    terminal) for each event; signal, seen: the inputs and what is to be watched, as of
+    `Signal.table`; save_at (K,); counted: (spans, wraps, turns) of q, a row each; y: the state, and
+    behind it the held inputs. All of it is to be kept.
     """
-    n, watched = y_end.size, conditions.shape[0]
-    inputs, breaks = inputs_of(pointer(signal))
-    given, inputs_all = inputs.columns, inputs.columns + held.size
-    memory = memory_for(n, nq, p.size, inputs_all, watched, stages, degree, jacobian != 0)
-    kernels = Kernels(motion, closure, jacobian, events, control)
-    method = method_of(plan, stages, degree, estimates, solution, computed, exponent, blur)
-    turns = Turns(pointer(counted), pointer(counted) + nq, pointer(counted) + 2 * nq)
-    room, scene = furnish(
-        pointer(memory), n, nq, p.size, inputs_all, pointer(conditions), watched, stages, degree
-    )  # fmt: skip
-    watch = watch_of(pointer(seen), strict)
-    y, x, new, sample = room.y, room.x, room.new, room.sample
-    copy(pointer(y_end), y, n)
-    loose = closure_tol * settle(y, turns, nq)
-    limits = StepLimits(pointer(tolerance), pointer(tolerance) + n, pivot_bound, loose)
-    copy(pointer(held), x + n + given, held.size)
-    copy(pointer(p), x + n + inputs_all, p.size)
-    copy(pointer(p), room.z + nq, p.size)
-    columns = n + inputs_all + 3
-    rows = np.empty((FIRST_ROWS if every_step else save_at.size + MOST * watched, columns))
-    table = pointer(rows)
-    saved = taken = bend = next_break = evaluations = accepted = rejected = projections = 0
-    closure_error = rejected_residual = 0.0
-    rhythm = Rhythm(pace[0], min(pace[1], LARGEST_FACTOR), pace[2], pace[3])
-    fixed, fault = exponent == 0, -1
-    length = rhythm.step if fixed else 0.0
-    schedule = Schedule(
-        start, stop, breaks, int(signal[2]), period if control != 0 else 0.0, length
+    # The memory, as large as the numbers of states, inputs, parameters and events ask.
+    nq, watched, n = counted.shape[1], conditions.shape[0], tolerance.shape[1]
+    method, (inputs, breaks) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    all_inputs = inputs.columns + y.size - n
+    memory = memory_for(n, nq, p.size, all_inputs, watched, method, kernels[2] != 0)
+    run = integration_at(pointer(memory))
+    run.room, run.scene = furnish(
+        pointer(memory), n, nq, p.size, all_inputs, pointer(conditions), watched, method
     )
-    grid = int(start / length) if fixed else 0
-    t, cause, status = start, STEP_UNDERFLOW, OK
-    smallest_step = SMALLEST_STEP * max(stop, stop - start)
+    # What stays as it is over the run.
+    run.kernels, run.inputs, run.method = Kernels(*kernels), inputs, method
+    course = run.course = RunCourse(*given)
+    run.limits = StepLimits(
+        pointer(tolerance), pointer(tolerance) + n,
+        course.pivot_bound, course.closure_tol, course.stability, course.max_step,
+    )  # fmt: skip
+    run.watch = watch_of(pointer(seen), course.strict)
+    run.turns = Turns(pointer(counted), pointer(counted) + nq, pointer(counted) + 2 * nq)
+    fixed = method.exponent == 0
+    run.schedule = Schedule(breaks, int(signal[2]), course.step if fixed else 0.0)
+    run.grid = int(course.start / course.step) if fixed else 0
+    run.times, run.asked, run.held = pointer(save_at), save_at.size, pointer(y) + n
+    run.columns = n + all_inputs + 3
+    first_rows = FIRST_ROWS if course.every_step else save_at.size + MOST * watched
+    rows = np.empty((first_rows, run.columns))
+    # The state, and what kernels take behind it: x = (y, u, p), z = (q, p).
+    copy(pointer(y), run.room.y, n)
+    copy(run.held, run.room.x + n + inputs.columns, y.size - n)
+    copy(pointer(p), run.room.x + n + all_inputs, p.size)
+    copy(pointer(p), run.room.z + nq, p.size)
+    start(run)
+    return run, memory, rows
 
-    # The state at the start.
-    if closure != 0:
-        closure_error, projections = project(closure, loose, True, y, room)
-        rejected_residual = closure_error
-        if not closure_error <= loose:
-            status = CLOSURE_LOST
-    residual, arrived, piece, target = closure_error, True, 0, stop
-    pivot, pivot_time, first_pivot, rejected_pivot = math.inf, t, 0.0, 0.0
-    halted, stale, votes = False, True, 0
 
-    while arrived or status == OK:
-        if arrived:  # at the time t with the state y: what happens between two steps
-            arrived = False
-            if saved + 1 + MOST * watched + save_at.size - taken > rows.shape[0]:
-                rows = resized(rows, 2 * saved + FIRST_ROWS + MOST * watched + save_at.size)
-                table = pointer(rows)
-            copy(y, x, n)
-            piece = force(inputs, t, False, piece, x + n)
-            goes_on = status == OK and t < stop and not halted and accepted + rejected < max_steps
-            if goes_on and due(schedule, t, next_sample):
-                row = table + (saved - 1) * columns
-                unset = act(
-                    kernels,
-                    room,
-                    turns,
-                    given,
-                    pointer(held),
-                    held.size,
-                    row,
-                    saved > 0 and row[0] == t,
-                )
-                next_sample, stale = next_sample + 1, True
-                if unset >= 0:
-                    status, fault = NON_FINITE, n + 1 + unset
-            if stale and (goes_on or accepted == 0) and status == OK:
-                status, first_pivot = evaluate_first(kernels, limits, room)
-                evaluations += 1
-                rejected_pivot, stale = first_pivot, False
-                if first_pivot < pivot:
-                    pivot, pivot_time = first_pivot, t
-                if status == NON_FINITE:
-                    fault = first_fault(room, 1)
-            if accepted == 0 and events != 0:
-                add_turns(x, turns, nq)
-                call(events, x, scene.g)
-            if every_step or (accepted == 0 and save_at.size > 0 and save_at[0] == t):
-                record(table + saved * columns, t, y, residual, -1.0, inputs, piece, room, turns)
-                saved += 1
-                taken += 0 if every_step else 1
-            target, next_break, grid = next_end(schedule, t, next_break, grid, next_sample)
-            if not goes_on or status != OK:
-                if status == OK and halted:
-                    status = EVENT
-                elif status == OK and t < stop:
-                    status = TOO_MANY_STEPS
+@njit(**OPTIONS)
+def start(run):
+    """Put a run at its start: counts at zero, no turns in q, and q closed."""
+    course, room = run.course, run.room
+    run.t, run.pivot_time, run.pivot, run.target = course.start, course.start, math.inf, course.stop
+    growth = min(course.growth, LARGEST_FACTOR)
+    run.rhythm = Rhythm(course.step, growth, course.longest, course.ideal)
+    run.next_sample, run.arrived, run.stale = course.next_sample, True, True
+    run.status, run.cause, run.fault = OK, STEP_UNDERFLOW, -1
+    run.loose = run.limits.closure_tol * settle(room.y, run.turns, room.nq)
+    if run.kernels.closure != 0:
+        run.residual = run.closure_error = run.rejected_residual = project(run, True, room.y)
+        if not run.residual <= run.loose:
+            run.status = CLOSURE_LOST
+
+
+def following(advance: Dispatcher) -> Dispatcher:
+    """Return the loop around a method's way to advance by one step."""
+
+    @njit(**INLINED)
+    def follow(run, rows):
+        """Go on step by step until the run ends; return the rows."""
+        run.rows = pointer(rows)
+        more = 1 + MOST * run.scene.count + run.asked  # rows that a step may add
+        while run.arrived or run.status == OK:
+            if run.arrived:
+                if run.saved + more - run.taken > rows.shape[0]:
+                    rows = resized(rows, 2 * run.saved + FIRST_ROWS - 1 + more)
+                    run.rows = pointer(rows)
+                if not between(run):
+                    break
+            elif run.accepted + run.rejected == run.course.max_steps:
+                run.status = TOO_MANY_STEPS
                 break
-            h = rhythm.step
-            if h <= 0:
-                h = first_step(kernels, inputs, method, limits, room, t, target - t)
-                evaluations += 1
-            rhythm = Rhythm(min(h, max_step), rhythm.growth, rhythm.longest, rhythm.ideal)
-        elif accepted + rejected == max_steps:
-            status = TOO_MANY_STEPS
-            break
-
-        h = rhythm.step
-        if h < smallest_step:
-            status = cause
-            break
-        # A step lands on the target (short of it by rounding only counts), or goes half of the way
-        # rather than leave a sliver.
-        gap = target - t
-        step = gap if fixed or h * (1 + ROUNDING) >= gap else min(h, gap / 2)
-        arrival = target if step == gap else t + step
-        trial = advance(  # noqa: F821  # pyright: ignore[reportUndefinedVariable]
-            kernels, inputs, method, limits, room, every_step, t, step, piece
-        )
-        evaluations += trial.evaluations
-        projections += trial.projections
-        ailment, error, residual, least = trial.ailment, trial.error, trial.residual, 0.0
-        accepts = ailment == OK and (fixed or error <= 1)
-        if ailment == NON_FINITE:
-            fault = first_fault(room, stages)
-        row, sampled, ends, pending = saved, residual, LOOKS, stages - computed
-
-        # What the stages may not have seen within the step, its events and its samples.
-        bend = next_bend(watch, t, bend)
-        if (
-            accepts
-            and not fixed
-            and (free_until(watch, bend) < arrival or fallen(h, rhythm.longest))
-        ):
-            error, ailment, least, calls = look_into(
-                kernels,
-                inputs,
-                watch,
-                method,
-                limits,
-                room,
-                rhythm,
-                t,
-                step,
-                arrival,
-                piece,
-                bend,
-                error,
-            )
-            evaluations, pending = evaluations + calls, 0
-            accepts = ailment == OK and error <= 1
-        if accepts and events != 0:
-            span = StepSpan(t, step, arrival, piece)
-            kept = happenings(
-                kernels,
-                inputs,
-                method,
-                limits,
-                room,
-                turns,
-                scene,
-                span,
-                residual,
-                pending,
-                table + row * columns,
-            )
-            ailment, halted, arrival, residual, ends = (
-                kept.ailment,
-                kept.halted,
-                kept.arrival,
-                kept.residual,
-                kept.ends,
-            )
-            fault = kept.fault if kept.fault >= 0 else fault
-            sampled, row, accepts = residual, row + kept.rows, ailment == OK
-            evaluations, projections = (
-                evaluations + kept.evaluations,
-                projections + kept.projections,
-            )
-            pending = 0 if kept.evaluations > 0 else pending
-        wanted = 0
-        while accepts and taken + wanted < save_at.size and save_at[taken + wanted] <= arrival:
-            wanted += 1
-        if wanted > 0:
-            span = StepSpan(t, step, arrival, piece)
-            kept = take_samples(
-                kernels, inputs, method, limits, room, turns, span, residual, pointer(save_at) + taken, wanted, pending,
-                table + row * columns,
-            )  # fmt: skip
-            ailment, residual, sampled = kept.ailment, kept.residual, max(sampled, kept.largest)
-            row, accepts = row + wanted, ailment == OK
-            evaluations, projections = (
-                evaluations + kept.evaluations,
-                projections + kept.projections,
-            )
-
-        if accepts:
-            accepted += 1
-            if stability > 0 and (votes > 0 or accepted % LOOK == 0) and not halted:
-                votes = max(
-                    0, votes + (1 if stiffness(method, limits, room, step) > stability else -1)
-                )
-                if votes >= VOTES and stop - arrival > LOOK * step:
-                    status = STIFF
-            # A slope is the next step's first unless the inputs may jump here.
-            stale = fixed or arrival == target
-            t, saved, arrived = arrival, row, True
-            taken += wanted
-            copy(new, y, n)
-            copy(scene.g + ends * watched, scene.g, watched)
-            loose = closure_tol * settle(y, turns, nq)
-            limits = StepLimits(limits.rtol, limits.atol, pivot_bound, loose)
-            closure_error = max(closure_error, sampled)
-            if trial.pivot < pivot:
-                pivot, pivot_time = trial.pivot, trial.pivot_time
-            if not fixed:
-                first_pivot = trial.last_pivot
-                copy(room.k + solution * room.width, room.k, n)
-                rhythm = after_success(rhythm, step, error, exponent, max_step)
-        else:
-            rejected += 1
-            if ailment == OK:
-                cause = STEP_UNDERFLOW
-                shrunk = step * max(SMALLEST_FACTOR, SAFETY / error**exponent)
-                rhythm = after_failure(rhythm, max(least, shrunk))
+            if not aim(run):
+                break
+            advance(run)
+            examine(run)
+            if passes(run):
+                accept(run)
             else:
-                cause = ailment
-                rejected_pivot, rejected_residual = trial.pivot, residual
-                rhythm = after_retreat(rhythm, step)
-                if fixed or (ailment == SINGULAR and first_pivot <= NEAR * pivot_bound):
-                    status = ailment
+                refuse(run)
+        return rows
 
-    if closure != 0 and accepted > 0:
-        copy(y, sample, n)
-        residual, calls = project(closure, loose, True, sample, room)
-        closure_error, projections = max(closure_error, residual), projections + calls
-    counts = (status, evaluations, accepted, rejected, projections, fault, next_sample)
+    return follow
+
+
+@njit(**INLINED)
+def passes(run):
+    """Tell whether the trial step may be accepted."""
+    return run.ailment == OK and (run.error <= 1 or run.method.exponent == 0)
+
+
+@njit(**INLINED)
+def between(run):
+    """Do what happens between two steps, at the time t with the state y; tell whether the run goes
+    on."""
+    course, room, t, first = run.course, run.room, run.t, run.accepted == 0
+    run.arrived = False
+    # The inputs that act from here on, of signals and of a controller whose time has come.
+    copy(room.y, room.x, room.n)
+    run.piece = force(run.inputs, t, False, run.piece, room.x + room.n)
+    lasts = t < course.stop and not run.halted
+    goes_on = run.status == OK and lasts and run.accepted + run.rejected < course.max_steps
+    if goes_on and due(run):
+        unset = act(run)
+        run.next_sample, run.stale = run.next_sample + 1, True
+        if unset >= 0:
+            run.status, run.fault = NON_FINITE, room.n + 1 + unset
+    # The slope, and the event functions at the start of the run.
+    if run.stale and (goes_on or first) and run.status == OK:
+        evaluate_first(run)
+    if first and run.kernels.events != 0:
+        add_turns(room.x, run.turns, room.nq)
+        call(run.kernels.events, room.x, run.scene.g)
+    # The row of this state: only here its inputs are known.
+    if course.every_step or (first and run.asked > 0 and run.times[0] == t):
+        run.row = run.saved
+        record(run, t, room.y, run.residual, -1.0)
+        run.saved = run.row
+        run.taken += 0 if course.every_step else 1
+    # Where the run goes from here.
+    set_target(run)
+    if not goes_on or run.status != OK:
+        if run.status == OK and run.halted:
+            run.status = EVENT
+        elif run.status == OK and t < course.stop:
+            run.status = TOO_MANY_STEPS
+        return False
+    rhythm = run.rhythm
+    h = rhythm.step if rhythm.step > 0 else first_step(run)
+    run.rhythm = Rhythm(min(h, run.limits.max_step), rhythm.growth, rhythm.longest, rhythm.ideal)
+    return True
+
+
+@njit(**OPTIONS)
+def evaluate_first(run):
+    """Evaluate k_0, from which no step can retreat, and look at all of its numbers."""
+    run.status, pivot = evaluate(run, 0)
+    fault = first_fault(run, 1)
+    if run.status == OK and fault < run.room.n:
+        run.status = NON_FINITE
+    if run.status == NON_FINITE:
+        run.fault = fault
+    run.first_pivot, run.rejected_pivot, run.stale = pivot, pivot, False
+    if pivot < run.pivot:
+        run.pivot, run.pivot_time = pivot, run.t
+
+
+@njit(**INLINED)
+def aim(run):
+    """Choose the trial step; tell whether it is long enough to be one."""
+    course, h, fixed = run.course, run.rhythm.step, run.method.exponent == 0
+    if h < SMALLEST_STEP * max(course.stop, course.stop - course.start):
+        run.status = run.cause
+        return False
+    # A step lands on the target (short of it by rounding only counts), or goes half of the way
+    # rather than leave a sliver.
+    gap = run.target - run.t
+    step = gap if fixed or h * (1 + ROUNDING) >= gap else min(h, gap / 2)
+    run.step, run.arrival = step, run.target if step == gap else run.t + step
+    run.ailment, run.error, run.lowest, run.last_pivot, run.residual = (
+        OK,
+        0.0,
+        math.inf,
+        math.inf,
+        0.0,
+    )
+    run.lowest_time, run.least = run.t, 0.0
+    return True
+
+
+@njit(**INLINED)
+def examine(run):
+    """Look at the trial for what its stages may not have seen, its events and its samples; record
+    these."""
+    if run.ailment == NON_FINITE:
+        run.fault = first_fault(run, run.method.stages)
+    run.row, run.wanted, run.sampled, run.ends = run.saved, 0, run.residual, LOOKS
+    run.pending = run.method.stages - run.method.computed
+    run.bend = next_bend(run.watch, run.t, run.bend)
+    # An error is an estimate only where the stages have seen all that acts within the step.
+    if passes(run) and run.method.exponent != 0:
+        rhythm = run.rhythm
+        if free_until(run.watch, run.bend) < run.arrival or fallen(rhythm.step, rhythm.longest):
+            look_into(run)
+    if passes(run) and run.kernels.events != 0:
+        take_events(run)
+    # The samples up to the end of the step, which an event may have brought forward.
+    if passes(run):
+        while (
+            run.taken + run.wanted < run.asked and run.times[run.taken + run.wanted] <= run.arrival
+        ):
+            run.wanted += 1
+        if run.wanted > 0:
+            take_samples(run)
+
+
+@njit(**INLINED)
+def accept(run):
+    """Go on to the end of the trial step."""
+    room, method, scene, limits = run.room, run.method, run.scene, run.limits
+    fixed = method.exponent == 0
+    run.accepted += 1
+    # The run is stiff where stability, not accuracy, has bounded most steps for long and very many
+    # are to come.
+    looks = limits.stability > 0 and (run.votes > 0 or run.accepted % LOOK == 0)
+    if looks and not run.halted:
+        run.votes = max(0, run.votes + (1 if stiffness(run) > limits.stability else -1))
+        if run.votes >= VOTES and run.course.stop - run.arrival > LOOK * run.step:
+            run.status = STIFF
+    # A slope is the next step's first unless the inputs may jump here.
+    run.stale = fixed or run.arrival == run.target
+    run.t, run.saved, run.arrived = run.arrival, run.row, True
+    run.taken += run.wanted
+    copy(room.new, room.y, room.n)
+    copy(scene.g + run.ends * scene.count, scene.g, scene.count)
+    run.loose = limits.closure_tol * settle(room.y, run.turns, room.nq)
+    run.closure_error = max(run.closure_error, run.sampled)
+    if run.lowest < run.pivot:
+        run.pivot, run.pivot_time = run.lowest, run.lowest_time
+    if not fixed:
+        run.first_pivot = run.last_pivot
+        copy(room.k + method.solution * room.width, room.k, room.n)
+        run.rhythm = after_success(
+            run.rhythm, run.step, run.error, method.exponent, limits.max_step
+        )
+
+
+@njit(**INLINED)
+def refuse(run):
+    """Try a shorter step next, or end the run where none can help."""
+    exponent, bound = run.method.exponent, run.limits.pivot_bound
+    run.rejected += 1
+    if run.ailment == OK:
+        run.cause = STEP_UNDERFLOW
+        shrunk = run.step * max(SMALLEST_FACTOR, SAFETY / run.error**exponent)
+        run.rhythm = after_failure(run.rhythm, max(run.least, shrunk))
+    else:
+        run.cause = run.ailment
+        run.rejected_pivot, run.rejected_residual = run.lowest, run.residual
+        run.rhythm = after_retreat(run.rhythm, run.step)
+        at_bound = run.ailment == SINGULAR and run.first_pivot <= NEAR * bound
+        if exponent == 0 or at_bound:
+            run.status = run.ailment
+
+
+@njit(**OPTIONS)
+def end(run, memory, rows, y, facts):
+    """Leave the last state in y and the `LoopOutcome` in facts; return the rows that were saved.
+
+    A row is (t, y, u, residual, event), angles with their turns, with event = -1 where the row was
+    asked for.
+    """
+    room, rhythm = run.room, run.rhythm
+    if run.kernels.closure != 0 and run.accepted > 0:
+        copy(room.y, room.sample, room.n)
+        run.closure_error = max(run.closure_error, project(run, True, room.sample))
+    counts = (
+        run.status, run.evaluations, run.accepted, run.rejected, run.projections,
+        run.fault, run.next_sample,
+    )  # fmt: skip
     numbers = (
-        t, rhythm.step, rhythm.growth, rhythm.longest, rhythm.ideal,
-        pivot, pivot_time, closure_error, rejected_pivot, rejected_residual,
+        run.t, rhythm.step, rhythm.growth, rhythm.longest, rhythm.ideal,
+        run.pivot, run.pivot_time, run.closure_error, run.rejected_pivot, run.rejected_residual,
     )  # fmt: skip
     for i, count in enumerate(counts):
         facts[i] = count
     for i, number in enumerate(numbers):
         facts[len(counts) + i] = number
-    for m in range(n):
-        y_end[m] = memory[m]  # y, from the array itself, which so lives to the end
+    copy(room.y, pointer(y), room.n)
+    saved = run.saved
+    memory[0] = 0.0  # the memory of the run lives to its end
     return rows[:saved]
-
-
-_array, _table = (
-    types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2)
-)
-_state = types.Array(types.float64, 1, "C")
-_number, _whole = types.float64, types.intp
-_SIGNATURE = (
-    *(_whole, _whole, _whole, _whole, _whole, _array, _array, _array, _whole),
-    *(_array, _whole, _whole, _whole, _whole, _whole, _number, _number),
-    *(_table, _number, _number, _number),
-    *(_whole, _state, _array, types.boolean, _number, _number, _number, _array, _whole),
-    *(_state, _number, _whole, _table, types.Array(types.float64, 2, "C"), _state),
-)
-
-
-def integrator(what: str, advance: Dispatcher) -> Dispatcher:
-    """Return the loop `run` around a method's way to advance by one step, compiled once as part of
-    the method's file."""
-    source = advance.py_func.__code__.co_filename
-    code = run.__code__.replace(co_filename=source, co_name="integrate", co_qualname="integrate")
-    names = globals() | {"advance": advance, "__name__": advance.py_func.__module__}
-    function = FunctionType(code, names, "integrate")
-    return compiled_once(what, _SIGNATURE)(function)

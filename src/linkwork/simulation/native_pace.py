@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.native_parts import OK, evaluate, force, scaled
 
 SAFETY = 0.9
@@ -43,14 +43,14 @@ class Rhythm(NamedTuple):
     ideal: float
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def sixteenths(exponent):
     """Return how many sixteenths the damped exponent has: their powers are square roots, which
     vectors have, too."""
     return round(16 * DAMPING * exponent)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def power(error, count):
     """Return error^(count / 16)."""
     root, result = math.sqrt(math.sqrt(math.sqrt(math.sqrt(error)))), 1.0
@@ -59,13 +59,13 @@ def power(error, count):
     return result
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def fallen(step, longest):
     """Tell whether steps have fallen far below the longest one lately."""
     return step < SHORT * longest
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def after_success(rhythm, step, error, exponent, max_step):
     """Return how steps go on after one that was accepted; it may have been shorter than it was to
     be."""
@@ -82,13 +82,13 @@ def after_success(rhythm, step, error, exponent, max_step):
     )
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def after_failure(rhythm, step):
     """Return how steps go on, at the length `step`, after one whose error was too large."""
     return Rhythm(step, 1.0, rhythm.longest, rhythm.ideal)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def after_retreat(rhythm, step):
     """Return how steps go on after one of the length `step` in which the equations failed, which
     tells of no peak."""
@@ -96,23 +96,21 @@ def after_retreat(rhythm, step):
 
 
 @njit(**OPTIONS)
-def first_step(kernels, inputs, method, limits, room, t, longest):
+def first_step(run):
     """Guess a first step from the slope here, k_0, and one a little ahead, k_1."""
+    room, longest = run.room, run.target - run.t
     n, y, x, slope, next_slope = room.n, room.y, room.x, room.k, room.k + room.width
-    size, steepness = scaled(y, limits, room), scaled(slope, limits, room)
+    size, steepness = scaled(run, y), scaled(run, slope)
     ahead = min(longest, 1e-6 if size < 1e-5 or steepness < 1e-5 else 0.01 * size / steepness)
     for m in range(n):
         x[m] = y[m] + ahead * slope[m]
-    force(inputs, t + ahead, True, 0, x + n)
-    ailment, _ = evaluate(kernels.motion, room, 1, limits.pivot_bound)
+    force(run.inputs, run.t + ahead, True, 0, x + n)
+    ailment, _ = evaluate(run, 1)
     if ailment != OK:
         return ahead
     for m in range(n):
         next_slope[m] -= slope[m]
-    steepest = max(steepness, scaled(next_slope, limits, room) / ahead)
-    guess = (
-        max(1e-6, 1e-3 * ahead)
-        if steepest <= 1e-15
-        else BOLDNESS * (0.01 / steepest) ** method.exponent
-    )
+    steepest = max(steepness, scaled(run, next_slope) / ahead)
+    short, exponent = max(1e-6, 1e-3 * ahead), run.method.exponent
+    guess = short if steepest <= 1e-15 else BOLDNESS * (0.01 / steepest) ** exponent
     return min(FARTHEST * ahead, guess)

@@ -9,8 +9,8 @@ void(const double *in, double *out):
     events    in = (y, u, p)  out = g, one number for each event
     control   in = (y, u, p)  out = the held inputs, the last columns of u
 
-Numbers are handed on by pointers, in groups: `Kernels`, `Inputs`, `Method`, `StepLimits` and `Room`.
-States and the rows of `k` are padded with zeros to whole vectors.
+`run` is the structure `native_memory.Integration`: groups of pointers and numbers, and how far the
+run has come. States and the rows of `k` are padded with zeros to whole vectors.
 """
 
 import math
@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.pointers import call, combine, pointer
+from linkwork.simulation.compiled import INLINED, OPTIONS
+from linkwork.simulation.pointers import call, combine
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import LANES
 from linkwork.simulation.turns import HIGH, LOW, MIDDLE, TURN
@@ -55,7 +55,7 @@ class Inputs(NamedTuple):
     columns: int
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def inputs_of(table):
     """Return the signals that a `Signal.table` holds, and what follows them there."""
     pieces, columns = int(table[0]), int(table[1])
@@ -64,8 +64,8 @@ def inputs_of(table):
 
 
 class Method(NamedTuple):
-    """A method as in `tableaus.StepPlan`: `stages`, how many rows k has; `degree` of the dense output;
-    `estimates`, rows of e."""
+    """A method as in `tableaus.StepPlan`: `stages`, how many rows k has; `degree` of the dense
+    output; `estimates`, rows of e."""
 
     a: Any
     c: Any
@@ -80,36 +80,31 @@ class Method(NamedTuple):
     blur: float
 
 
-@njit(forceinline=True, **OPTIONS)
-def method_of(numbers, stages, degree, estimates, solution, computed, exponent, blur):
-    """Return the `Method` of the arguments of a `tableaus.StepPlan`; the numbers have to be kept alive
-    by name."""
-    a = pointer(numbers)
+@njit(**INLINED)
+def method_of(table):
+    """Return the `Method` that a `tableaus.StepPlan.table` holds."""
+    stages, degree, estimates = int(table[0]), int(table[1]), int(table[2])
+    a = table + 7
     c = a + stages * stages
     e = c + stages
+    dense = e + estimates * stages
+    solution, computed, exponent, blur = int(table[3]), int(table[4]), table[5], table[6]
     return Method(
-        a,
-        c,
-        e,
-        e + estimates * stages,
-        stages,
-        degree,
-        estimates,
-        solution,
-        computed,
-        exponent,
-        blur,
-    )
+        a, c, e, dense, stages, degree, estimates, solution, computed, exponent, blur
+    )  # fmt: skip
 
 
 class StepLimits(NamedTuple):
-    """What is asked of a step: `rtol` and `atol` (n,), the bounds of the pivot and of the closure's
-    residual."""
+    """What is asked of steps: `rtol` and `atol` (n,), the bounds of the pivot, of the closure's
+    residual at ordinary q, and of the length; `stability`: h |lambda| from which a step is taken
+    for stiff, or 0: stiffness is not looked for."""
 
     rtol: Any
     atol: Any
     pivot_bound: float
     closure_tol: float
+    stability: float
+    max_step: float
 
 
 class Turns(NamedTuple):
@@ -147,32 +142,32 @@ class Room(NamedTuple):
     inputs: int
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def padded(count):
     """Return the length of rows that hold `count` numbers in whole vectors."""
     return (count + LANES - 1) // LANES * LANES
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def copy(source, target, count):
     """Copy the first `count` numbers."""
     for m in range(count):
         target[m] = source[m]
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def turns_in(angle):
     """Return how many whole turns an angle has, to the nearest."""
     return math.floor(angle / TURN + 0.5)
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def without(angle, turns):
     """Return an angle less its whole turns."""
     return angle - turns * HIGH - turns * MIDDLE - turns * LOW
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def whole(angle, turns):
     """Return an angle with its whole turns."""
     return turns * HIGH + (angle + turns * MIDDLE + turns * LOW)
@@ -202,7 +197,7 @@ def add_turns(state, turns, nq):
             state[m] = whole(state[m], turns.counted[m])
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def force(inputs, t, from_left, piece, out):
     """Evaluate the signals at t into out, and return their piece; `piece` is where to start
     looking."""
@@ -217,65 +212,61 @@ def force(inputs, t, from_left, piece, out):
     return piece
 
 
-@njit(forceinline=True, **OPTIONS)
-def evaluate(motion, room, i, pivot_bound):
+@njit(**INLINED)
+def evaluate(run, i):
     """Evaluate k_i = y' at x; return what the pivot tells, OK, SINGULAR or NON_FINITE, and the
     pivot."""
+    room = run.room
     slope = room.k + i * room.width
-    call(motion, room.x, slope)
+    call(run.kernels.motion, room.x, slope)
+    run.evaluations += 1
     pivot = slope[room.n]
     slope[room.n] = 0.0
-    ailment = OK if pivot >= pivot_bound else NON_FINITE if math.isnan(pivot) else SINGULAR
-    return ailment, pivot
+    bound = run.limits.pivot_bound
+    return (OK if pivot >= bound else NON_FINITE if math.isnan(pivot) else SINGULAR), pivot
 
 
 @njit(**OPTIONS)
-def first_fault(room, rows):
+def first_fault(run, rows):
     """Return the first component of y' that is not finite in the first rows of k, or n, the pivot's
     place."""
+    k, n, width = run.room.k, run.room.n, run.room.width
     for i in range(rows):
-        for m in range(room.n):
-            if not math.isfinite(room.k[i * room.width + m]):
+        for m in range(n):
+            if not math.isfinite(k[i * width + m]):
                 return m
-    return room.n
+    return n
 
 
 @njit(**OPTIONS)
-def evaluate_first(kernels, limits, room):
-    """Evaluate k_0, from which no step can retreat, and look at all of its numbers."""
-    ailment, pivot = evaluate(kernels.motion, room, 0, limits.pivot_bound)
-    if ailment == OK and first_fault(room, 1) < room.n:
-        ailment = NON_FINITE
-    return ailment, pivot
-
-
-@njit(**OPTIONS)
-def unclosed(residual, room, rows):
+def unclosed(run, residual, rows):
     """Return why a state cannot be closed: the slopes that lead to it, the first rows of k, are not
     finite, or its loops."""
-    return NON_FINITE if math.isnan(residual) and first_fault(room, rows) < room.n else CLOSURE_LOST
+    undefined = math.isnan(residual) and first_fault(run, rows) < run.room.n
+    return NON_FINITE if undefined else CLOSURE_LOST
 
 
 @njit(**OPTIONS)
-def project(closure, tolerance, measured, state, room):
-    """Project q, the head of a state, onto phi(q) = 0 by Newton's method in z; return the residual
-    and the calls made.
+def project(run, measured, state):
+    """Project q, the head of a state, onto phi(q) = 0 by Newton's method in z; return the residual.
 
-    The state is written only when |phi(q)| <= tolerance is reached; z is left with what was added
-    to q. Where the residual need not be `measured`, a step d with RESERVE d^2 <= tolerance is the
-    last, and its residual is returned as 0 (if the residual before it is as small as it: a step
-    that leads nowhere is none).
+    The state is written only when |phi(q)| is within the tolerance, run.loose; z is left with what
+    was added to q. Where the residual need not be `measured`, a step d with RESERVE d^2 <=
+    run.loose is the last, and its residual is returned as 0 (if the residual before it is as small
+    as it: a step that leads nowhere is none).
     """
-    nq, z, z_next = room.nq, room.z, room.z_next
+    closure, tolerance = run.kernels.closure, run.loose
+    nq, z, z_next = run.room.nq, run.room.z, run.room.z_next
     residual = math.inf
     copy(state, z, nq)
-    for count in range(1, NEWTON_CALLS + 1):
+    for _ in range(NEWTON_CALLS):
         call(closure, z, z_next)
+        run.projections += 1
         residual = z_next[nq]
         if residual <= tolerance:
             for m in range(nq):
                 state[m], z[m] = z[m], z[m] - state[m]
-            return residual, count
+            return residual
         longest = residual
         for m in range(nq):
             longest = max(longest, abs(z_next[m] - z[m]))
@@ -283,79 +274,90 @@ def project(closure, tolerance, measured, state, room):
         if not measured and RESERVE * longest * longest <= tolerance:
             for m in range(nq):
                 state[m], z[m] = z[m], z[m] - state[m]
-            return 0.0, count
-    return residual, NEWTON_CALLS
+            return 0.0
+    return residual
 
 
 @njit(**OPTIONS)
-def error_norm(defect, h, closed, limits, room):
+def error_norm(run, defect, h, closed):
     """Return the root mean square of (|h defect| + |moved|) / (atol + rtol |y|), with |moved| that
     of the projection."""
-    total, n, y, new = 0.0, room.n, room.y, room.new
+    total, n, y, new, z = 0.0, run.room.n, run.room.y, run.room.new, run.room.z
+    rtol, atol = run.limits.rtol, run.limits.atol
     for m in range(n):
-        error = abs(h * defect[m]) + (abs(room.z[m]) if m < closed else 0.0)
-        total += (error / (limits.atol[m] + limits.rtol[m] * max(abs(y[m]), abs(new[m])))) ** 2
+        error = abs(h * defect[m]) + (abs(z[m]) if m < closed else 0.0)
+        total += (error / (atol[m] + rtol[m] * max(abs(y[m]), abs(new[m])))) ** 2
     return math.sqrt(total / n)
 
 
 @njit(**OPTIONS)
-def scaled(values, limits, room):
+def scaled(run, values):
     """Return the root mean square of values / (atol + rtol |y|)."""
-    total, y = 0.0, room.y
-    for m in range(room.n):
-        total += (values[m] / (limits.atol[m] + limits.rtol[m] * abs(y[m]))) ** 2
-    return math.sqrt(total / room.n)
+    total, n, y, rtol, atol = 0.0, run.room.n, run.room.y, run.limits.rtol, run.limits.atol
+    for m in range(n):
+        total += (values[m] / (atol[m] + rtol[m] * abs(y[m]))) ** 2
+    return math.sqrt(total / n)
 
 
 @njit(**OPTIONS)
-def record(row, time, state, residual, event, inputs, piece, room, turns):
-    """Write a row (t, y, u, residual, event)."""
-    n, last = room.n, 1 + room.n + room.inputs
+def record(run, time, state, residual, event):
+    """Write the next row (t, y, u, residual, event)."""
+    room, inputs = run.room, run.inputs
+    n, last, row = room.n, 1 + room.n + room.inputs, run.rows + run.row * run.columns
     row[0] = time
     copy(state, row + 1, n)
-    add_turns(row + 1, turns, room.nq)
-    force(inputs, time, False, piece, row + 1 + n)
+    add_turns(row + 1, run.turns, room.nq)
+    force(inputs, time, False, run.piece, row + 1 + n)
     for i in range(inputs.columns, room.inputs):
         row[1 + n + i] = room.x[n + i]
     row[last], row[last + 1] = residual, event
+    run.row += 1
 
 
 @njit(**OPTIONS)
-def stiffness(method, limits, room, step):
+def stiffness(run):
     """Return h |k_s - k_(s-1)| / |y_s - y_(s-1)|, about h times the largest |eigenvalue|, of the
     last two stages of a step, both at its end. Source: Hairer & Wanner, Solving ODE II, sec. IV.2.
     """
-    n, width, last = room.n, room.width, method.solution
-    combine(
-        method.a + (last - 1) * method.stages, last - 1, step, room.y, room.k, width, n, room.sample
-    )
+    room, method, h = run.room, run.method, run.step
+    n, width, k, new, last = room.n, room.width, room.k, room.new, method.solution
+    rtol, atol, sample = run.limits.rtol, run.limits.atol, room.sample
+    combine(method.a + (last - 1) * method.stages, last - 1, h, room.y, k, width, n, sample)
     above = below = 0.0
     for m in range(n):
-        scale = limits.atol[m] + limits.rtol[m] * abs(room.new[m])
-        above += ((room.k[last * width + m] - room.k[(last - 1) * width + m]) / scale) ** 2
-        below += ((room.new[m] - room.sample[m]) / scale) ** 2
-    return step * math.sqrt(above / below) if below > 0 else 0.0
+        scale = atol[m] + rtol[m] * abs(new[m])
+        above += ((k[last * width + m] - k[(last - 1) * width + m]) / scale) ** 2
+        below += ((new[m] - sample[m]) / scale) ** 2
+    return h * math.sqrt(above / below) if below > 0 else 0.0
 
 
 @njit(**OPTIONS)
-def interpolate(method, theta, h, room):
+def interpolate(run, theta):
     """Leave y + h sum_i b_i(theta) k_i in the sample, with b_i(theta) = sum_m P_im theta^(m+1)."""
-    powers, weights, stages, power = room.powers, room.weights, method.stages, 1.0
+    method, room, power = run.method, run.room, 1.0
+    powers, weights, stages = room.powers, room.weights, method.stages
     for m in range(method.degree):
         power *= theta
         powers[m] = power
     combine(powers, method.degree, 1.0, room.zeros, method.dense, padded(stages), stages, weights)
-    combine(weights, stages, h, room.y, room.k, room.width, room.n, room.sample)
+    combine(weights, stages, run.step, room.y, room.k, room.width, room.n, room.sample)
 
 
 @njit(**OPTIONS)
-def extend(kernels, inputs, method, limits, room, t, step, piece):
-    """Evaluate the stages that only the dense output needs; return OK or why the equations fail
-    there."""
-    for i in range(method.computed, method.stages):
-        combine(method.a + i * method.stages, i, step, room.y, room.k, room.width, room.n, room.x)
-        force(inputs, t + method.c[i] * step, True, piece, room.x + room.n)
-        ailment, _ = evaluate(kernels.motion, room, i, limits.pivot_bound)
+def extend(run):
+    """Evaluate the stages that only the dense output needs, where they are pending; return OK or
+    why the equations fail there.
+
+    All of them are counted, whichever fails.
+    """
+    method, room, ailment, counted = run.method, run.room, OK, run.evaluations + run.pending
+    for i in range(method.stages - run.pending, method.stages):
+        combine(
+            method.a + i * method.stages, i, run.step, room.y, room.k, room.width, room.n, room.x
+        )
+        force(run.inputs, run.t + method.c[i] * run.step, True, run.piece, room.x + room.n)
+        ailment, _ = evaluate(run, i)
         if ailment != OK:
-            return ailment
-    return OK
+            break
+    run.evaluations, run.pending = counted, 0
+    return ailment

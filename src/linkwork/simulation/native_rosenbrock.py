@@ -9,8 +9,8 @@ import math
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.native_loop import Trial, integrator
+from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
+from linkwork.simulation.native_loop import SIGNATURE, begin, end, following
 from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
@@ -60,11 +60,11 @@ def solve(W, rows, n, b):
 
 
 @njit(**OPTIONS)
-def forced_rate(jacobian, inputs, t, piece, room, rate):
+def forced_rate(run, piece, rate):
     """Evaluate the Jacobian at x into the work, and add up the rate f_t = (df/du) u'(t)."""
-    n, columns, work = room.n, inputs.columns, room.work
-    call(jacobian, room.x, work)
-    s, c = t - inputs.knots[piece], inputs.coefficients + 4 * columns * piece
+    n, inputs, columns, work = run.room.n, run.inputs, run.inputs.columns, run.room.work
+    call(run.kernels.jacobian, run.room.x, work)
+    s, c = run.t - inputs.knots[piece], inputs.coefficients + 4 * columns * piece
     for m in range(n):
         rate[m] = 0.0
     for i in range(columns):
@@ -73,63 +73,74 @@ def forced_rate(jacobian, inputs, t, piece, room, rate):
             rate[m] += work[n * (n + i) + m] * u_rate
 
 
-@njit(forceinline=True, **OPTIONS)
-def advance(kernels, inputs, method, limits, room, measured, t, h, piece):
-    """Try one step of size h from y at t; leave the new, projected state in `new` and the stages in
-    k."""
+@njit(**INLINED)
+def advance(run):
+    """Try a step from y; leave the new, projected state in `new` and the stages in k."""
+    room, method, h = run.room, run.method, run.step
     n, width, rows, solution = room.n, room.width, method.stages, method.solution
     y, new, k, x, e = room.y, room.new, room.k, room.x, method.e
-    closed, stages, gamma = room.nq if kernels.closure != 0 else 0, solution - 1, e[solution]
-    pivot, pivot_time, last_pivot, residual, projections = math.inf, t, math.inf, 0.0, 0
+    stages, gamma = solution - 1, e[solution]
+    # W = 1 / gamma - h J at the start, decomposed once.
     copy(y, x, n)
-    piece = force(inputs, t, False, piece, x + n)
+    piece = force(run.inputs, run.t, False, run.piece, x + n)
     rate = room.work + n * (n + room.inputs)
     W = rate + n
     order = W + n * n
-    forced_rate(kernels.jacobian, inputs, t, piece, room, rate)
+    forced_rate(run, piece, rate)
     for i in range(n):
         for j in range(n):
             W[i * n + j] = (1 / gamma if i == j else 0.0) - h * room.work[j * n + i]
     decompose(W, order, n)
+    # The stages.
     for i in range(1, stages + 1):
         slope = k + i * width
         if i == 1:
             copy(k, slope, n)
         else:
-            time = t + method.c[i] * h
+            time = run.t + method.c[i] * h
             combine(method.a + i * rows, i, h, y, k, width, n, x)
-            force(inputs, time, True, piece, x + n)
-            ailment, last_pivot = evaluate(kernels.motion, room, i, limits.pivot_bound)
-            if last_pivot < pivot:
-                pivot, pivot_time = last_pivot, time
-            if ailment != OK:
-                return Trial(
-                    ailment, math.inf, pivot, pivot_time, last_pivot, residual, i - 1, projections
-                )
+            force(run.inputs, time, True, piece, x + n)
+            if not stage(run, i, time):
+                return
         combine(e + i * rows, i, 1.0, slope, k, width, n, room.sample)
         for m in range(n):
             slope[m] = room.sample[m] + h * e[i * rows + solution] * rate[m]
         solve(W, order, n, slope)
+    # The new state, closed, and the slope there if the error is small.
     combine(method.a + solution * rows, solution, h, y, k, width, n, new)
-    if closed > 0:
-        residual, projections = project(kernels.closure, limits.closure_tol, measured, new, room)
-        if not residual <= limits.closure_tol:
-            lost = unclosed(residual, room, solution)
-            return Trial(
-                lost, math.inf, pivot, pivot_time, last_pivot, residual, stages - 1, projections
-            )
-    error = error_norm(k + stages * width, h, closed, limits, room)
-    if not error <= 1:
-        ailment = OK if math.isfinite(error) else NON_FINITE
-        return Trial(
-            ailment, error, pivot, pivot_time, last_pivot, residual, stages - 1, projections
-        )
+    if run.kernels.closure != 0 and room.nq > 0:
+        run.residual = project(run, run.course.every_step != 0, new)
+        if not run.residual <= run.loose:
+            run.ailment = unclosed(run, run.residual, solution)
+            return
+    run.error = error_norm(run, k + stages * width, h, room.nq if run.kernels.closure != 0 else 0)
+    if not run.error <= 1:
+        run.ailment = OK if math.isfinite(run.error) else NON_FINITE
+        return
     copy(new, x, n)
-    force(inputs, t + h, True, piece, x + n)
-    ailment, last_pivot = evaluate(kernels.motion, room, solution, limits.pivot_bound)
-    if last_pivot < pivot:
-        pivot, pivot_time = last_pivot, t + h
-    return Trial(ailment, error, pivot, pivot_time, last_pivot, residual, stages, projections)
+    force(run.inputs, run.t + h, True, piece, x + n)
+    stage(run, solution, run.t + h)
 
 
-integrate = integrator("the stiff integrator", advance)
+@njit(**INLINED)
+def stage(run, i, time):
+    """Evaluate k_i at x, and keep the smallest pivot; tell whether the equations hold."""
+    run.ailment, run.last_pivot = evaluate(run, i)
+    if run.last_pivot < run.lowest:
+        run.lowest, run.lowest_time = run.last_pivot, time
+    return run.ailment == OK
+
+
+follow = following(advance)
+
+
+@compiled_once("the stiff integrator", SIGNATURE)
+def integrate(
+    kernels, p, plan, tolerance, conditions, signal, seen, course, save_at, counted, y, facts
+):  # fmt: skip
+    """Integrate by a Rosenbrock method; the arguments are those of `native_loop.begin` and
+    `native_loop.end`."""
+    run, memory, rows = begin(
+        kernels, p, plan, tolerance, conditions, signal, seen, course, save_at, counted, y
+    )
+    return end(run, memory, follow(run, rows), y, facts)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.native_pace import fallen
 from linkwork.simulation.native_parts import (
     NON_FINITE,
@@ -60,7 +60,7 @@ class WatchedSignals(NamedTuple):
     strict: int
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def watch_of(table, strict):
     """Return what is to be watched of the signals that a `Signal.table` holds."""
     signals, behind = inputs_of(table)
@@ -70,7 +70,7 @@ def watch_of(table, strict):
     )
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def next_bend(watch, t, bend):
     """Return the number of the first bend after t; `bend` is one before it."""
     while bend < watch.count and watch.bends[3 * bend] <= t:
@@ -78,7 +78,7 @@ def next_bend(watch, t, bend):
     return bend
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(**INLINED)
 def free_until(watch, bend):
     """Return the time up to which a step may go before `bend` without being looked into."""
     return watch.bends[3 * bend + 2]
@@ -137,92 +137,55 @@ def farthest_bends(watch, j, bend, t, h):
 
 
 @njit(**OPTIONS)
-def defect_within(kernels, inputs, method, limits, room, t, h, piece, theta):
+def defect_within(run, theta):
     """Return how far the dense output is from a solution at t + theta h, as an error of the step,
     and what ails it there."""
-    interpolate(method, theta, h, room)
+    method, room, t, h = run.method, run.room, run.t, run.step
+    interpolate(run, theta)
     copy(room.sample, room.x, room.n)
-    force(inputs, t + theta * h, True, piece, room.x + room.n)
-    ailment, _ = evaluate(kernels.motion, room, method.stages, limits.pivot_bound)
+    force(run.inputs, t + theta * h, True, run.piece, room.x + room.n)
+    ailment, _ = evaluate(run, method.stages)
     if ailment != OK:
         return 0.0, ailment
-    power = 1.0
+    # The slope of the dense output: d b_i / d theta = sum_m (m + 1) P_im theta^m.
+    powers, weights, stages, power = room.powers, room.weights, method.stages, 1.0
     for m in range(method.degree):
-        room.powers[m] = (m + 1) * power
+        powers[m] = (m + 1) * power
         power *= theta
-    combine(
-        room.powers,
-        method.degree,
-        1.0,
-        room.zeros,
-        method.dense,
-        padded(method.stages),
-        method.stages,
-        room.weights,
-    )
-    combine(room.weights, method.stages, 1.0, room.zeros, room.k, room.width, room.n, room.sample)
-    slope = room.k + method.stages * room.width
+    combine(powers, method.degree, 1.0, room.zeros, method.dense, padded(stages), stages, weights)
+    combine(weights, stages, 1.0, room.zeros, room.k, room.width, room.n, room.sample)
+    slope, sample = room.k + stages * room.width, room.sample
     for m in range(room.n):
-        room.sample[m] = slope[m] - room.sample[m]
-    error = error_norm(room.sample, h, 0, limits, room) / method.blur
+        sample[m] = slope[m] - sample[m]
+    error = error_norm(run, sample, h, 0) / method.blur
     return error, OK if math.isfinite(error) else NON_FINITE
 
 
 @njit(**OPTIONS)
-def peaked(kernels, inputs, method, limits, room, t, h, piece):
-    """Return the error of a step at a peak of the motion, by its dense output in the middle, and
-    what ails it there."""
-    defect, ailment = defect_within(kernels, inputs, method, limits, room, t, h, piece, 0.5)
-    return KEEN * defect, ailment
-
-
-@njit(**OPTIONS)
-def unseen(kernels, inputs, watch, method, limits, room, t, h, piece, bend):
-    """Return the error of a step through what its stages may not have seen, what ails it there, and
-    the evaluations made."""
-    error, ailment, evaluations = 0.0, OK, 0
+def unseen(run):
+    """Return the error of a step through what its stages may not have seen, and what ails it
+    there."""
+    watch, error, ailment = run.watch, 0.0, OK
     for j in range(watch.columns):
-        count, by_line, by_cubic = farthest_bends(watch, j, bend, t, h)
+        count, by_line, by_cubic = farthest_bends(watch, j, run.bend, run.t, run.step)
         if count > FREE and j >= watch.columns - watch.strict:
-            return REFUSED, OK, evaluations
+            return REFUSED, OK
         for i in range(0 if count <= FREE else 1 if by_line == by_cubic else 2):
             if ailment == OK:
-                theta = by_line if i == 0 else by_cubic
-                defect, ailment = defect_within(
-                    kernels, inputs, method, limits, room, t, h, piece, theta
-                )
-                error, evaluations = max(error, defect), evaluations + 1
-    return error, ailment, evaluations
-
-
-class Look(NamedTuple):
-    """What a look into a step says: its error, what ails it, how short it may be tried again, and
-    the evaluations made."""
-
-    error: float
-    ailment: int
-    least: float
-    evaluations: int
+                defect, ailment = defect_within(run, by_line if i == 0 else by_cubic)
+                error = max(error, defect)
+    return error, ailment
 
 
 @njit(**OPTIONS)
-def look_into(
-    kernels, inputs, watch, method, limits, room, rhythm, t, step, arrival, piece, bend, error
-):
-    """Look into a step with a small error for what its stages may not have seen: at a peak, or at
-    bends."""
-    ailment, evaluations, least = (
-        extend(kernels, inputs, method, limits, room, t, step, piece),
-        0,
-        0.0,
-    )
-    if ailment == OK and fallen(rhythm.step, rhythm.longest):
-        hidden, ailment = peaked(kernels, inputs, method, limits, room, t, step, piece)
-        error, evaluations = max(error, hidden), 1
-    if ailment == OK and error <= 1 and free_until(watch, bend) < arrival:
-        hidden, ailment, calls = unseen(
-            kernels, inputs, watch, method, limits, room, t, step, piece, bend
-        )
-        error, least = max(error, hidden), free_until(watch, bend) - t
-        evaluations += calls
-    return Look(error, ailment, least, method.stages - method.computed + evaluations)
+def look_into(run):
+    """Look into a step with a small error for what its stages may not have seen: at a peak, in the
+    middle, or at bends."""
+    run.ailment = extend(run)
+    if run.ailment == OK and fallen(run.rhythm.step, run.rhythm.longest):
+        defect, run.ailment = defect_within(run, 0.5)
+        run.error = max(run.error, KEEN * defect)
+    free = free_until(run.watch, run.bend)
+    if run.ailment == OK and run.error <= 1 and free < run.arrival:
+        defect, run.ailment = unseen(run)
+        run.error, run.least = max(run.error, defect), free - run.t

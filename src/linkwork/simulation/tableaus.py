@@ -60,12 +60,13 @@ class StepPlan:
     blur: float = 1.0
 
     @cached_property
-    def arguments(self) -> tuple[np.ndarray, int, int, int, int, int, float, float]:
-        """The plan as the compiled loops take it: a, c, e and dense in one list, the numbers of
-        their rows, and the rest."""
-        numbers = np.concatenate([self.a.ravel(), self.c, self.e.ravel(), self.dense.ravel()])
-        counts = len(self.a), len(self.dense), len(self.e)
-        return frozen(numbers), *counts, self.solution, self.computed, self.exponent, self.blur
+    def table(self) -> np.ndarray:
+        """The plan as the compiled loops take it, in one list: how many rows a, dense and e have,
+        the solution, how many are computed, the exponent and the blur; then a, c, e and dense.
+        """
+        head = len(self.a), len(self.dense), len(self.e), self.solution, self.computed
+        numbers = [self.a.ravel(), self.c, self.e.ravel(), self.dense.ravel()]
+        return frozen(np.concatenate([[*head, self.exponent, self.blur], *numbers]))
 
 
 @dataclass(frozen=True, eq=False)
