@@ -15,7 +15,7 @@ import pytest
 
 from linkwork.sweeps import Study, StudyError, runner, sweep
 
-from tests.processes import python
+from tests.processes import PATIENCE, python
 from tests.sweeps.carts import file, finished, results
 
 
@@ -95,7 +95,7 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
         with pytest.raises(
             StudyError, match=f"the scheduler at {address} was lost .* goes on from there"
         ):
-            run.result(60)
+            run.result(PATIENCE)
     kept = finished(out)
     assert 16 < kept.sum() < kept.size
     with cluster(tmp_path, workers=1) as (address, _, _):
