@@ -62,7 +62,8 @@ def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:
 
 def held_lengths(joints: Iterable[PairJoint]) -> list[float]:
     """Return the lengths [m] of the rods among some joints."""
-    return [length for joint in joints if (length := held_length(joint)) is not None]  # pyright: ignore
+    lengths = map(held_length, joints)
+    return [length for length in lengths if length is not None]  # pyright: ignore
 
 
 def radius_of_gyration(mechanism: Mechanism) -> float:

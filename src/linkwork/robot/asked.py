@@ -38,7 +38,7 @@ class Rows(NamedTuple):
 
 
 Way = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Straight ways (N): which of them (K), parts of these from 0 to 1 (K) -> values there (K, rows)."""
+"""Straight ways (N): which of them (K), parts of them from 0 to 1 (K) -> values there (K, rows)."""
 
 
 class Asked(Protocol):

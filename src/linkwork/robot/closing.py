@@ -91,7 +91,8 @@ def closed(
         q, residual, length, *others = step(q, *given)
         begun = begun or others
         told = told or [np.zeros(part.shape) for part in others]
-        # The largest of some numbers, as residuals and lengths are, passes over those that are none.
+        # The largest of some numbers, as residuals and lengths are, passes over those that are
+        # none.
         going &= np.isfinite(q @ ones)
         near = residual <= enough
         if contracting:

@@ -1,10 +1,9 @@
 """Cylindrical joint: F2 turns about and slides along the axis a, which has the same components in
 F1 and F2.
 
-R_12 = Rot(a, q_1),  p_12 = q_2 a                motion subspace  S = [a 0; 0 a]
-closure rows, with e_1, e_2 transversal to a:    e_1 . p_12 = 0,    e_2 . p_12 = 0    (two positions)
-                                                 e_1 . R_12 a = 0,  e_2 . R_12 a = 0
-                                                 (two directions)
+R_12 = Rot(a, q_1),  p_12 = q_2 a         motion subspace  S = [a 0; 0 a]
+closure rows, e_1, e_2 transversal to a:  e_1 . p_12 = 0,    e_2 . p_12 = 0    (two positions)
+                                          e_1 . R_12 a = 0,  e_2 . R_12 a = 0  (two directions)
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Fixed joint: F1 and F2 coincide.
 
-R_12 = 1,  p_12 = 0                          no motion
-closure rows with the frame's axes x, y, z:  three positions;  x . R_12 z = 0,  y . R_12 z = 0,  x .
-R_12 y = 0
+R_12 = 1,  p_12 = 0     no motion
+closure rows:  x . p_12 = 0,    y . p_12 = 0,    z . p_12 = 0     (in the frame's axes)
+               x . R_12 z = 0,  y . R_12 z = 0,  x . R_12 y = 0
 """
 
 from __future__ import annotations

@@ -57,12 +57,12 @@ class ElementaryMotion:
 class Row:
     """Describe one closure row; `name` says what it holds.
 
-    position row    e . (p_2 - p_1)                   where f is None
-    direction row   e . f                             where f is given; f has the same components in F1 and F2 but for
-                                                      a `crossing` row, where e is fixed in F1 alone
-                                                      and f in F2
-    screw row       e . (p_2 - p_1) - pitch angle     where pitch is given; e is the axis
-    distance row    (|p_2 - p_1|^2 - l^2) / (2 l)     where length is given; e is not used
+    position row   e . (p_2 - p_1)                where f is None
+    direction row  e . f                          where f is given; f has the same components in F1
+                                                  and F2 but for a `crossing` row, where e is fixed
+                                                  in F1 alone and f in F2
+    screw row      e . (p_2 - p_1) - pitch angle  where pitch is given; e is the axis
+    distance row   (|p_2 - p_1|^2 - l^2) / (2 l)  where length is given; e is not used
     """
 
     name: str

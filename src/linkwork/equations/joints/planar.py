@@ -1,8 +1,8 @@
 """Planar joint: F2 slides in the xy plane of F1 and turns about its z axis.
 
-R_12 = Rot(z, q_3),  p_12 = (q_1, q_2, 0)        motion subspace  S = [0 0 z; x y 0]
-closure rows:                                    z . p_12 = 0                         (one position)
-                                                 x . R_12 z = 0,  y . R_12 z = 0      (two directions)
+R_12 = Rot(z, q_3),  p_12 = (q_1, q_2, 0)     motion subspace  S = [0 0 z; x y 0]
+closure rows:  z . p_12 = 0                      (one position)
+               x . R_12 z = 0,  y . R_12 z = 0   (two directions)
 """
 
 from __future__ import annotations

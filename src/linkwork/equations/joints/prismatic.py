@@ -1,9 +1,9 @@
 """Prismatic joint: F2 slides along the axis a, which has the same components in F1 and F2.
 
-R_12 = 1,  p_12 = q a                motion subspace  S = [0; a]
-closure rows, with e_1 x e_2 = a:    e_1 . p_12 = 0,    e_2 . p_12 = 0                         (two positions)
-                                     e_1 . R_12 a = 0,  e_2 . R_12 a = 0,  e_1 . R_12 e_2 = 0
-                                     (no turn)
+R_12 = 1,  p_12 = q a              motion subspace  S = [0; a]
+closure rows, with e_1 x e_2 = a:  e_1 . p_12 = 0,    e_2 . p_12 = 0    (two positions)
+                                   e_1 . R_12 a = 0,  e_2 . R_12 a = 0,
+                                   e_1 . R_12 e_2 = 0                   (no turn)
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Revolute joint: F2 turns about the axis a, which has the same components in F1 and F2.
 
-R_12 = Rot(a, q),  p_12 = 0                      motion subspace  S = [a; 0]
-closure rows, with e_1, e_2 transversal to a:    e_1 . p_12 = 0,  e_2 . p_12 = 0,  a . p_12 = 0  (three positions)
-                                                 e_1 . R_12 a = 0,  e_2 . R_12 a = 0             (two directions)
+R_12 = Rot(a, q),  p_12 = 0               motion subspace  S = [a; 0]
+closure rows, e_1, e_2 transversal to a:  e_1 . p_12 = 0,  e_2 . p_12 = 0,
+                                          a . p_12 = 0                         (three positions)
+                                          e_1 . R_12 a = 0,  e_2 . R_12 a = 0  (two directions)
 """
 
 from __future__ import annotations

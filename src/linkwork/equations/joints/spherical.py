@@ -1,8 +1,9 @@
 """Spherical joint: F2 turns freely about the common origin.
 
-R_12 = R(p), p a unit quaternion,  p_12 = 0  motion subspace  S = [1; 0], the angular velocity in
-F1's axes
-closure rows, x, y, z the frame's axes:      x . p_12 = 0,  y . p_12 = 0,  z . p_12 = 0        (three positions)
+R_12 = R(p), p a unit quaternion,  p_12 = 0   motion subspace  S = [1; 0]
+closure rows:  x . p_12 = 0,  y . p_12 = 0,  z . p_12 = 0    (three positions, in the frame's axes)
+
+The rates are the angular velocity in F1's axes.
 """
 
 from __future__ import annotations

@@ -280,8 +280,8 @@ class _Planner:
         motions, at, moves = motions_of(joint), far[:3, 3], []
         for k, (motion, part) in enumerate(zip(motions, joint.parts(name), strict=True)):
             label = name if len(motions) == 1 else f"{name}.{part.name}"
-            # Axes at home, in the ground's axes: no turn before leaves the first frame's alone, none
-            # behind the second's.
+            # Axes at home, in the ground's axes: no turn before leaves the first frame's alone,
+            # none behind the second's.
             turned = any(after.turns for after in motions[k + 1 :])
             R = (near if turned else far)[:3, :3]
             effects, ref = part.effects, self.home.coordinates[part.coordinates[0]]
