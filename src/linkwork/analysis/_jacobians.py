@@ -1,7 +1,8 @@
 """Input-output Jacobians: how the actuated rates q' and the tool's velocity x' depend on each
 other.
 
-    A x' = B q'    K = B^-1 A:  q' = K x'  J = A^-1 B:  x' = J q'  u = J' f (forces, without motion)
+    A x' = B q',    K = B^-1 A:  q' = K x',    J = A^-1 B:  x' = J q'
+    u = J' f  (forces, without motion)
 
 K and J follow from the two square systems of a robot, [Phi; J_x] (inverse kinematics) and
 [Phi; J_q] (direct): their determinants are det B and det A up to a common factor, so that the one

@@ -10,8 +10,9 @@ A positive command leads the supply to A and B to the exhaust (or tank), a negat
 way round. At both ends of its stroke the piston meets a stop that gives way by d at the rate d',
 and pushes back only, with the force
 
-    F = k d max(1 + d' / 0.1 m/s, 0),  k such that the supply presses the larger area `give` strokes
-    deep.
+    F = k d max(1 + d' / 0.1 m/s, 0)
+
+with k such that the supply presses the larger area `give` strokes deep.
 
 Source of the stop: Hunt & Crossley, J. Applied Mechanics 42 (1975) 440-445.
 """

@@ -1,7 +1,7 @@
 """Linear-quadratic control about a pose.
 
-    x = (c - c_0, v),  x' = A x + B (u - u_0),  u = u_0 - K x  minimises  integral of x' Q x +
-    (u - u_0)' R (u - u_0)
+    x = (c - c_0, v),    x' = A x + B (u - u_0)
+    u = u_0 - K x  minimises  integral of x' Q x + (u - u_0)' R (u - u_0)
 
 in the independent coordinates c and rates v = c' of a robot; A and B are exact
 (`linkwork.equations.linear`).

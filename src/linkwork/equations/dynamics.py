@@ -1,9 +1,9 @@
 """Inertia forces of the tree: composite inertias and Newton-Euler, with the moments regrouped by
 `moments`.
 
-    H(q)         generalised inertia of the tree, by composite moments
-    h(q, w, w')  H w' + velocity terms + weight - applied wrenches, by one outward and one inward
-    pass
+    H(q)          generalised inertia of the tree, by composite moments
+    h(q, w, w')   H w' + velocity terms + weight - applied wrenches, by one outward and one inward
+                  pass
 
 H is K' Mtot K and h(q, w, 0) is K' (Mtot K' w + Omega Mtot K w - w_g) of the paper for the tree's
 rates, organised so that neither K nor Mtot is ever formed. Both are written about the nodes'

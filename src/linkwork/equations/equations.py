@@ -1,7 +1,7 @@
 """The equations of motion of a mechanism, as expressions.
 
-    M v' + C v + G = S' u + f,  M = L' H L,  C v + G - f = L' (h(q, w) + H b),  w = L v,  w' = L v'
-    + b
+    M v' + C v + G = S' u + f,    M = L' H L,    C v + G - f = L' (h(q, w) + H b)
+    w = L v,    w' = L v' + b
 
 in independent rates v; H and h are the tree's (`dynamics`), L and b the chart's (`chart`), f the
 forces of springs and friction (`effects`). S gives the actuated rates, S v; it is the unit matrix

@@ -1,7 +1,7 @@
 """Gears: rows that couple joint coordinates linearly,  phi = sum ratio_i q_i - offset.
 
-    Phi = sum ratio_i J_i,  J_i the row that gives coordinate i's rate;  gamma = (d/dt Phi) w  at w'
-    = 0
+    Phi = sum ratio_i J_i,  J_i the row that gives coordinate i's rate
+    gamma = (d/dt Phi) w  at w' = 0
 
 A coordinate of the tree is its own; that of a cut joint is read off the poses (`joint_map`).
 """

@@ -1,8 +1,8 @@
 """Mobility: what the closure rows leave free, counted, named, and compared with Gruebler's formula.
 
-    n = nv - rank Phi                     computed, at closed configurations
-    n_G = d r - sum of (d - f_i) - gears  Gruebler: d = 6 (3 in the plane), r bodies, f_i freedoms
-    of joint i
+    n = nv - rank Phi                       computed, at closed configurations
+    n_G = d r - sum of (d - f_i) - gears    Gruebler: d = 6 (3 in the plane), r bodies,
+                                            f_i freedoms of joint i
 
 Where the geometry makes rows redundant n exceeds n_G.
 """

@@ -4,8 +4,8 @@ holds.
 Joint coordinates that the reference names are x_0, those of a configuration x(q), lengths over the
 mechanism's own. With
 
-    r = x(q) - x_0,  angles the short way round, the rotation vector of R R_0' of a free turn,  J w
-    = r'
+    r = x(q) - x_0,  angles the short way round, the rotation vector of R R_0' of a free turn
+    J w = r'
 
 the configuration looked for is the closed one of least  r . r / 2:  with the multipliers l of the
 closure rows

@@ -3,8 +3,8 @@ where the joints are.
 
 Newton and Euler for each body about its mass centre, in the ground's axes; the joints bring
 
-    moment = I alpha + omega x I omega - moments of point springs,  force = m (a - g) - forces of
-    point springs
+    moment = I alpha + omega x I omega - moments of point springs
+    force = m (a - g) - forces of point springs
 
 and along its own freedoms a joint brings a known force for each rate w: that of friction, spring
 and rotor J,

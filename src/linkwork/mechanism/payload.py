@@ -1,7 +1,7 @@
 """Payloads: mass carried by a tool, as part of the body that the tool is on.
 
-    m = m_1 + m_2,  m c = m_1 c_1 + m_2 c_2,  I = I_1 + I_2 + sum_i m_i (d_i . d_i 1 - d_i d_i'),
-    d_i = c_i - c
+    m = m_1 + m_2,    m c = m_1 c_1 + m_2 c_2
+    I = I_1 + I_2 + sum_i m_i (d_i . d_i 1 - d_i d_i'),    d_i = c_i - c
 
 (parallel-axis theorem), all in the body's frame.
 """

@@ -5,8 +5,9 @@ A double of 1e5 rad is known to 1e-11 rad only, and loops cannot be closed bette
 the equations see an angle through its sine and cosine alone, whole turns change nothing: beyond its
 span it is taken back to between -pi and pi,
 
-    q = angle + 2 pi turns,  2 pi = HIGH + MIDDLE + LOW,  HIGH of so few digits that turns HIGH is
-    exact.
+    q = angle + 2 pi turns,    2 pi = HIGH + MIDDLE + LOW
+
+with HIGH of so few digits that turns HIGH is exact.
 
 Of any other coordinate the closure is asked for what doubles of its size can hold: the tolerance
 grows with |q| / span.

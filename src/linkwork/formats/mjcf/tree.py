@@ -5,8 +5,8 @@ At the reference configuration qpos0 (every hinge and slide at its `ref`, balls 
 stands in its parent where pos and orientation say; its joints then move it one after the other,
 each with the ones after it:
 
-    X_parent_body = X_0 M_1(q_1) M_2(q_2) ...,  M = Trans(anchor) Rot(axis, q - ref) Trans(-anchor)
-    or  Trans((q - ref) axis)
+    X_parent_body = X_0 M_1(q_1) M_2(q_2) ...
+    M = Trans(anchor) Rot(axis, q - ref) Trans(-anchor)  or  Trans((q - ref) axis)
 """
 
 from __future__ import annotations

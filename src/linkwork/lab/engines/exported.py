@@ -4,8 +4,9 @@ what acts from outside.
 MuJoCo measures a ball from home, in the axes of the body that it carries. With the joint's frames
 F1 and F2 (F2 and F1 for a ball that leads backwards) and the body B in ground at home,
 
-    R_mujoco = A R B',  v_mujoco = B R' w,  A = R_B' R_F1,  B = R_B' R_F2  (R = R_12, w in F1's
-    axes)
+    R_mujoco = A R B',   v_mujoco = B R' w,   A = R_B' R_F1,   B = R_B' R_F2
+
+where R = R_12 and w is in F1's axes.
 
 A free joint of MuJoCo holds the body's own pose, its velocity in ground's axes and its angular
 velocity in its own.

@@ -4,8 +4,8 @@ joints.
 An engine's q and v differ from the joints' coordinates and rates in order and in the rates of a
 ball, which are the angular velocity in the axes of the body that it carries:
 
-    v = R' w,  v' = R' w',  tau = R' f  and for a ball that leads backwards:  R -> R',  v = -w,  tau
-    = -f
+    v = R' w,   v' = R' w',   tau = R' f
+    R -> R',    v = -w,       tau = -f     for a ball that leads backwards
 
 where w is the angular velocity of F2 relative to F1 in F1's axes, R = R_12 and f the torque
 conjugate to w.

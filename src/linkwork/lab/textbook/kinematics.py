@@ -7,8 +7,8 @@ backwards, 0 for one that is not on the path. The joints left out of the tree cl
 Joint j with the axis e_j through the point a_j has the unit twist, of its second body relative to
 its first, at the base's origin o and at any point p
 
-    S_j = [e_j; a_j x e_j]  (revolute),  [0; e_j]  (prismatic);  S_j(p) = [omega_j; v_j + omega_j x
-    p],
+    S_j = [e_j; a_j x e_j]  (revolute),   [0; e_j]  (prismatic)
+    S_j(p) = [omega_j; v_j + omega_j x p]
 
 so a body with path s has at its point p the twist  sum_j s_j S_j(p) q'_j. S_j is fixed in the
 joint's first body; when that has the twist [omega; v] at o,
