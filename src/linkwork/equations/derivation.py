@@ -252,6 +252,7 @@ def closed_samples(
     Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at
     the reference, or at a start that leads to none, another one is looked for beside it.
     """
+    # The reference, with fewer rows held where rounded numbers leave some open.
     tree = joints.tree
     try:
         reference = home(joints, rows, start, starts())
@@ -261,11 +262,13 @@ def closed_samples(
         if not singular_start(tree, rows, start):
             raise
         reference = home(joints, rows, start, chain([start], bends(tree, start)))
+    # Rows that hardly depend on each other may only seem to be independent.
     samples = about(tree, rows, reference)
     rounded = unheld_notes(tree, rows, samples[0])
     doubtful = nearly_dependent(samples[1][0]) or len(samples[0]) == 1
     if doubtful and (fewer := held(tree, rows, starts())) is not None:
         return closed_samples(joints, fewer, start, starts)
+    # A reference that has the rank of its neighbours will do; else one is looked for beside it.
     rank = len(independent_rows(samples[1]))
     if len(independent_rows(samples[1][:1])) == rank:
         return ClosedSamples(rows, *samples, rounded)

@@ -39,11 +39,13 @@ def simulate(
     left: Left | None = None,
 ) -> Run:
     """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
+    # Parameters of the robot, and those of what acts on it.
     given = {}
     if parameters is not None:
         given = dict(by_name(parameters, "parameters", EXAMPLE))
         own = {name: given.pop(name) for name in list(given) if name in robot.parameters}
         robot = with_parameters(robot, own) if own else robot
+    # What is integrated, and over which times.
     start = left.time if left else 0.0
     span = (start, start + settings.duration)
     state = robot.own(state)
@@ -53,6 +55,7 @@ def simulate(
     )
     if not smooth(runs, [runs.inputs]):
         settings = settings.suited(smooth=False)
+    # A run that begins, or one that goes on with the extra states and held inputs that it left.
     if left is None:
         if runs.acting is not None:
             require_starts(runs, state)

@@ -257,6 +257,7 @@ def system(
         joined: whether kernels of `Joined` are needed for plain forces, too.
         state: one or many, from which runs start; home if left out.
     """
+    # Forces over time alone need no kernels of their own.
     drives = {} if drives is None else by_name(drives, "drives", "{'slide_1': Lag(0.01)}")
     if not isinstance(wrenches, tuple) or wrenches:
         wrenches = several(wrenches, Wrench, "wrenches")
@@ -265,6 +266,7 @@ def system(
         if parameters:
             checks.known(parameters, (), "parameter")
         return plain(robot, forces)
+    # What acts, traced once, with the coordinates whose whole turns it reads as extra states.
     given: Any = forces if acts else None
     commands = None if acts else plain(robot, forces).inputs
     names = robot.names

@@ -30,8 +30,10 @@ def five_bar(
             mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
         )
 
+    # Two links on either side, each along its own x axis.
     bodies = {f"proximal_{i}": rod(proximal, proximal_mass) for i in (1, 2)}
     bodies |= {f"distal_{i}": rod(distal, distal_mass) for i in (1, 2)}
+    # Both motors stand on the ground; the tip closes the loop.
     joints = {
         "motor_1": RevoluteJoint(connects=("ground", "proximal_1")),
         "motor_2": RevoluteJoint(

@@ -61,6 +61,7 @@ def prr3(
     Source: the paper, section 2 and Table 1.
     """
     corners = ((0.0, 0.0), (l3, 0.0), (l3 / 2, sqrt(3) / 2 * l3))
+    # A leg: a slider along a side of the base's triangle, a link, and a corner of the platform.
     slides, pivots, wrists = {}, {}, {}
     for i, (x, y) in enumerate(corners, start=1):
         a = (i - 1) * 2 * pi / 3

@@ -52,6 +52,7 @@ def closed_together(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return coordinates (M, nq) of members with parameters p (M, np), and which of them are
     closed."""
+    # What the start asks for: joints, a pose of the tool, or the independent joints' coordinates.
     robot, start = bench.robot, bench.study.start
     given = {name: np.full(len(q), value) for name, value in start.joints.items()}
     given |= {
@@ -70,6 +71,7 @@ def closed_together(
             for name in robot.independent
             if name in robot.coordinates
         }
+    # Joints on any mode, then the tool on the one that these lead to.
     closed = np.ones(len(q), dtype=bool)
     if given:
         leader = robot.leader_of_joints(robot.joints_asked(tuple(given)))

@@ -113,6 +113,7 @@ class _Writer:
         self.moves = {move.name: move for seat in plan.seats.values() for move in seat.moves}
 
     def text(self) -> str:
+        # What is the same for all mechanisms.
         ET.SubElement(self.root, "compiler", angle="radian", inertiafromgeom="false")
         ET.SubElement(
             self.root, "option", attrib={"gravity": numbers(self.mechanism.gravity)} | OPTION
@@ -122,6 +123,7 @@ class _Writer:
         ET.SubElement(default, "geom", contype="0", conaffinity="0", group="1")
         between = ET.SubElement(default, "default", attrib={"class": BETWEEN})
         ET.SubElement(between, "geom", rgba="0.4 0.5 0.6 1")
+        # Bodies with their shapes and joints, then what refers to them.
         self.elements[GROUND] = ET.SubElement(self.root, "worldbody")
         self.sections = {
             name: ET.Element(name) for name in ("tendon", "equality", "actuator", "keyframe")
