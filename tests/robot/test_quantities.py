@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,49 @@ def test_only_runs_tell_what_follows_from_them_as_a_whole(monkeypatch):
     run = robot.simulate(robot.home, duration=0.2, save_at=TIMES)
     np.testing.assert_array_equal(run.dataset["share"].values, TIMES / 0.2)
     assert "share" not in robot.ensemble(robot.home, None, duration=0.2, save_at=TIMES).dataset
+
+
+@pytest.fixture
+def awaited(monkeypatch) -> tuple[list[str], lw.Run]:
+    """Return what was asked of a quantity of a whole run, and a run that tells it."""
+    asked: list[str] = []
+
+    def half(run):
+        asked.append("once more")
+        return run.time / 2
+
+    quantity = SavedQuantity("half_time", (), "s", half, whole=True)
+    monkeypatch.setitem(QUANTITIES, quantity.name, quantity)
+    robot = built("pendulum")
+    return asked, robot.simulate(robot.home, duration=0.2, save_at=TIMES)
+
+
+def test_what_follows_from_a_whole_run_is_found_once_when_its_values_are_asked_for(awaited):
+    asked, run = awaited
+    data = run.dataset
+    later = data.isel(time=slice(2, None))
+    assert data["half_time"].shape == (11,) and data["half_time"].dtype == float
+    assert asked == []
+    np.testing.assert_array_equal(later["half_time"].values, TIMES[2:] / 2)
+    np.testing.assert_array_equal(run.variables["half_time"].values, TIMES / 2)
+    np.testing.assert_array_equal((data["half_time"] + 1).values, TIMES / 2 + 1)
+    assert len(asked) == 1
+
+
+def test_what_is_awaited_is_an_array_like_others_when_it_is_copied_and_written_to(awaited):
+    _, run = awaited
+    kept = pickle.loads(pickle.dumps(run.dataset))
+    copied = run.dataset.copy(deep=True)
+    copied["half_time"][0] = 7.0
+    np.testing.assert_array_equal(kept["half_time"].values, TIMES / 2)
+    np.testing.assert_array_equal(copied["half_time"].values, [7.0, *TIMES[1:] / 2])
+    np.testing.assert_array_equal(run.dataset["half_time"].values, TIMES / 2)
+
+
+def test_awaited_quantities_are_saved(awaited, tmp_path):
+    _, run = awaited
+    found = lw.Run.load(run.save(tmp_path / "run.nc"))
+    np.testing.assert_array_equal(found.variables["half_time"].values, TIMES / 2)
 
 
 def test_the_documents_name_all_quantities_that_studies_may_ask_for():

@@ -42,6 +42,7 @@ from linkwork.robot.settings import Settings
 from linkwork.robot.side_by_side import Leg, begun, courses, in_lanes, side_by_side, unbegun
 from linkwork.robot.state import Reached, State
 from linkwork.simulation import Status, Variable
+from linkwork.simulation.variables import dataset_of
 
 if TYPE_CHECKING:
     import xarray
@@ -243,8 +244,6 @@ class Ensemble:
         event_time and event_member; and so do singular poses that were stepped over: singular_time
         and singular_member.
         """
-        import xarray
-
         # What the table tells of the saved states.
         crew = self.members
         system, axes = crew.system, axes_of(crew.robot, crew.system.extras)
@@ -275,12 +274,8 @@ class Ensemble:
                 ("singular_pose",), self._passed.times, {"units": "s"}
             )
             coords["singular_member"] = Variable(("singular_pose",), self._passed.members)
-        entries = [
-            {name: (v.dims, v.values, dict(v.attrs)) for name, v in part.items()}
-            for part in (variables, coords)
-        ]
         caveats = self.members.robot.mechanism.caveats
-        return xarray.Dataset(*entries, attrs={"caveats": "\n".join(caveats)} if caveats else {})
+        return dataset_of(variables, coords, {"caveats": "\n".join(caveats)} if caveats else {})
 
 
 def ensemble(

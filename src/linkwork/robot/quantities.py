@@ -89,10 +89,12 @@ class SavedQuantity:
             return self.of(states)
         return states.over.through(self.of(states.over.nodes))
 
-    def told(self, values: np.ndarray, system: System, *axes: str) -> Variable:
-        """Return values over some axes and those of its components as a variable."""
+    def told(
+        self, values: Any, system: System, *axes: str, shape: tuple[int, ...] = ()
+    ) -> Variable:
+        """Return values, or what finds them, over some axes and its own as a variable."""
         unit = self.own_unit(system) if self.own_unit else self.unit
-        return Variable((*axes, *self.axes), values, {"units": unit})
+        return Variable((*axes, *self.axes), values, {"units": unit}, shape)
 
 
 def extra_units(system: System) -> str:

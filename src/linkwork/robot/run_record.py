@@ -77,8 +77,9 @@ class RunRecord(Mapping[str, Variable]):
         return {each.name: each for each in told if acting or not each.acting}
 
     def _measured(self, quantity: SavedQuantity) -> Variable:
-        if quantity.whole:
-            return quantity.told(quantity.of(self), self.system, "time")
+        if quantity.whole:  # found when it is asked for
+            shape = (len(self.time), *(len(self._axes[axis].names) for axis in quantity.axes))
+            return quantity.told(partial(quantity.of, self), self.system, "time", shape=shape)
         values = np.concatenate([quantity.values(states) for states in self.states])
         return quantity.told(
             self._turned(values) if quantity.turning else values, self.system, "time"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
 from linkwork.errors import LinkworkError
-from linkwork.simulation.run import Told
+from linkwork.simulation.variables import LazyAttribute
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def with_positions(state: State, positions: np.ndarray) -> State:
 class Reached(State):
     """Hold states whose positions are given, or found when they are first asked for."""
 
-    positions = Told()  # pyright: ignore
+    positions = LazyAttribute()  # pyright: ignore
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"positions": self.positions}

@@ -7,7 +7,7 @@ import json
 import os
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -17,6 +17,7 @@ import numpy as np
 from linkwork.checks import file_path
 from linkwork.errors import LinkworkError
 from linkwork.simulation.status import Status
+from linkwork.simulation.variables import LazyAttribute, Variable, dataset_of
 
 if TYPE_CHECKING:
     import xarray
@@ -44,25 +45,6 @@ class Statistics:
     closure_error: float
     pivot: float
     pivot_time: float
-
-
-@dataclass(frozen=True, eq=False)
-class Variable:
-    """Name the axes of an array: `dims`, one name for each axis; `attrs` hold at least the
-    "units"."""
-
-    dims: tuple[str, ...]
-    values: np.ndarray
-    attrs: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self):
-        values = np.asarray(self.values)
-        if values.ndim != len(self.dims):
-            raise LinkworkError(
-                f"an array of the shape {values.shape} needs {values.ndim} axis names, not "
-                f"{self.dims}"
-            )
-        object.__setattr__(self, "values", values)
 
 
 class Deferred(Mapping[str, Value]):
@@ -97,24 +79,6 @@ class Deferred(Mapping[str, Value]):
         return repr(dict(self))
 
 
-class Told:
-    """Let a value be given, or what finds it when it is first asked for."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, run: object, owner: type | None = None) -> Any:
-        if run is None:
-            raise AttributeError(self.name)  # a field without a default
-        value = vars(run)[self.name]
-        if callable(value):
-            value = vars(run)[self.name] = value()
-        return value
-
-    def __set__(self, run: object, value: object) -> None:
-        vars(run)[self.name] = value
-
-
 @dataclass(frozen=True, eq=False)
 class Run:
     """Hold the result of a simulation: arrays over named axes, how it ended, and what it took.
@@ -133,8 +97,8 @@ class Run:
     coords: Mapping[str, Variable] = field(repr=False)
     attrs: Mapping[str, Any]
     status: Status
-    message: str = Told()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    statistics: Statistics = Told()  # pyright: ignore
+    message: str = LazyAttribute()  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    statistics: Statistics = LazyAttribute()  # noqa: RUF009  # pyright: ignore
     error: BaseException | None = None
     transmitted: Callable[[str, float | None], Any] | None = field(default=None, repr=False)
     described: Callable[[], str] | None = field(default=None, repr=False)
@@ -194,18 +158,17 @@ class Run:
             LinkworkError: a run from a file, or that a Python function controls: neither can be run
                 again.
         """
-        import xarray
-
         if self.errors is None:
             raise LinkworkError(
                 "this run cannot be run again to find its errors: it was read from a file, or a "
                 "Python function controls it"
             )
-        arrays = {name: (v.dims, v.values, dict(v.attrs)) for name, v in self.errors().items()}
-        axes = {axis for dims, _, _ in arrays.values() for axis in dims}
-        return xarray.Dataset(
-            arrays, {name: (v.dims, v.values) for name, v in self.coords.items() if name in axes}
-        )
+        found = self.errors()
+        axes = {axis for variable in found.values() for axis in variable.dims}
+        coords = {
+            axis: replace(self.coords[axis], attrs={}) for axis in self.coords if axis in axes
+        }
+        return dataset_of(found, coords, {})
 
     @property
     def description(self) -> str:
@@ -217,17 +180,9 @@ class Run:
     def dataset(self) -> "xarray.Dataset":
         """Return the run as an `xarray.Dataset`; its attributes hold the status, the message and
         the statistics."""
-        import xarray
-
-        def entries(variables: Mapping[str, Variable]) -> dict:
-            return {name: (v.dims, v.values, dict(v.attrs)) for name, v in variables.items()}
-
         ending = {"status": self.status.name, "message": self.message}
-        return xarray.Dataset(
-            entries(self.variables),
-            entries(self.coords),
-            dict(self.attrs) | ending | vars(self.statistics),
-        )
+        attrs = dict(self.attrs) | ending | vars(self.statistics)
+        return dataset_of(self.variables, self.coords, attrs)
 
     def reactions(
         self, frame: str = "ground", *, length: float | None = None
