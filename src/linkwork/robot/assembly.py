@@ -22,7 +22,7 @@ from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.robot.asked import ToolAsked
-from linkwork.robot.closing import Least, by_name
+from linkwork.robot.closing import MATRICES, Least
 
 OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
@@ -43,9 +43,10 @@ class AssemblyKernel:
     def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
         """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as
         such."""
-        values = [value[None] for value in self.kernel(q, rates)]
-        named = by_name(self.kernel, values, len(rates))
-        return {name: value[0] for name, value in named.items()}
+        named, rows = zip(self.kernel.outputs, self.kernel(q, rates), strict=True), (len(rates), -1)
+        return {
+            name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named
+        }
 
     def tool_poses(self, q: np.ndarray) -> np.ndarray:
         """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space,

@@ -277,7 +277,13 @@ class Least:
             values = [value.reshape(1, -1) for value in self.kernel(q[0], self.still, *p)]
         else:
             values = self.kernel(q, self.still, *p)
-        return by_name(self.kernel, values, self.still.size)
+        count, nv = len(q), self.still.size
+        return {
+            name: value.reshape(count, nv, size // max(nv, 1)).swapaxes(1, 2)
+            if name in MATRICES
+            else value
+            for (name, size), value in zip(self.kernel.outputs, values, strict=True)
+        }
 
     def matrix(self, out: dict[str, np.ndarray]) -> np.ndarray:
         """Return [Phi; J] (K, rows, nv)."""
@@ -306,16 +312,6 @@ def least_step(A: np.ndarray, residual: np.ndarray) -> np.ndarray:
     diagonal = np.einsum("kii->ki", square)
     diagonal += np.maximum(DAMPING * diagonal.sum(axis=1, keepdims=True), 1e-300)
     return -np.linalg.solve(square, right)[..., 0]
-
-
-def by_name(kernel: Kernel, values: Sequence[np.ndarray], nv: int) -> dict[str, np.ndarray]:
-    """Return the outputs of `functions.assembly` (K, ...) by name; matrices as such."""
-    out = {name: value for (name, _), value in zip(kernel.outputs, values, strict=True)}
-    for name in MATRICES:
-        if name in out:
-            rows = out[name].shape[-1] // max(nv, 1)
-            out[name] = out[name].reshape(len(out[name]), nv, rows).swapaxes(1, 2)
-    return out
 
 
 def approach(chart: CompiledChart, modes: ModeStages, asked: Asked) -> Approach | None:

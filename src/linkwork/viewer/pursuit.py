@@ -103,10 +103,10 @@ class Pursuit:
         This is asked a little beside the reference configuration, which may be a singular one.
         """
         out = self.assembler.still(self.robot.home.q)
-        H_inverse, N = inverse(self.hard_rows(out, Held())[1])
+        H_inverse, N = inverse(self.jacobian(out, Held()))
         aside = ASIDE * self.size * N @ np.linspace(1, 2, N.shape[1])
         _, out = self.closed(self.moved(self.robot.home.q, out, aside), Held(), H_inverse)
-        _, N = inverse(self.hard_rows(out, Held())[1])
+        _, N = inverse(self.jacobian(out, Held()))
         J = out["J_tool"] * self.scale * np.array([self.length] * 3 + [1.0] * 3)[:, None]
         whole, linear = (np.linalg.matrix_rank(rows @ N, tol=1e-6) for rows in (J, J[3:]))
         return bool(whole > linear)
@@ -207,9 +207,9 @@ class Pursuit:
         e, J = aim.rows(out)
         damping, fresh, H_inverse, N = FIRST_DAMPING, True, np.empty(0), np.empty(0)
         for _ in range(ITERATIONS):
-            h, H = self.hard_rows(out, held)
-            H_inverse, N = inverse(H) if fresh else (H_inverse, N)
-            s = self.gauss_newton(-H_inverse @ h, N, e, J * self.scale, damping)
+            H_inverse, N = inverse(self.jacobian(out, held)) if fresh else (H_inverse, N)
+            closing = -H_inverse @ self.gaps(out, held)
+            s = self.gauss_newton(closing, N, e, J * self.scale, damping)
             q_trial, out_trial = self.closed(self.moved(q, out, s), held, H_inverse)
             e_trial, J_trial = aim.rows(out_trial)
             gained = np.linalg.norm(e) - np.linalg.norm(e_trial)
@@ -243,7 +243,7 @@ class Pursuit:
 
         def read(q: np.ndarray) -> tuple[float, tuple[np.ndarray, Outputs]]:
             out = self.assembler.still(q)
-            h, _ = self.hard_rows(out, held)
+            h = self.gaps(out, held)
             return float(np.abs(h).max(initial=0.0)), (h, out)
 
         def move(q: np.ndarray, told: tuple[np.ndarray, Outputs]) -> np.ndarray:
@@ -256,32 +256,26 @@ class Pursuit:
     def close(self, q: np.ndarray) -> np.ndarray | None:
         """Return the configuration nearest to one that is slightly open; None where there is none
         nearby."""
-        H_inverse, _ = inverse(self.hard_rows(self.assembler.still(q), Held())[1])
+        H_inverse, _ = inverse(self.jacobian(self.assembler.still(q), Held()))
         q, out = self.closed(unit(self.robot.equations.tree, q), Held(), H_inverse)
         return q if self.is_closed(out, Held()) else None
 
     def is_closed(self, out: Outputs, held: Held) -> bool:
-        h, _ = self.hard_rows(out, held)
-        return bool(np.abs(h).max(initial=0.0) <= 1e2 * CLOSED * self.robot.size)
+        largest = np.abs(self.gaps(out, held)).max(initial=0.0)
+        return bool(largest <= 1e2 * CLOSED * self.robot.size)
 
-    def hard_rows(self, out: Outputs, held: Held) -> tuple[np.ndarray, np.ndarray]:
-        """Return phi and  x - value  of the limits that are kept, over the mechanism's own units,
-        and their Jacobian for steps as lengths.
-        """
-        h, H, heights = out["phi"], out["Phi"], self.assembler.units
-        if held.bounds:
-            h = np.concatenate(
-                [
-                    h,
-                    [
-                        b.value(out) - value
-                        for b, value in zip(held.bounds, held.values, strict=True)
-                    ],
-                ]
-            )
-            H = np.concatenate([H, [b.row(out) for b in held.bounds]])
-            heights = np.concatenate([heights, [self.height(b) for b in held.bounds]])
-        return h / heights, H * self.scale / heights[:, None]
+    def gaps(self, out: Outputs, held: Held) -> np.ndarray:
+        """Return phi and  x - value  of the limits that are kept, in the mechanism's own units."""
+        phi = out["phi"] / self.assembler.units
+        if not held.bounds:
+            return phi
+        kept = zip(held.bounds, held.values, strict=True)
+        return np.append(phi, [(b.value(out) - value) / self.height(b) for b, value in kept])
+
+    def jacobian(self, out: Outputs, held: Held) -> np.ndarray:
+        """Return the Jacobian of `gaps` for steps as lengths."""
+        Phi = out["Phi"] / self.assembler.units[:, None]
+        return np.vstack([Phi, *(b.row(out) / self.height(b) for b in held.bounds)]) * self.scale
 
     def height(self, bound: Bound) -> float:
         """Return the mechanism's own unit of a limit: its own length, or 1 rad."""
@@ -307,7 +301,7 @@ class Pursuit:
                 "still"
             )
         _, J = goal.rows(out)
-        _, N = inverse(self.hard_rows(out, Held())[1])
+        _, N = inverse(self.jacobian(out, Held()))
         if N.shape[1] < len(J):
             return (
                 f"the tool comes no nearer: the mechanism has {N.shape[1]} of the {len(J)} "
