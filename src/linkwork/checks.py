@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import isfinite
 from os import PathLike
@@ -97,6 +97,17 @@ def several(values: Any, kind: type[Kind], what: str) -> tuple[Kind, ...]:
                 f"one of {what} is {shown(value)}; give linkwork.control.{kind.__name__}(...)"
             )
     return found
+
+
+def known(names: Iterable[object], allowed: Sequence[str], kind: str, use: str = "") -> None:
+    """Refuse a name that is not among those allowed, and show these.
+
+    kind: what they are the names of; use: what they are asked for, if that is part of the sentence
+    """
+    for name in names:
+        if not isinstance(name, str) or name not in allowed:
+            there = ", ".join(allowed) or "none"
+            raise LinkworkError(f"there is no {kind} {shown(name)}{use}; there are {there}")
 
 
 @contextmanager

@@ -263,10 +263,7 @@ def require_drives(names: Names, drives: Mapping[str, Drive]) -> None:
     """Refuse drives of what is no actuated coordinate, and what is no drive."""
     able = [actuator for actuator in names.actuators if actuator in names.coordinates]
     for name, drive in drives.items():
-        if name not in able:
-            raise LinkworkError(
-                f"there is no actuator {name!r} for a drive; there are {', '.join(able) or 'none'}"
-            )
+        checks.known([name], able, "actuator", " for a drive")
         if not isinstance(drive, Drive):
             raise LinkworkError(
                 f"the drive of {name!r} is {drive!r}; give one of linkwork.control, such as "
@@ -276,12 +273,7 @@ def require_drives(names: Names, drives: Mapping[str, Drive]) -> None:
 
 def require_bodies(names: Names, wrenches: Sequence[Wrench]) -> None:
     """Refuse wrenches on bodies that do not exist."""
-    for wrench in wrenches:
-        if wrench.body not in names.bodies:
-            bodies = ", ".join(names.bodies)
-            raise LinkworkError(
-                f"there is no body {wrench.body!r} for a wrench; there are {bodies}"
-            )
+    checks.known((wrench.body for wrench in wrenches), names.bodies, "body", " for a wrench")
 
 
 def states_of(law: Law | Sampler | None, actuators: tuple[str, ...]) -> list[Extra]:

@@ -23,11 +23,11 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from linkwork import math
+from linkwork import checks, math
 from linkwork.control.drives import Extra
 from linkwork.control.goals import DesiredMotion, Goal, target
 from linkwork.control.inverse_dynamics import InverseDynamics
-from linkwork.control.observation import Names, Observation, require
+from linkwork.control.observation import Names, Observation
 from linkwork.control.plant import Plant
 from linkwork.control.records import ActingPart, Number, described, number
 from linkwork.errors import LinkworkError
@@ -181,7 +181,7 @@ class PID(PD):
         """Return the actuators whose errors are integrated; refuse joints that are none."""
         joints = actuators if self.joints is None else tuple(self.joints)
         for name in joints:
-            require(name, actuators, "actuator to integrate the error of")
+            checks.known([name], actuators, "actuator to integrate the error of")
         return joints
 
     def __call__(self, t, state):

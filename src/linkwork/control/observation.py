@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import math
+from linkwork.checks import known
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion, vector
 from linkwork.equations.effects import rotation_vector
@@ -114,12 +115,12 @@ class Observation:
 
     def __getitem__(self, coordinate: str) -> Any:
         """Return one joint coordinate [m, rad; 1 of a quaternion's part]."""
-        require(coordinate, self.names.coordinates, "joint coordinate")
+        known([coordinate], self.names.coordinates, "joint coordinate")
         return self.source.quantity(Quantity("position", coordinate))[0]
 
     def rate(self, name: str) -> Any:
         """Return one joint rate [m/s, rad/s]."""
-        require(name, self.names.rates, "joint rate")
+        known([name], self.names.rates, "joint rate")
         return self.source.quantity(Quantity("rate", name))[0]
 
     @cached_property
@@ -157,7 +158,7 @@ class Observation:
 
     def body(self, name: str) -> FrameMotion:
         """Return pose and velocity of a body's frame."""
-        require(name, self.names.bodies, "body")
+        known([name], self.names.bodies, "body")
         values = self.source.quantity(Quantity("body", name))
         return FrameMotion(values[:3], values[3:12].reshape(3, 3), values[12:15], values[15:])
 
@@ -169,18 +170,12 @@ class Observation:
     def extra(self, name: str) -> Any:
         """Return an extra state of a drive ("slide_1.current") or of the controller itself, by
         name."""
-        require(name, self.names.extras, "extra state")
+        known([name], self.names.extras, "extra state")
         return self.source.extra(name)
 
     def _require_tool(self) -> None:
         if not self.names.pose:
             raise LinkworkError("the mechanism names no tool; add one under 'tools'")
-
-
-def require(name: str, known: tuple[str, ...], kind: str) -> None:
-    """Refuse a name that is not among the known ones."""
-    if name not in known:
-        raise LinkworkError(f"there is no {kind} {name!r}; there are {', '.join(known) or 'none'}")
 
 
 def numbers(

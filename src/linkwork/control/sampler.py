@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from linkwork import checks, math
-from linkwork.control.observation import Names, Observation, Quantity, Readings, require
+from linkwork.control.observation import Names, Observation, Quantity, Readings
 from linkwork.control.records import ActingPart, number, settled
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
@@ -104,13 +104,9 @@ class Sampler(ActingPart):
 
     def require(self, names: Names) -> None:
         """Refuse steps of what is no coordinate or rate of a robot with these names."""
-        for name in self._steps:
-            if name != ALL:
-                require(
-                    name,
-                    tuple(dict.fromkeys(names.coordinates + names.rates)),
-                    "coordinate to quantise",
-                )
+        allowed = tuple(dict.fromkeys(names.coordinates + names.rates))
+        named = (name for name in self._steps if name != ALL)
+        checks.known(named, allowed, "coordinate to quantise")
 
     @property
     def _steps(self) -> Mapping[str, float]:

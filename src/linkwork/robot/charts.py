@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
+from linkwork.checks import known
 from linkwork.equations import Equations, chart_in, charts_at, functions
 from linkwork.equations.chart import Chart, faced
 from linkwork.equations.chart_choice import DETERMINED, strengths
@@ -76,8 +77,7 @@ class CompiledChart:
         return lru_cache(maxsize=None)(self._kernel)
 
     def _kernel(self, name: str) -> Kernel:
-        if name not in KERNELS:
-            raise LinkworkError(f"there is no kernel {name!r}; there are {', '.join(KERNELS)}")
+        known([name], KERNELS, "kernel")
         make = getattr(functions, name)
         return self.compiled(
             name, lambda equations: self._stored(name, lambda: make(equations))

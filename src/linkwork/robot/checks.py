@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import at as at
 from linkwork.checks import finite, shown
+from linkwork.checks import known as known
 from linkwork.checks import number as number
 from linkwork.checks import positive as positive
 from linkwork.errors import LinkworkError
@@ -45,14 +46,6 @@ def names(values: object, what: str) -> tuple[str, ...]:
     if not all(isinstance(value, str) for value in found):
         raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
     return found
-
-
-def known(names: Iterable[object], allowed: Sequence[str], kind: str) -> None:
-    for name in names:
-        if not isinstance(name, str) or name not in allowed:
-            raise LinkworkError(
-                f"there is no {kind} {shown(name)}; there are {', '.join(allowed) or 'none'}"
-            )
 
 
 def values_by_name(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from linkwork.checks import positive, shown
+from linkwork.checks import known, positive
 from linkwork.errors import LinkworkError
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.sharp_smart import SHARP_SMART
@@ -79,9 +79,8 @@ def integrator(name: str | None, step: float | None) -> Method | None:
     if name is None:
         needed = " or ".join(map(repr, FIXED))
         raise LinkworkError(f"a step of {step:g} s needs a method that keeps to it: {needed}")
-    entry = METHODS.get(name) if isinstance(name, str) else None  # pyright: ignore
-    if entry is None:
-        raise LinkworkError(f"there is no method {shown(name)}; there are {', '.join(METHODS)}")
+    known([name], list(METHODS), "method")
+    entry = METHODS[name]  # pyright: ignore
     if entry.fixed and step is None:
         raise LinkworkError(f"{name} needs a step [s]")
     if not entry.fixed and step is not None:
