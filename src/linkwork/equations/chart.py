@@ -320,6 +320,10 @@ def stage_orders(
 ) -> list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]]:
     """Choose the order of elimination within a stage, on the numbers of its rows and columns, group
     by group."""
+    if len(values) == 1 or (len(values) <= COFACTOR_SIZE and not constant):
+        block = Block(tuple(values), tuple(sorted({c for row in values.values() for c in row})))
+        determinant = nonzero(block_determinants(values, block, groups))
+        return [(np.arange(groups), (block,), determinant[:, None])]
     found: list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]] = []
     ways: list[tuple[np.ndarray, Values, set[tuple[int, int]], tuple[Block, ...], np.ndarray]] = [
         (np.arange(groups), values, constant, (), np.empty((groups, 0)))
@@ -334,12 +338,16 @@ def stage_orders(
                 {r: {c: value[own] for c, value in row.items()} for r, row in values.items()},
                 set(constant),
             )
-            determinant = block_determinants(rest, block, own.size)
-            determinant = np.where(np.abs(determinant) > 1e-300, determinant, 1e-300)
+            determinant = nonzero(block_determinants(rest, block, own.size))
             eliminate_values(rest, steady, block)
             longer = np.concatenate([determinants[own], determinant[:, None]], axis=1)
             ways.append((members[own], rest, steady, (*blocks, block), longer))
     return found
+
+
+def nonzero(determinants: np.ndarray) -> np.ndarray:
+    """Return determinants that can be divided by."""
+    return np.where(np.abs(determinants) > 1e-300, determinants, 1e-300)
 
 
 def block_determinants(values: Values, block: Block, groups: int) -> np.ndarray:

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
+from math import prod
 from typing import NamedTuple
 
 import casadi as ca
@@ -39,6 +40,7 @@ ROUNDING = 1e-11  # length that is a rounding error, over the largest one
 GAPING = 1e-4
 """Gap of a row that is not held, in own units, that rounded numbers do not explain anywhere."""
 DOUBTFUL = 1e-5  # pivot that may be a rounding error, over the largest number at the outset
+FEW = 8  # matrices whose singular values are found as quickly as the signs of their pivots
 HIDDEN = 1e-13  # part of a product that rounding hides
 
 
@@ -317,8 +319,10 @@ def above(Phi: np.ndarray, rank: int, bound: float) -> np.ndarray:
 
     Phi Phi' - bound^2 has as many positive eigenvalues as Phi has singular values above the bound,
     and by Sylvester's law of inertia as many positive pivots. Where one of these is too small to
-    tell, singular values are found.
+    tell, and of FEW matrices, singular values are found.
     """
+    if prod(Phi.shape[:-2]) <= FEW:
+        return smallest_singular(Phi, rank) > bound
     rows = np.moveaxis(Phi.reshape(-1, *Phi.shape[-2:]), 0, -1)
     S = (rows[:, None] * rows).sum(axis=2)
     S[np.diag_indices(len(S))] -= bound**2
