@@ -82,6 +82,19 @@ class Leg(NamedTuple):
     def members(self) -> np.ndarray:
         return self.stands.members
 
+    def ends(self, rows: np.ndarray, save_at: np.ndarray) -> Stands:
+        """Return where some of the members stand at the end of the leg."""
+        before, done = self.stands[rows], self.outcomes
+        t = done.end_time[rows]
+        return replace(
+            before,
+            t=t,
+            y=done.y_end[rows],
+            turns=done.turns[rows],
+            saved=np.searchsorted(save_at, t, "right"),
+            steps=before.steps - done.steps[rows] - done.rejected[rows],
+        )
+
     def stand(self, row: int, method: Method) -> Stand:
         """Return where a member stood as that of a run."""
         at = self.stands
@@ -117,7 +130,7 @@ def begun(crew: Members, settings: Settings) -> Iterator[Stands]:
                 indices[rows],
                 np.zeros(rows.size),
                 y if rows.size == len(y) else y[rows],
-                np.zeros((rows.size, robot.equations.nq)),
+                np.broadcast_to(0.0, (rows.size, robot.equations.nq)),
                 np.zeros(rows.size, int),
                 np.full(rows.size, settings.max_steps),
                 np.full(rows.size, SOFT),
@@ -216,13 +229,8 @@ def integrated(crew: Members, settings: Settings, stands: Stands, progress: Prog
         progress=progress,
         turning=turning(crew.robot.turning, crew.robot.chart, system.acting),
         starts=Starts(
-            stands.members,
-            stands.t,
-            stands.t + (until - stands.t),
-            stands.bound,
-            stands.steps,
-            stands.saved,
-            last,
+            np.column_stack([stands.t, stands.t + (until - stands.t), stands.bound]),
+            np.column_stack([stands.members, stands.steps, stands.saved, last]),
             stands.turns,
         ),
     )
@@ -253,32 +261,32 @@ def unbegun(stands: Stands) -> Outcomes:
 def onward(crew: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], np.ndarray]:
     """Return where members stand after a leg, chart by chart, and the rows of those who go on
     alone: as `Passage.after`."""
+    # Only who is not at the end, and has steps left, may go on.
     done, before, end = leg.outcomes, leg.stands, settings.duration
-    steps = before.steps - done.steps - done.rejected
-    saved = np.searchsorted(settings.save_at, done.end_time, "right")
-    here = replace(
-        before, t=done.end_time, y=done.y_end, turns=done.turns, saved=saved, steps=steps
-    )
+    paused = (done.status == Status.FINISHED) & (before.until(end) < end)
+    weak = (done.status == Status.SINGULAR) & (before.steps > done.steps + done.rejected)
+    rows = np.flatnonzero(paused | weak)
+    paused, weak, here = paused[rows], np.flatnonzero(weak[rows]), leg.ends(rows, settings.save_at)
+    alone = np.flatnonzero(done.status == Status.STIFF)
 
     # Where the bound is lowered legs are short: it is raised again when the pivots have recovered.
-    paused = here[(done.status == Status.FINISHED) & (before.until(end) < end)]
-    recovered = pivots(crew, paused) > RECOVERED * SOFT
-    bound = np.where(recovered, SOFT, paused.bound)
-    short = np.where(recovered, settings.duration / SHORT, 2 * paused.short)
-    going = [replace(paused, bound=bound, short=short)]
+    rest = here[paused]
+    recovered = pivots(crew, rest) > RECOVERED * SOFT
+    bound = np.where(recovered, SOFT, rest.bound)
+    short = np.where(recovered, settings.duration / SHORT, 2 * rest.short)
+    going = [replace(rest, bound=bound, short=short)]
 
     # Where pivots have weakened members change charts; near a singular pose the bound is lowered.
-    weak = np.flatnonzero((done.status == Status.SINGULAR) & (steps >= 1))
     better, changed = in_better_charts(crew, here[weak], not settings.step_over)
-    alone, left = done.status == Status.STIFF, weak[~changed]
+    left = weak[~changed]
     if settings.step_over:
-        alone[left] = True
+        alone = np.concatenate([alone, rows[left]])
     else:
         rest = here[left]
         rest = rest[(rest.bound > checks.PIVOT_BOUND) & (rest.t < end)]
         lower = LOWER * np.minimum(rest.bound, pivots(crew, rest))
         going.append(replace(rest, bound=np.maximum(checks.PIVOT_BOUND, lower)))
-    return [*going, *better], np.flatnonzero(alone)
+    return [*going, *better], alone
 
 
 def in_better_charts(

@@ -25,7 +25,6 @@ from linkwork.simulation.lane_tables import (
     LIVE,
     LONGEST,
     MEMBER,
-    MOST,
     NUMBERS,
     PIECE,
     ROW,
@@ -47,23 +46,19 @@ CANCELLED = int(Status.CANCELLED)
 
 
 class Roster(NamedTuple):
-    """The M members of a call, and where each starts: its last state and whole turns are left in
-    `y` and `turns`.
+    """The M members of a call, and where each starts: its last state and whole turns are left in `y`
+    and `turns`.
 
-    y (M, n), turns (M, nq); rows: of the tables of signals and parameters, which may serve all (M,)
-    start, stop: times [s]; bound: of its pivots (M,); most: steps; first, last: of the times to
-    save at (M,)
+    y (M, n), turns (M, nq)
+    numbers (M, 3): when it starts and stops [s], and the bound of its pivots
+    counts (M, 4): its row of the tables of signals and parameters, which may serve all; the steps
+        that it may take; its first time to save at, and the last one but before it
     """
 
     y: Any
     turns: Any
-    rows: Any
-    start: Any
-    stop: Any
-    bound: Any
-    most: Any
-    first: Any
-    last: Any
+    numbers: Any
+    counts: Any
 
 
 class Results(NamedTuple):
@@ -76,6 +71,15 @@ class Results(NamedTuple):
 
 
 @njit(**INLINED)
+def stopped(tables):
+    """Tell whether any member in a lane has stopped."""
+    count = 0
+    for lane in range(LANES):
+        count += tables.tally[MEMBER, lane] >= 0 and not goes_on(lane, tables.now, tables.tally)
+    return count > 0
+
+
+@njit(**INLINED)
 def fill(waiting, members, signals, parameters, begun, save_at, results, turned, progress, tables):
     """Store the members that have stopped, and load the ones that wait, from number `waiting` on,
     into their lanes.
@@ -83,7 +87,7 @@ def fill(waiting, members, signals, parameters, begun, save_at, results, turned,
     turned: whether any turn was counted before. Return how many lanes have a member that goes on,
     and who waits then.
     """
-    now, tally, live = tables.now, tables.tally, 0
+    now, tally, live, count = tables.now, tables.tally, 0, members.counts.shape[0]
     for lane in range(LANES):
         while True:  # until the lane has a member that goes on, or there are none left
             if tally[MEMBER, lane] >= 0:
@@ -92,7 +96,7 @@ def fill(waiting, members, signals, parameters, begun, save_at, results, turned,
                 store_member(lane, members, results, turned, tables)
                 progress[0] += tally[STATUS, lane] != SINGULAR and tally[STATUS, lane] != STIFF
                 tally[MEMBER, lane] = -1
-            if waiting == members.rows.size:
+            if waiting == count:
                 break
             load_member(
                 waiting, lane, members, signals, parameters, begun, save_at, results, turned, tables
@@ -109,8 +113,9 @@ def load_member(i, lane, members, signals, parameters, begun, save_at, results, 
     """Put a started member into a lane; turned: whether any turn was counted before."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     inputs, place, begin = signals.coefficients.shape[2], i % LANES, block_row(i, n)
-    signal, row = signal_of(signals, members.rows[i]), shared(members.rows[i], parameters.shape[0])
     # What came of its start.
+    for m in range(COUNTS):
+        tally[m, lane] = results.counts[i, m]
     for m in range(NUMBERS):
         now[m, lane] = begun[begin + m, place]
     for m in range(n):
@@ -119,20 +124,19 @@ def load_member(i, lane, members, signals, parameters, begun, save_at, results, 
         tables.turned[m, lane] = members.turns[i, m]
     for m in range(n + 1):
         k[m, lane] = begun[begin + NUMBERS + n + m, place]
+    signal, row = (
+        signal_of(signals, tally[ROW, lane]),
+        shared(tally[ROW, lane], parameters.shape[0]),
+    )
     for m in range(parameters.shape[1]):
         x[n + inputs + m, lane] = tables.z[tables.nq + m, lane] = parameters[row, m]
-    for m in range(COUNTS):
-        tally[m, lane] = results.counts[i, m]
     # How it is to go on.
     now[GROWTH, lane], now[LONGEST, lane], now[IDEAL, lane] = LARGEST_FACTOR, 0.0, 0.0
-    tally[MEMBER, lane], tally[ROW, lane], tally[CAUSE, lane] = i, members.rows[i], STEP_UNDERFLOW
-    tally[MOST, lane], tally[LAST, lane] = members.most[i], members.last[i]
+    tally[MEMBER, lane], tally[CAUSE, lane], tally[STIFFLY, lane] = i, STEP_UNDERFLOW, 0
     tally[PIECE, lane], tally[BREAK, lane], tally[BEND, lane] = 0, signals.breaking[signal], 0
-    tally[STIFFLY, lane] = 0
-    start = now[START, lane]
+    start, first = now[START, lane], tally[SAVED, lane]
     force(signals, signal, start, False, x, n, lane, tally)
     now[TARGET, lane] = next_target(signals, signal, start, lane, now, tally)
-    first = members.first[i]
     if first < tally[LAST, lane] and save_at[first] == start:
         keep_sample(i, first, lane, y, results.samples, tables)
         tally[SAVED, lane] = first + 1
@@ -162,7 +166,7 @@ def leave(waiting, members, begun, results, turned, tables):
         if tally[MEMBER, lane] >= 0:
             tally[STATUS, lane] = CANCELLED
             store_member(lane, members, results, turned, tables)
-    for i in range(waiting, members.rows.size):
+    for i in range(waiting, results.counts.shape[0]):
         results.counts[i, STATUS] = CANCELLED
         place, begin = i % LANES, block_row(i, n)
         for m in range(NUMBERS):
@@ -174,13 +178,14 @@ def leave(waiting, members, begun, results, turned, tables):
 @njit(**OPTIONS)
 def measure_closure(closure, members, numbers, parameters, tables):
     """Keep the residuals of the last states reached."""
-    nq, z, z_next, count = tables.nq, tables.z, tables.z_next, members.rows.size
+    nq, z, z_next, states, counts = tables.nq, tables.z, tables.z_next, members.y, members.counts
+    count = counts.shape[0]
     for first in range(0, count, LANES):
         for lane in range(LANES):
             i = min(first + lane, count - 1)
-            row = shared(members.rows[i], parameters.shape[0])
+            row = shared(counts[i, 0], parameters.shape[0])
             for m in range(nq):
-                z[m, lane] = members.y[i, m]
+                z[m, lane] = states[i, m]
             for m in range(parameters.shape[1]):
                 z[nq + m, lane] = parameters[row, m]
         call_wide(closure, z, z_next, 0)

@@ -142,12 +142,12 @@ def look(lane, method, limits, tables):
     `native_loop.stiffness`."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     last, h, above, below = method.solution, now[STEP, lane], 0.0, 0.0
-    weights, tolerance = method.a + (last - 1) * method.stages, limits.tolerance
+    weights, scales = method.a + (last - 1) * method.stages, tables.scale
     for m in range(n):
         total = 0.0
         for j in range(last - 1):
             total += weights[j] * k[j * (n + 1) + m, lane]
-        scale = tolerance[1, m] + tolerance[0, m] * abs(x[m, lane])
+        scale = scales[n + m, lane] + scales[m, lane] * abs(x[m, lane])
         above += ((k[last * (n + 1) + m, lane] - k[(last - 1) * (n + 1) + m, lane]) / scale) ** 2
         below += ((x[m, lane] - (y[m, lane] + h * total)) / scale) ** 2
     stiff = below > 0 and h * math.sqrt(above / below) > limits.stability

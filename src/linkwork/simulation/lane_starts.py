@@ -18,10 +18,13 @@ from linkwork.simulation.lane_tables import (
     BOUND,
     BREAK,
     CLOSURE_ERROR,
+    COUNTS,
     ERROR,
     EVALUATIONS,
+    LAST,
     LOOSE,
     LOWEST,
+    MOST,
     NUMBERS,
     PIECE,
     PIVOT,
@@ -74,28 +77,29 @@ def set_out(members, first, signals, parameters, turned, tables):
     """Put the members from `first` on into the lanes, where and when they start; the last one into
     lanes that are left."""
     y, x, z, now, tally, n = tables.y, tables.x, tables.z, tables.now, tables.tally, tables.n
+    states, turns, numbers, counts = members.y, members.turns, members.numbers, members.counts
     inputs = signals.coefficients.shape[2]
     for lane in range(LANES):
-        i = min(first + lane, members.rows.size - 1)
-        signal, row = (
-            signal_of(signals, members.rows[i]),
-            shared(members.rows[i], parameters.shape[0]),
-        )
         # The state, whole turns, parameters.
+        i = min(first + lane, counts.shape[0] - 1)
+        signal, row = signal_of(signals, counts[i, 0]), shared(counts[i, 0], parameters.shape[0])
         for m in range(n):
-            y[m, lane] = members.y[i, m]
+            y[m, lane] = states[i, m]
         for m in range(tables.nq if turned else 0):
-            tables.turned[m, lane] = members.turns[i, m]
+            tables.turned[m, lane] = turns[i, m]
         for m in range(parameters.shape[1]):
             x[n + inputs + m, lane] = z[tables.nq + m, lane] = parameters[row, m]
-        # When it starts and has to end, and what its inputs are there.
-        now[START, lane] = now[TIME, lane] = members.start[i]
-        now[STOP, lane], now[BOUND, lane] = members.stop[i], members.bound[i]
-        tally[STATUS, lane], tally[EVALUATIONS, lane], tally[ROW, lane] = OK, 0, members.rows[i]
+        # How far it may go, and when it has to end a step first.
+        now[TIME, lane] = now[START, lane] = numbers[i, 0]
+        now[STOP, lane], now[BOUND, lane] = numbers[i, 1], numbers[i, 2]
+        tally[ROW, lane], tally[MOST, lane] = counts[i, 0], counts[i, 1]
+        tally[SAVED, lane], tally[LAST, lane] = counts[i, 2], counts[i, 3]
         tally[PIECE, lane], tally[BREAK, lane] = 0, signals.breaking[signal]
         force(signals, signal, now[START, lane], False, x, n, lane, tally)
         now[TARGET, lane] = next_target(signals, signal, now[START, lane], lane, now, tally)
         # Nothing was done yet.
+        tally[STATUS, lane], tally[EVALUATIONS, lane] = OK, 0
+        tally[ACCEPTED, lane] = tally[REJECTED, lane] = 0
         now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
         now[LOOSE, lane] = now[WANTED, lane] = 1.0
 
@@ -171,17 +175,16 @@ def guess_steps(kernels, method, signals, limits, tables):
 @njit(**INLINED)
 def keep_starts(first, begun, members, results, turned, tables):
     """Keep what came of the starts."""
-    n, row, tally, counts = tables.n, block_row(first, tables.n), tables.tally, results.counts
+    n, row, tally = tables.n, block_row(first, tables.n), tables.tally
+    counts, turns = results.counts, members.turns
     for m in range(NUMBERS):
         store(begun, row + m, load(tables.now, m))
     for m in range(n):
         store(begun, row + NUMBERS + m, load(tables.y, m))
     for m in range(n + 1):
         store(begun, row + NUMBERS + n + m, load(tables.k, m))
-    for lane in range(min(LANES, members.rows.size - first)):
-        i = first + lane
-        counts[i, ACCEPTED] = counts[i, REJECTED] = 0
-        counts[i, STATUS], counts[i, EVALUATIONS] = tally[STATUS, lane], tally[EVALUATIONS, lane]
-        counts[i, SAVED] = members.first[i]
+    for lane in range(min(LANES, counts.shape[0] - first)):
+        for m in range(COUNTS):
+            counts[first + lane, m] = tally[m, lane]
         if turned:
-            keep_turns(i, lane, members.turns, tables)
+            keep_turns(first + lane, lane, turns, tables)

@@ -43,6 +43,14 @@ class Tables(NamedTuple):
     shortest: float
 
 
+class Sizes(NamedTuple):
+    """What the size of a number of the state means: tolerance (2, n), rtol and atol; turning (2,
+    nq), the spans and wraps of `turns.Turning`."""
+
+    tolerance: Any
+    turning: Any
+
+
 # Rows of `now`, numbers; the first NUMBERS are kept of every member. A member goes from START to
 # STOP [s], while its pivots are above BOUND.
 TIME, STEP_SIZE, PIVOT, CLOSURE_ERROR, REJECTED_PIVOT, REJECTED_RESIDUAL, LOOSE = range(7)
@@ -67,12 +75,12 @@ NUMBERS = 10
 ) = range(10, 25)
 NOW = 25
 
-# Rows of `tally`, counts; the first COUNTS are kept of every member, too. MEMBER is its number, ROW
-# that of its signal and of its parameters; it may take MOST steps, and saves its states at the
-# times of `save_at` up to before LAST.
-STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED = range(5)
-COUNTS = 5
-CAUSE, PIECE, BREAK, BEND, MEMBER, ROW, MOST, LAST, REACHED, AILMENT, STIFFLY = range(5, 16)
+# Rows of `tally`, counts; the first COUNTS are kept of every member, too. ROW is that of its signal
+# and of its parameters; it may take MOST steps, and saves its states at the times of `save_at` up to
+# before LAST. MEMBER is its number.
+STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED, ROW, MOST, LAST = range(8)
+COUNTS = 8
+CAUSE, PIECE, BREAK, BEND, MEMBER, REACHED, AILMENT, STIFFLY = range(8, 16)
 TALLY = 16
 
 
@@ -93,17 +101,16 @@ def rows_of(n, nq, inputs, free, stages):
 
 
 @njit(**INLINED)
-def furnish(space, end, n, nq, tolerance, spans, wraps):
+def furnish(space, counts, end, n, nq, sizes):
     """Return the tables, one after the other in some space, which has to be kept alive, with what
     all lanes share."""
     for m in range(n):
-        space[end[6] + m], space[end[6] + n + m] = tolerance[0, m], tolerance[1, m]
+        space[end[6] + m], space[end[6] + n + m] = sizes.tolerance[0, m], sizes.tolerance[1, m]
     shortest = np.inf
     for m in range(nq):
-        space[end[8] + m], space[end[9] + m] = spans[m], wraps[m]
-        shortest = min(shortest, spans[m])
-    tally = np.zeros((TALLY, LANES), np.intp)
-    tally[MEMBER] = -1
+        space[end[8] + m], space[end[9] + m] = sizes.turning[0, m], sizes.turning[1, m]
+        shortest = min(shortest, sizes.turning[0, m])
+    counts[MEMBER] = -1
     return Tables(
         as_table(space),
         as_table(space[end[0] :]),
@@ -119,7 +126,7 @@ def furnish(space, end, n, nq, tolerance, spans, wraps):
         as_table(space[end[10] :]),
         as_table(space[end[11] :]),
         as_table(space[end[12] :]),
-        tally,
+        as_table(counts),
         n,
         nq,
         shortest,

@@ -21,14 +21,21 @@ one signal, or one row of p, all members share it.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, types
 
-from linkwork.simulation.compiled import INLINED, compiled_once
+from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
 from linkwork.simulation.lane_inputs import Signals, force, next_target, set_forces, signal_of
-from linkwork.simulation.lane_members import Results, Roster, fill, leave, measure_closure
+from linkwork.simulation.lane_members import (
+    Results,
+    Roster,
+    fill,
+    leave,
+    measure_closure,
+    stopped,
+)
 from linkwork.simulation.lane_refusals import diagnose, first_ailment, look_due, reject
 from linkwork.simulation.lane_samples import extend, take_samples, want_samples
 from linkwork.simulation.lane_starts import block_row, start_block
@@ -56,9 +63,11 @@ from linkwork.simulation.lane_tables import (
     SAVED,
     STATUS,
     STOP,
+    TALLY,
     TARGET,
     TIME,
     WANTED,
+    Sizes,
     furnish,
     room,
     rows_of,
@@ -73,42 +82,24 @@ from linkwork.simulation.vectors import LANES, as_table, call_wide, load, some, 
 
 
 class Demands(NamedTuple):
-    """What is asked of all steps: tolerance (2, n), rtol and atol; the closure's residual; h
-    |lambda| from which a step is stiff, 0 where that does not matter; the longest step [s].
-    """
+    """What is asked of all steps: the closure's residual; h |lambda| from which a step is stiff, 0
+    where that does not matter; the longest step [s]."""
 
-    tolerance: Any
     closure_tol: float
     stability: float
     max_step: float
 
 
 @njit(**INLINED)
-def attempt(kernels, method, signals, limits, tables):
-    """Try a step in all lanes: leave its stages in k, the new states in x, and what is to be said
-    of it in `now`."""
-    n, nq, y, x, k, now = tables.n, tables.nq, tables.y, tables.x, tables.k, tables.now
-    choose_steps(now)
-    for i in range(1, method.solution + 1):
-        combine(method.a + i * method.stages, i, n, now, y, k, x)
-        # The last stage is evaluated at the new state, whose loops are closed.
-        if i == method.solution:
-            store(now, RESIDUAL, splat(0.0))
-            if kernels.closure != 0:
-                project(
-                    kernels.closure,
-                    nq,
-                    x,
-                    tables.z,
-                    tables.z_next,
-                    now,
-                    limits.closure_tol,
-                    RESERVE,
-                )
-        if signals.timed:
-            set_forces(signals, method.c[i], x, n, now, tables.tally)
-        call_wide(kernels.motion, x, k, i * (n + 1))
-    judge(method, nq if kernels.closure != 0 else 0, limits.closure_tol, tables)
+def advance(kernels, method, i, limits, tables):
+    """Leave the state of stage i in x, of which the last is the new one: its loops are closed."""
+    n, nq, x, now = tables.n, tables.nq, tables.x, tables.now
+    combine(method.a + i * method.stages, i, n, now, tables.y, tables.k, x)
+    if i == method.solution:
+        store(now, RESIDUAL, splat(0.0))
+        if kernels.closure != 0:
+            z, z_next, closure_tol = tables.z, tables.z_next, limits.closure_tol
+            project(kernels.closure, nq, x, z, z_next, now, closure_tol, RESERVE)
 
 
 @njit(**INLINED)
@@ -125,20 +116,23 @@ def decide(method, limits, tables):
             diagnose(lane, method.solution, limits.closure_tol, tables)
 
 
-@njit(**INLINED)
-def look_into(kernels, method, signals, watched, limits, save_at, samples, tables):
+@njit(**OPTIONS)
+def look_into(kernels, method, signals, watched, limits, save_at, samples, peaks, tables):
     """Look at what the stages may not have seen within the accepted steps, and take the samples
     there; refuse steps in which something is wrong.
+
+    peaks: whether any lane may have come to a peak of the motion
     """
     now, tally, bending = tables.now, tables.tally, watched.bending
+    # Which lanes need the dense output, and the stages that it needs beside the others.
     marked = mark(watched, now, tally) if bending[-1] > bending.size - 1 else 0
-    peaks = some(falling(now))
     if peaks:
         marked += mark_peaks(now)
     further = method.computed < method.stages
     inside = want_samples(save_at, now, tally)[1] if save_at.size > 0 and further else 0
     if further and marked + inside > 0:
         extend(kernels.motion, method, signals, save_at, tables)
+    # Steps that the dense output refuses give no samples.
     if marked > 0:
         inspect(kernels.motion, method, signals, watched, peaks, tables)
     if save_at.size > 0:
@@ -158,19 +152,15 @@ def book(exponent, tables):
 
 
 @njit(**INLINED)
-def go_on(kernels, method, signals, limits, tables):
+def go_on(method, tables):
     """Go on from the ends of the accepted steps: their states, and their last slopes, are the next
     ones' first."""
-    n, now = tables.n, tables.now
-    accept(sixteenths(method.exponent), limits.max_step, now)
-    if signals.breaks.size > 0:
-        restart(kernels.motion, method.solution, signals, tables)
-    kept = load(now, ACCEPTS) <= splat(0.0)
-    move(tables.x, 0, tables.y, n, kept)
-    move(tables.k, method.solution * (n + 1), tables.k, n + 1, kept)
+    kept = load(tables.now, ACCEPTS) <= splat(0.0)
+    move(tables.x, 0, tables.y, tables.n, kept)
+    move(tables.k, method.solution * (tables.n + 1), tables.k, tables.n + 1, kept)
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def restart(motion, last, signals, tables):
     """Evaluate the slope anew, in place of the last stage's, in the lanes that have reached a break
     of their signal."""
@@ -221,12 +211,12 @@ _whole, _number = types.intp, types.float64
 _SIGNATURE = (
     _tuple(Kernels, _whole, _whole, _whole, _whole, _whole),
     _array,
-    _tuple(Demands, _rows, _number, _number, _number),
-    _table,
+    _tuple(Demands, _number, _number, _number),
+    _tuple(Sizes, _rows, _rows),
     _table,
     _tuple(Signals, _numbers, _tables, _wholes, _numbers, _wholes, types.boolean),
     _tuple(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
-    _tuple(Roster, _rows, _rows, _wholes, *[_numbers] * 3, *[_wholes] * 3),
+    _tuple(Roster, _rows, _rows, _rows, _counts),
     _array,
     _tuple(Results, _tables, _rows, _counts),
     _wholes,
@@ -236,58 +226,66 @@ _SIGNATURE = (
 
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
-    kernels, plan, limits, turning, parameters, signals, watched, members, save_at, results, cancel, progress
+    kernels, plan, limits, sizes, parameters, signals, watched, members, save_at, results, cancel, progress
 ):  # fmt: skip
     """Integrate members from their starts to their ends, and leave their last states there.
 
-    plan: the `StepPlan.table` of an explicit pair; turning (2, nq): spans and wraps as
-    in `turns.Turning`. parameters (N, np) or (1, np), signals, watched: as told by `members.rows`;
-    save_at (K,): times [s]. cancel (1,): the run ends where it is when another thread writes
-    anything but 0; progress (1,): the members ended.
+    plan: the `StepPlan.table` of an explicit pair.
+    parameters (N, np) or (1, np), signals, watched: of which each member has a row; save_at (K,):
+    times [s].
+    cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,):
+    the members ended.
     """
-    n, nq, inputs = members.y.shape[1], turning.shape[1], signals.coefficients.shape[2]
-    method, count = method_of(pointer(plan)), members.rows.size
+    n, nq, inputs = members.y.shape[1], sizes.turning.shape[1], signals.coefficients.shape[2]
+    method, count = method_of(pointer(plan)), members.counts.shape[0]
     end = rows_of(n, nq, inputs, parameters.shape[1], method.stages)
     space, blocks = room(end[-1]), room(block_row(count + LANES - 1, n))
-    tables = furnish(space, end, n, nq, limits.tolerance, turning[0], turning[1])
-    begun, turned = as_table(blocks), any_turned(members.turns)
+    counts = np.zeros((TALLY, LANES), np.intp)
+    tables, begun = furnish(space, counts, end, n, nq, sizes), as_table(blocks)
+    turned, timed, breaks = any_turned(members.turns), signals.timed, signals.breaks.size > 0
+    looks = save_at.size > 0 or watched.bending[-1] > watched.bending.size - 1
 
     # All members start, block after block.
     for first in range(0, count, LANES):
         turned = start_block(
-            kernels,
-            method,
-            signals,
-            limits,
-            members,
-            first,
-            parameters,
-            begun,
-            results,
-            turned,
-            tables,
-        )
+            kernels, method, signals, limits, members, first, parameters, begun, results, turned, tables
+        )  # fmt: skip
 
     # All lanes go step by step, until no member is left.
-    waiting, trips, due = np.intp(0), 0, LOOK
+    live, waiting, trips, due = 0, np.intp(0), 0, LOOK
     while True:
-        live, waiting = fill(
-            waiting, members, signals, parameters, begun, save_at, results, turned, progress, tables
-        )
+        if live == 0 or stopped(tables):
+            live, waiting = fill(
+                waiting, members, signals, parameters, begun, save_at, results, turned, progress, tables
+            )  # fmt: skip
         if live == 0 or cancel[0] != 0:
             break
-        attempt(kernels, method, signals, limits, tables)
+        # A step is tried, and judged.
+        store(tables.now, WANTED, load(tables.now, LIVE))
+        choose_steps(tables.now)
+        for i in range(1, method.solution + 1):
+            advance(kernels, method, i, limits, tables)
+            if timed:
+                set_forces(signals, method.c[i], tables.x, n, tables.now, tables.tally)
+            call_wide(kernels.motion, tables.x, tables.k, i * (n + 1))
+        judge(method, nq if kernels.closure != 0 else 0, limits.closure_tol, tables)
         decide(method, limits, tables)
-        look_into(kernels, method, signals, watched, limits, save_at, results.samples, tables)
+        peaks = some(falling(tables.now))
+        if looks or peaks:
+            look_into(kernels, method, signals, watched, limits, save_at, results.samples, peaks, tables)  # fmt: skip
         book(method.exponent, tables)
+        # Where it is accepted the lane goes on from its end.
         trips += 1
         if limits.stability > 0 and trips == due:
             due = trips + look_due(method, limits, tables)
-        go_on(kernels, method, signals, limits, tables)
+        accept(sixteenths(method.exponent), limits.max_step, tables.now)
+        if breaks:
+            restart(kernels.motion, method.solution, signals, tables)
+        go_on(method, tables)
         if some(large(tables)):
             turned |= settle(tables)
 
     leave(waiting, members, begun, results, turned, tables)
     if kernels.closure != 0:
         measure_closure(kernels.closure, members, results.numbers, parameters, tables)
-    space[0, 0] = blocks[0, 0] = 0.0  # the memory of the tables lives to the end
+    space[0, 0] = blocks[0, 0] = counts[0, 0] = 0  # the memory of the tables lives to the end

@@ -106,39 +106,25 @@ class MemberInputs:
 class Starts:
     """Say where M members set out, and how far each is to go.
 
-    rows: of the tables of inputs and parameters (M,); start, stop: times (M,) [s]
-    bound: relative pivot at which a member stops (M,); most: steps that it may take (M,)
-    first, last: of the times to save at, those from number `first` on up to before `last` (M,)
-    turns: whole turns of angles that are not in their states (M, nq)
+    numbers (M, 3): when it starts and stops [s], and the relative pivot at which it stops
+    counts (M, 4): its row of the tables of inputs and parameters; the steps that it may take; of
+        the times to save at, the first one's number and the one before which it ends
+    turns (M, nq): whole turns of angles that are not in their states
     """
 
-    rows: np.ndarray
-    start: np.ndarray
-    stop: np.ndarray
-    bound: np.ndarray
-    most: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
+    numbers: np.ndarray
+    counts: np.ndarray
     turns: np.ndarray
 
     @classmethod
     def alike(
-        cls, members: int, span: tuple[float, float], bound: float, most: int, times: int, nq: int
+        cls, members: int, numbers: tuple[float, float, float], most: int, times: int, nq: int
     ) -> "Starts":
-        """Return those of members that all go from the start to the end of a span."""
-        start, stop, bounds = (np.full(members, value) for value in (*span, bound))
-        last, steps, turns = (
-            np.full(members, times),
-            np.full(members, most),
-            np.zeros((members, nq)),
-        )
-        return cls(np.arange(members), start, stop, bounds, steps, np.zeros_like(last), last, turns)
-
-    def roster(self, y: np.ndarray, turns: np.ndarray, chunk: slice) -> tuple[np.ndarray, ...]:
-        """Return some of the members as the compiled loop takes them; y, turns: of all, where they
-        are left."""
-        own = self.rows, self.start, self.stop, self.bound, self.most, self.first, self.last
-        return (y[chunk], turns[chunk], *(values[chunk] for values in own))
+        """Return those of members that all have the same numbers, steps and times to save at."""
+        counts = np.empty((members, 4), np.intp)
+        counts[:] = 0, most, 0, times
+        counts[:, 0] = np.arange(members)
+        return cls(np.full((members, 3), numbers), counts, np.zeros((members, nq)))
 
 
 def as_inputs(
@@ -258,7 +244,8 @@ def integrate_many(
     times = times_within(np.atleast_1d(save_at), start, stop)
     tolerance, turning = tolerances(rtol, atol, n), turning or Turning.none(nq)
     if starts is None:
-        starts = Starts.alike(members, (start, stop), pivot_bound, max_steps, times.size, nq)
+        own = start, stop, pivot_bound
+        starts = Starts.alike(members, own, max_steps, times.size, nq)
         p = _rows("the parameters", parameters, members)
     else:
         p = np.atleast_2d(np.asarray(parameters, dtype=float, order="C"))
@@ -270,10 +257,8 @@ def integrate_many(
     asked = (
         lanes.Kernels(motion, closure or 0, 0, 0, 0),
         method.plan.table,
-        lanes.Demands(
-            tolerance, float(closure_tol), stability(method, leave_stiff), float(max_step)
-        ),
-        turning.table[:2],
+        lanes.Demands(float(closure_tol), stability(method, leave_stiff), float(max_step)),
+        lanes.Sizes(tolerance, turning.table[:2].copy()),
         p,
         lanes.Signals(*forces.signals),
         lanes.LaneSignals(*watched.watched),
@@ -310,14 +295,15 @@ def _outcomes(
         if cancel[0]:
             counts[chunk], numbers[chunk] = 0, np.nan
             counts[chunk, rows.STATUS] = Status.CANCELLED
-            counts[chunk, rows.SAVED] = starts.first[chunk]
-            numbers[chunk, rows.TIME] = starts.start[chunk]
+            counts[chunk, rows.SAVED] = starts.counts[chunk, 2]
+            numbers[chunk, rows.TIME] = starts.numbers[chunk, 0]
         else:
-            roster = lanes.Roster(*starts.roster(states, turns, chunk))
+            begun = starts.numbers[chunk], starts.counts[chunk]
+            roster = lanes.Roster(states[chunk], turns[chunk], *begun)
             results = lanes.Results(samples[chunk], numbers[chunk], counts[chunk])
             lanes.integrate(*asked, roster, times, results, cancel, ended[i])
         kept = np.arange(times.size)
-        saved = (kept >= starts.first[chunk, None]) & (kept < counts[chunk, rows.SAVED, None])
+        saved = (kept >= starts.counts[chunk, 2, None]) & (kept < counts[chunk, rows.SAVED, None])
         samples[chunk][~saved] = np.nan
         return not (counts[chunk, rows.STATUS] == Status.CANCELLED).any()
 

@@ -46,7 +46,14 @@ class LaneTable(types.Type):
         super().__init__(name="Table")
 
 
-VECTOR, MASK, TABLE = Vector(), Mask(), LaneTable()
+class CountTable(types.Type):
+    """Type of rows of LANES whole numbers in memory, as `LaneTable`."""
+
+    def __init__(self):
+        super().__init__(name="CountTable")
+
+
+VECTOR, MASK, TABLE, COUNT_TABLE = Vector(), Mask(), LaneTable(), CountTable()
 _NUMBERS, _BITS = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(1), LANES)
 
 
@@ -63,6 +70,7 @@ class _MaskModel(models.PrimitiveModel):
 
 
 @register_model(LaneTable)
+@register_model(CountTable)
 class _TableModel(models.PrimitiveModel):
     def __init__(self, manager, kind):
         super().__init__(manager, kind, ir.IntType(64))
@@ -97,21 +105,24 @@ _PLACE = types.UniTuple(types.intp, 2)
 
 
 @taught(operator.getitem, types.float64, TABLE, _PLACE)
+@taught(operator.getitem, types.intp, COUNT_TABLE, _PLACE)
 def _read(context, builder, signature, values):
-    return builder.load(_number(builder, *values[:2]))
+    return builder.load(_number(context, builder, signature.return_type, *values))
 
 
 @taught(operator.setitem, types.void, TABLE, _PLACE, types.float64)
+@taught(operator.setitem, types.void, COUNT_TABLE, _PLACE, types.intp)
 def _write(context, builder, signature, values):
-    builder.store(values[2], _number(builder, *values[:2]))
+    builder.store(values[2], _number(context, builder, signature.args[2], *values[:2]))
     return context.get_dummy_value()
 
 
-def _number(builder, table, place):
-    """Return the pointer to a number in a table."""
+def _number(context, builder, kind, table, place):
+    """Return the pointer to a number, of a kind, in a table."""
     row, lane = (builder.extract_value(place, i) for i in range(2))
     index = builder.add(builder.mul(row, ir.Constant(row.type, LANES)), lane)
-    return builder.gep(builder.inttoptr(table, ir.DoubleType().as_pointer()), [index])
+    number = context.get_value_type(kind)
+    return builder.gep(builder.inttoptr(table, number.as_pointer()), [index])
 
 
 def _row(builder, table, row):
@@ -121,13 +132,14 @@ def _row(builder, table, row):
 
 
 def _as_table(typing_context, array):
-    """Return an array (rows, LANES) as a `LaneTable`; the array has to be kept alive by name."""
+    """Return an array (rows, LANES) as a `LaneTable`, or one of whole numbers as a `CountTable`; the
+    array has to be kept alive by name."""
 
     def generate(context, builder, signature, values):
         data = context.make_array(signature.args[0])(context, builder, value=values[0]).data
         return builder.ptrtoint(data, ir.IntType(64))
 
-    return TABLE(array), generate
+    return (COUNT_TABLE if array.dtype == types.intp else TABLE)(array), generate
 
 
 def _load(typing_context, table, row):
