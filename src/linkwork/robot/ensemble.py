@@ -332,6 +332,8 @@ def collected(
     if not legs:
         legs = [Leg(stands, unbegun(stands)) for stands in begun(crew, settings)]
     numbers = totals(crew, legs)
+    if asked:
+        numbers = {name: values.copy() for name, values in numbers.items()}
     numbers["status"][unfinished] = Status.CANCELLED
     for one in lone:
         numbers["end_time"][one.member] = one.segments[-1].trajectory.end_time
@@ -368,7 +370,10 @@ def collected(
 
 def totals(crew: Members, legs: Sequence[Leg]) -> dict[str, np.ndarray]:
     """Return what the members' legs came to and took together (N,), by name."""
-    size = len(crew)
+    size, names = len(crew), ("status", "end_time", *STATISTICS)
+    if len(legs) == 1 and legs[0].members.size == size:  # all of them, in their order
+        found = {name: getattr(legs[0].outcomes, name) for name in names}
+        return found | {"closure_error": closure_errors(crew, legs[0])}
     found = {name: np.zeros(size, int) for name in ("status", "nfev", "steps", "rejected")}
     found["end_time"] = np.zeros(size)
     found |= {name: np.full(size, np.nan) for name in ("pivot", "closure_error")}

@@ -123,19 +123,15 @@ def begun(crew: Members, settings: Settings) -> Iterator[Stands]:
         shared = slice(1) if crew.alike and len(crew.p) == 1 else indices
         pivots = chart.kernel("pivots")(crew.q[shared], crew.p_robot(shared))[0]
         signs = np.where(pivots < 0, -1.0, 1.0)
-        for own, rows in alike(np.broadcast_to(signs, (indices.size, signs.shape[1]))):
-            faced = chart.with_signs(own)
-            yield Stands(
-                robot.run_charts.setdefault(faced.key, faced),
-                indices[rows],
-                np.zeros(rows.size),
-                y if rows.size == len(y) else y[rows],
-                np.broadcast_to(0.0, (rows.size, robot.equations.nq)),
-                np.zeros(rows.size, int),
-                np.full(rows.size, settings.max_steps),
-                np.full(rows.size, SOFT),
-                np.full(rows.size, settings.duration / SHORT),
-            )
+        for own, rows in alike(signs):
+            rows = np.arange(indices.size) if len(signs) < indices.size else rows
+            size, faced = rows.size, chart.with_signs(own)
+            numbers = 0.0, 0, settings.max_steps, SOFT, settings.duration / SHORT
+            t, saved, steps, bound, short = (np.broadcast_to(part, size) for part in numbers)
+            turns = np.broadcast_to(0.0, (size, robot.equations.nq))
+            own_chart = robot.run_charts.setdefault(faced.key, faced)
+            own_y = y if size == len(y) else y[rows]
+            yield Stands(own_chart, indices[rows], t, own_y, turns, saved, steps, bound, short)
 
 
 def side_by_side(
@@ -229,8 +225,8 @@ def integrated(crew: Members, settings: Settings, stands: Stands, progress: Prog
         progress=progress,
         turning=turning(crew.robot.turning, crew.robot.chart, system.acting),
         starts=Starts(
-            np.column_stack([stands.t, stands.t + (until - stands.t), stands.bound]),
-            np.column_stack([stands.members, stands.steps, stands.saved, last]),
+            (stands.t, stands.t + (until - stands.t), stands.bound),
+            (stands.members, stands.steps, stands.saved, last),
             stands.turns,
         ),
     )
@@ -263,11 +259,13 @@ def onward(crew: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], n
     alone: as `Passage.after`."""
     # Only who is not at the end, and has steps left, may go on.
     done, before, end = leg.outcomes, leg.stands, settings.duration
-    paused = (done.status == Status.FINISHED) & (before.until(end) < end)
-    weak = (done.status == Status.SINGULAR) & (before.steps > done.steps + done.rejected)
-    rows = np.flatnonzero(paused | weak)
-    paused, weak, here = paused[rows], np.flatnonzero(weak[rows]), leg.ends(rows, settings.save_at)
-    alone = np.flatnonzero(done.status == Status.STIFF)
+    rows = np.flatnonzero((done.status != Status.FINISHED) | (before.until(end) < end))
+    if not rows.size:
+        return [], rows
+    status, here = done.status[rows], leg.ends(rows, settings.save_at)
+    paused = status == Status.FINISHED
+    weak = np.flatnonzero((status == Status.SINGULAR) & (here.steps >= 1))
+    alone = rows[status == Status.STIFF]
 
     # Where the bound is lowered legs are short: it is raised again when the pivots have recovered.
     rest = here[paused]

@@ -77,7 +77,7 @@ from linkwork.simulation.lane_watch import LaneSignals, inspect, mark, mark_peak
 from linkwork.simulation.native_loop import LOOK
 from linkwork.simulation.native_pace import sixteenths
 from linkwork.simulation.native_parts import OK, RESERVE, Kernels, method_of
-from linkwork.simulation.pointers import pointer
+from linkwork.simulation.pointers import pointer, uncounted
 from linkwork.simulation.vectors import LANES, as_table, call_wide, load, some, splat, store
 
 
@@ -236,6 +236,9 @@ def integrate(
     cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,):
     the members ended.
     """
+    # The caller keeps all of this alive.
+    members, results, parameters = uncounted(members), uncounted(results), uncounted(parameters)
+    signals, watched, save_at = uncounted(signals), uncounted(watched), uncounted(save_at)
     n, nq, inputs = members.y.shape[1], sizes.turning.shape[1], signals.coefficients.shape[2]
     method, count = method_of(pointer(plan)), members.counts.shape[0]
     end = rows_of(n, nq, inputs, parameters.shape[1], method.stages)

@@ -104,16 +104,16 @@ class MemberInputs:
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Say where M members set out, and how far each is to go.
+    """Say where M members set out, and how far each is to go, by columns (M,).
 
-    numbers (M, 3): when it starts and stops [s], and the relative pivot at which it stops
-    counts (M, 4): its row of the tables of inputs and parameters; the steps that it may take; of
-        the times to save at, the first one's number and the one before which it ends
+    numbers: when it starts and stops [s], and the relative pivot at which it stops
+    counts: its row of the tables of inputs and parameters; the steps that it may take; of the times
+        to save at, the first one's number and the one before which it ends
     turns (M, nq): whole turns of angles that are not in their states
     """
 
-    numbers: np.ndarray
-    counts: np.ndarray
+    numbers: tuple[np.ndarray, np.ndarray, np.ndarray]
+    counts: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     turns: np.ndarray
 
     @classmethod
@@ -121,10 +121,18 @@ class Starts:
         cls, members: int, numbers: tuple[float, float, float], most: int, times: int, nq: int
     ) -> "Starts":
         """Return those of members that all have the same numbers, steps and times to save at."""
-        counts = np.empty((members, 4), np.intp)
-        counts[:] = 0, most, 0, times
-        counts[:, 0] = np.arange(members)
-        return cls(np.full((members, 3), numbers), counts, np.zeros((members, nq)))
+        start, stop, bound = (np.broadcast_to(number, members) for number in numbers)
+        steps, first, last = (np.broadcast_to(count, members) for count in (most, 0, times))
+        turns = np.broadcast_to(0.0, (members, nq))
+        return cls((start, stop, bound), (np.arange(members), steps, first, last), turns)
+
+    def tables(self, chunk: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers (M, 3) and counts (M, 4) of some members."""
+        numbers, counts = (
+            np.column_stack([column[chunk] for column in columns])
+            for columns in (self.numbers, self.counts)
+        )
+        return numbers, counts
 
 
 def as_inputs(
@@ -283,7 +291,7 @@ def _outcomes(
     states, samples = np.empty((members, n)), np.empty((members, times.size, n))
     numbers = np.empty((members, rows.NUMBERS))
     counts = np.empty((members, rows.COUNTS), dtype=np.intp)
-    turns = np.empty_like(starts.turns)
+    turns = np.empty(starts.turns.shape)
     cancel = np.zeros(1, dtype=np.intp)
     size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
@@ -295,15 +303,14 @@ def _outcomes(
         if cancel[0]:
             counts[chunk], numbers[chunk] = 0, np.nan
             counts[chunk, rows.STATUS] = Status.CANCELLED
-            counts[chunk, rows.SAVED] = starts.counts[chunk, 2]
-            numbers[chunk, rows.TIME] = starts.numbers[chunk, 0]
+            counts[chunk, rows.SAVED] = starts.counts[2][chunk]
+            numbers[chunk, rows.TIME] = starts.numbers[0][chunk]
         else:
-            begun = starts.numbers[chunk], starts.counts[chunk]
-            roster = lanes.Roster(states[chunk], turns[chunk], *begun)
+            roster = lanes.Roster(states[chunk], turns[chunk], *starts.tables(chunk))
             results = lanes.Results(samples[chunk], numbers[chunk], counts[chunk])
             lanes.integrate(*asked, roster, times, results, cancel, ended[i])
         kept = np.arange(times.size)
-        saved = (kept >= starts.counts[chunk, 2, None]) & (kept < counts[chunk, rows.SAVED, None])
+        saved = (kept >= starts.counts[2][chunk, None]) & (kept < counts[chunk, rows.SAVED, None])
         samples[chunk][~saved] = np.nan
         return not (counts[chunk, rows.STATUS] == Status.CANCELLED).any()
 
@@ -313,7 +320,7 @@ def _outcomes(
 
     dealt(run, len(chunks), threads, report, partial(cancel.fill, 1))
     return Outcomes(
-        status=counts[:, rows.STATUS],
+        status=counts[:, rows.STATUS].copy(),
         end_time=numbers[:, rows.TIME],
         y_end=states,
         samples=samples,

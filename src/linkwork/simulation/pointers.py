@@ -64,6 +64,30 @@ def _pointer(typing_context, array):
     return POINTER(array), generate
 
 
+def _uncounted(typing_context, given):
+    """Return an array, or a tuple of arrays and numbers, of which Numba counts no references; the
+    arrays have to be kept alive by name."""
+
+    def generate(context, builder, signature, values):
+        return _without_owner(context, builder, given, values[0])
+
+    return given(given), generate
+
+
+def _without_owner(context, builder, kind, value):
+    """Return a value with no owner to be told of references to arrays in it."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value=value)
+        array.meminfo, array.parent = (
+            ir.Constant(part.type, None) for part in (array.meminfo, array.parent)
+        )
+        return array._getvalue()
+    for i, part in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        own = _without_owner(context, builder, part, builder.extract_value(value, i))
+        value = builder.insert_value(value, own, i)
+    return value
+
+
 def _call(typing_context, address, x, out):
     """Call the C function void(const double *x, double *out) at an address."""
 
@@ -167,5 +191,6 @@ def _spread(builder, number):
 
 
 pointer: Callable[..., Any] = intrinsic(_pointer)
+uncounted: Callable[..., Any] = intrinsic(_uncounted)
 call: Callable[..., None] = intrinsic(_call)
 combine: Callable[..., None] = intrinsic(_combine)
