@@ -2,6 +2,7 @@
 the same."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,8 +91,13 @@ def other_source(monkeypatch) -> None:
     monkeypatch.setattr("linkwork.kernels.cache.source", lambda package: b"other source")
 
 
-@pytest.mark.parametrize("change", [other_versions, other_source])
-def test_nothing_is_taken_from_another_version(made, monkeypatch, change):
+def other_machine(monkeypatch) -> None:
+    kind = replace(derivations.this_machine(), cpu="generic")
+    monkeypatch.setattr(derivations, "this_machine", lambda: kind)
+
+
+@pytest.mark.parametrize("change", [other_versions, other_source, other_machine])
+def test_nothing_is_taken_from_another_version_or_machine(made, monkeypatch, change):
     lw.Robot(lw.robots.pendulum())
     change(monkeypatch)
     lw.Robot(lw.robots.pendulum())
