@@ -67,10 +67,11 @@ def run(states: int = 200, free_runs: int = 20) -> Section:
 
 def method(states: int) -> str:
     return f"""
-        The robot stands upright (gravity {UPRIGHT[1]} m/s² along y), so that G is not zero. {states} random states:
-        {REGION}. The reference has {DIGITS} digits and is another formulation, Lagrange multipliers in maximal
-        coordinates; error = max abs(x - x_ref) / max abs(x_ref) per quantity and state. Force-free runs of the horizontal
-        robot: from poses around 1.4 rad, rates normal with 0.03 m/s; energy relative to its initial value.
+        The robot stands upright (gravity {UPRIGHT[1]} m/s² along y), so that G is not zero.
+        {states} random states: {REGION}. The reference has {DIGITS} digits and is another
+        formulation, Lagrange multipliers in maximal coordinates; error = max abs(x - x_ref) / max
+        abs(x_ref) per quantity and state. Force-free runs of the horizontal robot: from poses
+        around 1.4 rad, rates normal with 0.03 m/s; energy relative to its initial value.
         """
 
 

@@ -18,15 +18,16 @@ from tests.analysis.mechanisms import dietmaier
 from tests.oracle.published import DIETMAIER_SQUARES
 
 MODES_METHOD = """
-    Newton's method from random starts, in the lanes of vector registers and over all threads, until each solution was
-    found several times and none in the second half of the starts. Dietmaier's leg lengths give the platform 40 real
-    postures, the most there can be. "Fresh": the first search in the process, deriving the platform and compiling
-    included where the cache is empty.
+    Newton's method from random starts, in the lanes of vector registers and over all threads, until
+    each solution was found several times and none in the second half of the starts. Dietmaier's leg
+    lengths give the platform 40 real postures, the most there can be. "Fresh": the first search in
+    the process, deriving the platform and compiling included where the cache is empty.
     """
 MAP_METHOD = """
-    A grid over x, y and the platform's angle; every pose is solved on the working mode of home, and its conditioning
-    computed. The map is an `xarray.Dataset` with actuator positions, determinants and conditioning; the time is that of
-    `analysis.workspace`, called and returned, on all threads; the first call, which compiles, is not counted.
+    A grid over x, y and the platform's angle; every pose is solved on the working mode of home, and
+    its conditioning computed. The map is an `xarray.Dataset` with actuator positions, determinants
+    and conditioning; the time is that of `analysis.workspace`, called and returned, on all threads;
+    the first call, which compiles, is not counted.
     """
 
 

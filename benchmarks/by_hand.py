@@ -4,14 +4,15 @@ a library.
 With the slides s, the links' absolute angles theta_i, the platform's centre p and angle psi, and w
 = (theta, p, psi):
 
-    p = P_i + s_i d_i + l1 e(theta_i) + l2 e(psi + a_i)                                 i = 1, 2, 3
-    A w' = B s',    A w'' = B s'' + g,     row pair i:  p'' - l1 n_i theta_i'' - l2 n_psi,i psi'' = d_i s_i'' + g_i
-    g_i = -l1 e_i theta_i'^2 - l2 e_psi,i psi'^2                                        e = (cos, sin), n = (-sin, cos)
+    p = P_i + s_i d_i + l1 e(theta_i) + l2 e(psi + a_i)    i = 1, 2, 3
+    A w' = B s',    A w'' = B s'' + g,
+    row pair i:  p'' - l1 n_i theta_i'' - l2 n_psi,i psi'' = d_i s_i'' + g_i
+    g_i = -l1 e_i theta_i'^2 - l2 e_psi,i psi'^2           e = (cos, sin), n = (-sin, cos)
     w' = X s',  w'' = X s'' + b,   X = A^-1 B,  b = A^-1 g
 
-    u = F_s + X' F_w:   F_s,i = (m_s + m_l) s_i'' + m_l l1/2 (d_i . n_i theta_i'' - d_i . e_i theta_i'^2)
-                        F_w = (m_l l1/2 d_i . n_i s_i'' + (I_l + m_l l1^2/4) theta_i'', m_p p'', I_p
-                        psi'')
+    u = F_s + X' F_w:
+    F_s,i = (m_s + m_l) s_i'' + m_l l1/2 (d_i . n_i theta_i'' - d_i . e_i theta_i'^2)
+    F_w = (m_l l1/2 d_i . n_i s_i'' + (I_l + m_l l1^2/4) theta_i'', m_p p'', I_p psi'')
 """
 
 from __future__ import annotations

@@ -27,11 +27,12 @@ COLUMNS = (
     "compiled [s]",
 )
 METHOD = f"""
-    Forward dynamics of all robots in `lw.robots`, with their default data, in the chart that runs start in. Instructions: of
-    the traced function, inputs and outputs included. Batch: time per state in batches on one core; one: state by state, each
-    waiting for the one before. Both over {STATES} states at the reference configuration with random rates and forces, medians
-    of blocks of 2 ms in which all robots take turns. Derived: from the description to the traced function; compiled: for
-    one state and for batches, with an empty cache of kernels.
+    Forward dynamics of all robots in `lw.robots`, with their default data, in the chart that runs
+    start in. Instructions: of the traced function, inputs and outputs included. Batch: time per
+    state in batches on one core; one: state by state, each waiting for the one before. Both over
+    {STATES} states at the reference configuration with random rates and forces, medians of blocks
+    of 2 ms in which all robots take turns. Derived: from the description to the traced function;
+    compiled: for one state and for batches, with an empty cache of kernels.
     """
 
 

@@ -55,14 +55,15 @@ WAYS = {
     PYTHON: Way(compiled=False),
 }
 METHOD = f"""
-    The circle of 50 mm of the work-precision task, run through in so many seconds as the table's title says, by
-    computed torque with kp = {KP:g} / s², kd = {KD:g} / s and the exact model, which is inverse dynamics of the
-    whole robot at every call; the first slider starts {1e3 * OFFSET:g} mm beside. Sampled: called at {RATE:g} Hz,
-    its forces held in between; every period is a step of its own, since the inputs jump. "1 step": one step of the
-    classical Runge-Kutta method for each period, as in real time; the promise is about it. The loop is the compiled
-    integrator alone with everything that happens in it: controller, motion, projection; simulate is the call of
-    `robot.simulate`, which traces the controller first. Error: largest distance of the sliders from their goal in
-    the second half. Medians of runs that take turns.
+    The circle of 50 mm of the work-precision task, run through in so many seconds as the table's
+    title says, by computed torque with kp = {KP:g} / s², kd = {KD:g} / s and the exact model, which
+    is inverse dynamics of the whole robot at every call; the first slider starts {1e3 * OFFSET:g}
+    mm beside. Sampled: called at {RATE:g} Hz, its forces held in between; every period is a step of
+    its own, since the inputs jump. "1 step": one step of the classical Runge-Kutta method for each
+    period, as in real time; the promise is about it. The loop is the compiled integrator alone with
+    everything that happens in it: controller, motion, projection; simulate is the call of
+    `robot.simulate`, which traces the controller first. Error: largest distance of the sliders from
+    their goal in the second half. Medians of runs that take turns.
     """
 
 
@@ -93,7 +94,8 @@ def run(duration: float = 2.0, rounds: int = 5, ways: Mapping[str, Way] = WAYS) 
         rows.append((
             name, done.attrs["method"], str(done.statistics.nfev),
             "-" if taken is None else quantity(1e3 * float(np.median(taken)), ""),
-            "-" if pace is None else quantity(pace, ""), quantity(called, ""), f"{errors[name]:.0e}",
+            "-" if pace is None else quantity(pace, ""),
+            quantity(called, ""), f"{errors[name]:.0e}",
         ))  # fmt: skip
         if taken is not None and pace is not None:
             bound = REAL_TIME if name == STEPPED else None

@@ -48,17 +48,17 @@ class Sizes:
 
 
 METHOD = f"""
-    The pushed second of the section before, for members that differ in their forces: the first slider's by up to {
-    100 * PUSH:g} %, and up to {ASIDE} N on the others; rtol {
-    RTOL:.0e}, atol a hundredth of it. The time is that of
-    `robot.ensemble`, called and returned, with the last states kept. Threads take turns in the same rounds; scaling is
-    the ratio of the medians.
+    The pushed second of the section before, for members that differ in their forces: the first
+    slider's by up to {100 * PUSH:g} %, and up to {ASIDE} N on the others; rtol {RTOL:.0e}, atol a
+    hundredth of it. The time is that of `robot.ensemble`, called and returned, with the last states
+    kept. Threads take turns in the same rounds; scaling is the ratio of the medians.
 
-    The table is of one thread. MuJoCo: `mujoco.rollout`, whose threads run the compiled engine without Python, on the
-    tree with soft constraints that are made stiff, by its Runge-Kutta method and, with 1 ms, by its default kind of
-    implicit steps. Pinocchio: `constraintDynamics` in a Python loop of Runge-Kutta steps. Error: largest of slide_1..3
-    and pivot_1..3 at the end over some members, against Linkwork's DOP853 at rtol 1e-13. Ratios are runs per second at
-    equal error, by interpolation of the logarithms.
+    The table is of one thread. MuJoCo: `mujoco.rollout`, whose threads run the compiled engine
+    without Python, on the tree with soft constraints that are made stiff, by its Runge-Kutta method
+    and, with 1 ms, by its default kind of implicit steps. Pinocchio: `constraintDynamics` in a
+    Python loop of Runge-Kutta steps. Error: largest of slide_1..3 and pivot_1..3 at the end over
+    some members, against Linkwork's DOP853 at rtol 1e-13. Ratios are runs per second at equal
+    error, by interpolation of the logarithms.
     """
 
 
@@ -81,14 +81,15 @@ def run(sizes: Sizes | None = None) -> Section:
     machine = float(np.median(seconds["kernel, 1"]) / np.median(seconds[f"kernel, {cores}"]))
     curves = throughput(robot, task, sizes)
     figures = [
-        Figure(f"{sizes.members} runs of 1 s, rtol 1e-8, one thread: per run", 1e6 * alone, "µs", PER_RUN,
-               note=(
+        Figure(f"{sizes.members} runs of 1 s, rtol 1e-8, one thread: per run", 1e6 * alone, "µs",
+               PER_RUN, note=(
                    f"1.5 µs is the aim; best {1e6 * seconds[1].min():.3g} µs, "
                    f"{done.nfev.mean():.0f} evaluations each"
                )),
-        Figure(f"the same on {cores} threads: per run and core", 1e6 * together * cores, "µs", PER_RUN),
-        Figure(f"one thread's time over that of {cores}", alone / together if cores > 1 else None, "",
-               SCALING if cores <= 2 else None, "at least", "" if cores > 1 else "one core"),
+        Figure(f"the same on {cores} threads: per run and core", 1e6 * together * cores, "µs",
+               PER_RUN),
+        Figure(f"one thread's time over that of {cores}", alone / together if cores > 1 else None,
+               "", SCALING if cores <= 2 else None, "at least", "" if cores > 1 else "one core"),
         Figure(f"the same of evaluations of the kernel alone, a tenth of a second on {cores} "
                "threads", machine, ""),
         Figure("members that did not reach their ends", float(len(done.failed)), "", 0.0),

@@ -53,10 +53,10 @@ def run(machine: Machine, rounds: int = 100) -> Section:
         Figure("compiling the kernel, cache empty", float(np.median(cold)), "s", 0.5),
         Figure("getting the kernel from the cache", 1e3 * float(np.median(warm)), "ms", 50.0),
         Figure("linkwork info prr3, warm, whole process", float(np.median(info)), "s", 2.0),
-        Figure("1 s under a constant force, rtol 1e-8: compiled loop", us(times["pushed"]), "µs", 100.0,
-               note=f"{nfev['pushed']} evaluations"),
-        Figure("1 s of prescribed motion, rtol 1e-8: compiled loop", us(times["moving"]), "µs", 100.0,
-               note=f"{nfev['moving']} evaluations"),
+        Figure("1 s under a constant force, rtol 1e-8: compiled loop", us(times["pushed"]), "µs",
+               100.0, note=f"{nfev['pushed']} evaluations"),
+        Figure("1 s of prescribed motion, rtol 1e-8: compiled loop", us(times["moving"]), "µs",
+               100.0, note=f"{nfev['moving']} evaluations"),
         Figure("the same, integrate() called from Python", us(times["integrate"]), "µs"),
         Figure("the same, robot.simulate", us(times["simulate"]), "µs"),
     ]  # fmt: skip
@@ -70,13 +70,15 @@ def run(machine: Machine, rounds: int = 100) -> Section:
 
 
 METHOD = f"""
-    One core. Batches: {native.STATES} states over the workspace in the kernel's own layout, in the core's cache, evaluated
-    by its native loop over blocks. One by one: a native loop calls the one-lane code for state after state, either each
-    waiting for the derivatives of the one before, as in an integrator, or all known in advance. Medians of blocks of 2 ms in
-    which the contenders take turns. Fraction of peak: additions, multiplications, divisions and roots of the vector code,
-    an FMA counting two, against the measured peak of independent FMAs. Compiling: fresh processes, the time to
-    get the code for one state and that for batches. Simulated seconds: 0.5 N on the first slider from rest, and the task of the
-    work-precision plot; the compiled loop is all of a run but the checks of its arguments.
+    One core. Batches: {native.STATES} states over the workspace in the kernel's own layout, in the
+    core's cache, evaluated by its native loop over blocks. One by one: a native loop calls the
+    one-lane code for state after state, either each waiting for the derivatives of the one before,
+    as in an integrator, or all known in advance. Medians of blocks of 2 ms in which the contenders
+    take turns. Fraction of peak: additions, multiplications, divisions and roots of the vector
+    code, an FMA counting two, against the measured peak of independent FMAs. Compiling: fresh
+    processes, the time to get the code for one state and that for batches. Simulated seconds: 0.5 N
+    on the first slider from rest, and the task of the work-precision plot; the compiled loop is all
+    of a run but the checks of its arguments.
     """
 
 
@@ -87,13 +89,15 @@ def speed(machine: Machine, times: dict[str, np.ndarray], flops: int) -> list[Fi
         f"this processor has no AVX-512; {machine.lanes} lanes take what the next line says"
     )
     return [
-        Figure("batches with AVX-512, per state and core", batch if machine.has_avx512 else None, "ns", 17.0,
-               note="" if machine.has_avx512 else unmeasured),
-        Figure(f"batches of {machine.lanes} lanes, per state and core", batch, "ns", note=best(times["batch"])),
+        Figure("batches with AVX-512, per state and core", batch if machine.has_avx512 else None,
+               "ns", 17.0, note="" if machine.has_avx512 else unmeasured),
+        Figure(f"batches of {machine.lanes} lanes, per state and core", batch, "ns",
+               note=best(times["batch"])),
         Figure("batches: floating-point operations per state", float(flops)),
-        Figure("batches: fraction of the arithmetic peak", 100 * flops / (batch * machine.peak), "%"),
-        Figure("one by one, each waiting for the last, per state", ns(times["chained"]), "ns", 120.0,
-               note=best(times["chained"])),
+        Figure("batches: fraction of the arithmetic peak", 100 * flops / (batch * machine.peak),
+               "%"),
+        Figure("one by one, each waiting for the last, per state", ns(times["chained"]), "ns",
+               120.0, note=best(times["chained"])),
         Figure("one by one, all known in advance, per state", ns(times["independent"]), "ns",
                note=best(times["independent"])),
     ]  # fmt: skip

@@ -48,9 +48,11 @@ def run(loops: Sequence[int] = LOOPS, a02: int = A02, rounds: int = 15) -> Secti
         Figure("instructions per further loop, largest over smallest", max(growth) / min(growth)),
         *(Figure(f"N = {last.loops}: {what}", value, "s") for what, value in seconds.items()),
         Figure(f"N = {last.loops}: all of these", sum(seconds.values()), "s", 20.0),
-        *(Figure(f"N = {last.loops}: {how}, per state", us(times), "µs", note=best(times)) for how, times in speed.items()),
+        *(Figure(f"N = {last.loops}: {how}, per state", us(times), "µs", note=best(times))
+          for how, times in speed.items()),
         *through_singular_poses(a02, rounds),
-        Figure(f"A02, N = {PUBLISHED}: error of the first tip's place at the end", published_error(), "m"),
+        Figure(f"A02, N = {PUBLISHED}: error of the first tip's place at the end",
+               published_error(), "m"),
     ]  # fmt: skip
     raw = {
         "instructions": {one.loops: one.instructions for one in grown},
@@ -64,12 +66,13 @@ def run(loops: Sequence[int] = LOOPS, a02: int = A02, rounds: int = 15) -> Secti
 
 def method(largest: int) -> str:
     return f"""
-        `lw.robots.n_four_bar(N)`: 2 N + 1 rods, 3 N + 1 joints, N closed loops, one freedom. Instructions: of the traced
-        forward dynamics, inputs and outputs included, over N. N = {largest} is compiled with an empty cache of kernels and
-        evaluated at {STATES} states. A02: `robot.simulate` over {DURATION:g} s at rtol {RTOL:.0e} with
-        on_singular="step_over", its end saved, after a first run that loads the kernels. Errors: the largest of the cranks'
-        angles, against the equation of one freedom integrated to 1e-13, and for N = {PUBLISHED} the place of the first
-        crank's tip, against the published one.
+        `lw.robots.n_four_bar(N)`: 2 N + 1 rods, 3 N + 1 joints, N closed loops, one freedom.
+        Instructions: of the traced forward dynamics, inputs and outputs included, over N. N =
+        {largest} is compiled with an empty cache of kernels and evaluated at {STATES} states. A02:
+        `robot.simulate` over {DURATION:g} s at rtol {RTOL:.0e} with on_singular="step_over", its
+        end saved, after a first run that loads the kernels. Errors: the largest of the cranks'
+        angles, against the equation of one freedom integrated to 1e-13, and for N = {PUBLISHED} the
+        place of the first crank's tip, against the published one.
         """
 
 

@@ -29,12 +29,14 @@ ATOL = 1e-2  # absolute tolerances, relative to the relative ones
 EQUAL_ERRORS = (1e-2, 1e-3)
 COLUMNS = ("linkage", "by", "setting", "error [rad]", "time [ms]", "closure error [m]")
 METHOD = """
-    Andrews' squeezer: 0.03 s from rest under its drive of 0.033 N m; Bricard's linkage: 9 s from rest under gravity (after
-    10 s it stands where it began). Error: the largest of the joint angles at the end (seven of Andrews' squeezer, all six of
-    Bricard's linkage), against independent equations integrated to 1e-13. Linkwork: `robot.simulate`, its end saved, at
-    relative tolerances, absolute ones a hundredth of them; the best of several runs in turn. Exudyn: its generalised-alpha
-    integrator with constant steps on rigid bodies in space, the time inside its solver alone, the best of two. Closure error:
-    the largest gap of any joint over the run. Ratios are times at equal error, by interpolation of the logarithms.
+    Andrews' squeezer: 0.03 s from rest under its drive of 0.033 N m; Bricard's linkage: 9 s from
+    rest under gravity (after 10 s it stands where it began). Error: the largest of the joint angles
+    at the end (seven of Andrews' squeezer, all six of Bricard's linkage), against independent
+    equations integrated to 1e-13. Linkwork: `robot.simulate`, its end saved, at relative
+    tolerances, absolute ones a hundredth of them; the best of several runs in turn. Exudyn: its
+    generalised-alpha integrator with constant steps on rigid bodies in space, the time inside its
+    solver alone, the best of two. Closure error: the largest gap of any joint over the run. Ratios
+    are times at equal error, by interpolation of the logarithms.
     """
 
 

@@ -31,9 +31,12 @@ def run(rounds: int = 100) -> Section:
     bare = pinocchio - median["Pinocchio, empty call"]
     error = {name: float(np.median(values)) for name, values in errors(robot).items()}
     figures = [
-        *(Figure(f"{name}, per state", 1e6 * value, "µs", note=note(name, seconds, error)) for name, value in median.items()),
-        Figure("batches on one core: times Pinocchio's rate of states", pinocchio / batch, "", 200, "at least"),
-        Figure("one by one, native: times Pinocchio's rate", pinocchio / chained, "", 25, "at least"),
+        *(Figure(f"{name}, per state", 1e6 * value, "µs", note=note(name, seconds, error))
+          for name, value in median.items()),
+        Figure("batches on one core: times Pinocchio's rate of states", pinocchio / batch, "", 200,
+               "at least"),
+        Figure("one by one, native: times Pinocchio's rate", pinocchio / chained, "", 25,
+               "at least"),
         Figure("batches: times Pinocchio's rate, its empty call subtracted", bare / batch),
         Figure("one by one: times Pinocchio's rate, its empty call subtracted", bare / chained),
         Figure("batches: times MuJoCo's rate", median["MuJoCo"] / batch),
@@ -48,11 +51,12 @@ def run(rounds: int = 100) -> Section:
 
 
 METHOD = f"""
-    Forward dynamics of the 3-PRR, in blocks of 2 ms that take turns; medians. Pinocchio: `constraintDynamics` called from
-    Python in a tight loop over {STATES} prepared states, with the quickest proximal settings that keep its accuracy; the
-    empty call is the same function on a model of one slider without loops, an upper bound of what calling from Python costs.
-    MuJoCo: `mj_forward` alone. NumPy by hand: the lean equations of `by_hand.py`; textbook: the paper's matrices as
-    printed. Errors: medians against the multipliers formulation in doubles, relative.
+    Forward dynamics of the 3-PRR, in blocks of 2 ms that take turns; medians. Pinocchio:
+    `constraintDynamics` called from Python in a tight loop over {STATES} prepared states, with the
+    quickest proximal settings that keep its accuracy; the empty call is the same function on a
+    model of one slider without loops, an upper bound of what calling from Python costs. MuJoCo:
+    `mj_forward` alone. NumPy by hand: the lean equations of `by_hand.py`; textbook: the paper's
+    matrices as printed. Errors: medians against the multipliers formulation in doubles, relative.
     """
 
 

@@ -50,7 +50,8 @@ def solved(
     there = robot.in_chart(start, chart.independent)
     y = np.concatenate([there.q, there.rates])
     done = solve_ivp(
-        derivative(chart, forces), (0.0, times[-1]), y, method=method, t_eval=times, rtol=rtol, atol=atol,
+        derivative(chart, forces), (0.0, times[-1]), y, method=method, t_eval=times,
+        rtol=rtol, atol=atol,
         **({"jac": jacobian(robot, chart, forces)} if method in IMPLICIT else {}),  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     assert done.success, done.message

@@ -23,13 +23,15 @@ STEP = 5.0  # [ms]
 REACH, TURNS = 0.25, 40  # radius of the circle that the hand draws [m], frames to a turn
 LARGEST = 3.0  # [MB]
 DRAG_METHOD = f"""
-    The handle of the Stewart platform's tool is led around a circle of {REACH} m radius, {TURNS} positions to a turn at
-    30 frames a second. A step: the new wish, the robot led towards it with its loops closed, and all that is to be seen
-    worked out (places of all parts, forces that hold the pose, conditioning, closure). A frame is a step and handing
-    everything to the server, in the viewer's own thread, with no browser connected. Medians, and the longest of all.
+    The handle of the Stewart platform's tool is led around a circle of {REACH} m radius, {TURNS}
+    positions to a turn at 30 frames a second. A step: the new wish, the robot led towards it with
+    its loops closed, and all that is to be seen worked out (places of all parts, forces that hold
+    the pose, conditioning, closure). A frame is a step and handing everything to the server, in the
+    viewer's own thread, with no browser connected. Medians, and the longest of all.
     """
 REPORT_METHOD = """
-    The page that `linkwork reproduce` writes: figures, animation and tables in one file that needs nothing else.
+    The page that `linkwork reproduce` writes: figures, animation and tables in one file that needs
+    nothing else.
     """
 
 
@@ -46,8 +48,8 @@ def drag(steps: int = 200, rounds: int = 3) -> Section:
     figures = [
         Figure("a drag step: assemble and update", 1e3 * float(np.median(alone)), "ms", STEP),
         Figure("the same, 99 of 100 steps", 1e3 * float(np.quantile(alone, 0.99)), "ms"),
-        Figure("a frame, with everything handed to the server", 1e3 * float(np.median(frames)), "ms",
-               note=f"longest {1e3 * frames.max():.3g} ms"),
+        Figure("a frame, with everything handed to the server", 1e3 * float(np.median(frames)),
+               "ms", note=f"longest {1e3 * frames.max():.3g} ms"),
         Figure("largest closure error along the drag", gap, "m", 1e-9),
     ]  # fmt: skip
     return Section(

@@ -33,15 +33,16 @@ COLUMNS = (
     "simulate [µs]",
 )
 METHOD = f"""
-    One second at rtol {RTOL:.0e}, atol {runs.ATOL * RTOL:.0e}, on one core; methods of a fixed step with 1 ms. Where no method
-    is named it is the one that is taken if it is left out: sharp_smart, of order 7, for constant forces ("pushed"), and
-    dormand_prince, of order 5, for sampled ones ("moving"). {FEW} instants are saved where nothing else is said.
-    "pushed": from rest in the middle of the workspace with 0.5 N on the first slider; "moving": the task of the
-    work-precision plot. After every step the loops are closed by projection; saved instants come from the dense output
-    and are projected, too. Loop: the compiled loop alone, with the arguments that `robot.simulate` hands it. Simulate:
-    `robot.simulate` as a user calls it, without what a run measures when it is asked for. Error: largest of all joint
-    coordinates at the end, against the method of order 8 at rtol 1e-13. Medians of blocks of 2 ms in which all take
-    turns.
+    One second at rtol {RTOL:.0e}, atol {runs.ATOL * RTOL:.0e}, on one core; methods of a fixed step
+    with 1 ms. Where no method is named it is the one that is taken if it is left out: sharp_smart,
+    of order 7, for constant forces ("pushed"), and dormand_prince, of order 5, for sampled ones
+    ("moving"). {FEW} instants are saved where nothing else is said. "pushed": from rest in the
+    middle of the workspace with 0.5 N on the first slider; "moving": the task of the work-precision
+    plot. After every step the loops are closed by projection; saved instants come from the dense
+    output and are projected, too. Loop: the compiled loop alone, with the arguments that
+    `robot.simulate` hands it. Simulate: `robot.simulate` as a user calls it, without what a run
+    measures when it is asked for. Error: largest of all joint coordinates at the end, against the
+    method of order 8 at rtol 1e-13. Medians of blocks of 2 ms in which all take turns.
     """
 
 

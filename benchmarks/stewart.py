@@ -70,16 +70,19 @@ def run(rounds: int = 60) -> Section:
 
 
 METHOD = f"""
-    Forward dynamics of `lw.robots.stewart()`: 13 moving bodies, 18 joints. {POSES} random poses of the platform
-    within {SHIFT} m and {TURN} rad of home in every direction, legs' rates normal with {SPEED} m/s, legs' forces normal with
-    {1e-3 * PUSH:g} kN around {1e-3 * LIFT:g} kN; for batches {STATES} states at these poses, in the core's cache. The promise
-    is about the chart that runs start in; the chart of the legs' rates, in which the actuated accelerations are, stands beside
+    Forward dynamics of `lw.robots.stewart()`: 13 moving bodies, 18 joints. {POSES} random poses of
+    the platform within {SHIFT} m and {TURN} rad of home in every direction, legs' rates normal with
+    {SPEED} m/s, legs' forces normal with {1e-3 * PUSH:g} kN around {1e-3 * LIFT:g} kN; for batches
+    {STATES} states at these poses, in the core's cache. The promise is about the chart that runs
+    start in; the chart of the legs' rates, in which the actuated accelerations are, stands beside
     it. Medians of blocks of 2 ms in which the contenders take turns.
 
-    Pinocchio (`constraintDynamics`, a tree of 21 freedoms, five points closed) is called from Python in a tight loop over
-    {POSES} prepared states, with the quickest proximal settings that keep its accuracy; the empty call is an upper bound of
-    what calling from Python costs. MuJoCo: `mj_forward` at one state. They are timed after their accelerations agreed with
-    Linkwork's. Published times of C++ programs for such a platform, on another machine: Pinocchio 13.5 µs, MuJoCo 9.9 µs.
+    Pinocchio (`constraintDynamics`, a tree of 21 freedoms, five points closed) is called from
+    Python in a tight loop over {POSES} prepared states, with the quickest proximal settings that
+    keep its accuracy; the empty call is an upper bound of what calling from Python costs. MuJoCo:
+    `mj_forward` at one state. They are timed after their accelerations agreed with Linkwork's.
+    Published times of C++ programs for such a platform, on another machine: Pinocchio 13.5 µs,
+    MuJoCo 9.9 µs.
     """
 
 
@@ -169,8 +172,10 @@ def ratios(median: dict[str, float]) -> list[Figure]:
     """Return the ratios of rates of states."""
     bare = median[PINOCCHIO] - median[EMPTY]
     return [
-        Figure("batches on one core: times Pinocchio's rate of states", median[PINOCCHIO] / median[BATCH], "", 80, "at least"),
-        Figure("one by one, native: times Pinocchio's rate", median[PINOCCHIO] / median[ONE], "", 15, "at least"),
+        Figure("batches on one core: times Pinocchio's rate of states",
+               median[PINOCCHIO] / median[BATCH], "", 80, "at least"),
+        Figure("one by one, native: times Pinocchio's rate", median[PINOCCHIO] / median[ONE], "",
+               15, "at least"),
         Figure("batches: times Pinocchio's rate, its empty call subtracted", bare / median[BATCH]),
         Figure("one by one: times Pinocchio's rate, its empty call subtracted", bare / median[ONE]),
         Figure("batches: times MuJoCo's rate", median[MUJOCO] / median[BATCH]),

@@ -25,13 +25,15 @@ WANTED = 1e-5  # error of s over the run [m]
 CHOSEN = 1e-6
 COLUMNS = ("by", "rtol", "evaluations", "error of s [m]", "all joints", "time [ms]")
 METHOD = f"""
-    The benchmark's motion: 10 s from the reference with the spindle at 2 pi rad/s; springs of 8e5 N/m with dampers of
-    4e4 N s/m stand where Watt's governor has links. The library compares the slider's height s over time. Error:
-    largest of s, and of all joints [m, rad], at 101 instants against Lagrange's equations in closed form
-    (`tests/oracle/governor.py`) by SciPy's Radau at rtol 1e-12. The library publishes its reference as a curve; the
-    {WANTED:.0e} m promised here are far below what can be read off it. Linkwork: `robot.simulate` with method="rodas";
-    evaluations are those of the right-hand side, a Jacobian comes to each step. "Loop": the compiled integrator alone.
-    SciPy: Radau and LSODA on the compiled right-hand side and Jacobian. Times: the best of several runs in turn.
+    The benchmark's motion: 10 s from the reference with the spindle at 2 pi rad/s; springs of 8e5
+    N/m with dampers of 4e4 N s/m stand where Watt's governor has links. The library compares the
+    slider's height s over time. Error: largest of s, and of all joints [m, rad], at 101 instants
+    against Lagrange's equations in closed form (`tests/oracle/governor.py`) by SciPy's Radau at
+    rtol 1e-12. The library publishes its reference as a curve; the {WANTED:.0e} m promised here are
+    far below what can be read off it. Linkwork: `robot.simulate` with method="rodas"; evaluations
+    are those of the right-hand side, a Jacobian comes to each step. "Loop": the compiled integrator
+    alone. SciPy: Radau and LSODA on the compiled right-hand side and Jacobian. Times: the best of
+    several runs in turn.
     """
 
 
@@ -80,8 +82,8 @@ def run(sizes: Sizes | None = None) -> Section:
         Figure("the same: evaluations", float(found[chosen].nfev)),
     ]  # fmt: skip
     rows = [
-        (by, f"{rtol:.0e}", str(one.nfev), f"{errors[by, rtol][1]:.0e}", f"{errors[by, rtol].max():.0e}",
-         quantity(1e3 * least[by, rtol], ""))
+        (by, f"{rtol:.0e}", str(one.nfev), f"{errors[by, rtol][1]:.0e}",
+         f"{errors[by, rtol].max():.0e}", quantity(1e3 * least[by, rtol], ""))
         for (by, rtol), one in found.items()
     ]  # fmt: skip
     raw = {f"{by}, {rtol:.0e}": summary(values) for (by, rtol), values in seconds.items()}

@@ -40,15 +40,17 @@ STIFFEST = 1e-8  # tightest tolerance of the methods that need Jacobians
 LEGS = (5600.0, 5200.0, 5500.0, 5300.0, 5450.0, 5350.0)  # of the Stewart platform [N]
 COLUMNS = ("robot", "by", "setting", "error [m, rad]", "closure error [m]", "time [ms]")
 METHOD = """
-    Constant forces from rest: the pushed second of the 3-PRR; one second of the Stewart platform under 5.2 to 5.6 kN in
-    its legs; 0.03 s of Andrews' squeezer under its drive. Error: largest of some joint coordinates at the end. Closure
-    error: the largest gap of any loop over what was saved. Everybody is called from Python and saves the end alone or,
-    where that cannot be chosen, every step: `robot.simulate`; SciPy's `solve_ivp` on Linkwork's compiled right-hand
-    side, q not projected; MuJoCo (Runge-Kutta of order 4, soft constraints made stiff) and Exudyn (generalised-alpha),
-    the time inside their solvers alone. Best of several runs in turn; Exudyn's and MuJoCo's best of two. Ratios are
-    times at equal error, by interpolation of the logarithms.
+    Constant forces from rest: the pushed second of the 3-PRR; one second of the Stewart platform
+    under 5.2 to 5.6 kN in its legs; 0.03 s of Andrews' squeezer under its drive. Error: largest of
+    some joint coordinates at the end. Closure error: the largest gap of any loop over what was
+    saved. Everybody is called from Python and saves the end alone or, where that cannot be chosen,
+    every step: `robot.simulate`; SciPy's `solve_ivp` on Linkwork's compiled right-hand side, q not
+    projected; MuJoCo (Runge-Kutta of order 4, soft constraints made stiff) and Exudyn
+    (generalised-alpha), the time inside their solvers alone. Best of several runs in turn; Exudyn's
+    and MuJoCo's best of two. Ratios are times at equal error, by interpolation of the logarithms.
 
-    Where MuJoCo's and SciPy's curves end in a vertical line, soft constraints or drift bound the error from below.
+    Where MuJoCo's and SciPy's curves end in a vertical line, soft constraints or drift bound the
+    error from below.
     """
 
 

@@ -119,15 +119,17 @@ def run(grid: Grid | None = None) -> Section:
 
 def method(grid: Grid) -> str:
     return f"""
-        One second of the 3-PRR: the forces of a circle of 50 mm with a swing of 0.2 rad around 1.2 rad, rest to rest, given
-        as a cubic spline of 1001 samples. Error at the end over slide_1..3 and pivot_1..3 [m, rad]; wall times are the best of
-        {grid.rounds} turns, each the mean of a block of about 1 ms. Linkwork: the compiled loop alone; `integrate()` called
-        from Python; `robot.simulate` with all that follows from the states measured. Pinocchio and MuJoCo:
-        fixed steps of the classical Runge-Kutta method in a lean Python loop, the forces evaluated beforehand; "evaluations
-        alone" counts nothing but the calls of `constraintDynamics`, as if the rest of the integrator cost nothing, to set
-        beside the compiled loop. NumPy: the equations by hand, `solve_ivp` with RK45. Exudyn: generalised-alpha, once. Ratios
-        are times at equal error, by interpolation of the logarithms; the promises count from errors of {PROMISED_FROM:.0e}
-        downwards.
+        One second of the 3-PRR: the forces of a circle of 50 mm with a swing of 0.2 rad around 1.2
+        rad, rest to rest, given as a cubic spline of 1001 samples. Error at the end over slide_1..3
+        and pivot_1..3 [m, rad]; wall times are the best of {grid.rounds} turns, each the mean of a
+        block of about 1 ms. Linkwork: the compiled loop alone; `integrate()` called from Python;
+        `robot.simulate` with all that follows from the states measured. Pinocchio and MuJoCo: fixed
+        steps of the classical Runge-Kutta method in a lean Python loop, the forces evaluated
+        beforehand; "evaluations alone" counts nothing but the calls of `constraintDynamics`, as if
+        the rest of the integrator cost nothing, to set beside the compiled loop. NumPy: the
+        equations by hand, `solve_ivp` with RK45. Exudyn: generalised-alpha, once. Ratios are times
+        at equal error, by interpolation of the logarithms; the promises count from errors of
+        {PROMISED_FROM:.0e} downwards.
 
         ![error against wall time](work_precision.svg)
         """

@@ -12,9 +12,10 @@ from linkwork.cli.info import mobility, structure
 PAGE = Path(__file__).with_name("catalogue.md")
 HEAD = """# The catalogue
 
-The robots of `linkwork.robots`, each a function that returns a `Mechanism`; its parameters are dimensions and masses in SI
-units, described in its docstring. `linkwork robots` lists them, `linkwork info NAME` tells more of one, `linkwork export NAME
-FILE.yaml` writes it as a [mechanism file](mechanism-file.md) to start from.
+The robots of `linkwork.robots`, each a function that returns a `Mechanism`; its parameters are
+dimensions and masses in SI units, described in its docstring. `linkwork robots` lists them,
+`linkwork info NAME` tells more of one, `linkwork export NAME FILE.yaml` writes it as a [mechanism
+file](mechanism-file.md) to start from.
 
 ```python
 import linkwork as lw
@@ -23,9 +24,10 @@ robot = lw.Robot(lw.robots.five_bar())
 print(robot.mobility, robot.independent)
 ```
 
-In the pictures, made by `linkwork.views.plot_mechanism`, driven joints are orange and bear their names. Revolute joints are
-cylinders about their axes (circles in the plane), prismatic joints boxes, legs of variable length tubes with rods, universal
-joints crosses, spherical joints balls; constraints of constant distance are thin rods, hatched is the ground.
+In the pictures, made by `linkwork.views.plot_mechanism`, driven joints are orange and bear their
+names. Revolute joints are cylinders about their axes (circles in the plane), prismatic joints
+boxes, legs of variable length tubes with rods, universal joints crosses, spherical joints balls;
+constraints of constant distance are thin rods, hatched is the ground.
 
 "The paper" is Kordjazi, Akbarzadeh & Tahani, ICME 2010 (see the [README](../README.md)).
 

@@ -9,9 +9,9 @@ from linkwork.cli import app
 
 HEAD = """# Command line
 
-`linkwork COMMAND --help` tells the same. A command that cannot do what it is asked says so in one sentence and exits with 2;
-a run that ends early exits with 1 and keeps what it has. ROBOT is a robot of the [catalogue](catalogue.md) or a
-[mechanism file](mechanism-file.md).
+`linkwork COMMAND --help` tells the same. A command that cannot do what it is asked says so in one
+sentence and exits with 2; a run that ends early exits with 1 and keeps what it has. ROBOT is a
+robot of the [catalogue](catalogue.md) or a [mechanism file](mechanism-file.md).
 """
 
 

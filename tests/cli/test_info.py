@@ -41,8 +41,8 @@ def test_facts_as_json():
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert list(facts) == [
-        "name", "mobility", "gruebler", "planar", "actuators", "bodies", "joints", "springs", "loops", "redundant", "idle",
-        "chart", "kernels",
+        "name", "mobility", "gruebler", "planar", "actuators", "bodies", "joints", "springs",
+        "loops", "redundant", "idle", "chart", "kernels",
     ]  # fmt: skip
     assert (facts["mobility"], facts["gruebler"], facts["loops"]) == (3, 3, 2)
     assert (len(facts["bodies"]), len(facts["joints"]), facts["springs"]) == (7, 9, [])

@@ -16,7 +16,8 @@ from linkwork.sweeps.chunk import bench_of
 from tests.cli.calls import call, refused
 
 FLAT = """<mujoco><worldbody>
-<body name="crank"><joint name="a" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>
+<body name="crank"><joint name="a" axis="0 0 1"/>
+ <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>
  <body name="coupler" pos=".5 0 0"><joint name="b" axis="0 0 1"/>
   <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body></body>
 <body name="rocker" pos="1 0 0"><joint name="c" axis="0 0 1"/>

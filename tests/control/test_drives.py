@@ -110,7 +110,8 @@ def damped(viscous: float) -> lw.Robot:
 
 
 AIR = dict(
-    area_a=1.2e-3, area_b=1.0e-3, stroke=0.5, supply=7e5, exhaust=1.01325e5, initial_a=3e5, initial_b=3e5, dead_volume=2e-5
+    area_a=1.2e-3, area_b=1.0e-3, stroke=0.5, supply=7e5, exhaust=1.01325e5, initial_a=3e5,
+    initial_b=3e5, dead_volume=2e-5
 )  # fmt: skip
 
 
@@ -227,8 +228,8 @@ def test_a_piston_outside_of_its_stroke_is_refused(plant):
 
 
 OIL = dict(
-    area_a=1e-3, area_b=1e-3, stroke=0.8, supply=14e6, exhaust=1e5, initial_a=7e6, initial_b=7e6, dead_volume=1e-4,
-    flow=2e-4, drop=3.5e6, bulk_modulus=1.4e9, retracted=-0.1,
+    area_a=1e-3, area_b=1e-3, stroke=0.8, supply=14e6, exhaust=1e5, initial_a=7e6, initial_b=7e6,
+    dead_volume=1e-4, flow=2e-4, drop=3.5e6, bulk_modulus=1.4e9, retracted=-0.1,
 )  # fmt: skip
 
 

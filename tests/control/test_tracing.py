@@ -28,9 +28,10 @@ def plant():
 
 
 FUNCTIONS = {
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,
-    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "sqrt": np.sqrt, "log": np.log,
-    "log1p": np.log1p, "sign": np.sign, "floor": np.floor, "ceil": np.ceil, "abs": np.abs,
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos,
+    "atan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp,
+    "sqrt": np.sqrt, "log": np.log, "log1p": np.log1p, "sign": np.sign, "floor": np.floor,
+    "ceil": np.ceil, "abs": np.abs,
 }  # fmt: skip
 
 

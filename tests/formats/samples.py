@@ -39,7 +39,8 @@ TREE = """
         </body>
       </body>
     </body>
-    <body name="drone" pos="1 2 3" euler="20 0 10"><freejoint name="flight"/><geom type="box" size="0.1 0.2 0.05"/></body>
+    <body name="drone" pos="1 2 3" euler="20 0 10"><freejoint name="flight"/>\
+<geom type="box" size="0.1 0.2 0.05"/></body>
   </worldbody>
   <actuator>
     <motor name="m1" joint="shoulder"/>
@@ -97,7 +98,8 @@ SPATIAL = """
 
 URDF = """
 <robot name="arm">
-  <link name="stand"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="stand"><inertial><mass value="5"/>\
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <link name="upper">
     <inertial>
       <origin xyz="0.1 0.02 0.3" rpy="0.1 0.2 0.3"/>
@@ -113,7 +115,8 @@ URDF = """
     </inertial>
   </link>
   <link name="ram">
-    <inertial><mass value="0.4"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial>
+    <inertial><mass value="0.4"/>\
+<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial>
   </link>
   <link name="pod">
     <inertial>
@@ -134,15 +137,19 @@ URDF = """
   </joint>
   <joint name="stroke" type="prismatic">
     <parent link="fore"/><child link="ram"/>
-    <origin xyz="0 0.4 0"/><axis xyz="0 1 1"/><limit lower="-0.2" upper="0.2" effort="1" velocity="1"/>
+    <origin xyz="0 0.4 0"/><axis xyz="0 1 1"/>\
+<limit lower="-0.2" upper="0.2" effort="1" velocity="1"/>
   </joint>
-  <joint name="mount" type="fixed"><parent link="ram"/><child link="pod"/><origin xyz="0 0 0.1" rpy="0 0 1"/></joint>
-  <joint name="flange" type="fixed"><parent link="pod"/><child link="tool0"/><origin xyz="0 0.05 0" rpy="0 0.5 0"/></joint>
+  <joint name="mount" type="fixed"><parent link="ram"/><child link="pod"/>\
+<origin xyz="0 0 0.1" rpy="0 0 1"/></joint>
+  <joint name="flange" type="fixed"><parent link="pod"/><child link="tool0"/>\
+<origin xyz="0 0.05 0" rpy="0 0.5 0"/></joint>
 </robot>
 """
 
 LOOPS = """<connect name="c" body1="coupler" body2="rocker" anchor="0.3 0 0"/>
-<weld body1="coupler" body2="rocker" relpose="0 0 0 1 0 0 0"/><joint joint1="drive" joint2="pivot" polycoef="0 1"/>"""
+<weld body1="coupler" body2="rocker" relpose="0 0 0 1 0 0 0"/>\
+<joint joint1="drive" joint2="pivot" polycoef="0 1"/>"""
 TENDONS = """<tendon><spatial name="t" stiffness="3"><site site="hub"/><site site="seat"/></spatial>
 <fixed name="f"><joint joint="rail" coef="2"/><joint joint="spin" coef="3"/></fixed></tendon>
 <keyframe><key name="home" qpos="0 1 0 0 0 0 0"/></keyframe>"""

@@ -36,9 +36,11 @@ SHAPES = (
 )
 MJCF = """<mujoco>
   <compiler angle="radian"/>
-  <default><geom mass="0.1"/><default class="red"><geom rgba="1 0 0 1"/><material rgba="0 0.5 0 1"/></default></default>
+  <default><geom mass="0.1"/><default class="red"><geom rgba="1 0 0 1"/>
+    <material rgba="0 0.5 0 1"/></default></default>
   <asset><material name="steel" rgba="0.2 0.4 0.6 1"/><material name="grass" class="red"/>
-    <texture name="t" builtin="flat" type="2d" width="4" height="4"/><material name="wood" texture="t"/></asset>
+    <texture name="t" builtin="flat" type="2d" width="4" height="4"/>
+    <material name="wood" texture="t"/></asset>
   <worldbody>
     <body name="b" pos="1 2 3">
       <joint name="j"/>
@@ -46,7 +48,8 @@ MJCF = """<mujoco>
         <geom name="g0" type="box" size="0.1 0.2 0.3" pos="0.5 0 0" quat="1 2 3 4" class="red"/>
         <geom name="g1" type="capsule" size="0.02" fromto="0 0 0 0.1 0.2 0.3" material="steel"/>
       </frame>
-      <geom name="g2" type="cylinder" size="0.02 0.1" axisangle="1 1 0 0.5" rgba="0.1 0.2 0.3 1" material="steel"/>
+      <geom name="g2" type="cylinder" size="0.02 0.1" axisangle="1 1 0 0.5"
+        rgba="0.1 0.2 0.3 1" material="steel"/>
       <geom name="g3" size="0.07" material="grass"/>
       <geom name="g4" type="sphere" size="0.04" material="wood"/>
       <geom name="g5" type="box" size="0.01" fromto="0 0 0 0 0.3 0"/>
@@ -63,7 +66,8 @@ URDF = f"""<robot name="arm">
   <link name="a"><inertial><mass value="1"/>{MOMENTS}</inertial>{{0}}</link>
   <link name="pad"><visual><geometry><sphere radius="0.3"/></geometry></visual></link>
   <joint name="j" type="continuous"><parent link="base"/><child link="a"/></joint>
-  <joint name="k" type="fixed"><parent link="a"/><child link="pad"/><origin xyz="0 0 0.4" rpy="1 0 0"/></joint>
+  <joint name="k" type="fixed"><parent link="a"/><child link="pad"/>
+    <origin xyz="0 0 0.4" rpy="1 0 0"/></joint>
 </robot>"""
 
 

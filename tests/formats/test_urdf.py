@@ -19,7 +19,8 @@ LINK = (
 ARM = f"""<robot name="arm">
   {{extra}}<link name="base"/>{LINK.format("a")}{LINK.format("b")}
   <joint name="j" type="revolute"><parent link="base"/><child link="a"/>{{first}}</joint>
-  <joint name="k" type="{{kind}}"><parent link="a"/><child link="b"/><origin xyz="0 0 1"/>{{second}}</joint>
+  <joint name="k" type="{{kind}}"><parent link="a"/><child link="b"/>
+    <origin xyz="0 0 1"/>{{second}}</joint>
 </robot>"""
 
 

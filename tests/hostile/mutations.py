@@ -139,19 +139,27 @@ ENCODINGS = ("utf-16", "utf-16-le", "utf-32", "latin-1", "cp037", "utf-7", "utf-
 MANY = (2, 30, 300)  # copies of an element
 DEEP = (2, 40, 300)  # elements inside one another
 
-PLUS = """<robot name="plus"><material name="red"><color rgba="1 0 0 1"/></material><link name="base"/>
+PLUS = """<robot name="plus"><material name="red"><color rgba="1 0 0 1"/></material>\
+<link name="base"/>
 <link name="a"><inertial><origin xyz="0.1 0 0" rpy="0.1 0.2 0.3"/><mass value="0.4"/>
 <inertia ixx="0.002" iyy="0.003" izz="0.004" ixy="1e-4"/></inertial>
-<visual><origin xyz="0 0 1"/><geometry><box size="0.1 0.2 0.3"/></geometry><material name="red"/></visual></link>
-<link name="b"><inertial><mass value="0.3"/><inertia ixx="0.002" iyy="0.003" izz="0.004"/></inertial></link>
-<link name="c"><inertial><mass value="0.3"/><inertia ixx="0.002" iyy="0.003" izz="0.004"/></inertial></link>
+<visual><origin xyz="0 0 1"/><geometry><box size="0.1 0.2 0.3"/></geometry>\
+<material name="red"/></visual></link>
+<link name="b"><inertial><mass value="0.3"/>\
+<inertia ixx="0.002" iyy="0.003" izz="0.004"/></inertial></link>
+<link name="c"><inertial><mass value="0.3"/>\
+<inertia ixx="0.002" iyy="0.003" izz="0.004"/></inertial></link>
 <link name="tool"/>
-<joint name="j" type="revolute" independent="true"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+<joint name="j" type="revolute" independent="true"><parent link="base"/><child link="a"/>\
+<axis xyz="0 0 1"/>
 <limit lower="-1" upper="1"/><dynamics damping="0.1" friction="0.2"/></joint>
-<joint name="k" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/><axis xyz="0 0 1"/></joint>
-<joint name="l" type="prismatic"><parent link="base"/><child link="c"/><origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
+<joint name="k" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/>\
+<axis xyz="0 0 1"/></joint>
+<joint name="l" type="prismatic"><parent link="base"/><child link="c"/><origin xyz="0.5 0 0"/>\
+<axis xyz="0 1 0"/>
 <mimic joint="j" multiplier="0.5" offset="0.1"/></joint>
-<joint name="m" type="fixed"><parent link="b"/><child link="tool"/><origin xyz="0.3 0 0" rpy="0 0 1"/></joint>
+<joint name="m" type="fixed"><parent link="b"/><child link="tool"/>\
+<origin xyz="0.3 0 0" rpy="0 0 1"/></joint>
 <loop name="tip" type="spherical"><predecessor link="b"><origin xyz="0.3 0 0"/></predecessor>
 <successor link="c"><origin xyz="0 0.1 0"/></successor></loop>
 <coupling name="gear"><predecessor link="a"/><successor link="b"/><ratio value="-2"/></coupling>

@@ -228,7 +228,8 @@ from linkwork.kernels.simplify import simplify
 from tests.kernels.graphs import random_function
 for f in (random_function(1), random_function(1, 5000)):
     for kind in FUNCTIONS:
-        print(hashlib.sha256(module_text(simplify(trace(f)), this_machine(), kind).encode()).hexdigest())
+        text = module_text(simplify(trace(f)), this_machine(), kind)
+        print(hashlib.sha256(text.encode()).hexdigest())
 print(cache.key(f.serialize(), this_machine().identity))
 """
 

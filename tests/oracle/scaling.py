@@ -105,8 +105,8 @@ class Scale:
         x, T = (self.L if slide else 1.0), self.T
         F = self.energy / x
         factors = {
-            "viscous": F / (x / T), "coulomb": F, "coulomb_rate": x / T, "stiffness": F / x, "rest": x,
-            "damping": F / (x / T), "lower": x, "upper": x,
+            "viscous": F / (x / T), "coulomb": F, "coulomb_rate": x / T, "stiffness": F / x,
+            "rest": x, "damping": F / (x / T), "lower": x, "upper": x,
         }  # fmt: skip
         if key == "rotor_inertia":
             return part * F / (x / T**2)

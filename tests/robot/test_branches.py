@@ -11,7 +11,9 @@ from linkwork.robots.plane import corners, vertices
 from tests.analysis.mechanisms import arm, rrs
 from tests.catalogue import built
 
-LEGS = {  # proximal and distal length, elbows by name, and from a pose each leg's foot and what its distal link has to reach
+# proximal and distal length, elbows by name, and from a pose each leg's foot and what its distal
+# link has to reach
+LEGS = {
     "five_bar": (
         0.25,
         0.35,

@@ -69,7 +69,8 @@ def many(motion, y, inputs=(), p=(), closure=None, nq=1, duration=1.0, **options
 def alone(motion, y, inputs=(), p=(), closure=None, nq=1, duration=1.0, save_at=(), **options):
     lock = closure.address if closure else None
     return integrate(
-        motion.address, lock, y[:nq], y[nq:], inputs, p, duration=duration, save_at=save_at, **options
+        motion.address, lock, y[:nq], y[nq:], inputs, p, duration=duration,
+        save_at=save_at, **options
     )  # fmt: skip
 
 

@@ -136,8 +136,8 @@ def test_zero_at_the_start_is_no_event():
 
 def test_states_at_events_are_closed():
     run = integrate(
-        bead.address, bead_closure.address, [math.sin(1.2), -math.cos(1.2)], [0.0], [], duration=5.0, rtol=1e-5,
-        events=Events(above_diagonal.address, (Condition(),)),
+        bead.address, bead_closure.address, [math.sin(1.2), -math.cos(1.2)], [0.0], [],
+        duration=5.0, rtol=1e-5, events=Events(above_diagonal.address, (Condition(),)),
     )  # fmt: skip
     assert len(run.events) >= 4
     assert np.abs(run.events.states[:, 1] + 0.5).max() < 1e-13

@@ -63,11 +63,12 @@ def test_van_der_pol_with_mu_1000():
     """Cheap on the slow parts, where an explicit method needs hundred thousands of steps."""
     t = np.array([100.0, 500.0, 806.0, 1000.0, 1500.0])
     run = integrate(
-        van_der_pol.address, None, [2.0], [0.0], [], [1e3], duration=1500.0, save_at=t, rtol=1e-8, atol=1e-10,
-        method=RODAS, jacobian=van_der_pol_jacobian.address,
+        van_der_pol.address, None, [2.0], [0.0], [], [1e3], duration=1500.0, save_at=t,
+        rtol=1e-8, atol=1e-10, method=RODAS, jacobian=van_der_pol_jacobian.address,
     )  # fmt: skip
     reference = solve_ivp(
-        lambda t, y: [y[1], 1e3 * (1 - y[0] ** 2) * y[1] - y[0]], (0, 1500), [2, 0], "Radau", t, rtol=1e-11, atol=1e-13,
+        lambda t, y: [y[1], 1e3 * (1 - y[0] ** 2) * y[1] - y[0]], (0, 1500), [2, 0], "Radau", t,
+        rtol=1e-11, atol=1e-13,
         jac=lambda t, y: [[0, 1], [-2e3 * y[0] * y[1] - 1, 1e3 * (1 - y[0] ** 2)]],
     )  # fmt: skip
     np.testing.assert_allclose(run.q[:, 0], reference.y[0], rtol=2e-5)
@@ -89,11 +90,12 @@ def test_van_der_pol_with_mu_1000():
 def test_robertson_s_reaction():
     t = 10.0 ** np.arange(-1, 5)
     run = integrate(
-        robertson.address, None, [1.0, 0.0, 0.0], [], [], duration=1e4, save_at=t, rtol=1e-8, atol=1e-12,
-        method=RODAS, jacobian=robertson_jacobian.address,
+        robertson.address, None, [1.0, 0.0, 0.0], [], [], duration=1e4, save_at=t,
+        rtol=1e-8, atol=1e-12, method=RODAS, jacobian=robertson_jacobian.address,
     )  # fmt: skip
     reference = solve_ivp(
-        lambda t, y: [1e4 * y[1] * y[2] - 0.04 * y[0], 0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2, 3e7 * y[1] ** 2],
+        lambda t, y: [1e4 * y[1] * y[2] - 0.04 * y[0],
+                      0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2, 3e7 * y[1] ** 2],
         (0, 1e4), [1, 0, 0], "Radau", t, rtol=1e-11, atol=1e-15,
     )  # fmt: skip
     np.testing.assert_allclose(run.q, reference.y.T, rtol=2e-6)
@@ -107,8 +109,8 @@ def test_inputs_that_change_with_time_enter_with_their_derivative(stiffness):
     one."""
     t = np.linspace(0, 2, 21)
     run = integrate(
-        prothero_robinson.address, None, [0.0], [], clock(), [stiffness], duration=2.0, save_at=t, rtol=1e-8, atol=1e-10,
-        method=RODAS, jacobian=prothero_robinson_jacobian.address,
+        prothero_robinson.address, None, [0.0], [], clock(), [stiffness], duration=2.0, save_at=t,
+        rtol=1e-8, atol=1e-10, method=RODAS, jacobian=prothero_robinson_jacobian.address,
     )  # fmt: skip
     np.testing.assert_allclose(run.q[:, 0], np.sin(t), atol=5e-5 if stiffness > 1e3 else 1e-7)
     assert run.q_end[0] == pytest.approx(math.sin(2), abs=1e-7)

@@ -109,7 +109,8 @@ def test_samples_and_a_rest_do_not_change_what_is_reached():
 def test_members_of_an_ensemble_pass_over_no_more_than_runs_alone(method):
     robot = lw.Robot(lw.robots.prr3())
     forces = [Sampled(TIMES, np.roll(np.column_stack([hump(w, c), 0 * TIMES, 0 * TIMES]), i, 1))
-              for i, (w, c) in enumerate([(0.1, 0.3), (0.05, 0.5), (0.02, 0.8), (0.01, 0.61), (0.002, 0.4)] * 4)]  # fmt: skip
+              for i, (w, c) in enumerate([(0.1, 0.3), (0.05, 0.5), (0.02, 0.8), (0.01, 0.61),
+                                          (0.002, 0.4)] * 4)]  # fmt: skip
     times = [0.45, 1.0]
     many = robot.ensemble(robot.home, forces, duration=1.0, save_at=times, method=method)
     for i, own in enumerate(forces[:5]):

@@ -64,20 +64,27 @@ def test_without_a_word_chunks_are_as_long_as_memory_likes():
         )),
         ("sobol", "sobl", "line 6: design.type: 'sobl' is not a type (did you mean sobol?)"),
         ("1024", "2.5", "line 6: design.members: 2.5 is not accepted"),
-        ("sobol, members: 1024, seed: 2", "grid", "line 8: vary.cart.mass: is 'uniform', but a grid needs levels or values"),
-        ("cart.mass: {type: uniform, low: "
-            "1", "cart.mass: {type: levels, count: 3, low: 1", "but levels are for a grid"),
+        ("sobol, members: 1024, seed: 2", "grid", (
+            "line 8: vary.cart.mass: is 'uniform', but a grid needs levels or values"
+        )),
+        ("cart.mass: {type: uniform, low: 1", "cart.mass: {type: levels, count: 3, low: 1", (
+            "but levels are for a grid"
+        )),
         ("low: 1, high: 3", "low: 3, high: 1", (
             "line 8: vary.cart.mass: low = 3 is not below high = 1"
         )),
         ("low: 1, high: 3", "low: -1, high: 3", (
             "line 8: vary.cart.mass: reaches -1, which the robot may not have: "
         )),
-        ("type: uniform, low: 1, high: 3", "type: normal, mean: 1, deviation: 0.5", "vary.cart.mass: reaches -1.9989"),
-        ("type: uniform, low: 1, high: "
-            "3", "type: normal, mean: 1, deviation: 0", "deviation: 0 is not above 0"),
-        ("type: uniform, low: 1, high: "
-            "3", "type: gamma", "line 8: vary.cart.mass.type: 'gamma' is not a type"),
+        ("type: uniform, low: 1, high: 3", "type: normal, mean: 1, deviation: 0.5", (
+            "vary.cart.mass: reaches -1.9989"
+        )),
+        ("type: uniform, low: 1, high: 3", "type: normal, mean: 1, deviation: 0", (
+            "deviation: 0 is not above 0"
+        )),
+        ("type: uniform, low: 1, high: 3", "type: gamma", (
+            "line 8: vary.cart.mass.type: 'gamma' is not a type"
+        )),
         ("cart.mass", "cart.mas", (
             "line 8: vary.cart.mas: 'cart.mas' leads to no number: bodies.cart has no 'mas'"
         )),

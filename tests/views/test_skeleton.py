@@ -33,9 +33,8 @@ def test_every_kind_of_joint_has_its_axes_and_its_gap(zoo):
     state, drawn = zoo.home, skeleton(zoo, zoo.home)
     joints = {joint.name: joint for joint in drawn.joints}
     assert set(joints) == set(zoo.mechanism.pairs) - {"free"}
-    assert [len(joints[name].axes) for name in ("revolute", "universal", "planar", "spherical", "fixed", "rod")] == [
-        1, 2, 1, 0, 0, 0,
-    ]  # fmt: skip
+    names = ("revolute", "universal", "planar", "spherical", "fixed", "rod")
+    assert [len(joints[name].axes) for name in names] == [1, 2, 1, 0, 0, 0]
     screw, cylindrical, planar = joints["screw"], joints["cylindrical"], joints["planar"]
     np.testing.assert_allclose(screw.far - screw.near, (0, 0, 0.05 * state["screw"]), atol=1e-12)
     np.testing.assert_allclose(

@@ -201,8 +201,8 @@ def closure_rows(
 
 
 class ClosureRow(NamedTuple):
-    """Hold one row of `ClosureRows`: its name, phi, Phi (1 x nv) where closed and where open, gamma,
-    unit and extent."""
+    """Hold one row of `ClosureRows`: its name, phi, Phi (1 x nv) where closed and where open,
+    gamma, unit and extent."""
 
     name: str
     phi: ca.SX

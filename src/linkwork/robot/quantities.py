@@ -67,8 +67,8 @@ class SavedQuantity:
     own_unit: Callable[[System], str] | None = None
 
     def belongs(self, place: Place) -> bool:
-        """Tell whether it is told in a place: only runs tell what follows from a run as a whole, and
-        studies know one axis of components.
+        """Tell whether it is told in a place: only runs tell what follows from a run as a whole,
+        and studies know one axis of components.
         """
         fits = {Place.ENSEMBLE: not self.whole, Place.STUDY: not self.whole and len(self.axes) < 2}
         return place in self.places and fits.get(place, True)

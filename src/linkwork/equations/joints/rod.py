@@ -1,8 +1,8 @@
 """Rod: the origins of F1 and F2 keep the distance l, as between two ball joints of a massless rod.
 
-R_12 free,  |p_12| = l  it always closes a loop: as part of a tree its own directions would be
-coordinates
-closure row:            (|p_12|^2 - l^2) / (2 l) = 0
+R_12 free,  |p_12| = l   it always closes a loop: as part of a tree its own directions
+                         would be coordinates
+closure row:             (|p_12|^2 - l^2) / (2 l) = 0
 """
 
 from __future__ import annotations
