@@ -50,7 +50,7 @@ class Solver:
         mechanism's own units."""
         square, tree = self.square, self.square.equations.tree
         w = square.newton
-        limits = np.where(sliding(square), SLIDE * self.length, TURN)
+        limits = np.where(tree.slides, SLIDE * self.length, TURN)
         w = w * (1 / ca.fmax(1, ca.mmax(ca.fabs(w / limits))))
         q = tree.q + tree.derivatives(w)
         for places, _ in tree.quaternions:
@@ -142,16 +142,6 @@ def extent(square: Square) -> float:
     return largest if largest > ROUNDING * own else own
 
 
-def sliding(square: Square) -> np.ndarray:
-    """Tell which of the tree's rates are slides (nv)."""
-    tree = square.equations.tree
-    slides = np.zeros(square.equations.nv, bool)
-    for node in tree.nodes:
-        for column in node.columns:
-            slides[column.rate] = not node.turns
-    return slides
-
-
 Result = TypeVar("Result")
 
 
@@ -174,10 +164,9 @@ def random_configurations(
     """
     tree, home = square.equations.tree, square.equations.reference
     q = np.empty((count, len(tree.coordinates)))
-    slides = sliding(square)
     for place, k in tree.single:
         spread = random.uniform(-1, 1, count)
-        q[:, place] = home[place] + length * spread if slides[k] else np.pi * spread
+        q[:, place] = home[place] + length * spread if tree.slides[k] else np.pi * spread
     for places, _ in tree.quaternions:
         p = random.standard_normal((count, 4))
         q[:, list(places)] = p / np.linalg.norm(p, axis=1, keepdims=True)

@@ -152,12 +152,17 @@ class Tree:
     length: float
 
     @cached_property
+    def slides(self) -> np.ndarray:
+        """Which rates are slides (nv), and no turns."""
+        found = np.zeros(len(self.rates), bool)
+        slides = [node for node in self.nodes if node.slides and not node.turns]
+        found[[column.rate for node in slides for column in node.columns]] = True
+        return found
+
+    @cached_property
     def rate_units(self) -> np.ndarray:
         """Units of the rates (nv) but for the time: the own length of slides, 1 of turns."""
-        units = np.ones(len(self.rates))
-        slides = [node for node in self.nodes if node.slides and not node.turns]
-        units[[column.rate for node in slides for column in node.columns]] = self.length
-        return units
+        return np.where(self.slides, self.length, 1.0)
 
     @cached_property
     def units(self) -> np.ndarray:

@@ -38,10 +38,12 @@ Found = tuple[np.ndarray, np.ndarray, np.ndarray]
 class Leader:
     """Lead one robot in what is asked.
 
-    least: steps of least squares; approach: compiled ones, where closure and what is asked
-    determine the motion assembler: solves for one, by steps that are shortened until they lead
-    nearer modes: what has to keep its signs; strict: whether what is on another mode is refused, or
-    else taken as it comes mechanism; home: slides of its joints at home [m]
+    least: steps of least squares
+    approach: compiled steps, where closure and what is asked determine the motion
+    assembler: solves for one, by steps that are shortened until they lead nearer
+    modes: what has to keep its signs
+    strict: whether what is on another mode is refused, or else taken as it comes
+    mechanism; home: slides of its joints at home [m]
     """
 
     least: Least
@@ -171,14 +173,14 @@ class Leader:
         tree, random = self.tree, np.random.default_rng(1990)
         q = np.tile(start, (STARTS, 1))
         for place, rate in tree.single:
-            reach = self.length if self.slides[rate] else np.pi
+            reach = self.length if tree.slides[rate] else np.pi
             q[:, place] += random.uniform(-1, 1, STARTS) * reach
         for places, _ in tree.quaternions:
             q[:, list(places)] = random.standard_normal((STARTS, 4))
         q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
         q, good, fits = self.closed(step, q, (y,), mode, contracting=False)
         for place, rate in tree.single if not self.mechanism.gears else ():
-            if not self.slides[rate]:
+            if not tree.slides[rate]:
                 q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
         away = np.where(fits, np.linalg.norm((q - start) / tree.units, axis=1), np.inf)
         nearest = away.reshape(-1, STARTS).argmin(axis=1) + STARTS * np.arange(len(y) // STARTS)
@@ -253,12 +255,3 @@ class Leader:
         ]
         lengths = [float(np.linalg.norm(position)) for position in frames]
         return max([self.tree.length, *lengths, *np.abs(self.home).tolist()])
-
-    @cached_property
-    def slides(self) -> np.ndarray:
-        """Which of the tree's rates are slides (nv)."""
-        found = np.zeros(len(self.tree.rates), bool)
-        for node in self.tree.nodes:
-            for column in node.columns:
-                found[column.rate] = not node.turns
-        return found

@@ -19,7 +19,6 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations.reference import unit
-from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
 from linkwork.robot.assembly import Assembler
 from linkwork.robot.closing import settled_alone
@@ -123,8 +122,7 @@ class Pursuit:
     def scale(self) -> np.ndarray:
         """Return what turns rates of the tree, as lengths, into rates: 1 of a slide, 1 / l of a
         turn (nv)."""
-        slides, rates = slide_rates(self.robot), self.robot.equations.tree.rates
-        return np.array([1.0 if label in slides else 1 / self.length for label in rates])
+        return np.where(self.robot.equations.tree.slides, 1.0, 1 / self.length)
 
     # Pursuit
 
@@ -331,17 +329,6 @@ def inverse(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     U, values, Vt = np.linalg.svd(H)
     rank = int((values > RANK * values.max(initial=0.0)).sum())
     return (Vt[:rank].T / values[:rank]) @ U[:, :rank].T, Vt[rank:].T
-
-
-def slide_rates(robot: Robot) -> set[str]:
-    """Return the rates of the tree that are no turns."""
-    found = set()
-    for name, joint in robot.equations.topology.joints.items():
-        single = joint.freedoms == ("slide",)
-        found |= {
-            x for x in joint.rates(name) if single or (x != name and x.rpartition(".")[2] in SLIDES)
-        }
-    return found
 
 
 def listed(names: Sequence[str]) -> str:
