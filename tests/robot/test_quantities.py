@@ -25,7 +25,7 @@ TIMES = np.linspace(0, 0.2, 11)
 def squares(monkeypatch) -> str:
     """Put a quantity into the table: the squares of all joint rates."""
     quantity = SavedQuantity(
-        "squared_rate", ("rate",), "m^2/s^2", lambda s: s.joints[1] ** 2, "Squares.", peaks=True
+        "squared_rate", ("rate",), "m^2/s^2", lambda s: s.joints[1] ** 2, "Squares."
     )
     monkeypatch.setitem(QUANTITIES, quantity.name, quantity)
     return quantity.name

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -185,29 +185,20 @@ def without_turns(d: np.ndarray, units: Sequence[str]) -> np.ndarray:
     return found
 
 
-def tree_rates(chart: CompiledChart, y: np.ndarray, _: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the rates w of the tree (K, nv) at states y, by name."""
-    nq, n = chart.equations.nq, chart.equations.mobility
-    return {"w": chart.kernel("tree_rates")(y[:, :nq], y[:, nq : nq + n])[0]}
-
-
 def reached(segments: Sequence[Segment]) -> tuple[np.ndarray, np.ndarray]:
     """Return the saved times of a run and its end, and (q, w, z) there: the tree's coordinates and
     rates, extra states."""
     t, y = [], []
     for segment in segments:
-        chart, part = segment.chart, segment.trajectory
-        q, v, n = part.q, part.v, chart.equations.mobility
-        if segment.crossed:
-            rates = partial(tree_rates, chart)
+        part, known, equations = segment.trajectory, segment.crossed, segment.chart.equations
+        n, rates = equations.mobility, segment.chart.kernel("tree_rates")
+        if known:  # rates do not follow from states near the pose
+            w = rates(*np.split(known.y, [equations.nq, equations.nq + n], axis=1)[:2])[0]
             t.append(part.t)
-            y.append(
-                np.column_stack([q, segment.measured(rates, np.arange(len(q)))["w"], v[:, n:]])
-            )
+            y.append(np.column_stack([part.q, known.through(w, part.t), part.v[:, n:]]))
             continue
-        q, v = np.vstack([q, part.q_end]), np.vstack([v, part.v_end])
-        w = chart.kernel("tree_rates")(q, v[:, :n])[0]
+        q, v = np.vstack([part.q, part.q_end]), np.vstack([part.v, part.v_end])
         t.append(np.append(part.t, part.end_time))
-        y.append(np.column_stack([q, w, v[:, n:]]))
+        y.append(np.column_stack([q, rates(q, v[:, :n])[0], v[:, n:]]))
     times, first = np.unique(np.concatenate(t), return_index=True)
     return times, np.concatenate(y)[first]

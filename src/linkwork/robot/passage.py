@@ -10,7 +10,7 @@ chart is next is a matter of q (and p) alone, not of the charts known from elsew
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple, cast
@@ -68,28 +68,6 @@ class Segment:
     method: str
     again: Callable[[np.ndarray | None, int], Trajectory] | None = None
     crossed: Crossed | None = None
-
-    def measured(
-        self,
-        measure: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]],
-        rows: np.ndarray,
-    ) -> dict[str, np.ndarray]:
-        """Return quantities (rows, ...) by name, of states y and inputs u, at some of the saved
-        times.
-
-        Near a singular pose rates and accelerations do not follow from the state: on the way over
-        one every quantity is the polynomial through its values at the nodes of the crossing.
-        """
-        part, over = self.trajectory, self.crossed
-        y, u = (
-            (over.y, over.u) if over else (part.rows[rows, 1 : 1 + part.y_end.size], part.u[rows])
-        )
-        return {name: self.interpolated(values, rows) for name, values in measure(y, u).items()}
-
-    def interpolated(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return a quantity at some of the saved times from its values there or, on the way over a
-        pose, at the nodes."""
-        return self.crossed.through(values, self.trajectory.t[rows]) if self.crossed else values
 
 
 class Stand(NamedTuple):

@@ -42,12 +42,12 @@ class SavedQuantity:
     name: by which it is asked for; axes: of its components; unit: or two, of slides and of turns
     of: gives its values (K, ...) of `SavedStates`, or of a whole `run_record.RunRecord`
     caption: of its picture in a run's report, which has one where this is given
-    peaks: whether the report has a table of its peaks; places: what tells it
+    places: what tells it
     still: whether it follows from q, z and t alone, and so is known on the way over singular poses
     turning: whether it is coordinates of joints, whose turns are counted along each run
     whole: whether it follows from a run as a whole; aimed: whether it needs a goal
     acting: whether runs tell it only where more acts than forces over time
-    lively: whether runs tell it only where it does not vanish
+    unless_zero: whether runs tell it only where it does not vanish
     own_unit: gives its unit in a system, instead of `unit`
     """
 
@@ -56,14 +56,13 @@ class SavedQuantity:
     unit: str
     of: Callable[[Any], np.ndarray]
     caption: str = ""
-    peaks: bool = False
     places: Place = Place.ALL
     still: bool = False
     turning: bool = False
     whole: bool = False
     aimed: bool = False
     acting: bool = False
-    lively: bool = False
+    unless_zero: bool = False
     own_unit: Callable[[System], str] | None = None
 
     def belongs(self, place: Place) -> bool:
@@ -140,13 +139,10 @@ TABLE = (
         "m, rad",
         lambda s: s.joints[0],
         "Joint coordinates.",
-        peaks=True,
         still=True,
         turning=True,
     ),
-    SavedQuantity(
-        "joint_rate", RATES, "m/s, rad/s", lambda s: s.joints[1], "Joint rates.", peaks=True
-    ),
+    SavedQuantity("joint_rate", RATES, "m/s, rad/s", lambda s: s.joints[1], "Joint rates."),
     SavedQuantity(
         "joint_acceleration", RATES, "m/s^2, rad/s^2", lambda s: s.moving(s.v_dot)[2], places=ASKED
     ),
@@ -156,7 +152,6 @@ TABLE = (
         "N, N m",
         lambda s: s.acted.force,
         "Forces and torques of the actuators.",
-        peaks=True,
         places=ASKED,
     ),
     SavedQuantity("kinetic_energy", (), "J", lambda s: s.energies[0], places=ASKED),
@@ -164,13 +159,7 @@ TABLE = (
     SavedQuantity("energy", (), "J", lambda s: s.energy, places=STUDY),
     SavedQuantity("closure_error", (), "own lengths, rad", closure_error, places=RUN, still=True),
     SavedQuantity(
-        "tool_pose",
-        ("pose",),
-        "m, rad",
-        lambda s: s.tool,
-        "Pose of the tool.",
-        peaks=True,
-        still=True,
+        "tool_pose", ("pose",), "m, rad", lambda s: s.tool, "Pose of the tool.", still=True
     ),
     SavedQuantity(
         "tool_error", ("pose",), "m, rad", tool_error, places=STUDY, still=True, aimed=True
@@ -209,14 +198,13 @@ TABLE = (
         "W",
         lambda s: s.powers.actuators,
         "Power of the actuators.",
-        peaks=True,
         places=ASKED,
     ),
     SavedQuantity(
-        "friction_power", RATES, "W", lambda s: s.powers.friction, places=RUN, lively=True
+        "friction_power", RATES, "W", lambda s: s.powers.friction, places=RUN, unless_zero=True
     ),
     SavedQuantity(
-        "damper_power", ("spring",), "W", lambda s: s.powers.dampers, places=RUN, lively=True
+        "damper_power", ("spring",), "W", lambda s: s.powers.dampers, places=RUN, unless_zero=True
     ),
     SavedQuantity("external_power", ("wrench",), "W", lambda s: s.powers.wrenches, places=RUN),
     SavedQuantity("reaction_moment", ("joint",), "N m", lambda s: s.reactions[0], places=STUDY),

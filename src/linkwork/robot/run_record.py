@@ -51,7 +51,7 @@ class RunRecord(Mapping[str, Variable]):
     def __getitem__(self, name: str) -> Variable:
         if name not in self._found:
             self._found[name] = self._measured(self._told[name])
-        if self._told[name].lively and not self._found[name].values.any():
+        if self._told[name].unless_zero and not self._found[name].values.any():
             raise KeyError(name)
         return self._found[name]
 

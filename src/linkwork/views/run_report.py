@@ -80,9 +80,7 @@ def render(robot: Robot, run: Run) -> str:
         shown=min(len(time), SAMPLES),
         bodies=bodies_table(robot.mechanism),
         joints=joints_table(robot),
-        peaks=[
-            table for each in pictured() if each.peaks and (table := peaks_table(data, each.name))
-        ],
+        peaks=list(peaks(data)),
         energy=energy_table(data),
         balance=largest(data, "energy_balance"),
         closure=closure_table(run),
@@ -135,6 +133,14 @@ def pictured() -> list[SavedQuantity]:
     """Return the quantities that have pictures of their own, the first ones first."""
     found = [each for each in QUANTITIES.values() if each.caption]
     return sorted(found, key=lambda each: (*FIRST, each.name).index(each.name))
+
+
+def peaks(data: xarray.Dataset) -> Iterator[PageTable]:
+    """Yield the tables of peaks of what has a picture, components and a unit of its own."""
+    for each in pictured():
+        table = peaks_table(data, each.name) if each.axes and each.unit else None
+        if table is not None:
+            yield table
 
 
 def energies_of(data: xarray.Dataset) -> list[str]:
