@@ -27,6 +27,7 @@ from linkwork.robot.passage import CLOSURE, LOWER, RECOVERED, SHORT, SOFT, Segme
 from linkwork.robot.settings import Settings
 from linkwork.robot.turning import turning
 from linkwork.simulation import Method, Status, Trajectory
+from linkwork.simulation.integration import times_within
 from linkwork.simulation.many import Outcomes, Starts, integrate_many
 
 
@@ -142,6 +143,7 @@ def side_by_side(
     Members that are cancelled before they came to their ends have a last leg in which nothing was
     done.
     """
+    times_within(settings.save_at, *crew.span)
     waiting: dict[object, list[Stands]] = {}
     legs: list[Leg] = []
     leaving: list[tuple[Leg, int]] = []

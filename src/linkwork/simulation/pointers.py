@@ -74,7 +74,7 @@ def _uncounted(typing_context, given):
     return given(given), generate
 
 
-def _without_owner(context, builder, kind, value):
+def _without_owner(context, builder, kind: Any, value):
     """Return a value with no owner to be told of references to arrays in it."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value=value)
@@ -82,7 +82,8 @@ def _without_owner(context, builder, kind, value):
             ir.Constant(part.type, None) for part in (array.meminfo, array.parent)
         )
         return array._getvalue()
-    for i, part in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+    parts: Any = kind if isinstance(kind, types.BaseTuple) else ()
+    for i, part in enumerate(parts):
         own = _without_owner(context, builder, part, builder.extract_value(value, i))
         value = builder.insert_value(value, own, i)
     return value
