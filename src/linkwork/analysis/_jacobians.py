@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -34,6 +35,15 @@ from linkwork.robot import Robot, State, checks
 from linkwork.robot.labels import POSE_ANGLES
 
 HARDLY = 1e-3
+
+
+class InputOutput(NamedTuple):
+    """Hold K (..., n, n), J (..., n, n), det B (...) and det A (...) of configurations."""
+
+    K: np.ndarray
+    J: np.ndarray
+    det_B: np.ndarray
+    det_A: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +83,13 @@ class Jacobians:
         function = functions.function("input_output", equations, outputs)
         return compile_function(function).given(self.robot.p)
 
-    def __call__(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def __call__(self, q: np.ndarray) -> InputOutput:
         """Return K (..., n, n), J (..., n, n), det B (...) and det A (...) for configurations q
         (..., nq)."""
         K, J, det_B, det_A = self.kernel(q)
         n, batch = len(self.what), q.shape[:-1]
         K, J = (np.swapaxes(part.reshape(*batch, n, n), -1, -2) for part in (K, J))
-        return K, J, det_B[..., 0], det_A[..., 0]
+        return InputOutput(K, J, det_B[..., 0], det_A[..., 0])
 
     def lengths(self, characteristic: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return what x' and q' are multiplied by to be lengths over time: 1, or l for turns.
@@ -100,7 +110,7 @@ class Jacobians:
         1 m where the tool only turns or only shifts; the mechanism's largest length where turns
         hardly move the actuators.
         """
-        K = self(self.inverse.base)[0]
+        K = self(self.inverse.base).K
         turns, shifts = K[:, self.turning], K[:, ~self.turning]
         if not (turns.size and shifts.size):
             return 1.0

@@ -19,7 +19,7 @@ from linkwork.equations.lengths import held_lengths
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
-from linkwork.mechanism.joints import QUATERNION, TURN
+from linkwork.mechanism.joints import TURN
 
 CLOSED = 1e-12
 NEIGHBOURS = 4
@@ -207,10 +207,8 @@ def described(mechanism: Mechanism) -> dict[str, float]:
     """Return all joint coordinates of the reference, by name: zero where left out, quaternions at
     length 1."""
     values = {label: mechanism.reference.get(label, 0.0) for label in mechanism.coordinates}
-    for name, joint in mechanism.joints.items():
-        if TURN not in joint.freedoms:
-            continue
-        labels = joint.coordinates(name)[-len(QUATERNION) :]
+    parts = ((name, part) for name, joint in mechanism.pairs.items() for part in joint.parts(name))
+    for name, labels in ((name, part.coordinates) for name, part in parts if part.name == TURN):
         p = np.array([values[label] for label in labels])
         if not any(label in mechanism.reference for label in labels):
             p = np.array([1.0, 0.0, 0.0, 0.0])

@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
 
 import casadi as ca
 import numpy as np
@@ -350,37 +349,20 @@ def grow(
     parameters: values of the mechanism's free numbers, by path; length: its own [m]
     """
     # Places of all coordinates and rates, and which of them are quaternions.
-    coordinates, rates, quaternions = [], [], []
+    coordinates, rates, quaternions, places = [], [], [], {}
     for name, joint in topology.joints.items():
-        for motion in motions_of(joint):
-            if motion.ball:
-                places = len(coordinates), len(rates)
-                quaternions.append(
-                    (range(places[0], places[0] + 4), range(places[1], places[1] + 3))
-                )
-            coordinates += [name] * motion.coordinates
-            rates += [name] * motion.rates
-    labels = (joint.coordinates(name) for name, joint in topology.joints.items())
-    rate_labels = (joint.rates(name) for name, joint in topology.joints.items())
+        start, rate = places[name] = len(coordinates), len(rates)
+        for motion, own, own_rates in placed(motions_of(joint), start, rate):
+            quaternions += [(own, own_rates)] if motion.ball else []
+        coordinates += joint.coordinates(name)
+        rates += joint.rates(name)
     # Nodes from ground outwards: each joint's behind that of the body that it hangs on.
-    q = SX.sym("q", len(coordinates))
-    tree = Tree(
-        q,
-        tuple(chain(*labels)),
-        tuple(chain(*rate_labels)),
-        tuple(quaternions),
-        (),
-        parameters,
-        length,
-    )
+    q, names = SX.sym("q", len(coordinates)), (tuple(coordinates), tuple(rates))
+    tree = Tree(q, *names, tuple(quaternions), (), parameters, length)
     for branch in topology.branches:
         joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
-        start = coordinates.index(branch.joint) if branch.joint in coordinates else 0
-        first_rate = rates.index(branch.joint) if branch.joint in rates else 0
-        tree = replace(
-            tree,
-            nodes=tree.nodes + tuple(branch_nodes(joint, body, tree, branch, start, first_rate)),
-        )
+        nodes = branch_nodes(joint, body, tree, branch, *places[branch.joint])
+        tree = replace(tree, nodes=(*tree.nodes, *nodes))
     return replace(tree, nodes=regroup(tree.nodes))
 
 

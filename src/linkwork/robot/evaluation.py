@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -148,12 +148,21 @@ def internal_forces(robot: Model, state: State, weights: np.ndarray | None = Non
     return B / units.actuators[:, None]
 
 
-def terms(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return M (..., n, n), C v, G and f (..., n)."""
+class MotionTerms(NamedTuple):
+    """Hold M (..., n, n), C v, G and f (..., n) of M v' + C v + G = S' u + f."""
+
+    M: np.ndarray
+    Cv: np.ndarray
+    G: np.ndarray
+    f: np.ndarray
+
+
+def terms(robot: Model, state: State) -> MotionTerms:
+    """Return the terms of the equations of motion in a state or a stack of states."""
     M, Cv, G, f, pivot = outputs(robot, "terms", robot.own(state), state.rates)
     require_regular(robot, state, pivot, Cv, state.rates, "rates")
     n = len(state.independent)
-    return M.reshape(*state.batch, n, n), Cv, G, f
+    return MotionTerms(M.reshape(*state.batch, n, n), Cv, G, f)
 
 
 def maps(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray]:

@@ -321,20 +321,20 @@ class Robot(Model):
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the independent rates
         (paper, Eq. (10))."""
-        return evaluation.terms(self, state)[0]
+        return evaluation.terms(self, state).M
 
     def coriolis(self, state: State) -> np.ndarray:
         """Return the Coriolis and centrifugal forces C v (..., n) [N, N m] (paper, Eq. (11))."""
-        return evaluation.terms(self, state)[1]
+        return evaluation.terms(self, state).Cv
 
     def gravity(self, state: State) -> np.ndarray:
         """Return the forces G (..., n) [N, N m] that hold the weight (paper, Eq. (12))."""
-        return evaluation.terms(self, state)[2]
+        return evaluation.terms(self, state).G
 
     def passive_forces(self, state: State) -> np.ndarray:
         """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent
         rates."""
-        return evaluation.terms(self, state)[3]
+        return evaluation.terms(self, state).f
 
     def rate_map(self, state: State) -> np.ndarray:
         """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,14 @@ from scipy.spatial.transform import Rotation
 from linkwork.lab.engines.joints import Edge, Step, coordinates_at, edge, gaps, rate_rows
 from linkwork.lab.engines.tree import EngineTree
 from linkwork.mechanism import GROUND, Mechanism
+
+
+class SeenFrame(NamedTuple):
+    """Hold the pose (..., 4, 4) of a frame, its twist (..., 6) and the twist's derivative."""
+
+    pose: np.ndarray
+    twist: np.ndarray
+    change: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -32,12 +41,12 @@ class BodyMotion:
         """Return a motion without leading dimensions as one with one instant."""
         return BodyMotion(self.names, self.poses[None], self.twists[None], self.accelerations[None])
 
-    def frame(self, body: str, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def frame(self, body: str, frame: np.ndarray) -> SeenFrame:
         """Return pose, twist and the twist's derivative of a frame fixed in a body."""
         if body == GROUND:
             shape = self.poses.shape[:-3]
             still = np.zeros((*shape, 6))
-            return np.broadcast_to(frame, (*shape, 4, 4)), still, still
+            return SeenFrame(np.broadcast_to(frame, (*shape, 4, 4)), still, still)
         index = self.names.index(body)
         pose = self.poses[..., index, :, :] @ frame
         arm = pose[..., :3, 3] - self.poses[..., index, :3, 3]
@@ -45,13 +54,10 @@ class BodyMotion:
         alpha, acceleration = np.split(self.accelerations[..., index, :], 2, axis=-1)
         velocity = velocity + np.cross(omega, arm)
         acceleration = acceleration + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
-        return (
-            pose,
-            np.concatenate([omega, velocity], axis=-1),
-            np.concatenate([alpha, acceleration], axis=-1),
-        )
+        twist = np.concatenate([omega, velocity], axis=-1)
+        return SeenFrame(pose, twist, np.concatenate([alpha, acceleration], axis=-1))
 
-    def across(self, item: Edge) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def across(self, item: Edge) -> SeenFrame:
         """Return pose X_12, twist and its derivative of a joint's second frame, seen and resolved
         in its first.
 
@@ -78,7 +84,8 @@ class BodyMotion:
         def seen(*vectors: np.ndarray) -> np.ndarray:
             return np.concatenate([applied(back, vector) for vector in vectors], axis=-1)
 
-        return np.linalg.inv(near) @ far, seen(turning, sliding), seen(spin_up, speed_up)
+        twist, change = seen(turning, sliding), seen(spin_up, speed_up)
+        return SeenFrame(np.linalg.inv(near) @ far, twist, change)
 
 
 def applied(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
