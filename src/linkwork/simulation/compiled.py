@@ -34,17 +34,41 @@ TAUGHT: list[FunctionType] = []  # what generates the code of operators that Num
 ARITHMETIC = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
-class _Linked(JITCodeLibrary):
+class _Part(JITCodeLibrary):
     """Hold a function that compiled code takes in; no machine code is made of it by itself.
 
-    It is inlined where it asks for that (`INLINED`), and called otherwise.
+    It is inlined where it asks for that (`INLINED`), and called otherwise: then its code is left
+    out of those that call it, to be optimized with the `_Whole` once.
     """
 
+    def __init__(self, codegen, name: str, called: bool):
+        super().__init__(codegen, name)
+        self.called, self.calls = called, []
+
+    def finalize(self):
+        taken = dict.fromkeys(self._linking_libraries)
+        inlined = [part for part in taken if not (isinstance(part, _Part) and part.called)]
+        further = [each for part in inlined if isinstance(part, _Part) for each in part.calls]
+        self.calls = list(dict.fromkeys([part for part in taken if part not in inlined] + further))
+        self._linking_libraries = inlined
+        super().finalize()
+
     def _finalize_final_module(self):
-        for function in self.get_defined_functions():
-            if b"alwaysinline" not in b" ".join(function.attributes):
+        if self.called:
+            for function in self.get_defined_functions():
                 function.add_function_attribute("noinline")
         self._finalized = True
+
+
+class _Whole(JITCodeLibrary):
+    """Hold a function that Python calls, with all of its parts: callers stand before the called."""
+
+    def finalize(self):
+        parts = list(dict.fromkeys(self._linking_libraries))
+        for part in parts:
+            parts += [each for each in getattr(part, "calls", ()) if each not in parts]
+        self._linking_libraries = parts
+        super().finalize()
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -65,24 +89,35 @@ class _Introduce(AnalysisPass):
         return False
 
 
-class _Linking(Compiler):
-    """Compile functions only to be linked into others."""
+class _PartCompiler(Compiler):
+    """Compile functions only to be taken in by others."""
 
     def define_pipelines(self):
         state = self.state
         state.flags.no_compile = True
-        state.library = _Linked(state.targetctx.codegen(), state.func_id.func_qualname)
+        called, name = not state.flags.forceinline, state.func_id.func_qualname
+        state.library = _Part(state.targetctx.codegen(), name, called)
         (passes,) = super().define_pipelines()
         passes.add_pass_after(_Introduce, NativeLowering)
         passes.finalize()
         return [passes]
 
 
+class _WholeCompiler(Compiler):
+    """Compile functions for Python."""
+
+    def define_pipelines(self):
+        state = self.state
+        state.library = _Whole(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
 OPTIONS = {
     **ARITHMETIC,
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
-    "pipeline_class": _Linking,
+    "pipeline_class": _PartCompiler,
     "forceinline": False,  # else it would be inherited from the first function that calls this one
 }
 INLINED = {**OPTIONS, "forceinline": True}
@@ -109,7 +144,7 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     """Compile or load; return None where the cache folder cannot be used and nothing has been
     compiled yet."""
     try:
-        dispatcher = njit(cache=True, **ARITHMETIC)(function)
+        dispatcher = njit(cache=True, pipeline_class=_WholeCompiler, **ARITHMETIC)(function)
     except RuntimeError:  # Numba found no folder that it may write to
         return None
     cache: Any = dispatcher._cache  # pyright: ignore[reportAttributeAccessIssue]
@@ -213,7 +248,7 @@ def _uncached(what: str, function: Callable, signature) -> Dispatcher:
         " let the environment variable NUMBA_CACHE_DIR name a folder that can be written",
         stacklevel=4,
     )
-    dispatcher = njit(**ARITHMETIC)(function)
+    dispatcher = njit(pipeline_class=_WholeCompiler, **ARITHMETIC)(function)
     dispatcher.compile(signature)
     return dispatcher
 
