@@ -45,9 +45,10 @@ def made(folder: Path, monkeypatch) -> list[lw.Mechanism]:
     return found
 
 
+@pytest.mark.parametrize("free", [(), ("gravity.z", "gravity.x")])
 @pytest.mark.parametrize("name", ["prr3", "stewart", "bricard", "flyball_governor", "puma560"])
-def test_equations_that_were_kept_give_the_same_functions(name):
-    equations = derive(getattr(lw.robots, name)())
+def test_equations_that_were_kept_give_the_same_functions(name, free):
+    equations = derive(getattr(lw.robots, name)(), free=free)
     again = unpacked(packed(equations))
     for function in NAMES:
         one, other = (getattr(functions, function)(part) for part in (equations, again))

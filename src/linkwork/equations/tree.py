@@ -138,7 +138,7 @@ class Tree:
     coordinates, rates: names of q (nq) and of the rates w (nv); `start` gives each coordinate's
         place in q by name
     quaternions: the places in q and in w of each free turn
-    parameters: values in the description of its free numbers p (np), by path
+    parameters: values in the description of its free numbers p (np), by path; p: their symbols
     length: the mechanism's own (`lengths`) [m]
     """
 
@@ -148,6 +148,7 @@ class Tree:
     quaternions: tuple[tuple[range, range], ...]
     nodes: tuple[Node, ...]
     parameters: Mapping[str, float]
+    p: ca.SX
     length: float
 
     @cached_property
@@ -170,11 +171,6 @@ class Tree:
         for place, k in self.single:
             units[place] = self.rate_units[k]
         return units
-
-    @property
-    def p(self) -> ca.SX:
-        """Symbols of the free numbers (np)."""
-        return ca.vertcat(SX(0, 1), *[symbol(path) for path in self.parameters])
 
     def evaluated(
         self,
@@ -358,7 +354,8 @@ def grow(
         rates += joint.rates(name)
     # Nodes from ground outwards: each joint's behind that of the body that it hangs on.
     q, names = SX.sym("q", len(coordinates)), (tuple(coordinates), tuple(rates))
-    tree = Tree(q, *names, tuple(quaternions), (), parameters, length)
+    p = ca.vertcat(SX(0, 1), *[symbol(path) for path in parameters])
+    tree = Tree(q, *names, tuple(quaternions), (), parameters, p, length)
     for branch in topology.branches:
         joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
         nodes = branch_nodes(joint, body, tree, branch, *places[branch.joint])
