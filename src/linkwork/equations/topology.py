@@ -18,10 +18,11 @@ fixed joint closes the loop (`ended`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import or_
+from typing import Any
 
 from linkwork.equations.algebra import present
 from linkwork.equations.joints import complete, pattern, rows_of
@@ -80,10 +81,9 @@ def span(mechanism: Mechanism) -> Topology:
     driven = {name.partition(".")[0] for name in mechanism.actuators}
     needed = counting(mechanism) | {name for name, joint in waiting.items() if has_effects(joint)}
 
-    def cost(name: str) -> tuple[bool, bool, int, int, int]:
-        joint = waiting[name]
-        rim = min(depth[body] for body in joint.connects if body in depth)
-        return (name not in driven, name not in needed, len(joint.rates(name)), rim, order[name])
+    def cost(name: str, near: int) -> tuple[bool, bool, int, int, int]:
+        rates = len(waiting[name].rates(name))
+        return (name not in driven, name not in needed, rates, near, order[name])
 
     def hang(body: str) -> None:
         described = next((name for name, joint in waiting.items() if joins(joint, body)), None)
@@ -99,25 +99,42 @@ def span(mechanism: Mechanism) -> Topology:
     # Platforms float; then the best joint on the rim, or a float where there is none.
     for body in platforms(mechanism):
         hang(body)
+    fit = {name: joint for name, joint in waiting.items() if complete(joint)}
     while len(depth) <= len(mechanism.bodies):
-        rim = [
-            name
-            for name, joint in waiting.items()
-            if complete(joint) and (joint.connects[0] in depth) != (joint.connects[1] in depth)
-        ]
-        if not rim:
+        branch = entering(fit, depth, cost)
+        if branch is None:
             hang(next(body for body in mechanism.bodies if body not in depth))
-            continue
-        name = min(rim, key=cost)
-        first, second = waiting.pop(name).connects
-        backwards = second in depth
-        parent, body = (second, first) if backwards else (first, second)
-        branches.append(Branch(name, parent, body, backwards))
-        depth[body] = depth[parent] + 1
+        else:
+            waiting.pop(branch.joint)
+            branches.append(branch)
     # The joints that are left close the loops.
     in_tree = {branch.joint for branch in branches}
     joints = {name: joint for name, joint in (mechanism.pairs | added).items() if name in in_tree}
     return Topology(tuple(branches), joints, waiting, tuple(added))
+
+
+def entering(
+    joints: Mapping[str, PairJoint], depth: dict[str, int], cost: Callable[[str, int], Any]
+) -> Branch | None:
+    """Let the cheapest joint between a body of the tree and another one enter (Prim), if there is
+    one.
+
+    depth: of the bodies in the tree; the new one is added
+    cost: of a joint, by its name and the depth of the body that it would hang on
+    """
+    rim = {}
+    for name, joint in joints.items():
+        inner = [body for body in joint.connects if body in depth]
+        if len(inner) == 1:
+            rim[name] = cost(name, depth[inner[0]])
+    if not rim:
+        return None
+    name = min(rim, key=lambda name: rim[name])
+    first, second = joints[name].connects
+    backwards = second in depth
+    parent, body = (second, first) if backwards else (first, second)
+    depth[body] = depth[parent] + 1
+    return Branch(name, parent, body, backwards)
 
 
 def counting(mechanism: Mechanism) -> set[str]:

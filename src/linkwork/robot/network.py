@@ -25,6 +25,7 @@ import numpy as np
 
 from linkwork.equations import mobility
 from linkwork.equations.joints import held_length
+from linkwork.equations.topology import entering
 from linkwork.mechanism import GROUND, Mechanism
 
 DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
@@ -67,7 +68,8 @@ class Network:
         loops."""
         # Pairs of bodies by number, and where the rates of each joint stand.
         place = {name: index for index, name in enumerate(mechanism.bodies)} | {GROUND: -1}
-        joints = list(mechanism.pairs.values())
+        described = mechanism.pairs
+        joints = list(described.values())
         pairs = tuple((place[joint.connects[0]], place[joint.connects[1]]) for joint in joints)
         freedoms = [mobility.freedoms(joint, planar=False) for joint in joints]
         counts = [len(joint.rates("")) for joint in joints]
@@ -79,25 +81,15 @@ class Network:
             index for index, joint in enumerate(joints) if held_length(joint) is not None
         )
         # Prim's rule: few freedoms first, then near to ground.
-        depth, branches = {-1: 0}, []
-        while len(depth) <= len(mechanism.bodies):
-            rim = [
-                k
-                for k, (first, second) in enumerate(pairs)
-                if (first in depth) != (second in depth)
-            ]
-            joint = min(
-                rim,
-                key=lambda k: (
-                    freedoms[k],
-                    min(depth[body] for body in pairs[k] if body in depth),
-                    k,
-                ),
-            )
-            forward = pairs[joint][0] in depth
-            parent, body = pairs[joint] if forward else reversed(pairs[joint])
-            branches.append(TreeJoint(joint, body, parent, forward))
-            depth[body] = depth[parent] + 1
+        depth, branches = {GROUND: 0}, []
+        index = {name: k for k, name in enumerate(described)}
+
+        def cost(name: str, near: int) -> tuple[int, int, int]:
+            return (freedoms[index[name]], near, index[name])
+
+        while (found := entering(described, depth, cost)) is not None:
+            ends = place[found.body], place[found.parent]
+            branches.append(TreeJoint(index[found.joint], *ends, not found.reversed))
         # The others close loops; gears hold rates, G w = 0.
         in_tree = {branch.joint for branch in branches}
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)

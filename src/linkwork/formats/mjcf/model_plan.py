@@ -25,6 +25,7 @@ from typing import Literal
 import numpy as np
 
 from linkwork.equations.joints import complete, held_length, motions_of, pattern, rows_of
+from linkwork.equations.topology import entering
 from linkwork.formats import poses
 from linkwork.formats.mjcf.tree import Kind, plane_normal
 from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
@@ -223,39 +224,24 @@ class _Planner:
     def _tree(self) -> tuple[dict[str, tuple[str, str]], list[str]]:
         """Return parent and body by joint (or, for bodies that only rods reach, by a name given
         here), and those names."""
-        # Every joint both ways round, with its rank: the lower, the sooner it enters.
         depth, tree, floating = {GROUND: 0}, {}, []
-        ranks = {name: self._rank(name, joint) for name, joint in self.mechanism.pairs.items()}
-        edges = [
-            (rank, number, name, ends)
-            for number, (name, rank) in enumerate(ranks.items())
-            if rank is not None
-            for ends in (
-                self.mechanism.pairs[name].connects,
-                self.mechanism.pairs[name].connects[::-1],
-            )
-        ]
-        # The best joint on the rim, near to ground first; where only rods lead on, a free joint.
+        pairs = self.mechanism.pairs
+        ranks = {name: self._rank(name, joint) for name, joint in pairs.items()}
+        order = {name: number for number, name in enumerate(pairs)}
+        fit = {name: joint for name, joint in pairs.items() if ranks[name] is not None}
+        # By rank, near to ground first; where only rods lead on, a free joint.
         while len(depth) <= len(self.mechanism.bodies):
-            rim = [
-                (rank, depth[a], number, name, a, b)
-                for rank, number, name, (a, b) in edges
-                if a in depth and b not in depth
-            ]
-            if rim:
-                *_, name, parent, body = min(rim)
-            else:
-                parent, body = (
-                    GROUND,
-                    next(body for body in self.mechanism.bodies if body not in depth),
-                )
-                name = next(
-                    (n for n in (body, f"{body}.free") if n not in self.mechanism.joints),
-                    f"{body}.float",
-                )
-                floating.append(name)
-            tree[name] = parent, body
-            depth[body] = depth[parent] + 1
+            branch = entering(fit, depth, lambda name, near: (ranks[name], near, order[name]))
+            if branch is not None:
+                tree[branch.joint] = branch.parent, branch.body
+                continue
+            body = next(body for body in self.mechanism.bodies if body not in depth)
+            name = next(
+                (n for n in (body, f"{body}.free") if n not in self.mechanism.joints),
+                f"{body}.float",
+            )
+            floating.append(name)
+            tree[name], depth[body] = (GROUND, body), 1
         return tree, floating
 
     def _needs_part(self, name: str, joint: PairJoint) -> bool:
