@@ -280,7 +280,7 @@ def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
     for part in parts:
         if part.ndim != 1:
             return b""
-        if part.dtype is not _DOUBLE:
+        if part.dtype != _DOUBLE:
             break
     else:
         try:

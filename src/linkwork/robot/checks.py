@@ -96,7 +96,7 @@ def vector(
     through."""
     if (
         isinstance(values, np.ndarray)
-        and values.dtype is DOUBLE
+        and values.dtype == DOUBLE
         and values.shape[-1:] == (len(names),)
     ):
         return values

@@ -66,7 +66,7 @@ def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: st
     n = len(state.independent)
     if values.ndim == 1 and q.ndim == 1:
         y = kernel.flat(q, state.rates, values, robot.p)
-        numbers = y.tolist()
+        numbers = y.tolist()[-1 - n :]
         if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
             return y[-1 - n : -1]
     else:
