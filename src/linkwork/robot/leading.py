@@ -78,15 +78,10 @@ class Leader:
         """
         out = self.outputs(start[None])
         way, mode = self.least.asked.way(out, y), self.modes.signs(self.matrix(out))[0]
-        q, there = np.tile(start, (len(y), 1)), np.zeros(len(y), bool)
-        if self.approach:
-            q, there = self.walked(start, way, np.arange(len(y)), mode, self.approach.step)
-            if mode.all():
-                left = np.flatnonzero(~there)
-                given = y[left], mode, self.approach.step
-                q[left], there[left] = self.elsewhere(start, q[left], *given)
-        left = np.flatnonzero(~there)
-        q[left], there[left] = self.walked(start, way, left, mode, self.least.step)
+        q, there = self.walked(start, way, np.arange(len(y)), mode, self.step)
+        if self.approach and mode.all():
+            left = np.flatnonzero(~there)
+            q[left], there[left] = self.elsewhere(start, q[left], y[left], mode)
         return q, there, mode
 
     def approached(
@@ -146,7 +141,7 @@ class Leader:
         return q, part == 1
 
     def elsewhere(
-        self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray, step: Step
+        self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return q (K, nq) on a mode to which steps lead that need not contract, and where they do
         (K).
@@ -157,11 +152,11 @@ class Leader:
         for begin in (near, np.tile(start, (len(y), 1))):
             left = np.flatnonzero(~there)
             given = begin[left], (y[left],), mode
-            found, _, there[left] = self.closed(step, *given, contracting=False)
+            found, _, there[left] = self.closed(self.step, *given, contracting=False)
             q[left[there[left]]] = found[there[left]]
         left = np.flatnonzero(~there)
         for some in np.split(left, range(PARTS, left.size, PARTS)):
-            found, _, there[some] = self.scattered(start, y[some], mode, step)
+            found, _, there[some] = self.scattered(start, y[some], mode, self.step)
             q[some[there[some]]] = found[there[some]]
         return q, there
 
@@ -189,8 +184,15 @@ class Leader:
     def otherwise(
         self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray
     ) -> np.ndarray:
-        """Return q (nq) at what is asked (rows), to which no straight way leads on the mode; near:
-        how far it led."""
+        """Return q (nq) at what is asked (rows), to which no straight way leads on the mode by
+        compiled steps; near: how far these led."""
+        # The straight way by steps of least squares, if these were not the ones that walked it.
+        if self.approach:
+            way = self.least.asked.way(self.outputs(start[None]), y[None])
+            (near,), (there,) = self.walked(start, way, np.arange(1), mode, self.least.step)
+            if there:
+                return near
+        # Shortened steps, then any from random configurations.
         refusal, elsewhere = None, False
         for begin in (near, start) if self.strict else (start,):
             try:
@@ -210,8 +212,8 @@ class Leader:
             raise refusal
         raise UnreachableError(
             f"the tool is at {np.round(y, 6).tolist()} only on another branch than the guess: "
-            "joints would have to pass "
-            'a stretched or folded pose; give a guess on that branch, or take any by branch="any"'
+            "joints would have to pass a stretched or folded pose; give a guess on that branch, or "
+            'take any by branch="any"'
         )
 
     def keeps(self, q: np.ndarray) -> np.ndarray:
