@@ -18,7 +18,8 @@ from linkwork.simulation import (
     dop853,
     integrate,
 )
-from linkwork.simulation.many import integrate_many
+from linkwork.simulation.many import Starts, as_inputs, integrate_many
+from linkwork.simulation.turns import Turning
 from linkwork.simulation.vectors import LANES
 
 NUMBERS = types.CPointer(types.double)
@@ -199,6 +200,36 @@ def test_forces_that_are_not_a_number_end_their_own_member_only():
     assert outcomes.end_time[LANES + 1] == 0.0
     others = np.arange(3 * LANES) != LANES + 1
     assert np.array_equal(outcomes.y_end[others], good.y_end[others])
+
+
+def test_members_set_out_where_and_when_each_stands():
+    """With their own rows of parameters, spans, steps, times to save at and whole turns."""
+    y, u, p = states(7, 2), states(4, 1), np.linspace(1.0, 2.0, 4)[:, None]
+    start, duration = np.linspace(0.0, 0.5, 7), np.linspace(0.7, 0.5, 7)
+    row, most = np.array([3, 0, 2, 2, 1, 3, 0]), np.array([99, 99, 99, 1, 99, 99, 99])
+    stop = start + duration
+    first, last = (np.searchsorted(T, times, "right") for times in (start, stop))
+    turns = np.where(np.arange(7) % 2, 3.0, 0.0)[:, None]
+    turning, bound = Turning(np.array([4.0]), np.ones(1)), np.full(7, 1e-4)
+    outcomes = integrate_many(
+        widened(problems.point_mass, 4, 3).address, None, y, as_inputs(u, 4), p,
+        nq=1, duration=1.0, save_at=T, turning=turning,
+        starts=Starts((start, stop, bound), (row, most, first, last), turns),
+    )  # fmt: skip
+    for i in range(7):
+        run = integrate(
+            problems.point_mass.address, None, y[i, :1], y[i, 1:], u[row[i]], p[row[i]],
+            start=start[i], duration=duration[i], save_at=T[first[i] : last[i]],
+            max_steps=int(most[i]), turning=turning, turns=turns[i],
+        )  # fmt: skip
+        assert outcomes.status[i] == run.status
+        assert outcomes.nfev[i] == run.nfev
+        assert outcomes.end_time[i] == run.end_time
+        assert np.array_equal(outcomes.y_end[i], run.y_end)
+        assert np.array_equal(outcomes.turns[i], run.turns)
+        kept = outcomes.samples[i, first[i] : outcomes.saved[i]]
+        assert np.array_equal(kept, np.concatenate([run.q, run.v], axis=1))
+    assert set(outcomes.status.tolist()) == {Status.FINISHED, Status.TOO_MANY_STEPS}
 
 
 def test_neighbours_order_and_threads_make_no_difference_to_a_bit():

@@ -124,21 +124,23 @@ def choose_independents(
     chosen, count = np.full((groups, n), -1), np.zeros(groups, int)
     free = np.ones((width, groups), bool)
 
-    def take(rates: np.ndarray, able: np.ndarray) -> None:
+    def take(rates: np.ndarray | int, able: np.ndarray) -> None:
+        at = (rates, slice(None)) if isinstance(rates, int) else (rates, every)
         direction = np.zeros((width, groups))
-        direction[rates, every] = 1.0
+        direction[at] = 1.0
         for other in directions:
-            direction -= other[rates, every] * other
-        direction *= able / np.sqrt(np.maximum(left[rates, every], 1e-300))
+            direction -= other[at] * other
+        direction *= able / np.sqrt(np.maximum(left[at], 1e-300))
         directions.append(direction)
         np.maximum(left - direction**2, 0.0, out=left)
-        chosen[every[able], count[able]], free[rates[able], every[able]] = rates[able], False
+        free[at] &= ~able
+        chosen[every[able], count[able]] = np.broadcast_to(rates, groups)[able]
         count[able] += 1
 
     for k in dict.fromkeys(preferred):
         able = (count < n) & (left[k] > least[k])
         if able.any():
-            take(np.full(groups, k), able)
+            take(k, able)
     while (count < n).any():
         lengths = np.where(free, np.sqrt(left), -1.0)
         take(np.argmax(lengths >= TIED * lengths.max(axis=0), axis=0), count < n)

@@ -323,7 +323,7 @@ def above(Phi: np.ndarray, rank: int, bound: float) -> np.ndarray:
     """
     if prod(Phi.shape[:-2]) <= FEW:
         return smallest_singular(Phi, rank) > bound
-    rows = np.moveaxis(Phi.reshape(-1, *Phi.shape[-2:]), 0, -1)
+    rows = np.ascontiguousarray(np.moveaxis(Phi.reshape(-1, *Phi.shape[-2:]), 0, -1))
     S = (rows[:, None] * rows).sum(axis=2)
     S[np.diag_indices(len(S))] -= bound**2
     unsure, count = DOUBTFUL * np.abs(S).max(axis=(0, 1), initial=0.0), np.zeros(S.shape[2], int)
