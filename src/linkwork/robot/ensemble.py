@@ -23,7 +23,7 @@ from linkwork.robot import following
 from linkwork.robot.accuracy import compared, repeatable, tightened
 from linkwork.robot.measuring import measured
 from linkwork.robot.members import Members, members
-from linkwork.robot.one_by_one import Lone, Progress, Task, by_themselves
+from linkwork.robot.one_by_one import Progress, SingleRun, Task, by_themselves
 from linkwork.robot.passage import Segment
 from linkwork.robot.quantities import (
     QUANTITIES,
@@ -119,16 +119,16 @@ class Ensemble:
     def _wound(self) -> np.ndarray:
         """Return the coordinates of all joints at the ends (N, m), with their whole turns."""
         state, _ = self._reached
-        crew, parts = self.members, self.rows()
+        batch, parts = self.members, self.rows()
         count = 1 + max((int(part.times.max(initial=-1)) for part in parts), default=-1)
-        time = np.full((len(crew), count + 1), np.nan)
+        time = np.full((len(batch), count + 1), np.nan)
         for part in parts:
             time[part.members, part.times] = part.t
         joints = [QUANTITIES[name] for name in ("joint_position", "joint_rate")]
-        read, rates = measured(crew, parts, count + 1, joints).values()
+        read, rates = measured(batch, parts, count + 1, joints).values()
         time[:, -1], read[:, -1] = self.end_time, state.positions
-        chart, v = crew.robot.chart_of(state), np.nan_to_num(state.rates)
-        rates[:, -1] = chart.kernel("joints_motion")(state.q, v, 0 * v, crew.p_robot())[1]
+        chart, v = batch.robot.chart_of(state), np.nan_to_num(state.rates)
+        rates[:, -1] = chart.kernel("joints_motion")(state.q, v, 0 * v, batch.p_robot())[1]
         return self.turned(time, read, rates)[:, -1]
 
     @property
@@ -245,8 +245,8 @@ class Ensemble:
         and singular_member.
         """
         # What the table tells of the saved states.
-        crew = self.members
-        system, axes = crew.system, axes_of(crew.robot, crew.system.extras)
+        batch = self.members
+        system, axes = batch.system, axes_of(batch.robot, batch.system.extras)
         told, times = told_by(Place.ENSEMBLE, axes), self.settings.save_at
         found = self.measured(told)
         variables = {
@@ -294,48 +294,48 @@ def ensemble(
         settings = settings.but(save_at=np.empty(0))
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")
     events, stiff = watched(robot, settings.events), settings.integrator.stiff
-    crew = members(
+    batch = members(
         robot, states, forces, parameters, drives, wrenches, events, settings.duration, stiff
     )
-    settings = settings.suited(smooth(crew.system, crew.signals))
+    settings = settings.suited(smooth(batch.system, batch.signals))
     with shown(progress) as report:
-        return completed(crew, settings, report)
+        return completed(batch, settings, report)
 
 
-def completed(crew: Members, settings: Settings, report: Progress) -> Ensemble:
+def completed(batch: Members, settings: Settings, report: Progress) -> Ensemble:
     """Run members to their ends: in lanes as far as these lead, and by themselves."""
-    if in_lanes(crew, settings.integrator):
-        legs, tasks = side_by_side(crew, settings, report)
+    if in_lanes(batch, settings.integrator):
+        legs, tasks = side_by_side(batch, settings, report)
     else:
-        legs, tasks = [], [Task(member) for member in range(len(crew))]
+        legs, tasks = [], [Task(member) for member in range(len(batch))]
     cancelled = any((leg.outcomes.status == Status.CANCELLED).any() for leg in legs)
-    lone = [] if cancelled or not tasks else by_themselves(crew, settings, tasks, report)
-    return collected(crew, legs, lone, [task.member for task in tasks], settings)
+    singles = [] if cancelled or not tasks else by_themselves(batch, settings, tasks, report)
+    return collected(batch, legs, singles, [task.member for task in tasks], settings)
 
 
 def collected(
-    crew: Members,
+    batch: Members,
     legs: Sequence[Leg],
-    lone: Sequence[Lone],
+    singles: Sequence[SingleRun],
     asked: Sequence[int],
     settings: Settings,
 ) -> Ensemble:
     """Put the results of all members side by side.
 
-    lone, asked: the runs of members by themselves, and the numbers of those that were to be run so:
-    others were cancelled
+    singles, asked: the runs of members by themselves, and the numbers of those that were to be run
+    so: others were cancelled
     """
     # Numbers of all: those of the lanes, then of members that ran by themselves, then of the
     # cancelled.
-    alone = {one.member: one for one in lone}
+    alone = {one.member: one for one in singles}
     unfinished = [member for member in asked if member not in alone]
     if not legs:
-        legs = [Leg(stands, unbegun(stands)) for stands in begun(crew, settings)]
-    numbers = totals(crew, legs)
+        legs = [Leg(stands, unbegun(stands)) for stands in begun(batch, settings)]
+    numbers = totals(batch, legs)
     if asked:
         numbers = {name: values.copy() for name, values in numbers.items()}
     numbers["status"][unfinished] = Status.CANCELLED
-    for one in lone:
+    for one in singles:
         numbers["end_time"][one.member] = one.segments[-1].trajectory.end_time
         numbers["status"][one.member] = one.status
         for name in STATISTICS:
@@ -345,35 +345,35 @@ def collected(
     def sentence(member: int) -> str:
         if member in alone:
             return alone[member].message
-        *others, last = courses(crew, settings, legs, [member])[member]
+        *others, last = courses(batch, settings, legs, [member])[member]
         status = Status(numbers["status"][member])
         last = replace(last, trajectory=replace(last.trajectory, status=status))
-        return ending(crew.alone(member)[1], [*others, last])[1]
+        return ending(batch.alone(member)[1], [*others, last])[1]
 
     def rows() -> list[SavedRows]:
-        return list(saved(crew, legs, lone, settings.save_at))
+        return list(saved(batch, legs, singles, settings.save_at))
 
     return Ensemble(
-        parameters=crew.varied,
-        members=crew,
+        parameters=batch.varied,
+        members=batch,
         rows=rows,
-        _happened=happened(crew, lone),
-        _passed=passed(lone),
-        _last=lambda: last_states(crew, legs, lone),
+        _happened=happened(batch, singles),
+        _passed=passed(singles),
+        _last=lambda: last_states(batch, legs, singles),
         _sentences=sentence,
-        _companion=companion(crew, settings),
-        _again=partial(again, crew, settings, lone),
+        _companion=companion(batch, settings),
+        _again=partial(again, batch, settings, singles),
         settings=settings,
         **numbers,
     )
 
 
-def totals(crew: Members, legs: Sequence[Leg]) -> dict[str, np.ndarray]:
+def totals(batch: Members, legs: Sequence[Leg]) -> dict[str, np.ndarray]:
     """Return what the members' legs came to and took together (N,), by name."""
-    size, names = len(crew), ("status", "end_time", *STATISTICS)
+    size, names = len(batch), ("status", "end_time", *STATISTICS)
     if len(legs) == 1 and legs[0].members.size == size:  # all of them, in their order
         found = {name: getattr(legs[0].outcomes, name) for name in names}
-        return found | {"closure_error": closure_errors(crew, legs[0])}
+        return found | {"closure_error": closure_errors(batch, legs[0])}
     found = {name: np.zeros(size, int) for name in ("status", "nfev", "steps", "rejected")}
     found["end_time"] = np.zeros(size)
     found |= {name: np.full(size, np.nan) for name in ("pivot", "closure_error")}
@@ -383,29 +383,31 @@ def totals(crew: Members, legs: Sequence[Leg]) -> dict[str, np.ndarray]:
         for name in ("nfev", "steps", "rejected"):
             found[name][own] += getattr(done, name)
         found["pivot"][own] = np.fmin(found["pivot"][own], done.pivot)
-        gaps = closure_errors(crew, leg)
+        gaps = closure_errors(batch, leg)
         found["closure_error"][own] = np.fmax(found["closure_error"][own], gaps)
     return found
 
 
-def closure_errors(crew: Members, leg: Leg) -> np.ndarray:
+def closure_errors(batch: Members, leg: Leg) -> np.ndarray:
     """Return the largest gap (M,) of each member, that of rows that are not held where it is saved
     and at its end included."""
-    found, equations = leg.outcomes, crew.robot.equations
+    found, equations = leg.outcomes, batch.robot.equations
     if equations.rows.unheld is None:
         return found.closure_error
     q = np.concatenate([found.samples, found.y_end[:, None]], axis=1)[..., : equations.nq]
-    p = np.broadcast_to(crew.p_robot(leg.members)[:, None], (*q.shape[:2], crew.robot.p.size))
-    return np.maximum(found.closure_error, np.nanmax(crew.robot.chart.unheld_gap(q, p), axis=1))
+    p = np.broadcast_to(batch.p_robot(leg.members)[:, None], (*q.shape[:2], batch.robot.p.size))
+    return np.maximum(found.closure_error, np.nanmax(batch.robot.chart.unheld_gap(q, p), axis=1))
 
 
 def again(
-    crew: Members, settings: Settings, lone: Sequence[Lone], which: Sequence[int]
+    batch: Members, settings: Settings, singles: Sequence[SingleRun], which: Sequence[int]
 ) -> Iterator[tuple[int, Sequence[Segment], bool]]:
     """Yield members with their segments that ran by themselves, and others once more; tell whether
     every step was saved."""
     whole = {
-        one.member: one for one in lone if all(part.again or part.crossed for part in one.segments)
+        one.member: one
+        for one in singles
+        if all(part.again or part.crossed for part in one.segments)
     }
     yield from ((member, whole[member].segments, False) for member in which if member in whole)
     left = [member for member in which if member not in whole]
@@ -414,27 +416,27 @@ def again(
         tasks = [Task(member) for member in left[first : first + AT_ONCE]]
         yield from (
             (one.member, one.segments, True)
-            for one in by_themselves(crew, every, tasks, lambda done, total: None)
+            for one in by_themselves(batch, every, tasks, lambda done, total: None)
         )
 
 
-def companion(crew: Members, settings: Settings) -> Callable[[], Ensemble] | None:
+def companion(batch: Members, settings: Settings) -> Callable[[], Ensemble] | None:
     """Return what runs all members again at a tighter tolerance; None where that is not
     possible."""
-    if not repeatable(crew.system, settings):
+    if not repeatable(batch.system, settings):
         return None
 
     def other() -> Ensemble:
         tight = tightened(settings).but(save_at=np.empty(0))
-        return completed(crew, tight, lambda done, total: None)
+        return completed(batch, tight, lambda done, total: None)
 
     return other
 
 
-def happened(crew: Members, lone: Sequence[Lone]) -> Happened:
+def happened(batch: Members, singles: Sequence[SingleRun]) -> Happened:
     """Return the events of all runs."""
-    names = np.array([event.name for event in crew.system.events], dtype=object)
-    runs = sorted(lone, key=lambda one: one.member) if names.size else []
+    names = np.array([event.name for event in batch.system.events], dtype=object)
+    runs = sorted(singles, key=lambda one: one.member) if names.size else []
     found = [(one.member, part.trajectory.events) for one in runs for part in one.segments]
     index = np.concatenate([np.empty(0, int), *(events.index for _, events in found)])
     times = np.concatenate([np.empty(0), *(events.times for _, events in found)])
@@ -444,11 +446,11 @@ def happened(crew: Members, lone: Sequence[Lone]) -> Happened:
     return Happened(whose, names[index], times)
 
 
-def passed(lone: Sequence[Lone]) -> Happened:
+def passed(singles: Sequence[SingleRun]) -> Happened:
     """Return the singular poses that all runs stepped over."""
     found = [
         (one.member, singular_times(one.segments))
-        for one in sorted(lone, key=lambda one: one.member)
+        for one in sorted(singles, key=lambda one: one.member)
     ]
     whose = np.array([member for member, times in found for _ in times], int)
     return Happened(

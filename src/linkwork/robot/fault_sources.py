@@ -1,5 +1,5 @@
-"""Culprits: name what is infinite or undefined where a run ended, of what the user gave rather than
-of what it led to."""
+"""Sources of faults: name what is infinite or undefined where a run ended, of what the user gave
+rather than of what it led to."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from linkwork.robot.undefined import in_motion
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # times after the end of a run at which it is looked for [s]
 
 
-def culprit(system: System, segment: Segment) -> str:
+def fault_source(system: System, segment: Segment) -> str:
     """Return what is not finite: forces or wrenches that act there or just behind, else what the
     integrator came upon."""
     last, chart, n = segment.trajectory, segment.chart, segment.trajectory.q_end.size

@@ -30,7 +30,7 @@ turns."""
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class SampledMotion:
     """Hold the motion of a run, or of many, at times (..., K) [s]: coordinates read off the tree's,
     rates of all joints."""
 
@@ -39,7 +39,7 @@ class Course:
     rates: np.ndarray
 
     @classmethod
-    def joined(cls, parts: Sequence[Course]) -> Course:
+    def joined(cls, parts: Sequence[SampledMotion]) -> SampledMotion:
         """Return the motion of parts one after the other; an instant that two of them hold is the
         earlier one's."""
         time, first = np.unique(np.concatenate([part.time for part in parts]), return_index=True)
@@ -80,11 +80,13 @@ def windings(
     labels, first = robot.labels, robot.windings(state)
     if not labels.may_jump:
         return np.array([segments[-1].trajectory.end_time]), first[None]
-    course = Course.joined([part for segment in segments for part in passed(segment, every)])
-    return course.time, course.windings(labels, first)
+    sampled = SampledMotion.joined(
+        [part for segment in segments for part in passed(segment, every)]
+    )
+    return sampled.time, sampled.windings(labels, first)
 
 
-def passed(segment: Segment, every: bool) -> Iterator[Course]:
+def passed(segment: Segment, every: bool) -> Iterator[SampledMotion]:
     """Yield the motion of a segment: at its start, its steps and the times saved, and at its
     end."""
     part, (start, q, v), n = segment.trajectory, segment.start, segment.chart.equations.mobility
@@ -108,15 +110,15 @@ def steps(segment: Segment) -> Iterator[Trajectory]:
         yield segment.again(None, row - 1)
 
 
-def moving(chart: CompiledChart, time: np.ndarray, q: np.ndarray, v: np.ndarray) -> Course:
+def moving(chart: CompiledChart, time: np.ndarray, q: np.ndarray, v: np.ndarray) -> SampledMotion:
     """Return the motion at states in a chart (K, ...)."""
     read, rates, *_ = chart.kernel("joints_motion")(
         np.ascontiguousarray(q), np.ascontiguousarray(v), 0 * v
     )
-    return Course(time, read, rates)
+    return SampledMotion(time, read, rates)
 
 
-def crossed(segment: Segment) -> Iterator[Course]:
+def crossed(segment: Segment) -> Iterator[SampledMotion]:
     """Yield the motion on the way over a singular pose: at the nodes, and at the times saved, where
     rates are interpolated."""
     part, over, chart = segment.trajectory, segment.crossed, segment.chart
@@ -124,13 +126,13 @@ def crossed(segment: Segment) -> Iterator[Course]:
     nq, n = chart.equations.nq, chart.equations.mobility
     known = moving(chart, over.t, over.y[:, :nq], over.y[:, nq : nq + n])
     kept = over.t <= part.end_time
-    yield Course(over.t[kept], known.read[kept], known.rates[kept])
+    yield SampledMotion(over.t[kept], known.read[kept], known.rates[kept])
     times, q = np.append(part.t, part.end_time), np.vstack([part.q, part.q_end])
-    yield Course(times, chart.kernel("positions")(q)[0], over.through(known.rates, times))
+    yield SampledMotion(times, chart.kernel("positions")(q)[0], over.through(known.rates, times))
 
 
 def of_members(
-    crew: Members,
+    batch: Members,
     time: np.ndarray,
     read: np.ndarray,
     rates: np.ndarray,
@@ -146,14 +148,16 @@ def of_members(
         steps: that each member took (N,); again: runs members again whose turns these times do not
             tell for sure, and tells whether every step was saved.
     """
-    robot, state, p = crew.robot, crew.given, crew.p_robot()
+    robot, state, p = batch.robot, batch.given, batch.p_robot()
     labels, chart = robot.labels, robot.chart_of(state)
-    begun, start, *_ = chart.kernel("joints_motion")(crew.q, state.rates, 0 * state.rates, p)
-    begun, start = (np.broadcast_to(part, (len(crew), part.shape[-1])) for part in (begun, start))
+    begun, start, *_ = chart.kernel("joints_motion")(batch.q, state.rates, 0 * state.rates, p)
+    begun, start = (np.broadcast_to(part, (len(batch), part.shape[-1])) for part in (begun, start))
     first = labels.windings(np.broadcast_to(state.positions, begun.shape), begun)
     if not labels.may_jump:
         return np.repeat(first[:, None], time.shape[1], axis=1)
-    reached = np.concatenate([np.ones((len(crew), 1), bool), ~np.isnan(rates).any(axis=-1)], axis=1)
+    reached = np.concatenate(
+        [np.ones((len(batch), 1), bool), ~np.isnan(rates).any(axis=-1)], axis=1
+    )
     last = np.maximum.accumulate(
         np.where(reached, np.arange(reached.shape[1]), 0), axis=1
     )  # where a run did not get: before
@@ -164,11 +168,15 @@ def of_members(
             whole, last.reshape(*last.shape, *(1 for _ in whole.shape[2:])), axis=1
         )
 
-    course = Course(along(time, np.zeros(len(crew))), along(read, begun), along(rates, start))
-    found = course.windings(labels, first)
-    unsure = np.flatnonzero(~course.sure(labels, steps, reached.sum(axis=1)))
+    sampled = SampledMotion(
+        along(time, np.zeros(len(batch))), along(read, begun), along(rates, start)
+    )
+    found = sampled.windings(labels, first)
+    unsure = np.flatnonzero(~sampled.sure(labels, steps, reached.sum(axis=1)))
     for i, segments, every in again(unsure.tolist()):
         parts = [part for segment in segments for part in passed(segment, every)]
-        own = Course.joined([Course(course.time[i], course.read[i], course.rates[i]), *parts])
-        found[i] = own.windings(labels, first[i])[np.searchsorted(own.time, course.time[i])]
+        own = SampledMotion.joined(
+            [SampledMotion(sampled.time[i], sampled.read[i], sampled.rates[i]), *parts]
+        )
+        found[i] = own.windings(labels, first[i])[np.searchsorted(own.time, sampled.time[i])]
     return found[:, 1:]

@@ -18,7 +18,7 @@ BLOCK = 16384  # saved states that are looked at at a time
 
 
 def measured(
-    crew: Members,
+    batch: Members,
     parts: Sequence[SavedRows],
     times: int,
     wanted: Iterable[SavedQuantity],
@@ -33,14 +33,14 @@ def measured(
         parts: the members' states; times: how many were asked for.
         aim: where a controller leads to; threads: all processors if left out.
     """
-    wanted, axes = list(dict.fromkeys(wanted)), axes_of(crew.robot, crew.system.extras)
+    wanted, axes = list(dict.fromkeys(wanted)), axes_of(batch.robot, batch.system.extras)
     shapes = {each: [len(axes[axis].names) for axis in each.axes] for each in wanted}
-    found = {each.name: np.full((len(crew), times, *shapes[each]), np.nan) for each in wanted}
+    found = {each.name: np.full((len(batch), times, *shapes[each]), np.nan) for each in wanted}
     first, *others = [block for rows in parts for block in blocks(rows)] or [None]
 
     def put(rows: SavedRows | None) -> None:
         if rows is not None:
-            states = saved_states(crew, rows, aim)
+            states = saved_states(batch, rows, aim)
             for each in wanted:
                 found[each.name][rows.members, rows.times] = each.values(states)
 
@@ -57,19 +57,19 @@ def blocks(rows: SavedRows) -> Iterator[SavedRows]:
         yield rows[first : first + BLOCK]
 
 
-def saved_states(crew: Members, rows: SavedRows, aim: Aim | None = None) -> SavedStates:
+def saved_states(batch: Members, rows: SavedRows, aim: Aim | None = None) -> SavedStates:
     """Return the states of rows with what follows from them."""
     over = None
     if rows.nodes is not None:
         weights = rows.nodes.weights
-        over = Over(saved_states(crew, rows.at_nodes, aim), partial(blended, weights))
+        over = Over(saved_states(batch, rows.at_nodes, aim), partial(blended, weights))
     return SavedStates(
-        crew.robot,
-        crew.system,
+        batch.robot,
+        batch.system,
         rows.chart,
         rows.y,
-        partial(crew.inputs_at, rows.members, rows.t, rows.held),
-        crew.p[rows.members] if len(crew.p) > 1 else crew.p,
+        partial(batch.inputs_at, rows.members, rows.t, rows.held),
+        batch.p[rows.members] if len(batch.p) > 1 else batch.p,
         t=rows.t,
         places=rows.times,
         aim=aim,

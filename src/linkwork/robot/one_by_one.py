@@ -35,7 +35,7 @@ class Task(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Lone:
+class SingleRun:
     """Hold what became of a member that was run by itself."""
 
     member: int
@@ -50,41 +50,41 @@ class Lone:
 
 
 def by_themselves(
-    crew: Members, settings: Settings, tasks: Sequence[Task], report: Progress
-) -> list[Lone]:
+    batch: Members, settings: Settings, tasks: Sequence[Task], report: Progress
+) -> list[SingleRun]:
     """Run members, each from chart to chart; those that KeyboardInterrupt leaves out are not
     returned."""
-    sampler = crew.system.sampler
+    sampler = batch.system.sampler
     threads = 1 if sampler and not sampler.compiled else settings.threads or usable_processors()
     size = -(-len(tasks) // (CHUNKS_PER_THREAD * threads)) or 1
     chunks = [tasks[first : first + size] for first in range(0, len(tasks), size)]
-    done: list[Lone] = []
+    done: list[SingleRun] = []
     cancel = Event()
 
     def run(i: int) -> bool:
         for task in chunks[i]:
             if cancel.is_set():
                 return False
-            done.append(led(crew, settings, task))
+            done.append(led(batch, settings, task))
         return True
 
     dealt(
         run,
         len(chunks),
         threads,
-        lambda: report(len(crew) - len(tasks) + len(done), len(crew)),
+        lambda: report(len(batch) - len(tasks) + len(done), len(batch)),
         cancel.set,
     )
     return done
 
 
-def led(crew: Members, settings: Settings, task: Task) -> Lone:
+def led(batch: Members, settings: Settings, task: Task) -> SingleRun:
     """Run one member to its end."""
-    robot, system = crew.alone(task.member)
+    robot, system = batch.alone(task.member)
     passage = Passage(robot, system, 0.0, settings.duration, settings)
 
     if task.stand is None:
-        state = crew.state(task.member)
+        state = batch.state(task.member)
         chart, v = chart_transfer.start(robot, state)
         segments = list(
             passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q))
@@ -96,4 +96,4 @@ def led(crew: Members, settings: Settings, task: Task) -> Lone:
     for fault in system.faults:
         if not isinstance(fault, Exception):
             raise fault
-    return Lone(task.member, segments, *ending(system, segments))
+    return SingleRun(task.member, segments, *ending(system, segments))

@@ -15,7 +15,7 @@ from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
 from linkwork.robot import chart_transfer, checks, limits
 from linkwork.robot.accuracy import WORTH_TELLING, Compared, Departure, without_turns
-from linkwork.robot.fault_sources import culprit
+from linkwork.robot.fault_sources import fault_source
 from linkwork.robot.next_chart import lost
 from linkwork.robot.passage import Passage, Segment
 from linkwork.robot.quantities import AXES
@@ -296,9 +296,9 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
         )
         return last.status, f"The run was ended by the event {name!r} at t = {last.end_time:.9g} s."
     if last.status is Status.NON_FINITE:
-        found = culprit(system, segment)
+        found = fault_source(system, segment)
         return last.status, last.status.sentence(
-            **last.outcome._asdict(), **last.bounds, culprit=found
+            **last.outcome._asdict(), **last.bounds, fault_source=found
         )
     return last.status, last.message
 

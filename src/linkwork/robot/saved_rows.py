@@ -13,7 +13,7 @@ from linkwork.equations.chart import Chart
 from linkwork.robot.chart_transfer import reread
 from linkwork.robot.charts import CompiledChart
 from linkwork.robot.members import Members
-from linkwork.robot.one_by_one import Lone
+from linkwork.robot.one_by_one import SingleRun
 from linkwork.robot.run_record import trimmed
 from linkwork.robot.side_by_side import Leg
 from linkwork.robot.state import State
@@ -98,10 +98,10 @@ def blended(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.einsum("rk,rk...->r...", weights, values.reshape(*weights.shape, *values.shape[1:]))
 
 
-def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[SavedRows]:
+def pieces(batch: Members, one: SingleRun, times: np.ndarray) -> Iterator[SavedRows]:
     """Yield the states of each segment of a run at the saved times, which are found by their values
     among `times`."""
-    signals = crew.system.inputs.coefficients.shape[2]
+    signals = batch.system.inputs.coefficients.shape[2]
     for part, rows in trimmed(one.segments):
         done, nodes = part.trajectory, None
         t = done.t[rows]
@@ -118,7 +118,7 @@ def pieces(crew: Members, one: Lone, times: np.ndarray) -> Iterator[SavedRows]:
         )
 
 
-def last(one: Lone) -> SavedRows:
+def last(one: SingleRun) -> SavedRows:
     """Return the last state of a run."""
     segment = one.segments[-1]
     done, none = segment.trajectory, np.zeros(1, int)
@@ -147,17 +147,17 @@ def gathered(found: Iterable[SavedRows]) -> Iterator[SavedRows]:
 
 
 def saved(
-    crew: Members, legs: Sequence[Leg], lone: Sequence[Lone], at: np.ndarray
+    batch: Members, legs: Sequence[Leg], singles: Sequence[SingleRun], at: np.ndarray
 ) -> Iterator[SavedRows]:
-    """Yield the states at the saved times `at` [s], chart by chart; of lone members those of their
-    own runs."""
-    alone = [one.member for one in lone]
+    """Yield the states at the saved times `at` [s], chart by chart; of members that ran by
+    themselves those of their own runs."""
+    alone = [one.member for one in singles]
     found = [SavedRows.saved(leg, at, ~np.isin(leg.members, alone)) for leg in legs]
-    yield from gathered([*found, *(piece for one in lone for piece in pieces(crew, one, at))])
+    yield from gathered([*found, *(piece for one in singles for piece in pieces(batch, one, at))])
 
 
 def last_states(
-    crew: Members, legs: Sequence[Leg], lone: Sequence[Lone]
+    batch: Members, legs: Sequence[Leg], singles: Sequence[SingleRun]
 ) -> tuple[State, np.ndarray]:
     """Return the last states reached, in one chart, and the extra states there; angles as they are
     read off the tree's.
@@ -165,41 +165,43 @@ def last_states(
     It is the home chart where that tells all motions, else the first of the members' own that does;
     if none does it is the home chart, and the rates that it does not tell are nan.
     """
-    robot, count = crew.robot, len(crew)
-    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(crew.system.states)))
+    robot, count = batch.robot, len(batch)
+    q, z = (np.empty((count, size)) for size in (robot.equations.nq, len(batch.system.states)))
     turns, latest = np.zeros(q.shape), np.zeros(count, int)
     for i, leg in enumerate(legs):
         latest[leg.members], turns[leg.members] = i, leg.outcomes.turns
-    for one in lone:
+    for one in singles:
         latest[one.member], turns[one.member] = -1, one.segments[-1].trajectory.turns
     ends = [SavedRows.at_end(leg, latest[leg.members] == i) for i, leg in enumerate(legs)]
-    rows = list(gathered([*ends, *map(last, lone)]))
+    rows = list(gathered([*ends, *map(last, singles)]))
     for row in rows:
         q[row.members], _, z[row.members] = row.split()
     own = {row.chart.independent: row.chart for row in rows}.values()
-    home, common, v = robot.chart, robot.chart, told_in(crew, rows, robot.chart)
+    home, common, v = robot.chart, robot.chart, told_in(batch, rows, robot.chart)
     if np.isnan(v).any():
-        ways = ((chart, told_in(crew, rows, chart)) for chart in own)
+        ways = ((chart, told_in(batch, rows, chart)) for chart in own)
         common, v = next(
             ((chart, found) for chart, found in ways if not np.isnan(found).any()), (home, v)
         )
     if common is not home:
         robot.charts.setdefault(common.independent, common)
     q = whole(q, turns)
-    (positions,) = robot.kernel("positions")(q, crew.p_robot())
+    (positions,) = robot.kernel("positions")(q, batch.p_robot())
     return State(positions, v, q, robot.coordinates, common.independent), z[
-        :, : len(crew.system.extras)
+        :, : len(batch.system.extras)
     ]
 
 
-def told_in(crew: Members, rows: Sequence[SavedRows], chart: CompiledChart) -> np.ndarray:
+def told_in(batch: Members, rows: Sequence[SavedRows], chart: CompiledChart) -> np.ndarray:
     """Return the rates (N, n) in one chart of states in others; nan where it does not tell their
     motion."""
-    v = np.full((len(crew), crew.robot.mobility), np.nan)
+    v = np.full((len(batch), batch.robot.mobility), np.nan)
     for row in rows:
         q, rates, _ = row.split()
         if row.chart.independent != chart.independent:
-            rates, kept = reread(crew.robot, row.chart, chart, q, rates, crew.p_robot(row.members))
+            rates, kept = reread(
+                batch.robot, row.chart, chart, q, rates, batch.p_robot(row.members)
+            )
             rates = np.where(kept[:, None], rates, np.nan)
         v[row.members] = rates
     return v

@@ -31,10 +31,10 @@ from linkwork.simulation.integration import times_within
 from linkwork.simulation.many import Outcomes, Starts, integrate_many
 
 
-def in_lanes(crew: Members, method: Method) -> bool:
+def in_lanes(batch: Members, method: Method) -> bool:
     """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled
     controllers."""
-    return method.in_lanes and not crew.system.events and crew.system.sampler is None
+    return method.in_lanes and not batch.system.events and batch.system.sampler is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,25 +104,25 @@ class Leg(NamedTuple):
         return Stand(self.chart, t, q, v, at.turns[row], None, steps, bound, short, method)
 
 
-def begun(crew: Members, settings: Settings) -> Iterator[Stands]:
+def begun(batch: Members, settings: Settings) -> Iterator[Stands]:
     """Yield where the members start, in charts with their pivots positive there.
 
     That is the chart in which runs start where it tells their motion, else that in which they were
     given.
     """
-    robot, z = crew.robot, len(crew.system.states)
+    robot, z = batch.robot, len(batch.system.states)
     for chart, indices in (
-        (crew.chart, np.flatnonzero(crew.told)),
-        (robot.chart_of(crew.given), np.flatnonzero(~crew.told)),
+        (batch.chart, np.flatnonzero(batch.told)),
+        (robot.chart_of(batch.given), np.flatnonzero(~batch.told)),
     ):
         if not indices.size:
             continue
-        y = crew.start(indices)
-        if chart is not crew.chart:
-            rates = np.broadcast_to(crew.given.rates, crew.v.shape)[indices]
-            y = np.concatenate([crew.q[indices], rates, y[:, y.shape[1] - z :]], axis=1)
-        shared = slice(1) if crew.alike and len(crew.p) == 1 else indices
-        pivots = chart.kernel("pivots")(crew.q[shared], crew.p_robot(shared))[0]
+        y = batch.start(indices)
+        if chart is not batch.chart:
+            rates = np.broadcast_to(batch.given.rates, batch.v.shape)[indices]
+            y = np.concatenate([batch.q[indices], rates, y[:, y.shape[1] - z :]], axis=1)
+        shared = slice(1) if batch.alike and len(batch.p) == 1 else indices
+        pivots = chart.kernel("pivots")(batch.q[shared], batch.p_robot(shared))[0]
         signs = np.where(pivots < 0, -1.0, 1.0)
         for own, rows in alike(signs):
             rows = np.arange(indices.size) if len(signs) < indices.size else rows
@@ -136,14 +136,14 @@ def begun(crew: Members, settings: Settings) -> Iterator[Stands]:
 
 
 def side_by_side(
-    crew: Members, settings: Settings, report: Progress
+    batch: Members, settings: Settings, report: Progress
 ) -> tuple[list[Leg], list[Task]]:
     """Run all members as far as lanes lead them; return their legs, and the runs that go on alone.
 
     Members that are cancelled before they came to their ends have a last leg in which nothing was
     done.
     """
-    times_within(settings.save_at, *crew.span)
+    times_within(settings.save_at, *batch.span)
     waiting: dict[object, list[Stands]] = {}
     legs: list[Leg] = []
     leaving: list[tuple[Leg, int]] = []
@@ -156,23 +156,23 @@ def side_by_side(
 
     def progress(ended: int, of: int) -> None:
         left = of + len(leaving) + sum(map(count, waiting.values()))
-        report(len(crew) - left + ended, len(crew))
+        report(len(batch) - left + ended, len(batch))
 
-    wait(begun(crew, settings))
+    wait(begun(batch, settings))
     while waiting and not cancelled:
         # First the chart in which most members stand: meanwhile there may be more of them in the
         # others.
         stands = joined(waiting.pop(max(waiting, key=lambda key: count(waiting[key]))))
-        leg = Leg(stands, integrated(crew, settings, stands, progress))
+        leg = Leg(stands, integrated(batch, settings, stands, progress))
         legs.append(leg)
         cancelled = bool((leg.outcomes.status == Status.CANCELLED).any())
-        going, alone = onward(crew, settings, leg)
+        going, alone = onward(batch, settings, leg)
         wait(going)
         leaving += [(leg, row) for row in alone.tolist()]
     if not cancelled:
         progress(0, 0)
     legs += [Leg(stands, unbegun(stands)) for parts in waiting.values() for stands in parts]
-    ways = courses(crew, settings, legs, [int(leg.members[row]) for leg, row in leaving])
+    ways = courses(batch, settings, legs, [int(leg.members[row]) for leg, row in leaving])
     return legs, [
         Task(
             int(leg.members[row]), ways[int(leg.members[row])], leg.stand(row, settings.integrator)
@@ -199,10 +199,10 @@ def count(parts: Sequence[Stands]) -> int:
     return sum(part.members.size for part in parts)
 
 
-def integrated(crew: Members, settings: Settings, stands: Stands, progress: Progress) -> Outcomes:
+def integrated(batch: Members, settings: Settings, stands: Stands, progress: Progress) -> Outcomes:
     """Integrate members in their chart, each to its end or to where its pivot falls below the
     bound."""
-    chart, system, save_at = stands.chart, crew.system, settings.save_at
+    chart, system, save_at = stands.chart, batch.system, settings.save_at
     until = stands.until(settings.duration)
     last = np.searchsorted(save_at, until, "right")
     last[until == settings.duration] = save_at.size
@@ -211,8 +211,8 @@ def integrated(crew: Members, settings: Settings, stands: Stands, progress: Prog
         system.kernel(chart, "motion").wide_address,
         chart.kernel("closure_step").wide_address if chart.equations.constrained else None,
         stands.y,
-        crew.inputs,
-        crew.p,
+        batch.inputs,
+        batch.p,
         nq=chart.equations.nq,
         duration=settings.duration,
         rtol=rtol,
@@ -221,11 +221,11 @@ def integrated(crew: Members, settings: Settings, stands: Stands, progress: Prog
         max_step=settings.max_step,
         method=settings.integrator,  # pyright: ignore[reportArgumentType]
         leave_stiff=settings.leave_stiff,
-        closure_tol=CLOSURE * crew.robot.size,
+        closure_tol=CLOSURE * batch.robot.size,
         threads=settings.threads,
-        watch=crew.watched,
+        watch=batch.watched,
         progress=progress,
-        turning=turning(crew.robot.turning, crew.robot.chart, system.acting),
+        turning=turning(batch.robot.turning, batch.robot.chart, system.acting),
         starts=Starts(
             (stands.t, stands.t + (until - stands.t), stands.bound),
             (stands.members, stands.steps, stands.saved, last),
@@ -256,7 +256,7 @@ def unbegun(stands: Stands) -> Outcomes:
     )
 
 
-def onward(crew: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], np.ndarray]:
+def onward(batch: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], np.ndarray]:
     """Return where members stand after a leg, chart by chart, and the rows of those who go on
     alone: as `Passage.after`."""
     # Only who is not at the end, and has steps left, may go on.
@@ -271,37 +271,37 @@ def onward(crew: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], n
 
     # Where the bound is lowered legs are short: it is raised again when the pivots have recovered.
     rest = here[paused]
-    recovered = pivots(crew, rest) > RECOVERED * SOFT
+    recovered = pivots(batch, rest) > RECOVERED * SOFT
     bound = np.where(recovered, SOFT, rest.bound)
     short = np.where(recovered, settings.duration / SHORT, 2 * rest.short)
     going = [replace(rest, bound=bound, short=short)]
 
     # Where pivots have weakened members change charts; near a singular pose the bound is lowered.
-    better, changed = in_better_charts(crew, here[weak], not settings.step_over)
+    better, changed = in_better_charts(batch, here[weak], not settings.step_over)
     left = weak[~changed]
     if settings.step_over:
         alone = np.concatenate([alone, rows[left]])
     else:
         rest = here[left]
         rest = rest[(rest.bound > checks.PIVOT_BOUND) & (rest.t < end)]
-        lower = LOWER * np.minimum(rest.bound, pivots(crew, rest))
+        lower = LOWER * np.minimum(rest.bound, pivots(batch, rest))
         going.append(replace(rest, bound=np.maximum(checks.PIVOT_BOUND, lower)))
     return [*going, *better], alone
 
 
 def in_better_charts(
-    crew: Members, stands: Stands, everywhere: bool
+    batch: Members, stands: Stands, everywhere: bool
 ) -> tuple[list[Stands], np.ndarray]:
     """Return members in the charts that are better where they stand, and which of them change (M,).
 
     everywhere: whether also at configurations that are not regular
     """
-    robot, chart, nq, n = crew.robot, stands.chart, crew.robot.equations.nq, crew.robot.mobility
+    robot, chart, nq, n = batch.robot, stands.chart, batch.robot.equations.nq, batch.robot.mobility
     changed = np.zeros(stands.members.size, bool)
     if not changed.size:
         return [], changed
     q, v, z = (np.ascontiguousarray(part) for part in np.split(stands.y, [nq, nq + n], axis=1))
-    p = crew.p_robot(stands.members) if crew.varied and robot.p.size else None
+    p = batch.p_robot(stands.members) if batch.varied and robot.p.size else None
     regular, groups = choices(robot, chart, q, p)
     found = []
     for chosen, better in groups:
@@ -315,25 +315,25 @@ def in_better_charts(
     return found, changed
 
 
-def pivots(crew: Members, stands: Stands) -> np.ndarray:
+def pivots(batch: Members, stands: Stands) -> np.ndarray:
     """Return the weakest relative pivots of members where they stand (M,)."""
     chart = stands.chart
     q = np.ascontiguousarray(stands.y[:, : chart.equations.nq])
-    return chart.weighed(q, np.zeros(chart.equations.mobility), crew.p_robot(stands.members))[1]
+    return chart.weighed(q, np.zeros(chart.equations.mobility), batch.p_robot(stands.members))[1]
 
 
 def courses(
-    crew: Members, settings: Settings, legs: Sequence[Leg], members: Sequence[int]
+    batch: Members, settings: Settings, legs: Sequence[Leg], members: Sequence[int]
 ) -> dict[int, list[Segment]]:
     """Return what some members did in the lanes as segments of their own runs."""
     ways: dict[int, list[Segment]] = {member: [] for member in members}
     for leg in legs if ways else ():
         for row in np.flatnonzero(np.isin(leg.members, list(ways))).tolist():
-            ways[int(leg.members[row])].append(segment(crew, settings, leg, row))
+            ways[int(leg.members[row])].append(segment(batch, settings, leg, row))
     return ways
 
 
-def segment(crew: Members, settings: Settings, leg: Leg, row: int) -> Segment:
+def segment(batch: Members, settings: Settings, leg: Leg, row: int) -> Segment:
     """Return what a member did in a leg as a segment of its own run."""
     from linkwork.simulation.native_loop import LoopOutcome
 
@@ -365,11 +365,11 @@ def segment(crew: Members, settings: Settings, leg: Leg, row: int) -> Segment:
     )
     bounds = {
         "pivot_bound": stand.bound,
-        "closure_tol": CLOSURE * crew.robot.size,
+        "closure_tol": CLOSURE * batch.robot.size,
         "max_steps": settings.max_steps,
     }
     end, turns, status = done.y_end[row], done.turns[row], Status(outcome.status)
     held = rows, rows[:0], end, turns, stand.q.size, outcome, None, bounds, status
-    robot, _ = crew.alone(int(leg.members[row]))
+    robot, _ = batch.alone(int(leg.members[row]))
     chart = leg.chart.with_parameters(robot.p)
     return Segment(chart, Trajectory(*held), (stand.t, stand.q, stand.v), stand.method.name)

@@ -65,10 +65,12 @@ class Trajectory:
     def message(self) -> str:
         if self.success:
             return self.status.sentence(time=self.end_time)
-        return self.status.sentence(**self.outcome._asdict(), culprit=self._culprit, **self.bounds)
+        return self.status.sentence(
+            **self.outcome._asdict(), fault_source=self._fault_source, **self.bounds
+        )
 
     @property
-    def _culprit(self) -> str:
+    def _fault_source(self) -> str:
         """What is not finite, by the number that the compiled loop gives it."""
         fault, held = int(self.outcome.fault), self.control.held.size if self.control else 0
         kinds = [

@@ -27,7 +27,7 @@ class Status(IntEnum):
 
 
 DEFAULTS = {
-    "culprit": "what the equations of motion return",
+    "fault_source": "what the equations of motion return",
     "remedy": 'or take method="rodas" where a spring, damper, dry friction (at rates below its '
     "coulomb_rate), drive or"
     " controller is stiff",
@@ -55,7 +55,8 @@ _SENTENCES = {
         "size now {step:.2g} s); allow more, loosen rtol and atol, {remedy}."
     ),
     Status.NON_FINITE: (
-        "The run stopped at t = {time:.9g} s: {culprit} is infinite or undefined from here on, "
+        "The run stopped at t = {time:.9g} s: {fault_source} is infinite or undefined from here "
+        "on, "
         "however small the step (next would be {step:.2g} s)."
     ),
     Status.EVENT: "The run was ended by event {event:d} (counted from 0) at t = {time:.9g} s.",
