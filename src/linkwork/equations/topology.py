@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from operator import or_
 from typing import Any
 
 from linkwork.equations.algebra import present
@@ -182,7 +181,7 @@ def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Top
 
 def joins(joint: PairJoint, body: str) -> bool:
     """Tell whether a joint is a free joint between ground and a body."""
-    return not rows_of(joint) and set(joint.connects) == {GROUND, body}
+    return set(joint.connects) == {GROUND, body} and not rows_of(joint)
 
 
 def platforms(mechanism: Mechanism) -> list[str]:
@@ -198,9 +197,10 @@ def platforms(mechanism: Mechanism) -> list[str]:
 def hung(joints: Sequence[PairJoint]) -> bool:
     """Tell whether there are three or more ball joints, and none of another type but rods and free
     joints."""
-    balls = [pattern(joint) == ("ball",) for joint in joints]
-    loose = [not complete(joint) or not rows_of(joint) for joint in joints]
-    return sum(balls) >= 3 and all(map(or_, balls, loose))
+    others = [joint for joint in joints if pattern(joint) != ("ball",)]
+    return len(joints) - len(others) >= 3 and not any(
+        complete(joint) and rows_of(joint) for joint in others
+    )
 
 
 def has_effects(joint: PairJoint) -> bool:

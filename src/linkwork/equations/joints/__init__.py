@@ -54,7 +54,8 @@ def complete(joint: PairJoint) -> bool:
 def held_length(joint: PairJoint) -> Number | None:
     """Return the distance at which a joint holds the origins of its frames, if it is all that it
     holds, as a rod."""
-    return next((row.length for row in rows_of(joint) if row.length is not None), None)
+    rows = () if joint.freedoms else rows_of(joint)
+    return next((row.length for row in rows if row.length is not None), None)
 
 
 __all__ = [
