@@ -28,6 +28,7 @@ MOST_SAMPLES = 10_000_000
 BRANCHES = ("guess", "any")
 
 Rates = ArrayLike | Mapping[str, ArrayLike] | None
+Placed = tuple[list[int], np.ndarray] | None
 
 
 def state(
@@ -112,12 +113,12 @@ def assemble(
     branch: str = "guess",
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
-    start, asked = start_of(robot, guess), dict[int, np.ndarray]()
+    start, asked = start_of(robot, guess), None
     if branch not in BRANCHES:
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if isinstance(joints, Mapping) and tool is None:
         names, values = asked_of(robot, joints)
-        asked = {robot.coordinates.index(name): values[..., k] for k, name in enumerate(names)}
+        asked = [robot.coordinates.index(name) for name in names], values
         q = at_joints(robot, names, values, start)
     elif tool is not None and joints is None:
         robot.require_tool()
@@ -181,7 +182,7 @@ def led(leader: Leader, start: np.ndarray, values: np.ndarray) -> np.ndarray:
     return q.reshape(*values.shape[:-1], start.size)
 
 
-def wound(robot: Model, made: State, guess: State, asked: Mapping[int, np.ndarray]) -> State:
+def wound(robot: Model, made: State, guess: State, asked: Placed = None) -> State:
     """Return states with the whole turns of joints that close loops as near as they come to what is
     asked, by place.
 
@@ -191,11 +192,13 @@ def wound(robot: Model, made: State, guess: State, asked: Mapping[int, np.ndarra
     labels = robot.labels
     if not labels.may_wind:
         return made
-    turns = robot.windings(guess)
-    kept = labels.turned(made.positions, np.broadcast_to(turns, made.positions.shape))
+    kept = made.positions
+    if guess is not robot.home:
+        kept = labels.turned(kept, np.broadcast_to(robot.windings(guess), kept.shape))
     goal = np.where(labels.jumps, guess.positions, kept)
-    for place, value in asked.items():
-        goal[..., place] = value
+    if asked is not None:
+        places, values = asked
+        goal[..., places] = values
     return with_positions(made, labels.nearest(made.positions, goal))
 
 
@@ -248,7 +251,7 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
         made.q, made.rates, v_dot
     )
     positions = robot.labels.unwrapped(time, positions, joint_rates)
-    first = wound(robot, made.at(0), robot.home if guess is None else guess, {})
+    first = wound(robot, made.at(0), robot.home if guess is None else guess)
     turns = robot.labels.windings(first.positions, positions[0])
     made = with_positions(made, robot.labels.turned(positions, turns))
     return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses)
