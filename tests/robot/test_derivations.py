@@ -10,6 +10,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.equations import derive, functions
+from linkwork.equations.orientation import GROUND_AXES
 from linkwork.robot import derivations
 from linkwork.robot.derivations import packed, unpacked
 
@@ -59,6 +60,15 @@ def test_equations_that_were_kept_give_the_same_functions(name, free):
         again.notes,
         again.redundant,
     )
+
+
+def test_all_trees_stand_on_one_ground():
+    again = unpacked(packed(derive(lw.robots.puma560())))
+    for node in again.tree.nodes:
+        axes = node.before
+        while axes.parent is not None:
+            axes = axes.parent
+        assert axes is GROUND_AXES
 
 
 def test_functions_are_kept_as_they_are():

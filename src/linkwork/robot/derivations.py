@@ -25,12 +25,15 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations, derive
+from linkwork.equations.orientation import GROUND_AXES
+from linkwork.equations.tree import GROUND_NODE
 from linkwork.kernels import cache
 from linkwork.kernels.machine import this_machine
 from linkwork.mechanism import Mechanism
 
 Found = TypeVar("Found")
 
+GROUND = [GROUND_AXES, GROUND_NODE]  # of which there is one in a process, of all trees
 STAGES = "linkwork.mechanism.", "linkwork.equations."
 OTHERS = {
     "builtins": {"range"},
@@ -90,6 +93,8 @@ class DerivationPickler(pickle.Pickler):
         self._numbers: dict[int, int] = {}
 
     def persistent_id(self, obj: object) -> int | None:
+        if obj is GROUND_AXES or obj is GROUND_NODE:
+            return GROUND.index(obj) - len(GROUND)
         if type(obj) is not ca.SX:
             return None
         number = self._numbers.setdefault(id(obj), len(self.expressions))
@@ -106,7 +111,7 @@ class DerivationUnpickler(pickle.Unpickler):
         self._expressions = expressions
 
     def persistent_load(self, pid: int) -> ca.SX:
-        return self._expressions[pid]
+        return self._expressions[pid] if pid >= 0 else GROUND[pid]
 
     def find_class(self, module_name: str, global_name: str) -> Any:
         own = module_name.startswith(STAGES)
