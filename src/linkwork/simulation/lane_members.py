@@ -46,8 +46,8 @@ CANCELLED = int(Status.CANCELLED)
 
 
 class Roster(NamedTuple):
-    """The M members of a call, and where each starts: its last state and whole turns are left in `y`
-    and `turns`.
+    """The M members of a call, and where each starts: its last state and whole turns are left in
+    `y` and `turns`.
 
     y (M, n), turns (M, nq)
     numbers (M, 3): when it starts and stops [s], and the bound of its pivots

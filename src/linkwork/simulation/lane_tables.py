@@ -76,8 +76,8 @@ NUMBERS = 10
 NOW = 25
 
 # Rows of `tally`, counts; the first COUNTS are kept of every member, too. ROW is that of its signal
-# and of its parameters; it may take MOST steps, and saves its states at the times of `save_at` up to
-# before LAST. MEMBER is its number.
+# and of its parameters; it may take MOST steps, and saves its states at the times of `save_at` up
+# to before LAST. MEMBER is its number.
 STATUS, EVALUATIONS, ACCEPTED, REJECTED, SAVED, ROW, MOST, LAST = range(8)
 COUNTS = 8
 CAUSE, PIECE, BREAK, BEND, MEMBER, REACHED, AILMENT, STIFFLY = range(8, 16)

@@ -66,7 +66,8 @@ def watch_of(watched, row):
     first, count = watched.pieces[i], watched.pieces[i + 1] - watched.pieces[i]
     bends, bend = watched.bending[i + 1] - watched.bending[i] - 1, watched.bending[i]
     return WatchedSignals(
-        pointer(watched.starts) + first, pointer(watched.coefficients) + 4 * columns * first, count, columns,
+        pointer(watched.starts) + first, pointer(watched.coefficients) + 4 * columns * first,
+        count, columns,
         pointer(watched.bends) + 3 * bend, bends, 0,
     )  # fmt: skip
 

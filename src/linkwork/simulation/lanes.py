@@ -7,7 +7,7 @@ same arithmetic in the same order, lane by lane, so that no member depends on it
 kernels are C functions void(const double *in, double *out) for LANES states side by side:
 
     motion   in = (y, u, p)  out = (y', pivot)
-    closure  in = (q, p)     out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
+    closure  in = (q, p)     out = (q after one Newton step on phi(q) = 0, max |phi(q)| before it)
 
 Members start in blocks of LANES (`lane_starts`); `begun` keeps what comes of that, block after
 block. Then all lanes go step by step: members that have stopped make room for those that wait
@@ -91,15 +91,24 @@ class Demands(NamedTuple):
 
 
 @njit(**INLINED)
-def advance(kernels, method, i, limits, tables):
-    """Leave the state of stage i in x, of which the last is the new one: its loops are closed."""
-    n, nq, x, now = tables.n, tables.nq, tables.x, tables.now
-    combine(method.a + i * method.stages, i, n, now, tables.y, tables.k, x)
-    if i == method.solution:
-        store(now, RESIDUAL, splat(0.0))
-        if kernels.closure != 0:
-            z, z_next, closure_tol = tables.z, tables.z_next, limits.closure_tol
-            project(kernels.closure, nq, x, z, z_next, now, closure_tol, RESERVE)
+def attempt(kernels, method, signals, limits, tables):
+    """Try a step in all lanes: leave its stages in k, the new states in x, and what is to be said
+    of it in `now`."""
+    n, nq, x, k, now = tables.n, tables.nq, tables.x, tables.k, tables.now
+    store(now, WANTED, load(now, LIVE))
+    choose_steps(now)
+    for i in range(1, method.solution + 1):
+        combine(method.a + i * method.stages, i, n, now, tables.y, k, x)
+        # The last stage is evaluated at the new state, whose loops are closed.
+        if i == method.solution:
+            store(now, RESIDUAL, splat(0.0))
+            if kernels.closure != 0:
+                z, z_next, closure_tol = tables.z, tables.z_next, limits.closure_tol
+                project(kernels.closure, nq, x, z, z_next, now, closure_tol, RESERVE)
+        if signals.timed:
+            set_forces(signals, method.c[i], x, n, now, tables.tally)
+        call_wide(kernels.motion, x, k, i * (n + 1))
+    judge(method, nq if kernels.closure != 0 else 0, limits.closure_tol, tables)
 
 
 @njit(**INLINED)
@@ -226,7 +235,8 @@ _SIGNATURE = (
 
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
-    kernels, plan, limits, sizes, parameters, signals, watched, members, save_at, results, cancel, progress
+    kernels, plan, limits, sizes, parameters, signals, watched, members, save_at, results, cancel,
+    progress,
 ):  # fmt: skip
     """Integrate members from their starts to their ends, and leave their last states there.
 
@@ -245,13 +255,14 @@ def integrate(
     space, blocks = room(end[-1]), room(block_row(count + LANES - 1, n))
     counts = np.zeros((TALLY, LANES), np.intp)
     tables, begun = furnish(space, counts, end, n, nq, sizes), as_table(blocks)
-    turned, timed, breaks = any_turned(members.turns), signals.timed, signals.breaks.size > 0
+    turned, breaks = any_turned(members.turns), signals.breaks.size > 0
     looks = save_at.size > 0 or watched.bending[-1] > watched.bending.size - 1
 
     # All members start, block after block.
     for first in range(0, count, LANES):
         turned = start_block(
-            kernels, method, signals, limits, members, first, parameters, begun, results, turned, tables
+            kernels, method, signals, limits, members, first, parameters, begun, results, turned,
+            tables,
         )  # fmt: skip
 
     # All lanes go step by step, until no member is left.
@@ -259,23 +270,19 @@ def integrate(
     while True:
         if live == 0 or stopped(tables):
             live, waiting = fill(
-                waiting, members, signals, parameters, begun, save_at, results, turned, progress, tables
+                waiting, members, signals, parameters, begun, save_at, results, turned, progress,
+                tables,
             )  # fmt: skip
         if live == 0 or cancel[0] != 0:
             break
-        # A step is tried, and judged.
-        store(tables.now, WANTED, load(tables.now, LIVE))
-        choose_steps(tables.now)
-        for i in range(1, method.solution + 1):
-            advance(kernels, method, i, limits, tables)
-            if timed:
-                set_forces(signals, method.c[i], tables.x, n, tables.now, tables.tally)
-            call_wide(kernels.motion, tables.x, tables.k, i * (n + 1))
-        judge(method, nq if kernels.closure != 0 else 0, limits.closure_tol, tables)
+        # A step is tried, judged, and looked into.
+        attempt(kernels, method, signals, limits, tables)
         decide(method, limits, tables)
-        peaks = some(falling(tables.now))
+        peaks, samples = some(falling(tables.now)), results.samples
         if looks or peaks:
-            look_into(kernels, method, signals, watched, limits, save_at, results.samples, peaks, tables)  # fmt: skip
+            look_into(
+                kernels, method, signals, watched, limits, save_at, samples, peaks, tables
+            )  # fmt: skip
         book(method.exponent, tables)
         # Where it is accepted the lane goes on from its end.
         trips += 1

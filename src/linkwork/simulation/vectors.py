@@ -132,8 +132,8 @@ def _row(builder, table, row):
 
 
 def _as_table(typing_context, array):
-    """Return an array (rows, LANES) as a `LaneTable`, or one of whole numbers as a `CountTable`; the
-    array has to be kept alive by name."""
+    """Return an array (rows, LANES) as a `LaneTable`, or one of whole numbers as a `CountTable`;
+    the array has to be kept alive by name."""
 
     def generate(context, builder, signature, values):
         data = context.make_array(signature.args[0])(context, builder, value=values[0]).data
