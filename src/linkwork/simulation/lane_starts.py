@@ -43,7 +43,7 @@ from linkwork.simulation.lane_tables import (
     TIME,
     WANTED,
 )
-from linkwork.simulation.lane_turns import keep_turns, large, settle
+from linkwork.simulation.lane_turns import any_turned, keep_turns, large, settle
 from linkwork.simulation.native_pace import BOLDNESS, FARTHEST
 from linkwork.simulation.native_parts import CLOSURE_LOST, OK
 from linkwork.simulation.vectors import LANES, call_wide, load, some, store
@@ -54,6 +54,18 @@ def block_row(member, n):
     """Return the first row of a member's block in `begun`: the first NUMBERS rows of `now`, those
     of y, those of k_0."""
     return member // LANES * (NUMBERS + 2 * n + 1)
+
+
+@njit(**INLINED)
+def start_all(kernels, method, signals, limits, members, parameters, begun, results, tables):
+    """Start all members, block after block; return whether any turn is counted."""
+    turned = any_turned(members.turns)
+    for first in range(0, members.counts.shape[0], LANES):
+        turned = start_block(
+            kernels, method, signals, limits, members, first, parameters, begun, results, turned,
+            tables,
+        )  # fmt: skip
+    return turned
 
 
 @njit(**INLINED)

@@ -49,3 +49,13 @@ def keep_turns(i, lane, turns, tables):
     """Keep the whole turns of a lane's angles for member i."""
     for m in range(tables.nq):
         turns[i, m] = tables.turned[m, lane]
+
+
+@njit(**INLINED)
+def any_turned(turns):
+    """Tell whether any whole turn is counted."""
+    count = 0
+    for i in range(turns.shape[0]):
+        for m in range(turns.shape[1]):
+            count += turns[i, m] != 0.0
+    return count > 0

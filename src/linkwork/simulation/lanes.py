@@ -38,7 +38,7 @@ from linkwork.simulation.lane_members import (
 )
 from linkwork.simulation.lane_refusals import diagnose, first_ailment, look_due, reject
 from linkwork.simulation.lane_samples import extend, take_samples, want_samples
-from linkwork.simulation.lane_starts import block_row, start_block
+from linkwork.simulation.lane_starts import block_row, start_all
 from linkwork.simulation.lane_steps import (
     accept,
     choose_steps,
@@ -197,16 +197,6 @@ def restart(motion, last, signals, tables):
             now[PIVOT, lane] = min(now[PIVOT, lane], now[REJECTED_PIVOT, lane])
 
 
-@njit(**INLINED)
-def any_turned(turns):
-    """Tell whether any whole turn is counted."""
-    count = 0
-    for i in range(turns.shape[0]):
-        for m in range(turns.shape[1]):
-            count += turns[i, m] != 0.0
-    return count > 0
-
-
 def _tuple(kind, *fields):
     return types.BaseTuple.from_types(fields, kind)
 
@@ -255,17 +245,13 @@ def integrate(
     space, blocks = room(end[-1]), room(block_row(count + LANES - 1, n))
     counts = np.zeros((TALLY, LANES), np.intp)
     tables, begun = furnish(space, counts, end, n, nq, sizes), as_table(blocks)
-    turned, breaks = any_turned(members.turns), signals.breaks.size > 0
+    breaks = signals.breaks.size > 0
     looks = save_at.size > 0 or watched.bending[-1] > watched.bending.size - 1
 
-    # All members start, block after block.
-    for first in range(0, count, LANES):
-        turned = start_block(
-            kernels, method, signals, limits, members, first, parameters, begun, results, turned,
-            tables,
-        )  # fmt: skip
-
-    # All lanes go step by step, until no member is left.
+    # All members start; then all lanes go step by step, until no member is left.
+    turned = start_all(
+        kernels, method, signals, limits, members, parameters, begun, results, tables
+    )  # fmt: skip
     live, waiting, trips, due = 0, np.intp(0), 0, LOOK
     while True:
         if live == 0 or stopped(tables):
