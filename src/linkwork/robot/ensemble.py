@@ -155,7 +155,8 @@ class Ensemble:
         y, y_c = (
             np.column_stack([one.final.q, one.final.rates, one.extras]) for one in (self, other)
         )
-        start = np.pad(self.members.q, [(0, 0), (0, y.shape[1] - self.members.q.shape[1])])
+        start = np.zeros(y.shape)
+        start[:, : self.members.q.shape[1]] = self.members.q
         robot, settings = self.members.robot, self.settings
         labels = robot.equations.tree.coordinates
         units = [*map(robot.unit, labels), *[""] * (y.shape[1] - len(labels))]
