@@ -14,8 +14,8 @@ from mujoco import rollout
 import linkwork as lw
 from linkwork.lab.engines.mujoco import MujocoEngine, mj
 from linkwork.lab.engines.pinocchio import PinocchioEngine
-from linkwork.robot.ensemble import Ensemble
 from linkwork.robots import prr3
+from linkwork.runs.ensemble import Ensemble
 from linkwork.simulation.threads import usable_processors
 
 from benchmarks import engines, runs

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 
 import linkwork as lw
-from linkwork.robot.charts import CompiledChart
+from linkwork.model.charts import CompiledChart
 from linkwork.simulation import Run, Trajectory, integrate, native
 
 from benchmarks.tasks import Task

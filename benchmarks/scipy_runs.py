@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 import linkwork as lw
 from linkwork.kernels import Kernel
-from linkwork.robot.charts import CompiledChart
-from linkwork.robot.system import system
+from linkwork.model.charts import CompiledChart
+from linkwork.runs.system import system
 
 from benchmarks.native import call_one
 

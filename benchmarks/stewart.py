@@ -13,7 +13,7 @@ import numpy as np
 
 import linkwork as lw
 from linkwork.equations import functions
-from linkwork.robot.charts import CompiledChart
+from linkwork.model.charts import CompiledChart
 from linkwork.robots import stewart
 
 from benchmarks import engines, native

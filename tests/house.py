@@ -6,16 +6,31 @@ from __future__ import annotations
 import ast
 import tokenize
 from collections import Counter
+from fnmatch import fnmatch
 from functools import cache
 from io import StringIO
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
-CORE = ("mechanism", "equations", "kernels", "simulation", "robot")
-"""What a reader must know: from a description to a state and a run. CONTRIBUTING.md says so,
-too."""
-MANY = ("one_by_one", "ensemble", "lane_", "lanes", "many", "members", "saved_rows", "vectors")
-"""How modules of the core begin that only runs of many members need; they are counted apart."""
+CORE = ("mechanism", "equations", "kernels", "simulation", "model", "runs", "robot")
+"""What a reader must know, as CONTRIBUTING.md says: from a description to a state and a run."""
+WINGS = {
+    "ensembles": (
+        *("lane_*", "lanes", "many", "vectors"),
+        *("ensemble", "measuring", "members", "one_by_one", "saved_rows", "side_by_side"),
+    ),
+    "events, stiffness": (
+        *("bends", "events", "native_events", "native_occurrences", "native_watch"),
+        *("native_rosenbrock", "rosenbrock"),
+    ),
+    "accounts of runs": (
+        *("accuracy", "fault_sources", "quantities", "run_record", "saved_states", "work"),
+        "undefined",
+    ),
+    "statics, linear": ("linear", "network", "parameters", "reactions", "regressor"),
+    "tool paths": ("following", "leading", "modes"),
+}
+"""Modules of the core's packages that one needs for these only; they are counted apart."""
 
 
 @cache
@@ -33,9 +48,23 @@ def package(path: Path) -> str:
 
 
 def part(path: Path) -> str:
-    """Return what a source file is counted for: its package, or the ensembles."""
-    of_many = package(path) in ("robot", "simulation") and path.name.startswith(MANY)
-    return "ensembles" if of_many else package(path)
+    """Return what a source file is counted for: its package, or a wing of the core."""
+    if package(path) not in CORE:
+        return package(path)
+    wings = (
+        wing for wing, names in WINGS.items() if any(fnmatch(path.stem, name) for name in names)
+    )
+    return next(wings, package(path))
+
+
+def statements(path: Path) -> int:
+    """Return how many statements a file has, whatever the width of its lines; docstrings not."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return sum(
+        isinstance(node, ast.stmt)
+        and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+        for node in ast.walk(tree)
+    )
 
 
 def code_lines(path: Path, tree: ast.Module) -> int:
@@ -74,12 +103,14 @@ def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
     return found
 
 
-def sizes() -> Counter[str]:
-    """Return the lines of code by package, those of ensembles apart."""
-    found: Counter[str] = Counter()
+def sizes() -> tuple[Counter[str], Counter[str]]:
+    """Return the lines of code, and the statements, by package and wing."""
+    lines: Counter[str] = Counter()
+    stated: Counter[str] = Counter()
     for path, tree in modules():
-        found[part(path)] += code_lines(path, tree)
-    return found
+        lines[part(path)] += code_lines(path, tree)
+        stated[part(path)] += statements(path)
+    return lines, stated
 
 
 @cache
@@ -107,7 +138,10 @@ def strings(tree: ast.Module) -> set[str]:
 
 
 if __name__ == "__main__":
-    counted = sizes()
-    for name, lines in counted.most_common():
-        print(f"{name:12} {lines:6}{'  core' if name in CORE else ''}")
-    print(f"{'core':12} {sum(counted[name] for name in CORE):6}\n{'all':12} {counted.total():6}")
+    lines, stated = sizes()
+    print(f"{'':20} {'lines':>6} {'statements':>10}")
+    for name, count in lines.most_common():
+        print(f"{name:20} {count:6} {stated[name]:10}{'  core' if name in CORE else ''}")
+    core = [sum(counted[name] for name in CORE) for counted in (lines, stated)]
+    print(f"{'core':20} {core[0]:6} {core[1]:10}")
+    print(f"{'all':20} {lines.total():6} {stated.total():10}")

@@ -94,7 +94,8 @@ def test_controllers_never_ask_for_the_robot_that_they_control():
     asked = {
         name for path, names in imports().items() if package(path) == "control" for name in names
     }
-    assert not any(f"{name}.".startswith("linkwork.robot.") for name in asked)
+    higher = tuple(f"linkwork.{stage}." for stage in ("model", "runs", "robot"))
+    assert not any(f"{name}.".startswith(higher) for name in asked)
 
 
 MOST = 30

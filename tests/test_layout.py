@@ -26,6 +26,8 @@ STAGES = (
     "equations robots",
     "simulation formats",
     "control",
+    "model",
+    "runs",
     "robot",
     "analysis scene",
     "views",

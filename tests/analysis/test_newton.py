@@ -9,8 +9,8 @@ from linkwork.analysis import assembly_modes
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.equations.reference import close
-from linkwork.robot.crossing import Crossing
 from linkwork.robots.plane import corners, vertices
+from linkwork.runs.crossing import Crossing
 
 from tests.analysis.mechanisms import postures
 from tests.catalogue import built

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot.ensemble import Ensemble
+from linkwork.runs.ensemble import Ensemble
 
 
 def random(*shape: int, seed: int = 3) -> np.ndarray:

@@ -208,7 +208,7 @@ def test_members_of_an_ensemble_have_their_estimates(method):
 def test_a_companion_that_takes_too_many_steps_tells_how_far_it_came(monkeypatch):
     robot = oscillator()
     run = robot.simulate(robot.state([1.0], [0.0]), duration=50.0)
-    monkeypatch.setattr("linkwork.robot.accuracy.MOST", 40)
+    monkeypatch.setattr("linkwork.runs.accuracy.MOST", 40)
     assert 0 < run.attrs["error_estimate_until"] < 40.0
     errors = run.global_errors.joint_position.values[:, 0]
     reached = run.coords["time"].values <= run.attrs["error_estimate_until"]

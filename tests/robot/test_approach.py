@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
-from linkwork.robot import posing
-from linkwork.robot.assembly import UnreachableError
+from linkwork.model import posing
+from linkwork.model.assembly import UnreachableError
 
 from tests.equations.evaluation import close
 

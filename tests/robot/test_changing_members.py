@@ -8,8 +8,8 @@ import pytest
 
 import linkwork as lw
 from linkwork import Sampled, Status
-from linkwork.robot import ensemble
-from linkwork.robot.ensemble import Ensemble
+from linkwork.runs import ensemble
+from linkwork.runs.ensemble import Ensemble
 
 T = np.linspace(0.0, 1.0, 9)
 PUSHED = np.array([5.0, 0.0, 0.0])

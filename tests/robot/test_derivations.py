@@ -11,8 +11,8 @@ import pytest
 import linkwork as lw
 from linkwork.equations import derive, functions
 from linkwork.equations.orientation import GROUND_AXES
-from linkwork.robot import derivations
-from linkwork.robot.derivations import packed, unpacked
+from linkwork.model import derivations
+from linkwork.model.derivations import packed, unpacked
 
 from tests.processes import finished
 
@@ -24,7 +24,7 @@ robot = lw.Robot(lw.robots.prr3())
 robot.simulate(robot.home, [5.0, 0.0, 0.0], duration=0.1)
 print(*sys.modules)
 """
-IDLE = {"networkx", "xarray", "matplotlib", "pandas", "linkwork.robot.ensemble", "linkwork.views"}
+IDLE = {"networkx", "xarray", "matplotlib", "pandas", "linkwork.runs.ensemble", "linkwork.views"}
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_a_mechanism_is_derived_once_and_runs_alike_from_the_folder(made):
 def test_the_chart_of_runs_is_chosen_once(made, monkeypatch):
     mechanism = lw.robots.stewart()
     first = lw.Robot(mechanism).run_chart
-    monkeypatch.setattr("linkwork.robot.model.shorter", lambda *_: pytest.fail("chosen anew"))
+    monkeypatch.setattr("linkwork.model.model.shorter", lambda *_: pytest.fail("chosen anew"))
     assert lw.Robot(mechanism).run_chart.key == first.key
 
 

@@ -299,7 +299,7 @@ def test_a_stiff_run_has_a_balance_however_seldom_it_is_saved(method):
 def test_a_balance_that_is_not_known_is_told(monkeypatch):
     robot = arm()
     run = robot.simulate(robot.home, [1.0], duration=0.5)
-    from linkwork.robot.saved_states import SavedStates
+    from linkwork.runs.saved_states import SavedStates
 
     nothing = property(lambda states: np.full(len(states.y), np.nan))
     monkeypatch.setattr(SavedStates, "power", nothing)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot.recording import passed_limits
 from linkwork.robots import bennett
+from linkwork.runs.recording import passed_limits
 
 from tests.equations.evaluation import close
 

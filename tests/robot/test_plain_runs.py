@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot import passage
-from linkwork.robot.settings import Settings, settings_of
+from linkwork.runs import passage
+from linkwork.runs.settings import Settings, settings_of
 from linkwork.simulation import native
 
 SOURCE = str(Path(lw.__file__).parent)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot.quantities import QUANTITIES, Place, SavedQuantity
+from linkwork.runs.quantities import QUANTITIES, Place, SavedQuantity
 from linkwork.sweeps.chunk import compute
 from linkwork.viewer import traces
 from linkwork.views.run_report import render

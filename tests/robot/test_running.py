@@ -7,7 +7,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.control import LQR
-from linkwork.robot import linear
+from linkwork.model import linear
 from linkwork.simulation import RK4, RODAS, SymplecticEuler, methods
 
 

@@ -11,9 +11,9 @@ import pytest
 
 import linkwork as lw
 from linkwork.cli.commands import OnSingular, simulate
-from linkwork.robot.accuracy import tightened
 from linkwork.robot.facade import ACTING, OPTIONS
-from linkwork.robot.settings import ON_SINGULAR, Settings
+from linkwork.runs.accuracy import tightened
+from linkwork.runs.settings import ON_SINGULAR, Settings
 from linkwork.simulation import DORMAND_PRINCE, RK4, SHARP_SMART
 from linkwork.sweeps import Study
 

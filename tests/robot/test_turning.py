@@ -12,7 +12,7 @@ import pytest
 import linkwork as lw
 from linkwork.control import PD, Event, Sampler
 from linkwork.kernels.program import trace
-from linkwork.robot.turning import shares, wrapping
+from linkwork.model.turning import shares, wrapping
 from linkwork.simulation.turns import HIGH, LOW, MIDDLE, SPAN, whole
 
 from tests.equations.evaluation import close

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot.ensemble import in_lanes
+from linkwork.runs.ensemble import in_lanes
 from linkwork.simulation import BOGACKI_SHAMPINE, Tableau, methods
 
 from tests.simulation.test_orders import METHODS as MEASURED

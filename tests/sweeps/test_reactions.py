@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.robot import reactions
-from linkwork.robot.network import Network
+from linkwork.model import reactions
+from linkwork.model.network import Network
 from linkwork.sweeps import Study, StudyError, report, sweep
 from linkwork.sweeps.chunk import bench_of
 

@@ -17,7 +17,7 @@ from linkwork.analysis.linearisation import (
     tool_stiffness,
 )
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
-from linkwork.robot.linear import holding
+from linkwork.model.linear import holding
 
 __all__ = [
     "Base",

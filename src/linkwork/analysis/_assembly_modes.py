@@ -27,7 +27,8 @@ from linkwork.analysis.square import Square, of_joints, of_tool, pose_names
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
-from linkwork.robot import Robot, State, checks, limits
+from linkwork.model import checks, limits
+from linkwork.robot import Robot, State
 
 ROUND = 8192
 ITERATIONS = 60

@@ -21,9 +21,10 @@ import numpy as np
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State, checks
-from linkwork.robot.closing import closed, of_any_length
-from linkwork.robot.linear import own_rates
+from linkwork.model import checks
+from linkwork.model.closing import closed, of_any_length
+from linkwork.model.linear import own_rates
+from linkwork.robot import Robot, State
 
 DEPENDENT = 1e-8
 NEGLIGIBLE = 1e-9

@@ -29,9 +29,9 @@ from numpy.typing import ArrayLike
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State, checks, closing
-from linkwork.robot.evaluation import actuator_weights, internal_forces
-from linkwork.robot.linear import (
+from linkwork.model import checks, closing
+from linkwork.model.evaluation import actuator_weights, internal_forces
+from linkwork.model.linear import (
     actuator_forces,
     at_rest,
     evaluated,
@@ -40,6 +40,7 @@ from linkwork.robot.linear import (
     own_rates,
     weight,
 )
+from linkwork.robot import Robot, State
 
 ROUNDS = 200
 BALANCED = 1e-10  # energy of what stays unbalanced, relative to what balances each other

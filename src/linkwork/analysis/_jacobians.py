@@ -31,8 +31,9 @@ from linkwork.analysis.square import Square, of_joints, of_tool, tool_coordinate
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
-from linkwork.robot import Robot, State, checks
-from linkwork.robot.labels import POSE_ANGLES
+from linkwork.model import checks
+from linkwork.model.labels import POSE_ANGLES
+from linkwork.robot import Robot, State
 
 HARDLY = 1e-3
 

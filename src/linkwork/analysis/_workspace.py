@@ -35,8 +35,9 @@ from linkwork.analysis.singular_values import singular_values
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
-from linkwork.robot import Robot, State, checks
-from linkwork.robot.labels import POSE_ANGLES
+from linkwork.model import checks
+from linkwork.model.labels import POSE_ANGLES
+from linkwork.robot import Robot, State
 
 if TYPE_CHECKING:
     import xarray

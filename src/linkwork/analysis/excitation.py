@@ -24,8 +24,9 @@ from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
-from linkwork.robot import Motion, Robot, checks
-from linkwork.robot.linear import own_rates
+from linkwork.model import checks
+from linkwork.model.linear import own_rates
+from linkwork.robot import Motion, Robot
 
 SAMPLES = 40
 IMPOSSIBLE = 1e12

@@ -26,8 +26,9 @@ from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis.newton import solver
 from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State, UnreachableError, checks
-from linkwork.robot.linear import own_rates
+from linkwork.model import checks
+from linkwork.model.linear import own_rates
+from linkwork.robot import Robot, State, UnreachableError
 from linkwork.simulation import Run
 
 REWEIGHTED = 3

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State, checks
-from linkwork.robot.evaluation import own_units
-from linkwork.robot.linear import (
+from linkwork.model import checks
+from linkwork.model.evaluation import own_units
+from linkwork.model.linear import (
     actuator_forces,
     at_rest,
     evaluated,
@@ -32,6 +32,7 @@ from linkwork.robot.linear import (
     linearised,
     own_rates,
 )
+from linkwork.robot import Robot, State
 
 if TYPE_CHECKING:
     import xarray

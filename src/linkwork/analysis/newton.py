@@ -23,7 +23,7 @@ from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.equations.lengths import ROUNDING
 from linkwork.kernels import Kernel, compile_function
-from linkwork.robot.closing import closed, of_any_length
+from linkwork.model.closing import closed, of_any_length
 from linkwork.simulation.threads import usable_processors
 
 CHUNK = 4096

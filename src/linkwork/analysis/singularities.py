@@ -33,9 +33,10 @@ from linkwork.analysis.square import led_coordinates, pose_names
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
-from linkwork.robot import Motion, Robot, State, checks
-from linkwork.robot.asked import twist_rows
-from linkwork.robot.labels import POSE_ANGLES
+from linkwork.model import checks
+from linkwork.model.asked import twist_rows
+from linkwork.model.labels import POSE_ANGLES
+from linkwork.robot import Motion, Robot, State
 from linkwork.simulation import Run
 
 if TYPE_CHECKING:

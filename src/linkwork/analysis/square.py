@@ -25,9 +25,10 @@ from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX
 from linkwork.equations.chart import Chart, choose_chart, choose_independent, solve
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, checks
-from linkwork.robot.asked import TWIST_ROWS, Rows, joint_rows, tool_rows
-from linkwork.robot.labels import POSE_ANGLES, POSES
+from linkwork.model import checks
+from linkwork.model.asked import TWIST_ROWS, Rows, joint_rows, tool_rows
+from linkwork.model.labels import POSE_ANGLES, POSES
+from linkwork.robot import Robot
 
 SAMPLES = 4
 DEPENDENT = 1e-6

@@ -15,9 +15,10 @@ from linkwork.cli.entries import by_name, numbers, read_columns
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State, running
-from linkwork.robot.recording import passed_limits
-from linkwork.robot.settings import Settings
+from linkwork.robot import Robot, State
+from linkwork.runs import running
+from linkwork.runs.recording import passed_limits
+from linkwork.runs.settings import Settings
 from linkwork.simulation import Run, Sampled
 
 FORMATS = (".nc", ".csv")

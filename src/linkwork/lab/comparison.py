@@ -21,8 +21,8 @@ import numpy as np
 from linkwork.equations.algebra import rotation_matrix, wrapped
 from linkwork.errors import LinkworkError
 from linkwork.lab import engines
+from linkwork.model.labels import POSES
 from linkwork.robot import Motion, Robot
-from linkwork.robot.labels import POSES
 from linkwork.simulation import Run, Sampled, Signal, as_signal
 
 if TYPE_CHECKING:

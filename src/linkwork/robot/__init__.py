@@ -2,14 +2,14 @@
 
 from typing import TYPE_CHECKING, Any
 
-from linkwork.robot.assembly import UnreachableError
-from linkwork.robot.checks import SingularError
+from linkwork.model.assembly import UnreachableError
+from linkwork.model.checks import SingularError
+from linkwork.model.reactions import Reactions
+from linkwork.model.state import Motion, State
 from linkwork.robot.facade import Robot
-from linkwork.robot.reactions import Reactions
-from linkwork.robot.state import Motion, State
 
 if TYPE_CHECKING:
-    from linkwork.robot.ensemble import Ensemble
+    from linkwork.runs.ensemble import Ensemble
 
 __all__ = ["Ensemble", "Motion", "Reactions", "Robot", "SingularError", "State", "UnreachableError"]
 
@@ -18,6 +18,6 @@ def __getattr__(name: str) -> Any:
     """Import what runs need not know of when it is first asked for."""
     if name != "Ensemble":
         raise AttributeError(name)
-    from linkwork.robot.ensemble import Ensemble
+    from linkwork.runs.ensemble import Ensemble
 
     return Ensemble

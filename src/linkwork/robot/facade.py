@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
+from linkwork.model import checks, evaluation, limits, linear, posing
+from linkwork.model.assembly import OPEN_LOOPS
+from linkwork.model.model import Model
+from linkwork.model.state import Motion, State
 from linkwork.paths import Path
-from linkwork.robot import checks, evaluation, limits, linear, posing
-from linkwork.robot.assembly import OPEN_LOOPS
-from linkwork.robot.model import Model
-from linkwork.robot.settings import settings_of
-from linkwork.robot.state import Motion, State
+from linkwork.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
-    from linkwork.robot.ensemble import Ensemble
-    from linkwork.robot.reactions import Reactions
-    from linkwork.robot.running import Forces
+    from linkwork.model.reactions import Reactions
+    from linkwork.runs.ensemble import Ensemble
+    from linkwork.runs.running import Forces
     from linkwork.simulation import MethodName, Run, Sampled, Signal
 
 Weights = ArrayLike | Mapping[str, float] | None
@@ -119,7 +119,7 @@ class Robot(Model):
             LinkworkError: numbers that are not free, or that no description may hold; lengths with
                 which the loops do not close near the reference configuration.
         """
-        from linkwork.robot.parameters import with_parameters
+        from linkwork.model.parameters import with_parameters
 
         return with_parameters(self, values)
 
@@ -379,7 +379,7 @@ class Robot(Model):
         Raises:
             LinkworkError: as `forward_dynamics`; another frame.
         """
-        from linkwork.robot.reactions import reactions
+        from linkwork.model.reactions import reactions
 
         return reactions(self, state, forces, frame, length)
 
@@ -496,7 +496,7 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot.running import simulate
+        from linkwork.runs.running import simulate
 
         settings = settings_of(
             duration=duration,
@@ -529,7 +529,7 @@ class Robot(Model):
         Raises:
             LinkworkError: as `simulate`; options that it has not; what does not fit the run.
         """
-        from linkwork.robot import running
+        from linkwork.runs import running
 
         checks.known(options, OPTIONS, "option of a run")
         acting = {name: options.pop(name) for name in ACTING & options.keys()}
@@ -589,7 +589,7 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.robot.ensemble import Settings, ensemble
+        from linkwork.runs.ensemble import Settings, ensemble
 
         settings = Settings(
             duration=duration,
@@ -618,7 +618,7 @@ class Robot(Model):
     def observe(self, state: State) -> Observation:
         """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as
         numbers."""
-        from linkwork.robot.observing import observed
+        from linkwork.model.observing import observed
 
         return observed(self, state)
 

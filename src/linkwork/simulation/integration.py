@@ -353,7 +353,8 @@ def advanced(
     # Plain tuples of numbers, in the order of `Kernels` and `RunCourse`.
     rows = native.integrate(
         (problem.motion, problem.closure, problem.jacobian, observed, acts),
-        problem.parameters, method.plan.table, problem.tolerances, conditions, signal.table, seen.table,
+        problem.parameters, method.plan.table, problem.tolerances, conditions,
+        signal.table, seen.table,
         (
             float(start), float(stop), period, *pace,
             float(pivot_bound), float(closure_tol), float(stability(method, problem.leave_stiff)),

@@ -4,8 +4,10 @@ step.
 A pair evaluates its stages, the one named `solution` at the new, projected state (first same as
 last), and compares:
 
-    k_i = f(t + c_i h, y + h sum_j a_ij k_j),    defect = h sum_i e_i k_i,    error = |defect|, or, with a second row of e,
-    |defect|^2 / sqrt(|defect|^2 + |defect_2|^2 / 100)   (Hairer, Norsett & Wanner, Solving ODE I, sec. II.10, DOP853).
+    k_i = f(t + c_i h, y + h sum_j a_ij k_j),  defect = h sum_i e_i k_i,  error = |defect|
+
+or, with a second row of e, error = |defect|^2 / sqrt(|defect|^2 + |defect_2|^2 / 100) (Hairer,
+Norsett & Wanner, Solving ODE I, sec. II.10, DOP853).
 
 A fixed step (e without rows) ends at the new state; the slope there is evaluated at the start of
 the next step, under the inputs that act then. The symplectic Euler method replaces q' in k_1 before

@@ -4,7 +4,7 @@ The state y = (q, v, z) has n components, of which the first nq are q. The kerne
 void(const double *in, double *out):
 
     motion    in = (y, u, p)  out = (y', pivot)
-    closure   in = (q, p)     out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before it)
+    closure   in = (q, p)     out = (q after one Newton step on phi(q) = 0, largest |phi(q)| before)
     jacobian  in = (y, u, p)  out = (df/dy by columns, n n;  df/du by columns, n nu)
     events    in = (y, u, p)  out = g, one number for each event
     control   in = (y, u, p)  out = the held inputs, the last columns of u

@@ -10,8 +10,8 @@ from threading import Lock
 
 import numpy as np
 
-from linkwork.robot.ensemble import ensemble
-from linkwork.robot.quantities import QUANTITIES
+from linkwork.runs.ensemble import ensemble
+from linkwork.runs.quantities import QUANTITIES
 from linkwork.simulation import Status
 from linkwork.sweeps.home import REFUSED
 from linkwork.sweeps.measuring import measured

@@ -17,7 +17,7 @@ from linkwork.control import Drive, Sampler
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.record import MechanismError
 from linkwork.robot import Motion, Robot, State
-from linkwork.robot.system import system
+from linkwork.runs.system import system
 from linkwork.sweeps.controllers import Law
 from linkwork.sweeps.study import Study, StudyError
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import located
+from linkwork.model.labels import POSES
 from linkwork.robot import Robot, State
-from linkwork.robot.labels import POSES
 from linkwork.sweeps.study import Study, StudyError
 
 UNREACHABLE, REFUSED = -1, -2

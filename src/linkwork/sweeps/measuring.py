@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.robot.ensemble import Ensemble
-from linkwork.robot.quantities import QUANTITIES
+from linkwork.runs.ensemble import Ensemble
+from linkwork.runs.quantities import QUANTITIES
 from linkwork.sweeps.preparation import Bench
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from linkwork.mechanism.record import MechanismError
 from linkwork.mechanism.refusal import shown, suggestion
-from linkwork.robot.quantities import QUANTITIES, Place
+from linkwork.runs.quantities import QUANTITIES, Place
 
 Reduce = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

@@ -16,8 +16,8 @@ from linkwork.control.goals import target
 from linkwork.equations.algebra import wrapped
 from linkwork.mechanism.numbers import located
 from linkwork.robot import Motion, Robot, State
-from linkwork.robot.quantities import QUANTITIES, Axis, axes_of, lacks
-from linkwork.robot.settings import Settings
+from linkwork.runs.quantities import QUANTITIES, Axis, axes_of, lacks
+from linkwork.runs.settings import Settings
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps.drives import drive
 from linkwork.sweeps.driving_cases import Case, controlled, pushed, reached

@@ -14,8 +14,8 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.record import MechanismError
+from linkwork.model.labels import POSES
 from linkwork.robot import State
-from linkwork.robot.labels import POSES
 from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
 from linkwork.sweeps.preparation import Bench
 

@@ -24,7 +24,7 @@ from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import shown, suggestion
-from linkwork.robot.settings import Settings
+from linkwork.runs.settings import Settings
 from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid

@@ -19,9 +19,9 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations.reference import unit
+from linkwork.model.assembly import Assembler
+from linkwork.model.closing import settled_alone
 from linkwork.robot import Robot, State
-from linkwork.robot.assembly import Assembler
-from linkwork.robot.closing import settled_alone
 from linkwork.viewer.bounds import Bound, bounds_of
 from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.errors import LinkworkError
-from linkwork.robot.labels import POSE_ANGLES
+from linkwork.model.labels import POSE_ANGLES
 from linkwork.simulation import Run
 from linkwork.views.style import label_time, look, new_figure, styled
 

@@ -19,7 +19,7 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GearJoint, Limits, Mechanism
 from linkwork.robot import Robot, State
-from linkwork.robot.quantities import QUANTITIES, SavedQuantity
+from linkwork.runs.quantities import QUANTITIES, SavedQuantity
 from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states

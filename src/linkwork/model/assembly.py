@@ -1,0 +1,179 @@
+"""Assembly: find one closed configuration from a rough guess, and the rates that lead a tool along
+a path.
+
+Unknowns are the tree's coordinates q. Gauss-Newton steps of least length in the rates solve  phi(q)
+= 0  together with what is asked (`asked`), shortened until they lead nearer
+(`equations.reference`). Along a path, the tree's rates w and accelerations follow from the same
+rows:
+
+    [Phi; J] w = [0; x'],    [Phi; J] w' = [-gamma; x'' - J' w].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from linkwork.equations.algebra import skew
+from linkwork.equations.reference import OpenLoopsError, close, unit
+from linkwork.equations.tree import Tree
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
+from linkwork.model.asked import ToolAsked
+from linkwork.model.closing import MATRICES, Least
+
+OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
+LEG_SINGULAR = 1e-9
+EPS = np.finfo(float).eps
+
+
+class UnreachableError(LinkworkError):
+    """Refuse a pose or joint coordinates at which the loops cannot be closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class AssemblyKernel:
+    """Evaluate the kernel of `functions.assembly`; planar: whether poses are (x, y, angle)."""
+
+    kernel: Kernel
+    planar: bool
+
+    def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as
+        such."""
+        named, rows = zip(self.kernel.outputs, self.kernel(q, rates), strict=True), (len(rates), -1)
+        return {
+            name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named
+        }
+
+    def tool_poses(self, q: np.ndarray) -> np.ndarray:
+        """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space,
+        for q (..., nq)."""
+        values = self.kernel(q, np.zeros(dict(self.kernel.inputs)["rates"]))
+        out = {name: value for (name, _), value in zip(self.kernel.outputs, values, strict=True)}
+        if self.planar:
+            return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
+        from scipy.spatial.transform import Rotation
+
+        turns = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)).as_rotvec()
+        return np.concatenate([out["position"], turns.reshape(out["position"].shape)], axis=-1)
+
+
+@dataclass(frozen=True)
+class Assembler:
+    """Solve for configurations of one mechanism with one tool.
+
+    evaluate: maps (q, w) to the outputs of `functions.assembly` by name
+    rows, unheld: names of the closure rows, and of those that are not held; units: of the closure
+    rows planar: whether poses are (x, y, angle)
+    """
+
+    evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
+    tree: Tree
+    rows: tuple[str, ...]
+    unheld: tuple[str, ...]
+    units: np.ndarray
+    planar: bool
+
+    def at(self, least: Least, y: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        """Return q (nq) at what is asked (rows), from a guess of q."""
+        try:
+            q = close(lambda q: least.system(q, y), self.tree, guess)
+        except OpenLoopsError as error:
+            names = (*self.rows, *least.asked.names)
+            element, _, what = names[error.worst].partition(": ")
+            raise UnreachableError(
+                f"the mechanism cannot be assembled {least.asked.said(y)} from this guess: "
+                f"{element} ({what}) stays off by {error.gap * least.heights[error.worst]:.3g}; "
+                "choose a pose within reach or a nearer guess"
+            ) from None
+        # Closed, but not as described: rows left open, frames the wrong way round.
+        out = self.still(q)
+        if out.get("excess", 0.0) > 0:
+            raise UnreachableError(
+                f"the mechanism closes {least.asked.said(y)} only in the rows that are held, and "
+                f"not in {', '.join(self.unheld)}, which rounded numbers leave open; start from "
+                "a nearer guess, or give the numbers of its frames in full"
+            )
+        if out["alignment"][0] < 0:
+            raise UnreachableError(
+                f"the mechanism closes {least.asked.said(y)} only with a joint's frames facing "
+                "opposite ways; start from a nearer guess"
+            )
+        return q
+
+    def rates(
+        self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of
+        the pose.
+
+        Where more rows or fewer than rates hold these are of least squares and least length, in the
+        mechanism's own units.
+        """
+        if pose.size == 6:
+            omega, alpha = turning(pose[3:], velocity[3:], acceleration[3:])
+            velocity = np.append(velocity[:3], omega)
+            acceleration = np.append(acceleration[:3], alpha)
+        out = self.still(q)
+        asked = self.pose(velocity.size)
+        rows, widths = asked.twist, self.tree.rate_units
+        heights = np.concatenate([self.units, asked.units])
+        A = np.concatenate([out["Phi"], out["J_tool"][rows]]) * (widths / heights[:, None])
+        U, values, V = np.linalg.svd(A, full_matrices=False)
+        refuse_leg_singular(A.shape, values, asked)
+        inverse = np.divide(
+            1.0, values, out=np.zeros_like(values), where=values > max(A.shape) * EPS * values[0]
+        )
+
+        def least(right: np.ndarray) -> np.ndarray:
+            return widths * (V.T @ (inverse * (U.T @ (right / heights))))
+
+        w = least(np.concatenate([0 * out["phi"], velocity]))
+        out = self.evaluate(q, w)
+        return w, least(np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]]))
+
+    def still(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs of `evaluate` at rest."""
+        return self.evaluate(q, np.zeros(len(self.tree.rates)))
+
+    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return q after a step of the tree's rates times a time, its quaternions at length 1."""
+        return unit(self.tree, q + self.still(q)["derivatives"] @ step) if step.any() else q
+
+    def pose(self, size: int) -> ToolAsked:
+        """Return what a pose of so many numbers asks for."""
+        return ToolAsked.of(size, self.tree.length, self.planar)
+
+
+def refuse_leg_singular(shape: tuple[int, ...], values: np.ndarray, asked: ToolAsked) -> None:
+    """Refuse singular values of rows (rows x width) that do not determine the rates."""
+    rows, width = shape
+    if rows >= width and values[width - 1] < LEG_SINGULAR * values[0]:
+        held = ", ".join(name.removeprefix("tool: ") for name in asked.names)
+        raise LinkworkError(
+            f"the configuration is leg-singular: the mechanism can move with the tool's {held} "
+            "held still, so these do not determine the joints' motion; lead the path around it"
+        )
+
+
+def turning(r: np.ndarray, dr: np.ndarray, ddr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega = J r' and alpha = J r'' + J' r' for a rotation vector r and its time
+    derivatives.
+
+    J = 1 + a [r x] + b [r x]^2,  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |r|, by series
+    near t = 0.
+    """
+    t = float(np.linalg.norm(r))
+    if t < 1e-2:
+        a, b = 1 / 2 - t**2 / 24 + t**4 / 720, 1 / 6 - t**2 / 120 + t**4 / 5040
+        a_t, b_t = -1 / 12 + t**2 / 180 - t**4 / 6720, -1 / 60 + t**2 / 1260 - t**4 / 60480
+    else:
+        a, b = (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3
+        a_t, b_t = (np.sin(t) / t - 2 * a) / t**2, (a - 3 * b) / t**2  # da/dt / t, db/dt / t
+    K, dK = skew(r), skew(dr)
+    J = np.eye(3) + a * K + b * K @ K
+    dJ = (a_t * K + b_t * K @ K) * (r @ dr) + a * dK + b * (dK @ K + K @ dK)
+    return J @ dr, J @ ddr + dJ @ dr

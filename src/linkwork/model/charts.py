@@ -1,0 +1,288 @@
+"""Charts of a robot: its equations in different independent rates, each with kernels compiled when
+first needed.
+
+The home chart has the actuated rates where these determine the motion. A run may start in a shorter
+one, and changes to a better one where its pivots weaken. q is the same in all of them; the rates of
+one follow from those of another by
+
+    w = L v  (all rates of the tree),    v_other = w at the other's independent rates.
+
+Kernels take the values of the free parameters p; a chart knows those of its robot and hands them to
+its kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, MutableMapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from threading import RLock
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from linkwork.checks import known
+from linkwork.equations import Equations, chart_in, charts_at, functions
+from linkwork.equations.chart import Chart, faced
+from linkwork.equations.chart_choice import DETERMINED, strengths
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
+from linkwork.model.derivations import kept
+
+KERNELS = (
+    "motion",
+    "constraints",
+    "inverse_dynamics",
+    "actuation",
+    "terms",
+    "closure_step",
+    "unheld_gap",
+    "pivots",
+    "tree_rates",
+    "motion_energy",
+    "maps",
+    "positions",
+    "joints_motion",
+    "bodies_motion",
+    "energy",
+    "assembly",
+    "regressor",
+)
+Found = TypeVar("Found")
+BUILDING = RLock()  # expressions are built by one thread at a time
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledChart:
+    """Hold the equations in one chart, the values p (np) of their free parameters, and their
+    kernels by name."""
+
+    equations: Equations
+    p: np.ndarray
+    _kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
+    _kept: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+
+    def with_parameters(self, p: np.ndarray) -> CompiledChart:
+        """Return the chart with other values of the free parameters; both share their kernels."""
+        return self if p is self.p else replace(self, p=p)
+
+    @cached_property
+    def kernel(self) -> Callable[[str], Kernel]:
+        """Return a compiled kernel by name: motion, inverse_dynamics, terms, maps, closure_step,
+        joints_motion ...
+
+        It takes p as its last input; left out, that is the chart's.
+        """
+        return lru_cache(maxsize=None)(self._kernel)
+
+    def _kernel(self, name: str) -> Kernel:
+        known([name], KERNELS, "kernel")
+        make = getattr(functions, name)
+        return self.compiled(
+            name, lambda equations: self._stored(name, lambda: make(equations))
+        ).given(self.p)
+
+    def compiled(self, key: str, make: Callable[[Equations], ca.Function]) -> Kernel:
+        """Return the kernel of a function of these equations, kept under a key for all charts that
+        share kernels."""
+        with BUILDING:
+            if key not in self._kernels:
+                self._kernels[key] = compile_function(make(self.equations))
+            return self._kernels[key]
+
+    def kept(self, key: str, find: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what was found of these equations under a key, found once for all charts that
+        share kernels."""
+        with BUILDING:
+            if key not in self._kept:
+                self._kept[key] = self._stored(key, find)
+            return self._kept[key]
+
+    def _stored(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return what follows from equations whose key is known, found once on this machine."""
+        key = self.equations.key
+        return kept(find, name, key, repr(self.key)) if key else find()
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        return self.equations.independent
+
+    @property
+    def key(self) -> Chart:
+        """Return what tells charts apart."""
+        return self.equations.chart
+
+    @cached_property
+    def order(self) -> tuple[object, ...]:
+        """Return what charts have in common that differ in the scales of their pivots only."""
+        chart = self.equations.chart
+        return chart.independent, chart.rows, tuple(chart.blocks)
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Units of (q, v) but for the time: the mechanism's own length of slides, 1 of turns and
+        quaternions."""
+        tree = self.equations.tree
+        return np.concatenate([tree.units, tree.rate_units[list(self.equations.chart.independent)]])
+
+    @cached_property
+    def tolerances(self) -> Callable[[float, float, int], np.ndarray]:
+        """Return rtol and atol (2, size) of each number of a state (q, v, z) of some size: atol in
+        its own unit."""
+
+        def found(rtol: float, atol: float, size: int) -> np.ndarray:
+            each = atol * np.concatenate([self.units, np.ones(size - self.units.size)])
+            return np.array([np.full(size, rtol), each])
+
+        return lru_cache(maxsize=8)(found)
+
+    def facing(self, q: np.ndarray) -> CompiledChart:
+        """Return this chart with its pivots counted positive at q, where it is regular."""
+        pivots = self.kernel("pivots").flat(q, self.p).tolist()
+        if min(pivots, default=1.0) > 0:
+            return self
+        return self.with_signs(tuple([-1.0 if pivot < 0 else 1.0 for pivot in pivots]))
+
+    @cached_property
+    def with_signs(self) -> Callable[[tuple[float, ...]], CompiledChart]:
+        """Return this chart with the scales of its pivots multiplied by signs; itself where these
+        are all positive."""
+        chart = self.equations.chart
+
+        def multiplied(signs: tuple[float, ...]) -> CompiledChart:
+            if min(signs, default=1.0) > 0:
+                return self
+            return CompiledChart(self.equations.in_chart(faced(chart, signs)), self.p)
+
+        return lru_cache(maxsize=None)(multiplied)
+
+    def pivot(self, q: np.ndarray) -> float:
+        """Return the weakest relative pivot at one configuration."""
+        return self.kernel("tree_rates").flat(q, np.zeros(len(self.independent)), self.p).item(-1)
+
+    def tree_rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return w = L v (..., nv), the rates of the whole tree."""
+        return self.kernel("tree_rates")(q, v)[0]
+
+    def weighed(self, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return w = L v (..., nv) and the weakest relative pivot (...); one state takes the
+        shortest way."""
+        kernel = self.kernel("tree_rates")
+        if q.ndim == v.ndim == p.ndim == 1:
+            w = kernel.flat(q, v, p)
+            return w[:-1], w[-1]
+        w, pivot = kernel(q, v, p)
+        return w, pivot[..., 0]
+
+    def from_tree(self, w: np.ndarray) -> np.ndarray:
+        """Return v (..., n) from the rates of the whole tree."""
+        return w[..., list(self.equations.chart.independent)]
+
+    def constraint_jacobian(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return Phi (..., rows x nv) at configurations; p: of each, the chart's if left out."""
+        rows, width = len(self.equations.rows.names), self.equations.nv
+        if not rows:
+            return np.zeros((*q.shape[:-1], 0, width))
+        found = self.kernel("constraints")(q, self.p if p is None else p)[1]
+        return np.swapaxes(found.reshape(*q.shape[:-1], width, rows), -1, -2)
+
+    def residuals(self, q: np.ndarray) -> np.ndarray:
+        """Return phi (rows) at one configuration."""
+        return self.kernel("constraints")(q)[0]
+
+    def unheld_gap(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return the largest gap (...) of rows that are redundant and not held, at configurations;
+        p: of each."""
+        if self.equations.rows.unheld is None:
+            return np.zeros(q.shape[:-1])
+        return self.kernel("unheld_gap")(q, self.p if p is None else p)[0][..., 0]
+
+    def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
+        """Return a chart chosen at q (nq): independent rates, rows and elimination are those that
+        are good there."""
+        for _, chart in self.chosen(self.constraint_jacobian(q[None]), preferred):
+            return chart
+        raise LinkworkError(
+            "no choice of independent rates determines the motion here: branches of motion "
+            "meet, or it ends"
+        )
+
+    def strengths(self, Phi: np.ndarray) -> np.ndarray:
+        """Return the weakest pivot, free of units, at configurations (G); Phi: (G x rows x nv)."""
+        return strengths(self.equations, self.equations.chart, Phi)
+
+    def anew(
+        self,
+        q: np.ndarray,
+        independent: tuple[int, ...],
+        least: float = DETERMINED,
+        p: np.ndarray | None = None,
+    ) -> CompiledChart | None:
+        """Return a chart in given independent rates that is good at q (nq); None where they do not
+        determine the motion."""
+        chart = chart_in(self.equations, self.constraint_jacobian(q, p), independent, least)
+        return chart and CompiledChart(self.equations.in_chart(chart), self.p)
+
+    def chosen(
+        self, Phi: np.ndarray, preferred: tuple[int, ...]
+    ) -> list[tuple[np.ndarray, CompiledChart]]:
+        """Return charts chosen at each of some configurations, and the numbers of those
+        (`charts_at`)."""
+        found = charts_at(self.equations, Phi, preferred)
+        return [
+            (members, CompiledChart(self.equations.in_chart(chart), self.p))
+            for members, chart in found
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Charts(MutableMapping[Any, CompiledChart]):
+    """Hold charts by key for robots that differ in the values of their free parameters: each sees
+    them with its own p."""
+
+    p: np.ndarray
+    _shared: dict[Any, CompiledChart] = field(default_factory=dict)
+    _own: dict[Any, CompiledChart] = field(default_factory=dict)
+
+    def with_parameters(self, p: np.ndarray) -> Charts:
+        """Return the same charts, those still to come included, with other values of the free
+        parameters."""
+        return Charts(p, self._shared)
+
+    def __getitem__(self, key: Any) -> CompiledChart:
+        chart = self._own.get(key)
+        if chart is None:
+            chart = self._own[key] = self._shared[key].with_parameters(self.p)
+        return chart
+
+    def __setitem__(self, key: Any, chart: CompiledChart) -> None:
+        self._own[key] = self._shared[key] = chart
+
+    def __delitem__(self, key: Any) -> None:
+        del self._shared[key]
+        self._own.pop(key, None)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._shared)
+
+    def __len__(self) -> int:
+        return len(self._shared)
+
+
+def shorter(home: CompiledChart, q: np.ndarray) -> CompiledChart:
+    """Return the chart for runs: of the home chart and that of free bodies' own rates the one with
+    fewer instructions."""
+    equations = home.equations
+    joints = equations.topology.joints
+    labels = [
+        label
+        for name, joint in joints.items()
+        if joint.type == "free"
+        for label in joint.rates(name)
+    ]
+    if not labels or set(labels) == set(home.independent):
+        return home
+    candidate = home.better(q, tuple(sorted(equations.tree.rates.index(label) for label in labels)))
+    counts = [functions.motion(chart.equations).n_instructions() for chart in (home, candidate)]
+    return candidate if counts[1] < counts[0] else home

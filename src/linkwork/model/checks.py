@@ -1,0 +1,173 @@
+"""Refusals at the robot's doors: each one sentence with what is wrong, where, and what would be
+right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.checks import at as at
+from linkwork.checks import finite, shown
+from linkwork.checks import known as known
+from linkwork.checks import number as number
+from linkwork.checks import positive as positive
+from linkwork.errors import LinkworkError
+from linkwork.model.state import State
+
+DOUBLE = np.dtype(float)
+PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
+
+
+class SingularError(LinkworkError):
+    """Refuse a configuration where the actuated rates do not determine the motion."""
+
+
+def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the common leading dimensions of stacks; refuse stacks of different length."""
+    if len(shapes) == 1:
+        return shapes[0]
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError:
+        lengths = " and ".join(map(str, shapes))
+        raise LinkworkError(
+            f"stacks of the shapes {lengths} do not fit together; give equal ones, or one of each"
+        ) from None
+
+
+def names(values: object, what: str) -> tuple[str, ...]:
+    """Return a sequence of names; refuse what is none."""
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
+    found = tuple(values)
+    if not all(isinstance(value, str) for value in found):
+        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
+    return found
+
+
+def values_by_name(
+    values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], what: str, kind: str
+) -> np.ndarray:
+    """Return an array (..., len(names)) from an array in the order of the names or a mapping by
+    name.
+
+    what: the values; kind: what the names are those of
+    """
+    if isinstance(values, Mapping):
+        known(values, names, kind)
+        missing = [name for name in names if name not in values]
+        if missing:
+            other = (
+                "; robot.assemble closes the loops from some of them" if what == "positions" else ""
+            )
+            raise LinkworkError(
+                f"{what} lack {', '.join(missing)}; give all of {', '.join(names)}{other}"
+            )
+        return joined(values, names, what)
+    array = finite(values, what)
+    if array.shape[-1:] != (len(names),):
+        refuse_shape(array, what, names)
+    return array
+
+
+def joined(values: Mapping[str, ArrayLike], names: Sequence[str], what: str) -> np.ndarray:
+    """Return an array (..., len(names)) of values by name; all names have one."""
+    parts = [finite(values[name], f"{what}[{name!r}]") for name in names]
+    batch = together(*{part.shape for part in parts})
+    if not batch:
+        return np.array(parts)
+    return np.stack([np.broadcast_to(part, batch) for part in parts], axis=-1)
+
+
+def actuator_forces(
+    forces: ArrayLike | Mapping[str, ArrayLike], actuators: Sequence[str]
+) -> np.ndarray:
+    """Return u (..., actuators) from an array in their order, or by name, zero where left out."""
+    if not isinstance(forces, np.ndarray) and isinstance(forces, Mapping):
+        known(forces, actuators, "actuator")
+        return joined({name: forces.get(name, 0.0) for name in actuators}, actuators, "forces")
+    return vector(forces, "forces", actuators, "actuator")
+
+
+def vector(
+    values: ArrayLike | Mapping[str, ArrayLike], what: str, names: Sequence[str], kind: str
+) -> np.ndarray:
+    """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked
+    through."""
+    if (
+        isinstance(values, np.ndarray)
+        and values.dtype == DOUBLE
+        and values.shape[-1:] == (len(names),)
+    ):
+        return values
+    if isinstance(values, Mapping):
+        return values_by_name(values, names, what, kind)
+    try:
+        array = np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise LinkworkError(
+            f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}"
+        ) from None
+    if array.shape[-1:] != (len(names),):
+        refuse_shape(array, what, names)
+    return array
+
+
+def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn:
+    raise LinkworkError(
+        f"{what} has shape {array.shape}; give {len(names)} numbers in the last dimension: "
+        f"{', '.join(names)}"
+    )
+
+
+def refuse_foreign(
+    state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]]
+) -> None:
+    """Refuse what is not a state of this robot; states of an equal robot (the same joints) are
+    accepted."""
+    if not isinstance(state, State):
+        raise LinkworkError(
+            f"a state is needed, not {type(state).__name__}; make one by robot.state or "
+            "robot.assemble"
+        )
+    if state.independent not in charts:
+        rates = ", ".join(state.independent)
+        raise LinkworkError(f"the state belongs to another robot: its rates are those of {rates}")
+    if state.coordinates != coordinates:
+        found = ", ".join(state.coordinates)
+        raise LinkworkError(
+            f"the state belongs to another robot: its joints are {found}, not "
+            f"{', '.join(coordinates)}"
+        )
+
+
+def require_closed(
+    gap: np.ndarray, tolerance: float, row: Callable[[tuple[int, ...]], str]
+) -> None:
+    """Refuse configurations whose loops are open; name the first of them, and its worst row."""
+    if (gap <= tolerance).all():
+        return
+    index = tuple(int(i) for i in np.argwhere(~(gap <= tolerance))[0])
+    which = f" of state {', '.join(map(str, index))}" if index else ""
+    raise LinkworkError(
+        f"the loops{which} are open by {gap[index]:.3g} ({row(index)}), more than the tolerance "
+        f"{tolerance:g}; close them by robot.assemble, or raise the tolerance"
+    )
+
+
+def singular(independent: Sequence[str], pivot: np.ndarray) -> SingularError:
+    """Return the refusal of a configuration where the independent rates do not determine the
+    motion."""
+    weakest = np.unravel_index(
+        int(np.argmin(np.nan_to_num(np.abs(pivot[..., 0]), nan=-1.0))), pivot.shape[:-1]
+    )
+    which = f" of state {', '.join(str(int(i)) for i in weakest)}" if weakest else ""
+    return SingularError(
+        f"the configuration{which} is singular (smallest relative pivot "
+        f"{abs(float(pivot[(*weakest, 0)])):.2g}): with {', '.join(independent)} locked the "
+        "mechanism can still move (where they are the actuators: it is actuator-singular); "
+        "choose another configuration, or other independent rates by robot.in_chart"
+    )

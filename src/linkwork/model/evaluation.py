@@ -1,0 +1,197 @@
+"""Evaluation: terms of the equations of motion at states, in each state's chart, refused where they
+are singular."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import isfinite
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.errors import LinkworkError
+from linkwork.model import actuation, checks, undefined
+from linkwork.model.chart_transfer import chart_in, reread
+from linkwork.model.reordering import evaluated
+from linkwork.model.state import State
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+
+def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
+    """Return the same state with the rates of these names as the independent ones:
+    `Robot.in_chart`."""
+    given, chart = robot.chart_of(robot.own(state)), None
+    for q in state.q.reshape(-1, state.q.shape[-1]):
+        if chart is None or not abs(chart.pivot(q)) > checks.PIVOT_BOUND:
+            chart = chart_in(robot, names, q)
+        if chart is None:
+            able = robot.chart.better(
+                q, tuple(map(robot.equations.tree.rates.index, names))
+            ).independent
+            raise LinkworkError(
+                f"the rates {', '.join(names)} do not determine the motion here; "
+                f"{', '.join(able)} do"
+            )
+    if chart is None:
+        raise LinkworkError(
+            "the stack of states is empty; there is no configuration to choose the rates at"
+        )
+    rates, kept = reread(robot, given, chart, state.q, state.rates)
+    if not kept.all():
+        raise LinkworkError(
+            f"the motion cannot be told in the rates {', '.join(names)}: "
+            f"{', '.join(state.independent)}, in which it is given, do not determine it here; "
+            "give a state at rest, and then its rates"
+        )
+    robot.charts[names] = chart
+    return replace(state, rates=rates, independent=names)
+
+
+def outputs(robot: Model, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good
+    orders of elimination."""
+    return evaluated(
+        robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given
+    )
+
+
+def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
+    """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest
+    way."""
+    kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
+    n = len(state.independent)
+    if values.ndim == 1 and q.ndim == 1:
+        y = kernel.flat(q, state.rates, values, robot.p)
+        numbers = y.tolist()[-1 - n :]
+        if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
+            return y[-1 - n : -1]
+    else:
+        checks.together(state.batch, values.shape[:-1])
+    *_, result, pivot = outputs(robot, name, state, state.rates, values)
+    require_regular(robot, state, pivot, result, values, what)
+    return result
+
+
+def actuator_forces(
+    robot: Model,
+    state: State,
+    accelerations: ArrayLike | Mapping[str, ArrayLike],
+    weights: ArrayLike | Mapping[str, float] | None,
+) -> np.ndarray:
+    """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm:
+    `Robot.inverse_dynamics`."""
+    v_dot = checks.vector(
+        accelerations, "accelerations", robot.own(state).independent, "independent rate"
+    )
+    f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
+    W = 1.0 if weights is None else actuator_weights(robot, weights)
+    if state.independent == robot.actuators:
+        return f
+    units = own_units(robot, state)
+    S, f = units.map(actuation_map(robot, state)), f * units.rates
+    parts = np.abs(f).max(axis=-1, initial=0.0)
+    if robot.idle:
+        M, *forces = terms(robot, state)
+        forces.append((M @ v_dot[..., None])[..., 0])
+        parts = np.max(
+            [np.abs(force * units.rates).max(axis=-1) for force in np.broadcast_arrays(*forces)],
+            axis=0,
+        )
+        f = actuation.idle_left(S, units.inertia(M), f, len(robot.idle))
+    u = actuation.least_forces(S, f, W / units.actuators**2)
+    actuation.require_driven(S, f, u, parts, state.independent, len(robot.idle))
+    return u / units.actuators
+
+
+def own_units(robot: Model, state: State) -> actuation.Units:
+    """Return the mechanism's own units of the actuated rates and of a state's independent ones, but
+    for the time."""
+    length = robot.equations.tree.length
+    driven = np.array([length if robot.unit(name) == "m" else 1.0 for name in robot.actuators])
+    return actuation.Units(driven, robot.chart_of(state).units[robot.equations.nq :])
+
+
+def actuator_weights(robot: Model, weights: ArrayLike | Mapping[str, float]) -> np.ndarray:
+    """Return positive weights (actuators), given in their order or by name."""
+    W = checks.values_by_name(weights, robot.actuators, "weights", "actuator")
+    if not (W.ndim == 1 and (W > 0).all()):
+        raise LinkworkError(
+            f"weights {W.tolist()} do not fit; give one positive number per actuator"
+        )
+    return W
+
+
+def actuation_map(robot: Model, state: State) -> np.ndarray:
+    """Return S (..., actuators, n): `Robot.actuation`."""
+    n = len(state.independent)
+    if not robot.actuators:
+        return np.zeros((*robot.own(state).batch, 0, n))
+    S, pivot = outputs(robot, "actuation", robot.own(state))
+    S = np.swapaxes(S.reshape(*state.batch, n, len(robot.actuators)), -1, -2)
+    require_regular(robot, state, pivot, S, state.rates, "rates")
+    return S
+
+
+def internal_forces(robot: Model, state: State, weights: np.ndarray | None = None) -> np.ndarray:
+    """Return the actuator forces B (actuators, k) with S' B = 0 and B' W B = 1 at one state:
+    `Robot.internal_forces`."""
+    if robot.own(state).batch:
+        raise LinkworkError(
+            "internal forces are those of one state, not of a stack; take one by state.at(index)"
+        )
+    units, W = own_units(robot, state), 1.0 if weights is None else weights
+    B = actuation.internal_forces(units.map(actuation_map(robot, state)), W / units.actuators**2)
+    return B / units.actuators[:, None]
+
+
+class MotionTerms(NamedTuple):
+    """Hold M (..., n, n), C v, G and f (..., n) of M v' + C v + G = S' u + f."""
+
+    M: np.ndarray
+    Cv: np.ndarray
+    G: np.ndarray
+    f: np.ndarray
+
+
+def terms(robot: Model, state: State) -> MotionTerms:
+    """Return the terms of the equations of motion in a state or a stack of states."""
+    M, Cv, G, f, pivot = outputs(robot, "terms", robot.own(state), state.rates)
+    require_regular(robot, state, pivot, Cv, state.rates, "rates")
+    n = len(state.independent)
+    return MotionTerms(M.reshape(*state.batch, n, n), Cv, G, f)
+
+
+def maps(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Return L (..., m, n) and T (..., 6r, n)."""
+    L, T, pivot = outputs(robot, "maps", robot.own(state))
+    require_regular(robot, state, pivot, L, state.rates, "rates")
+    n, m, r = len(state.independent), len(robot.rates), 6 * len(robot.bodies)
+    L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
+    return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
+
+
+def joints_motion(robot: Model, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
+    """Return positions, rates and accelerations of all joints."""
+    checks.together(state.batch, v_dot.shape[:-1])
+    *motion, pivot = outputs(robot, "joints_motion", state, state.rates, v_dot)
+    require_regular(robot, state, pivot, motion[2], v_dot, "accelerations")
+    return motion
+
+
+def require_regular(
+    robot: Model, state: State, pivot: np.ndarray, result: np.ndarray, given: np.ndarray, what: str
+) -> None:
+    """Refuse results where the rates of the state do not determine the motion, or that are not
+    finite."""
+    weakest = np.abs(pivot).min(initial=np.inf)
+    if weakest > checks.PIVOT_BOUND and np.isfinite(result).all():
+        return
+    checks.finite(given, what)
+    checks.finite(state.rates, "the state's rates")
+    if weakest > checks.PIVOT_BOUND:
+        raise undefined.refusal(robot.chart_of(state), state.q)
+    raise checks.singular(state.independent, pivot)

@@ -1,0 +1,259 @@
+"""Leading: bring a mechanism from a closed configuration to what is asked, many times, without
+leaving the branch.
+
+What is asked, poses of the tool or coordinates of joints, has a straight way from where these are.
+It is walked in steps as long as Newton's method contracts from the last configuration at once and
+the signs of the mode stay (`closing`, `modes`). Poses whose straight way is barred, by the edge of
+the workspace, are solved from where it ends, from the guess and from random configurations
+(fixed seed); of the solutions on the same mode the nearest is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from linkwork.checks import at
+from linkwork.equations.reference import unit
+from linkwork.equations.tree import Tree
+from linkwork.mechanism import Mechanism
+from linkwork.model.asked import Way
+from linkwork.model.assembly import Assembler, UnreachableError
+from linkwork.model.closing import Approach, Closed, Least, Step, closed
+from linkwork.model.modes import ModeStages, same
+
+NEWTON = 7  # steps of Newton's method in which it has to contract
+ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
+STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
+PARTS = 64  # of what is asked that are solved at a time from random configurations
+
+Found = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Leader:
+    """Lead one robot in what is asked.
+
+    least: steps of least squares
+    approach: compiled steps, where closure and what is asked determine the motion
+    assembler: solves for one, by steps that are shortened until they lead nearer
+    modes: what has to keep its signs
+    strict: whether what is on another mode is refused, or else taken as it comes
+    mechanism; home: slides of its joints at home [m]
+    """
+
+    least: Least
+    approach: Approach | None
+    assembler: Assembler
+    modes: ModeStages
+    strict: bool
+    mechanism: Mechanism
+    home: np.ndarray
+
+    def lead(self, start: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return q (N, nq) at what is asked (N, rows), from a closed configuration (nq).
+
+        Raises:
+            UnreachableError: what is not reached, by its number where there are several.
+        """
+        q, there = self.approached(np.repeat(start[None], len(y), axis=0), y)
+        if there.all():
+            return q
+        left = np.flatnonzero(~there)
+        q[left], there, mode = self.led(start, y[left])
+        for k in left[~there]:
+            with at(f"{self.least.asked.noun} {k}: ") if len(q) > 1 else nullcontext():
+                q[k] = self.otherwise(start, q[k], y[k], mode)
+        return q
+
+    def led(self, start: np.ndarray, y: np.ndarray) -> Found:
+        """Return how far straight ways to what is asked (K, rows) lead, or what is found besides: q
+        (K, nq).
+
+        Also which of them are at their ends (K), and the signs of the mode of the start (stages).
+        """
+        out = self.outputs(start[None])
+        way, mode = self.least.asked.way(out, y), self.modes.signs(self.matrix(out))[0]
+        q, there = self.walked(start, way, np.arange(len(y)), mode, self.step)
+        if self.approach and mode.all():
+            left = np.flatnonzero(~there)
+            q[left], there[left] = self.elsewhere(start, q[left], y[left], mode)
+        return q, there, mode
+
+    def approached(
+        self, q: np.ndarray, y: np.ndarray, mode: np.ndarray | None = None, *p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (K, nq) at what is asked (K, rows) to which compiled steps contract, and which
+        these are (K).
+
+        Args:
+            q: guesses (K, nq).
+            mode: signs to be kept; those of the first guess if left out.
+            p: free parameters of each (K, np); the robot's own if left out.
+        """
+        if self.approach is None or not len(q):
+            return q, np.zeros(len(q), bool)
+        found = closed(self.approach.step, q, (y, *p), NEWTON)
+        if mode is None:
+            mode = self.modes.told(found.begun[1][:1])
+        return found.q, self.told(found, mode)[1]
+
+    def closed(
+        self,
+        step: Step,
+        q: np.ndarray,
+        given: Sequence[np.ndarray],
+        mode: np.ndarray,
+        contracting: bool = True,
+    ) -> Found:
+        """Return q (K, nq), where it is closed with frames that face each other (K), and where on a
+        mode, too (K)."""
+        rounds = NEWTON if contracting else ITERATIONS
+        found = closed(step, q, given, rounds, contracting=contracting)
+        return found.q, *self.told(found, mode)
+
+    def told(self, found: Closed, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where loops are closed with frames that face each other (K), and where on a mode,
+        too (K)."""
+        alignment, parts = found.told
+        good = found.met & (alignment >= 0)
+        return good, good & same(self.modes.told(parts), mode)
+
+    def walked(
+        self, start: np.ndarray, way: Way, which: np.ndarray, mode: np.ndarray, step: Step
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and which to
+        their ends (K)."""
+        q, going = np.tile(start, (which.size, 1)), np.arange(which.size)
+        part, length = np.zeros(which.size), np.ones(which.size)
+        for _ in range(ROUNDS):
+            if not going.size:
+                break
+            aim = np.minimum(1.0, part[going] + length[going])
+            reached, _, good = self.closed(step, q[going], (way(which[going], aim),), mode)
+            q[going[good]], part[going[good]] = reached[good], aim[good]
+            length[going] *= np.where(good, 2.0, 0.25)
+            going = going[(part[going] < 1) & (length[going] > FINEST)]
+        return q, part == 1
+
+    def elsewhere(
+        self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (K, nq) on a mode to which steps lead that need not contract, and where they do
+        (K).
+
+        They begin where straight ways ended, near (K, nq), then at the start, then at random.
+        """
+        q, there = near.copy(), np.zeros(len(y), bool)
+        for begin in (near, np.tile(start, (len(y), 1))):
+            left = np.flatnonzero(~there)
+            given = begin[left], (y[left],), mode
+            found, _, there[left] = self.closed(self.step, *given, contracting=False)
+            q[left[there[left]]] = found[there[left]]
+        left = np.flatnonzero(~there)
+        for some in np.split(left, range(PARTS, left.size, PARTS)):
+            found, _, there[some] = self.scattered(start, y[some], mode, self.step)
+            q[some[there[some]]] = found[there[some]]
+        return q, there
+
+    def scattered(self, start: np.ndarray, y: np.ndarray, mode: np.ndarray, step: Step) -> Found:
+        """Return the q (K, nq) on a mode nearest to a start that random configurations lead to.
+
+        Also at which of what is asked (K, rows) any is closed (K), and any is on the mode (K).
+        """
+        tree, random = self.tree, np.random.default_rng(1990)
+        q = np.tile(start, (STARTS, 1))
+        for place, rate in tree.single:
+            reach = self.length if tree.slides[rate] else np.pi
+            q[:, place] += random.uniform(-1, 1, STARTS) * reach
+        for places, _ in tree.quaternions:
+            q[:, list(places)] = random.standard_normal((STARTS, 4))
+        q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
+        q, good, fits = self.closed(step, q, (y,), mode, contracting=False)
+        for place, rate in tree.single if not self.mechanism.gears else ():
+            if not tree.slides[rate]:
+                q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
+        away = np.where(fits, np.linalg.norm((q - start) / tree.units, axis=1), np.inf)
+        nearest = away.reshape(-1, STARTS).argmin(axis=1) + STARTS * np.arange(len(y) // STARTS)
+        return q[nearest], np.logical_or.reduce(good.reshape(-1, STARTS), axis=1), fits[nearest]
+
+    def otherwise(
+        self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray
+    ) -> np.ndarray:
+        """Return q (nq) at what is asked (rows), to which no straight way leads on the mode by
+        compiled steps; near: how far these led."""
+        # The straight way by steps of least squares, if these were not the ones that walked it.
+        if self.approach:
+            way = self.least.asked.way(self.outputs(start[None]), y[None])
+            (near,), (there,) = self.walked(start, way, np.arange(1), mode, self.least.step)
+            if there:
+                return near
+        # Shortened steps, then any from random configurations.
+        refusal, elsewhere = None, False
+        for begin in (near, start) if self.strict else (start,):
+            try:
+                q = self.assembler.at(self.least, y, begin)
+            except UnreachableError as error:
+                refusal = refusal or error
+                continue
+            if not self.strict or self.fits(q, mode):
+                return q
+            elsewhere = True
+        if self.strict:
+            (q,), (met,), (fits,) = self.scattered(start, y[None], mode, self.least.step)
+            if fits:
+                return q
+            elsewhere |= bool(met)
+        if refusal and not elsewhere:
+            raise refusal
+        raise UnreachableError(
+            f"the tool is at {np.round(y, 6).tolist()} only on another branch than the guess: "
+            "joints would have to pass a stretched or folded pose; give a guess on that branch, or "
+            'take any by branch="any"'
+        )
+
+    def keeps(self, q: np.ndarray) -> np.ndarray:
+        """Tell which configurations (N, nq) of a motion are on the mode of the first one (N)."""
+        signs = self.signs(q)
+        return same(signs, signs[0])
+
+    def fits(self, q: np.ndarray, mode: np.ndarray) -> bool:
+        """Tell whether a configuration (nq) is on a mode."""
+        return bool(same(self.signs(q[None]), mode)[0])
+
+    def signs(self, q: np.ndarray, *p: np.ndarray) -> np.ndarray:
+        """Return the signs that tell modes apart (K, stages) at configurations (K, nq); p: as in
+        `approached`."""
+        return self.modes.signs(self.matrix(self.outputs(q, *p)))
+
+    def outputs(self, q: np.ndarray, *p: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name;
+        matrices as such."""
+        return self.least.outputs(q, *p)
+
+    def matrix(self, out: dict[str, np.ndarray]) -> np.ndarray:
+        """Return [Phi; J] (K, rows, nv)."""
+        return self.least.matrix(out)
+
+    @property
+    def step(self) -> Step:
+        """Return the compiled steps where there are any, else those of least squares."""
+        return self.approach.step if self.approach else self.least.step
+
+    @property
+    def tree(self) -> Tree:
+        return self.least.tree
+
+    @cached_property
+    def length(self) -> float:
+        """How far slides may be from the guess [m]: the largest distance that joints' frames and
+        slides have at home."""
+        frames = [
+            frame.position for joint in self.mechanism.pairs.values() for frame in joint.frames
+        ]
+        lengths = [float(np.linalg.norm(position)) for position in frames]
+        return max([self.tree.length, *lengths, *np.abs(self.home).tolist()])

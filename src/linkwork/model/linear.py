@@ -1,0 +1,123 @@
+"""Linear: small motions about a state in numbers (`linkwork.equations.linear`), and the forces that
+hold a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations.linear import derivatives
+from linkwork.errors import LinkworkError
+from linkwork.model import actuation, checks, evaluation, undefined
+from linkwork.model.charts import CompiledChart
+from linkwork.model.reordering import ordered
+from linkwork.model.state import State
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+HELD = 1e-9  # force that may be missing at an equilibrium, relative
+
+
+def linearised(robot: Model, values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what
+    `evaluated` gives."""
+    n = robot.mobility
+    A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
+    return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
+
+
+def evaluated(robot: Model, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the derivatives at one state and force, by name; refuse stacks, and where the
+    accelerations are undefined."""
+    q, v = one_state(robot, state)
+    function = kept(ordered(robot, robot.chart_of(state), q))
+    values = function(q, v, u, robot.p)
+    found = dict(zip(function.name_out(), (np.array(value) for value in values), strict=True))
+    pivot = found.pop("pivot")
+    if not abs(float(pivot[0, 0])) > checks.PIVOT_BOUND:
+        raise checks.singular(state.independent, pivot[0])
+    if not np.isfinite(found["accelerations"]).all():
+        raise undefined.refusal(robot.chart_of(state), state.q)
+    return found
+
+
+@lru_cache(maxsize=32)
+def kept(chart: CompiledChart) -> ca.Function:
+    """Return the derivatives in a chart."""
+    return derivatives(chart.equations)
+
+
+def holding(robot: Model, state: State) -> np.ndarray:
+    """Return the least actuator forces (actuators) that hold a pose at rest, none without
+    actuators: S' u = G - f.
+
+    Raises:
+        LinkworkError: a stack of states; a pose that no forces of the actuators hold.
+    """
+    still = at_rest(state)
+    one_state(robot, still)
+    if not robot.actuators:
+        return np.zeros(0)
+    S, (_, _, G, f) = evaluation.actuation_map(robot, still), evaluation.terms(robot, still)
+    units = evaluation.own_units(robot, still)
+    u = (
+        actuation.least_forces(units.map(S), (G - f) * units.rates, 1 / units.actuators**2)
+        / units.actuators
+    )
+    missed, own = np.abs(G - f - S.T @ u), units.rates
+    if (missed * own).max(initial=0.0) > HELD * max(
+        weight(robot), *map(largest, (G * own, f * own))
+    ):
+        raise LinkworkError(
+            f"no forces of {', '.join(robot.actuators)} hold this pose: {missed.max():.3g} N or "
+            "N m are missing; choose an equilibrium"
+        )
+    return u
+
+
+def own_rates(robot: Model, state: State) -> np.ndarray:
+    """Return the mechanism's own units of a state's independent rates (n) but for the time: its
+    length, or 1 rad.
+
+    Forces times these are energies.
+    """
+    return robot.chart_of(state).units[robot.equations.nq :]
+
+
+def weight(robot: Model) -> float:
+    """Return the energy [J] that raises all bodies by the mechanism's own length."""
+    mass = sum(body.mass for body in robot.mechanism.bodies.values())
+    return mass * float(np.linalg.norm(robot.mechanism.gravity)) * robot.equations.tree.length
+
+
+def largest(values: np.ndarray) -> float:
+    """Return the largest magnitude, 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
+
+
+def at_rest(state: State) -> State:
+    """Return the state at rest."""
+    return state.with_rates(0 * state.rates)
+
+
+def one_state(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Return q and v of one state; refuse a stack."""
+    if robot.own(state).batch:
+        raise LinkworkError("this needs one state, not a stack; take one by state.at(index)")
+    return state.q, state.rates
+
+
+def actuator_forces(robot: Model, forces: ArrayLike | Mapping[str, float] | None) -> np.ndarray:
+    """Return u (actuators) from numbers, by name (others zero), or zero."""
+    if forces is None:
+        return np.zeros(len(robot.actuators))
+    u = checks.finite(checks.actuator_forces(forces, robot.actuators), "forces")
+    if u.ndim != 1:
+        raise LinkworkError(f"forces has the shape {u.shape}; give one number per actuator")
+    return u

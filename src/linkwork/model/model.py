@@ -1,0 +1,224 @@
+"""Model: what a robot is made of (description, equations, charts, kernels), and the checks at its
+doors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from linkwork.control.observation import Names
+from linkwork.equations import Equations, body_motion, mobility
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
+from linkwork.mechanism import Mechanism
+from linkwork.model import checks
+from linkwork.model.asked import Asked, JointsAsked
+from linkwork.model.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
+from linkwork.model.charts import Charts, CompiledChart, shorter
+from linkwork.model.closing import Least, approach
+from linkwork.model.derivations import derived, kept
+from linkwork.model.labels import Labels
+from linkwork.model.leading import Leader
+from linkwork.model.modes import ModeStages, modes_of
+from linkwork.model.state import State
+from linkwork.model.turning import own_turning, turnable
+from linkwork.simulation import Turning
+
+
+class Model:
+    """Hold a mechanism, its equations in one or more charts, and their kernels, which are compiled
+    when first needed.
+
+    `Robot` is made of it, and the modules of this package work on it.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()
+    ):
+        # What is asked for, then the derivation, which takes nearly all of the time.
+        if not isinstance(mechanism, Mechanism):
+            raise LinkworkError(
+                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, "
+                "or Robot.from_file"
+            )
+        self.mechanism = mechanism
+        wanted = checks.names(independent, "independent")
+        self.equations: Equations = derived(mechanism, wanted, tuple(free))
+        self.parameters: dict[str, float] = dict(self.equations.parameters)
+        self.p = np.array(list(self.parameters.values()))
+        self.chart = CompiledChart(self.equations, self.p)
+        self.labels = Labels(self.chart)
+        checks.known(wanted, self.equations.tree.rates, "rate of the tree")
+        # What derivation found, and names in their order.
+        self.independent: tuple[str, ...] = self.equations.independent
+        self.coordinates: tuple[str, ...] = mechanism.coordinates
+        self.rates: tuple[str, ...] = mechanism.rates
+        self.joints: tuple[str, ...] = tuple(mechanism.joints)
+        self.actuators: tuple[str, ...] = mechanism.actuators
+        self.bodies: tuple[str, ...] = tuple(mechanism.bodies)
+        self.redundant: tuple[str, ...] = self.equations.redundant
+        self.spins: tuple[str, ...] = tuple(self.equations.spins)
+        self.idle: tuple[str, ...] = self.equations.idle
+        self.notes: tuple[str, ...] = self.equations.notes
+        self.mobility: int = self.equations.mobility
+        self.planar: bool = body_motion.is_planar(self.equations.tree)
+        self.gruebler: int = mobility.gruebler(mechanism, self.planar)
+        # Charts by what asks for them: independent rates by name, elimination of runs.
+        self.charts = Charts(self.p, {self.independent: self.chart})
+        self.run_charts = Charts(self.p, {self.chart.key: self.chart})
+        self.origin: Model | None = None
+
+    def __repr__(self) -> str:
+        size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
+        return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
+
+    @cached_property
+    def names(self) -> Names:
+        """Return the names by which controllers read."""
+        return Names.of(self.mechanism, self.planar)
+
+    @cached_property
+    def home(self) -> State:
+        """Return the closed reference configuration, at rest."""
+        return self.make_state(self.equations.reference, np.zeros(self.mobility))
+
+    def unit(self, label: str) -> str:
+        """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a
+        part of a quaternion."""
+        return self.labels.unit(label)
+
+    def chart_of(self, state: State) -> CompiledChart:
+        return self.charts[state.independent]
+
+    @cached_property
+    def once(self) -> Callable[..., Any]:
+        """Call a function of this robot and of what tells its results apart; results are kept for
+        some calls to come."""
+        return lru_cache(maxsize=1024)(lambda function, *given: function(self, *given))
+
+    @property
+    def kernel(self) -> Callable[[str], Kernel]:
+        """Return a compiled kernel of the home chart by name: motion, inverse_dynamics, terms,
+        maps, closure_step ..."""
+        return self.chart.kernel
+
+    @cached_property
+    def size(self) -> float:
+        """Return what rounding in the closure rows grows with: lengths over the mechanism's own,
+        and angles."""
+        return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
+
+    @cached_property
+    def turning(self) -> Turning:
+        """Return how large coordinates may grow in a run, and which angles may be wrapped where
+        only forces over time act."""
+        return own_turning(self.chart, self.size * self.equations.tree.length)
+
+    @cached_property
+    def run_chart(self) -> CompiledChart:
+        """Return the chart that runs start in: of the home chart and that of free bodies' own rates
+        the shorter one."""
+        if self.origin is not None:
+            return self.origin.run_chart.with_parameters(self.p)
+        home, equations = self.chart, self.equations
+        found = kept(lambda: shorter(home, equations.reference).key, "run chart", equations.key)
+        chart = home if found == home.key else CompiledChart(equations.in_chart(found), self.p)
+        return self.charts.setdefault(chart.independent, chart)
+
+    @cached_property
+    def _assembly(self) -> AssemblyKernel:
+        return AssemblyKernel(self.kernel("assembly"), self.planar)
+
+    @cached_property
+    def assembler(self) -> Assembler:
+        tree, rows = self.equations.tree, self.equations.rows
+        unheld = rows.unheld.names if rows.unheld else ()
+        return Assembler(self._assembly.evaluate, tree, rows.names, unheld, rows.units, self.planar)
+
+    def leader(self, size: int, kept: bool) -> Leader:
+        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode
+        of where it begins."""
+        return self._leader(self.assembler.pose(size), kept, True)
+
+    def leader_of_joints(self, asked: JointsAsked) -> Leader:
+        """Return what leads joint coordinates, on the branch as far as they determine it."""
+        return self._leader(asked, self.determined_by(asked), False)
+
+    def determined_by(self, asked: JointsAsked) -> bool:
+        """Tell whether joints are as many as determine the motion."""
+        return len(asked.what) == self.mobility and not self.spins
+
+    def _leader(self, asked: Asked, kept: bool, strict: bool) -> Leader:
+        if (key := (asked.names, kept)) not in self._leaders:
+            modes = modes_of(self.equations, self.p, asked) if kept else ModeStages()
+            steps = self.least(asked, modes), approach(self.chart, modes, asked)
+            slides = self.home.positions[~self.labels.angular]
+            given = self.assembler, modes, strict, self.mechanism, slides
+            self._leaders[key] = Leader(*steps, *given)
+        return self._leaders[key]
+
+    def least(self, asked: Asked, modes: ModeStages | None = None) -> Least:
+        """Return the steps of least squares towards what is asked."""
+        tree, rows = self.equations.tree, self.equations.rows
+        return Least(self.kernel("assembly"), tree, rows.units, asked, modes or ModeStages())
+
+    @cached_property
+    def joints_asked(self) -> Callable[[tuple[str, ...]], JointsAsked]:
+        """Return what values of some joint coordinates ask for."""
+        return lru_cache(maxsize=64)(self._joints_asked)
+
+    def _joints_asked(self, names: tuple[str, ...]) -> JointsAsked:
+        for name in names:
+            if name not in self.rates:
+                raise LinkworkError(
+                    f"{name!r} is part of a quaternion and cannot be asked for alone; give "
+                    "angles and slides, or the tool's pose"
+                )
+        places = [self.coordinates.index(name) for name in names]
+        rates = [self.rates.index(name) for name in names]
+        angular = self.labels.angular[places]
+        wraps = angular.copy()
+        wraps[angular] = turnable(self.chart, np.array(places, int)[angular].tolist())
+        return JointsAsked(names, places, rates, angular, wraps, self.labels.sizes[places])
+
+    @cached_property
+    def _leaders(self) -> dict[tuple[tuple[str, ...], bool], Leader]:
+        return {}
+
+    def tool_poses(self, q: np.ndarray) -> np.ndarray:
+        """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
+        self.require_tool()
+        return self._assembly.tool_poses(q)
+
+    def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
+        q = np.ascontiguousarray(q)
+        (positions,) = self.kernel("positions")(q)
+        return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
+
+    def windings(self, state: State) -> np.ndarray:
+        """Return the whole turns of joints' coordinates (..., m) that a state holds beside its
+        q."""
+        (read,) = self.kernel("positions")(state.q)
+        return (
+            0 * read
+            if np.array_equal(state.positions, read)
+            else self.labels.windings(state.positions, read)
+        )
+
+    def own(self, state: State) -> State:
+        if getattr(state, "coordinates", None) is not self.coordinates:
+            checks.refuse_foreign(state, self.coordinates, self.charts)
+            gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
+            if gap > OPEN_LOOPS:
+                raise LinkworkError(
+                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; "
+                    "make one by this robot"
+                )
+        return state
+
+    def require_tool(self) -> None:
+        if not self.mechanism.tools:
+            raise LinkworkError("the mechanism names no tool; add one under 'tools'")

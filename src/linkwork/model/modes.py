@@ -1,0 +1,111 @@
+"""Working modes: on which side of its leg-singular poses a configuration is.
+
+    [Phi; J] w = [0; x']        J: rows of the tool's coordinates
+
+is block triangular. The determinant of each stage vanishes where the joints can move with the tool
+at rest, and nowhere else: as long as no sign changes, a motion stays on its working mode.
+Source: Chablat & Wenger, ICRA 1998 (working modes by the signs of the inverse problem's
+determinant).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations
+from linkwork.equations.chart import (
+    Chart,
+    chart_of,
+    choose_orders,
+    constancy,
+    independent_rows,
+    triangular,
+)
+from linkwork.model.asked import Asked
+
+SAMPLES, SPREAD = (
+    4,
+    0.02,
+)  # configurations around the reference at which rows are looked at, and how far they are from it
+FLAT = 1e-5  # determinant, relative to its size around the reference, whose sign is not told
+
+
+class ModeStage(NamedTuple):
+    """Hold a stage of [Phi; J]: places of its rows and columns, and the size of its determinant
+    around the reference."""
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    size: float
+
+
+@dataclass(frozen=True)
+class ModeStages:
+    """Hold the stages of [Phi; J] whose determinants change; none where it does not determine w, or
+    does more.
+
+    chart: an order of elimination of [Phi; J], where it determines w
+    """
+
+    stages: tuple[ModeStage, ...] = ()
+    chart: Chart | None = None
+
+    def signs(self, A: np.ndarray) -> np.ndarray:
+        """Return the signs of the determinants (..., stages), 0 near singular poses, for A =
+        [Phi; J] (..., rows, nv)."""
+        return self.told(self.parts(A))
+
+    def parts(self, A: np.ndarray) -> np.ndarray:
+        """Return the determinants (..., stages) relative to their sizes."""
+        found = [determinant(A, stage.rows, stage.columns) / stage.size for stage in self.stages]
+        return np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0))
+
+    def told(self, parts: np.ndarray) -> np.ndarray:
+        """Return the signs of determinants relative to their sizes, 0 near singular poses."""
+        return np.where(np.abs(parts) > FLAT, np.sign(parts), 0.0)
+
+
+def determinant(A: np.ndarray, rows: Sequence[int], columns: Sequence[int]) -> np.ndarray:
+    """Return the determinants (...) of parts of matrices (..., rows, columns)."""
+    part = A[..., rows, :][..., columns]
+    return part[..., 0, 0] if len(rows) == 1 else np.linalg.det(part)
+
+
+def same(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Tell whether no sign (..., stages) is against another (...)."""
+    return np.asarray((one * other >= 0).all(axis=-1))
+
+
+def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
+    """Return the modes of a mechanism that is led in what is asked.
+
+    Args:
+        p: values of the free parameters.
+    """
+    tree, Phi = equations.tree, equations.rows.Phi
+    A = ca.vertcat(Phi, asked.expressed(equations).J)
+    read = ca.Function("A", [tree.q, equations.p], [ca.densify(A)])
+    random = np.random.default_rng(1998)
+    around = SPREAD * random.standard_normal((SAMPLES, equations.nq))
+    samples = [np.array(read(equations.reference + aside, p)) for aside in (0 * around[0], *around)]
+    order = [*equations.chart.rows, *range(Phi.shape[0], A.shape[0])]
+    kept = [order[k] for k in independent_rows([sample[order] for sample in samples])]
+    if not len(kept) == len(order) == equations.nv:
+        return ModeStages()
+    pattern, read_off, stages = constancy(A), np.array(samples), []
+    for rows_of, columns_of in triangular({r: tuple(pattern[r]) for r in kept}):
+        columns = tuple(sorted(columns_of))
+        if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
+            size = float(np.abs(determinant(read_off, rows_of, columns)).max())
+            stages.append(ModeStage(rows_of, columns, max(size, 1e-300)))
+    units = np.concatenate([equations.rows.units, asked.units])
+    ((_, blocks, _),) = choose_orders(
+        pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
+    )
+    ones = [1.0 for stage in blocks for _ in stage]
+    return ModeStages(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv))

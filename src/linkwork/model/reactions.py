@@ -1,0 +1,216 @@
+"""Reactions: the wrench that every joint transmits, balanced with the inertia and the loads of the
+bodies (`network`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations import Equations
+from linkwork.equations.reactions import joint_axes, joint_loads
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
+from linkwork.model import checks, evaluation
+from linkwork.model.charts import CompiledChart
+from linkwork.model.network import Loads, Network, balanced
+from linkwork.model.reordering import evaluated
+from linkwork.model.state import State
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+FRAMES = ("ground", "first", "second")
+COMPONENTS = ("moment_x", "moment_y", "moment_z", "force_x", "force_y", "force_z")
+OPEN = 1e-6  # part of a direction without conditions from which a component counts as open
+MEMORY = 4_000_000  # numbers to hold at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """Hold the wrenches [moment; force] that joints exert on their second bodies; the first bodies
+    get the opposite.
+
+    joints: names; `reactions[name]` is the wrench (..., 6) [N m, N] of one
+    wrenches: (..., joints, 6), all that the joint transmits: actuator, spring, friction and gear
+        forces included
+    constraint: (..., joints, 6), the part that does no work in the joint's motion: without those
+        forces
+    gears: multiplier of each gear (...) by name; it pushes every geared rate by ratio times that
+    frame: "ground": about the origin of F1 in the ground's axes; "first": the same in F1's axes;
+        "second": about the origin of F2 in F2's axes
+    indeterminate: components in that frame, by joint, that rigid bodies leave open, for constraints
+        depend on each other: of all distributions that one is given whose constraint wrenches about
+        the origins of F2, moments over `length` [m], have the least sum of squares (the least
+        Lagrange multipliers)
+    """
+
+    joints: tuple[str, ...]
+    wrenches: np.ndarray
+    constraint: np.ndarray
+    gears: Mapping[str, np.ndarray]
+    frame: str
+    indeterminate: Mapping[str, tuple[str, ...]]
+    length: float
+    components: ClassVar = COMPONENTS
+
+    def __getitem__(self, joint: str) -> np.ndarray:
+        """Return the wrench (..., 6) [N m, N] of one joint."""
+        checks.known((joint,), self.joints, "joint between two bodies")
+        return self.wrenches[..., self.joints.index(joint), :]
+
+    def __repr__(self) -> str:
+        return (
+            f"Reactions({', '.join(self.joints)}; frame {self.frame!r}, shape "
+            f"{self.wrenches.shape})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Hold K samples of a motion in one chart: q (K, nq), v and v' (K, n), actuator forces u
+    (K, actuators).
+
+    applied: external wrenches [moment about the mass centre; force] on the bodies (K, r, 6), in the
+    ground's axes, or None
+    """
+
+    chart: CompiledChart
+    q: np.ndarray
+    v: np.ndarray
+    v_dot: np.ndarray
+    u: np.ndarray
+    applied: np.ndarray | None = None
+
+    def __getitem__(self, rows: slice) -> Samples:
+        chart, p = self.chart, self.chart.p
+        if p.ndim > 1 and len(p) > 1:  # of each sample its own
+            chart = chart.with_parameters(p[rows])
+        q, v, v_dot, u = (part[rows] for part in (self.q, self.v, self.v_dot, self.u))
+        applied = None if self.applied is None else self.applied[rows]
+        return Samples(chart, q, v, v_dot, u, applied)
+
+
+def reactions(
+    robot: Model,
+    state: State,
+    forces: ArrayLike | Mapping[str, ArrayLike],
+    frame: str,
+    length: float | None,
+) -> Reactions:
+    """Return the reactions in states under actuator forces: `Robot.reactions`."""
+    u = checks.actuator_forces(forces, robot.actuators)
+    v_dot = evaluation.dynamics(robot, "motion", state, u, "forces")
+    batch = v_dot.shape[:-1]
+    rows = [
+        np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1])
+        for x in (state.q, state.rates, v_dot, u)
+    ]
+    return transmitted(robot, [Samples(robot.chart_of(state), *rows)], batch, frame, length)
+
+
+def transmitted(
+    robot: Model,
+    samples: list[Samples],
+    batch: tuple[int, ...],
+    frame: str = "ground",
+    length: float | None = None,
+) -> Reactions:
+    """Return the reactions over samples of a motion, chart after chart; `batch` are the leading
+    dimensions of the result."""
+    if not isinstance(frame, str) or frame not in FRAMES:
+        raise LinkworkError(f"frame is {frame!r}; give {' or '.join(map(repr, FRAMES))}")
+    length = spread(robot) if length is None else checks.number(length, "length")
+    checks.positive(length, "length")
+    network = Network.of(robot.mechanism)
+    size = max(1, MEMORY // network.numbers)
+    pieces = [part[k : k + size] for part in samples for k in range(0, max(len(part.q), 1), size)]
+    parts = [balanced_part(robot, network, piece, frame, length) for piece in pieces]
+    wrenches, constraint, mu = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    is_open = np.any([part[3] for part in parts], axis=0)
+    return Reactions(
+        joints=network.joints,
+        wrenches=wrenches.reshape(*batch, *wrenches.shape[1:]),
+        constraint=constraint.reshape(*batch, *constraint.shape[1:]),
+        gears={name: mu[:, k].reshape(batch) for k, name in enumerate(robot.mechanism.gears)},
+        frame=frame,
+        indeterminate={
+            name: tuple(np.array(COMPONENTS)[row].tolist())
+            for name, row in zip(network.joints, is_open, strict=True)
+            if row.any()
+        },
+        length=length,
+    )
+
+
+def balanced_part(
+    robot: Model, network: Network, samples: Samples, frame: str, length: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and
+    which are open (J, 6)."""
+    unit = np.repeat([length, 1.0], 3)
+    needed, centres, origins, twists, f, _ = evaluated(
+        robot,
+        samples.chart,
+        lambda chart: kernel(chart, joint_loads),
+        samples.q,
+        samples.v,
+        samples.v_dot,
+    )
+    count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
+    f[:, [robot.rates.index(name) for name in robot.actuators]] += samples.u
+    needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)
+    if samples.applied is not None:
+        needed = needed - samples.applied
+    centres, twists = centres.reshape(count, bodies, 3) / length, twists.reshape(*f.shape, 6) * unit
+    balance = balanced(network, Loads(needed / unit, centres, origins / length, twists, f))
+    axes = seen_from(samples, joints, frame)
+    wrenches, constraint = (
+        shown(part * unit, origins, axes, frame) for part in (balance.wrenches, balance.constraint)
+    )
+    is_open = np.zeros(wrenches.shape[1:], bool)
+    for change in np.moveaxis(balance.free, -1, 0):
+        is_open |= (np.abs(shown(change, origins / length, axes, frame)) > OPEN).any(axis=0)
+    return wrenches, constraint, balance.mu, is_open
+
+
+def kernel(chart: CompiledChart, function: Callable[[Equations], ca.Function]) -> Kernel:
+    """Return a function of `equations.reactions`, compiled in a chart."""
+    return chart.compiled(function.__name__, function).given(chart.p)
+
+
+def seen_from(samples: Samples, joints: int, frame: str) -> np.ndarray | None:
+    """Return the axes (K, J, 3, 3) of each joint in which wrenches are shown; None for the
+    ground's."""
+    if frame == "ground":
+        return None
+    (axes,) = kernel(samples.chart, joint_axes)(samples.q)
+    return axes.reshape(len(axes), joints, 2, 3, 3)[:, :, FRAMES.index(frame) - 1]
+
+
+def shown(
+    wrenches: np.ndarray, origins: np.ndarray, axes: np.ndarray | None, frame: str
+) -> np.ndarray:
+    """Return wrenches (K, J, 6), given about the origins of F2 in the ground's axes, in another
+    frame of each joint."""
+    moment, force = wrenches[..., :3], wrenches[..., 3:]
+    if frame != "second":
+        moment = moment + np.cross(origins[:, :, 1] - origins[:, :, 0], force)
+    parts = moment, force
+    if axes is not None:
+        parts = (np.einsum("kjab,kja->kjb", axes, part) for part in parts)
+    return np.concatenate([*parts], axis=-1)
+
+
+def spread(robot: Model) -> float:
+    """Return the root mean square distance of the joints from their middle at home [m], or 1 m if
+    that is zero."""
+    home = robot.home
+    origins = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates)[2].reshape(-1, 3)
+    if not len(origins):
+        return 1.0
+    return float(np.sqrt(np.mean(np.sum((origins - origins.mean(axis=0)) ** 2, axis=1)))) or 1.0

@@ -1,0 +1,75 @@
+"""Reordering: evaluate in a chart where its rates determine the motion, also where its order of
+elimination does not.
+
+    Phi_u w_u = -Phi_a v
+
+has one solution where Phi_u is regular. An order of elimination fails already where one of its
+pivots vanishes on the way: there the same rates are solved for in another order, which is chosen at
+the configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from linkwork.kernels import Kernel
+from linkwork.model import checks
+from linkwork.model.charts import BUILDING, CompiledChart
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+
+def ordered(
+    robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
+) -> CompiledChart:
+    """Return a chart, or the one of its rates in a good order at q (nq) if its own is weak there
+    and they have one.
+
+    p: values of the robot's free parameters (np), its own if left out
+    """
+    given = robot.p if p is None else p
+    weakest = chart.kernel("tree_rates").flat(q, np.zeros(len(chart.independent)), given).item(-1)
+    if abs(weakest) > checks.PIVOT_BOUND or not np.isfinite(q).all():
+        return chart
+    with BUILDING:
+        other = chart.anew(q, chart.key.independent, p=p)
+        return chart if other is None else robot.run_charts.setdefault(other.key, other)
+
+
+def evaluated(
+    robot: Model,
+    chart: CompiledChart,
+    kernel: Callable[[CompiledChart], Kernel],
+    *given: np.ndarray,
+) -> tuple[np.ndarray, ...]:
+    """Return what a chart's kernel gives (..., size), its last output the pivot (..., 1), in good
+    orders where its own is weak.
+
+    Args:
+        kernel: returns the kernel of a chart.
+        given: its inputs (..., size): q, others, and p if it is not the robot's.
+    """
+    found = kernel(chart)(*given)
+    pivot = found[-1]
+    if (
+        abs(pivot.item()) if pivot.size == 1 else np.abs(pivot).min(initial=np.inf)
+    ) > checks.PIVOT_BOUND:
+        return found
+    batch, with_p = pivot.shape[:-1], len(given) == len(kernel(chart).inputs)
+    count = prod(batch)
+    rows = [
+        np.broadcast_to(part, (*batch, part.shape[-1])).reshape(count, part.shape[-1])
+        for part in given
+    ]
+    parts = [part.reshape(count, part.shape[-1]) for part in found]
+    for i in np.flatnonzero(~(np.abs(parts[-1][:, 0]) > checks.PIVOT_BOUND)):
+        other = ordered(robot, chart, rows[0][i], rows[-1][i] if with_p else None)
+        if other is not chart:
+            for part, values in zip(parts, kernel(other)(*(row[i] for row in rows)), strict=True):
+                part[i] = values
+    return found

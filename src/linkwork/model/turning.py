@@ -1,0 +1,235 @@
+"""Turning: which angles of a robot the equations of a run see through sines and cosines alone.
+
+Whole turns of such an angle change nothing, and the integrators count them apart
+(`simulation.turns`). Which they are is read off the graphs: each value of a program is followed as
+
+    value = sum_i a_i q_i + what does not change when an angle q_i grows by 2 pi,
+
+through sums and products with constants; a sine or cosine of it forgets q_i where a_i is whole, and
+any other operation does not. Springs, gears and controllers that read an angle so keep it as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from linkwork.control.acting import OUTPUTS, Acting
+from linkwork.control.observation import expression
+from linkwork.equations import Equations
+from linkwork.kernels.program import Program, trace
+from linkwork.mechanism.joints import SLIDES, TURN
+from linkwork.model.charts import CompiledChart
+from linkwork.simulation.turns import SPAN, Turning
+
+ACTS = ("command", "force", "extra_rates", "wrenches")
+Shares = dict[int, float]  # a_i by i
+
+
+def turning(own: Turning, chart: CompiledChart, acting: Acting | None) -> Turning:
+    """Return how large the coordinates of a run may grow, and which angles may be wrapped.
+
+    own: the same where nothing but forces over time acts; acting: what acts on the robot in this
+    run, traced
+    """
+    if acting is None:
+        return own
+    return replace(
+        own,
+        wraps=own.wraps
+        * chart.kept(f"{acting.key} wraps", lambda: unread(acting, chart.equations)),
+    )
+
+
+def own_turning(chart: CompiledChart, length: float) -> Turning:
+    """Return the same where nothing but forces over time acts; length: the robot's size [m]."""
+    return Turning(
+        SPAN * sizes(chart.equations, length), chart.kept("wraps", lambda: wrapping(chart))
+    )
+
+
+def sizes(equations: Equations, length: float) -> np.ndarray:
+    """Return the size of each coordinate (nq): 1 of angles, a length [m] of slides, infinite of
+    quaternions."""
+    joints = equations.topology.joints.values()
+    parts = [
+        part for joint in joints for part in joint.freedoms for _ in range(4 if part == TURN else 1)
+    ]
+    return np.array(
+        [np.inf if part == TURN else length if part in SLIDES else 1.0 for part in parts]
+    )
+
+
+def wrapping(chart: CompiledChart) -> np.ndarray:
+    """Return which coordinates (nq) enter the motion and the closure of a chart by sines and
+    cosines alone, 1 or 0."""
+    return closing(chart) * periodic(chart, "motion", 0)
+
+
+def closing(chart: CompiledChart) -> np.ndarray:
+    """Return which coordinates (nq) enter the closure of a chart by sines and cosines alone, 1 or
+    0."""
+    return chart.kept("closing", lambda: periodic(chart, "closure_step", chart.equations.nq))
+
+
+def periodic(chart: CompiledChart, name: str, kept: int) -> np.ndarray:
+    """Return which coordinates (nq) a kernel sees by sines and cosines alone, but for its first
+    results that are q itself."""
+    free = np.ones(chart.equations.nq)
+    found, forgotten = shares(chart.kernel(name).traced(), [{i: 1.0} for i in range(free.size)])
+    free[list(forgotten)] = 0
+    for k, share in enumerate(found):
+        own = {k: 1.0} if k < kept else {}
+        free[[i for i in share.keys() | own.keys() if share.get(i) != own.get(i)]] = 0
+    return free
+
+
+def readings(chart: CompiledChart) -> np.ndarray:
+    """Return what each joint coordinate grows by with whole turns of each of q (m, nq)."""
+
+    def found() -> np.ndarray:
+        given: list[Shares] = [{i: 1.0} for i in range(chart.equations.nq)]
+        parts, _ = shares(chart.kernel("positions").traced(), given)
+        return np.array([[part.get(i, 0.0) for i in range(len(given))] for part in parts]).reshape(
+            -1, len(given)
+        )
+
+    return chart.kept("readings", found)
+
+
+def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
+    """Return which joint coordinates can be given whole turns without opening a loop, or have lost
+    count of theirs."""
+    return np.array(
+        [bool(carriers(chart, place, ())) or not readings(chart)[place].any() for place in places],
+        bool,
+    )
+
+
+def turned(
+    chart: CompiledChart, q: np.ndarray, places: Sequence[int], values: np.ndarray
+) -> np.ndarray:
+    """Return q (..., nq) with the whole turns with which joint coordinates come nearest to given
+    values (..., places).
+
+    Loops stay closed. An angle of the tree turns itself; that of a joint that closes a loop takes
+    an angle of the tree with it that is not asked for.
+    """
+    (positions,) = chart.kernel("positions")(q)
+    if np.abs(values - positions[..., places]).max(initial=0.0) < np.pi:
+        return q
+    q, grown = q.copy(), readings(chart)
+    asked = [
+        int(np.argmax(np.abs(grown[place]))) for place in places if np.abs(grown[place]).sum() == 1
+    ]
+    for place, value in zip(places, np.moveaxis(values, -1, 0), strict=True):
+        (positions,) = chart.kernel("positions")(q)
+        for i in carriers(chart, place, asked)[-1:]:
+            turns = np.round((value - positions[..., place]) / (2 * np.pi))
+            q[..., i] += grown[place, i] * 2 * np.pi * turns
+    return q
+
+
+def carriers(chart: CompiledChart, place: int, asked: Sequence[int]) -> list[int]:
+    """Return the angles of the tree whose whole turns are those of a joint coordinate, up to their
+    sign."""
+    row = np.abs(readings(chart)[place])
+    found = np.flatnonzero((closing(chart) > 0) & (row == 1)).tolist()
+    return found if row.sum() == 1 else [i for i in found if i not in asked]
+
+
+def unread(acting: Acting, equations: Equations) -> np.ndarray:
+    """Return which coordinates (nq) what acts on the robot reads by sines and cosines alone, 1 or
+    0."""
+    nq, function = equations.nq, acting.function
+    free, given = np.ones(nq), []
+    for quantity in acting.quantities:
+        value = ca.densify(expression(equations, quantity))
+        read = ca.Function("read", [equations.tree.q, equations.v, equations.p], [value])
+        found, forgotten = shares(trace(read), [{i: 1.0} for i in range(nq)])
+        free[list(forgotten)] = 0
+        given += found
+    program = trace(function)
+    before: list[Shares] = [{}] * (program.n_in - len(given))
+    ends = np.cumsum([0, *(size for _, size in program.outputs)])
+    wanted = [place for name in ACTS for place in range(*ends[OUTPUTS.index(name) :][:2])]
+    found, forgotten = shares(program, before + given, wanted)
+    free[list(forgotten | {i for share in found for i in share})] = 0
+    return free
+
+
+def shares(
+    program: Program, given: Sequence[Shares], wanted: Sequence[int] | None = None
+) -> tuple[list[Shares], set[int]]:
+    """Return the shares a_i that a program's results have of angles, and the angles that it sees in
+    another way.
+
+    given: the shares of its first inputs; wanted: the places of the results that count, all if left
+    out
+    """
+    # What the wanted results depend on.
+    nodes = program.nodes
+    results = (
+        list(program.results) if wanted is None else [program.results[place] for place in wanted]
+    )
+    needed = bytearray(len(nodes))
+    for place in results:
+        needed[place] = 1
+    for place in range(len(nodes) - 1, -1, -1):
+        if needed[place]:
+            for arg in nodes[place].args:
+                needed[arg] = 1
+    # Forwards: a sum of a_i angle_i keeps its shares; a sine forgives whole ones; all else sees the
+    # angle.
+    none: Shares = {}
+    values, seen = [none] * len(nodes), set()
+    for place, (op, args, number) in enumerate(nodes):
+        if not needed[place]:
+            continue
+        if op == "input":
+            values[place] = given[int(number)] if number < len(given) else none
+            continue
+        own = [values[arg] for arg in args]
+        if not any(own):
+            continue
+        factors = factors_of(
+            op, [nodes[arg].value if nodes[arg].op == "const" else None for arg in args]
+        )
+        if factors is not None:
+            values[place] = added(own, factors)
+        elif op in ("sin", "cos", "tan"):
+            seen |= {i for i, a in own[0].items() if a != round(a)}
+        else:
+            seen |= {i for share in own for i in share}
+    return [values[place] for place in results], seen
+
+
+def factors_of(op: str, constants: Sequence[float | None]) -> tuple[float, ...] | None:
+    """Return by what an operation multiplies its arguments before it adds them; None where it does
+    something else."""
+    match op, constants:
+        case "add", _:
+            return 1.0, 1.0
+        case "sub", _:
+            return 1.0, -1.0
+        case "neg", _:
+            return (-1.0,)
+        case "mul", [float(factor), _]:
+            return 0.0, factor
+        case "mul", [_, float(factor)]:
+            return factor, 0.0
+        case "div", [_, float(divisor)]:
+            return 1 / divisor, 0.0
+    return None
+
+
+def added(parts: Sequence[Shares], factors: Sequence[float]) -> Shares:
+    """Return the shares of a sum of multiples."""
+    total: Shares = {}
+    for share, factor in zip(parts, factors, strict=True):
+        for i, a in share.items():
+            total[i] = total.get(i, 0.0) + factor * a
+    return {i: a for i, a in total.items() if a}

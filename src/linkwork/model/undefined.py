@@ -1,0 +1,73 @@
+"""Undefined: say why accelerations or forces are not finite where the rates determine the
+motion."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import effects
+from linkwork.equations.algebra import SX
+from linkwork.errors import LinkworkError
+from linkwork.model.charts import CompiledChart
+
+MEETING = (
+    1e-9  # distance of a spring's ends, over the mechanism's own length, that tells no direction
+)
+
+
+def meeting(chart: CompiledChart, q: np.ndarray) -> list[str]:
+    """Return the springs between points that need a direction and whose ends meet at q (nq)."""
+    mechanism, tree = chart.equations.mechanism, chart.equations.tree
+    pulls = zip(mechanism.springs, effects.pulls(mechanism, tree), strict=True)
+    lengths = {name: pull.length for name, pull in pulls if pull.needs_direction}
+    values = tree.evaluated("lengths", [ca.vertcat(SX(0, 1), *lengths.values())], chart.p)(q)[0]
+    return [
+        name
+        for name, value in zip(lengths, np.array(values).ravel(), strict=True)
+        if value <= MEETING * tree.length
+    ]
+
+
+def massless(chart: CompiledChart, q: np.ndarray) -> bool:
+    """Tell whether the generalised inertia is singular at q (nq): at rest and without forces
+    nothing else is undefined."""
+    actuators = chart.equations.mechanism.actuators
+    *_, acceleration, _ = chart.kernel("motion")(
+        q, np.zeros(len(chart.independent)), np.zeros(len(actuators))
+    )
+    return not np.isfinite(acceleration).all()
+
+
+def refusal(chart: CompiledChart, q: np.ndarray) -> LinkworkError:
+    """Return the refusal of what is not finite at one of the configurations q (..., nq), for finite
+    rates and forces."""
+    configurations = q.reshape(-1, q.shape[-1])
+    for one in configurations:
+        if springs := meeting(chart, one):
+            return LinkworkError(
+                f"the ends of the spring {', '.join(map(repr, springs))} meet here, where its "
+                "rest length and damping have no direction to act in; move the pose or its "
+                "points apart, or give neither rest length nor damping"
+            )
+    if any(massless(chart, one) for one in configurations):
+        return LinkworkError(
+            "the generalised inertia is singular: some motion moves no mass, or so little that "
+            "rounding hides it; give the moving bodies mass or inertia"
+        )
+    return LinkworkError(
+        "the numbers here leave the range of doubles; give smaller rates, accelerations and "
+        "forces, or check their units"
+    )
+
+
+def in_motion(chart: CompiledChart, q: np.ndarray) -> str:
+    """Return what is undefined at q (nq) of a run; nothing where neither a spring nor the inertia
+    is."""
+    if springs := meeting(chart, q):
+        return f"the force of the spring {', '.join(map(repr, springs))}, whose ends meet,"
+    if massless(chart, q):
+        return (
+            "the acceleration, for the generalised inertia is singular (some motion moves no mass),"
+        )
+    return ""

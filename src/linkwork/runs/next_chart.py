@@ -1,0 +1,93 @@
+"""Choices: which chart a run goes on in where its own has become weak.
+
+It is a matter of the configuration q (and of p) and of the chart that is left, not of the charts
+known from elsewhere. At a regular configuration, where the constraints are far from dependent, it
+is the one chosen there. Near a singular one every chart is weak, so that only a much stronger one
+is worth the change: the rates, or the order of elimination, were bad. A chart is as strong as the
+weakest pivot that its elimination comes upon, which tells of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from linkwork.equations.chart_choice import alike
+from linkwork.model.charts import BUILDING, CompiledChart
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+BETTER = 2.0  # factor in strength for which a chart is changed near a singular pose
+REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
+
+
+class Choice(NamedTuple):
+    """Tell whether a configuration is regular, and the better chart there, if there is one."""
+
+    regular: bool
+    better: CompiledChart | None
+
+
+def lost(chart: CompiledChart, q: np.ndarray) -> bool:
+    """Tell whether rank is lost at a configuration, so that no chart determines the motion; chart:
+    any."""
+    return bool(chart.equations.lost(chart.constraint_jacobian(q)))
+
+
+def choice(robot: Model, chart: CompiledChart, q: np.ndarray) -> Choice:
+    """Choose what is better than a chart at one configuration q (nq)."""
+    regular, groups = choices(robot, chart, q[None])
+    return Choice(bool(regular[0]), groups[0][1] if groups else None)
+
+
+def choices(
+    robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
+) -> tuple[np.ndarray, list[tuple[np.ndarray, CompiledChart]]]:
+    """Choose what is better than a chart at each of some configurations.
+
+    Args:
+        q: configurations (G x nq).
+        p: values of the robot's free parameters (G x np), its own if left out.
+
+    Returns:
+        Which configurations are regular (G), and the better charts, each with the numbers of the
+        configurations that it is chosen for.
+    """
+    home = robot.chart
+    Phi = home.constraint_jacobian(q, p)
+    sound, better = robot.equations.regular(Phi), []
+    with BUILDING:
+        preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
+        for members, candidate in home.chosen(Phi, preferred):
+            if candidate.order == chart.order:
+                continue
+            taken = sound[members]
+            near = np.flatnonzero(~taken)
+            if near.size:
+                there = Phi[members[near]]
+                taken[near] = candidate.strengths(there) >= BETTER * chart.strengths(there)
+            better += kept_charts(robot, candidate, members[taken], q, p)
+    return sound, better
+
+
+def kept_charts(
+    robot: Model, candidate: CompiledChart, members: np.ndarray, q: np.ndarray, p: np.ndarray | None
+) -> Iterator[tuple[np.ndarray, CompiledChart]]:
+    """Yield the charts to use for a chosen one, and the configurations that use them.
+
+    That in which runs start, with its pivots positive there, if it has the same order of
+    elimination and they are strong.
+    """
+    charts, first = robot.run_charts, robot.run_chart
+    if candidate.order == first.order:
+        (pivots,) = first.kernel("pivots")(q[members], first.p if p is None else p[members])
+        strong = np.abs(pivots).min(axis=1) > REUSED
+        for signs, own in alike(np.where(pivots[strong] < 0, -1.0, 1.0)):
+            faced = first.with_signs(signs)
+            yield members[strong][own], charts.setdefault(faced.key, faced)
+        members = members[~strong]
+    if members.size:
+        yield members, charts.setdefault(candidate.key, candidate)

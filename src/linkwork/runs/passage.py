@@ -1,0 +1,414 @@
+"""Passage: lead a run from chart to chart, and over singular poses where the motion itself is
+smooth.
+
+A run is a chain of segments, each integrated in one chart. Where the chart's pivot falls below a
+soft bound the segment ends; if another chart is well conditioned there the next segment uses it: q
+stays, the rates are re-read. If none is, the configuration itself is nearly singular, and the run
+goes on in the same chart down to the hard bound, or, if asked, steps over it (`crossing`). Which
+chart is next is a matter of q (and p) alone, not of the charts known from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+
+from linkwork.model import checks
+from linkwork.model.chart_transfer import reread
+from linkwork.model.charts import CompiledChart
+from linkwork.model.turning import turning
+from linkwork.runs.crossing import Crossed, Crossing
+from linkwork.runs.next_chart import Choice, choice
+from linkwork.runs.settings import Settings
+from linkwork.runs.system import System, with_jacobian
+from linkwork.simulation import (
+    RODAS,
+    Control,
+    Method,
+    Pace,
+    Signal,
+    Status,
+    Trajectory,
+    Turning,
+    as_signal,
+    stack,
+)
+from linkwork.simulation.events import Watch
+from linkwork.simulation.integration import Problem, advanced
+from linkwork.simulation.turns import whole
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+CLOSURE = 1e-13
+SOFT = 0.05  # relative pivot at which a better chart is looked for
+RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
+SHORT = 1000  # shortest segments in a run's duration
+LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Hold a part of a run that was integrated in one chart, or a singular pose that was stepped
+    over in it.
+
+    start: time, q and (v, z) that it went out from; method: its name; crossed: the way over the
+        pose
+    again: integrates it once more, saved at other times or (None) at every step, where a sampled
+        controller acts from a row, by number (-1: the start), to the next, without calling it
+    """
+
+    chart: CompiledChart
+    trajectory: Trajectory
+    start: tuple[float, np.ndarray, np.ndarray]
+    method: str
+    again: Callable[[np.ndarray | None, int], Trajectory] | None = None
+    crossed: Crossed | None = None
+
+
+class Stand(NamedTuple):
+    """Hold where a run stands between two segments.
+
+    chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole
+        turns of angles that are not in q; control: what a sampled controller holds
+    steps: how many are left; bound: the pivot at which the segment ends; short: its duration while
+        the bound is lowered
+    method: of integration; over: the singular pose that was stepped over to come here
+    """
+
+    chart: CompiledChart
+    t: float
+    q: np.ndarray
+    v: np.ndarray
+    turns: np.ndarray | None
+    control: Control | None
+    steps: int
+    bound: float
+    short: float
+    method: Method
+    over: Segment | None = None
+
+
+@dataclass
+class Passage:
+    """Lead one run from a state to its end.
+
+    system: what is integrated; start, end: times of the run [s]
+    settings: how; save_at None: every step is saved; for explicit steps of a method that nobody
+    asked for the stiff one is
+        taken from where they are stiff
+    pace: the step to begin with, guessed if left out
+    watching: whether events are watched for
+    """
+
+    robot: Model
+    system: System
+    start: float
+    end: float
+    settings: Settings
+    pace: Pace | None = None
+    watching: bool = True
+
+    def segments(
+        self,
+        chart: CompiledChart,
+        q: np.ndarray,
+        v: np.ndarray,
+        z: np.ndarray,
+        control: Control | None = None,
+        turns: np.ndarray | None = None,
+    ) -> Iterator[Segment]:
+        """Yield the segments of the run, one after the other.
+
+        Args:
+            chart: to start in.
+            q, v, z: coordinates, independent rates of the chart, and extra states at the start.
+            control: what a sampled controller holds at the start; zeros if left out.
+            turns: whole turns of angles that are not in q; none if left out.
+        """
+        if turns is not None:
+            q, turns = self.turning.begun(q, turns)
+        chart, v = self._faced(chart, q), np.concatenate([v, z])
+        if self.system.acting is not None:
+            control = self.system.control(chart, control)
+        return self.onward(self.stand(chart, self.start, q, v, turns, control))
+
+    def stand(
+        self,
+        chart: CompiledChart,
+        t: float,
+        q: np.ndarray,
+        v: np.ndarray,
+        turns: np.ndarray | None = None,
+        control: Control | None = None,
+    ) -> Stand:
+        """Return a stand from which nothing was done yet; v with the extra states."""
+        return Stand(
+            chart,
+            t,
+            q,
+            v,
+            turns,
+            control,
+            self.settings.max_steps,
+            SOFT,
+            self.shortest,
+            self.settings.integrator,
+        )
+
+    @property
+    def turning(self) -> Turning:
+        """How large coordinates may grow, and which angles are wrapped."""
+        acting = self.system.acting
+        own = self.robot.turning
+        return own if acting is None else turning(own, self.robot.chart, acting)
+
+    @cached_property
+    def watch(self) -> Watch | None:
+        """What no step may pass over beside the inputs."""
+        return self.system.watch(self.robot.chart, (self.start, self.end))
+
+    @property
+    def shortest(self) -> float:
+        """Duration of the shortest segments."""
+        return (self.end - self.start) / SHORT
+
+    def onward(self, stand: Stand | None) -> Iterator[Segment]:
+        """Yield the segments from a stand on.
+
+        While the bound is lowered segments are short, so that it is raised again when the pivots
+        have recovered.
+        """
+        while stand is not None:
+            if stand.over is not None:
+                yield stand.over
+                if stand.t == self.end or not stand.over.trajectory.success:
+                    return
+            trajectory = self._integrate(stand)
+            again = partial(self._again, stand, trajectory)
+            yield Segment(
+                stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again
+            )
+            stand = self.after(stand, trajectory)
+
+    def after(self, stand: Stand, done: Trajectory) -> Stand | None:
+        """Return where the run stands after a segment, None at its end."""
+        if done.status is Status.FINISHED and self._until(stand) == self.end:
+            return None
+        chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
+        steps = stand.steps - done.steps - done.rejected
+        here = stand._replace(
+            t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None
+        )
+        # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
+        if done.status is Status.FINISHED:
+            recovered = chart.pivot(q) > RECOVERED * SOFT
+            return (
+                here._replace(bound=SOFT, short=self.shortest)
+                if recovered
+                else here._replace(short=2 * stand.short)
+            )
+        if done.status is Status.STIFF:
+            return here._replace(method=RODAS, steps=max(steps, 1))
+        if done.status is not Status.SINGULAR or steps < 1:
+            return None
+        # The pivots are weak: the better chart there is taken, if it tells the same motion; near a
+        # singular pose, where that is asked for, the way over it comes first.
+        found = cast(Choice, self.robot.once(chosen, chart, q.tobytes()))
+        tried = self.settings.step_over and not found.regular
+        over = self._over(here, done) if tried else None
+        if over is None:
+            better, n, kept, rates = found.better, chart.equations.mobility, False, v
+            if better is not None:
+                rates, kept = reread(self.robot, chart, better, q, v[:n])
+            if better is not None and kept:
+                control = self.system.control(better, done.control)
+                return here._replace(
+                    chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT
+                )
+            if self.settings.step_over and not tried:
+                over = self._over(here, done)
+        # Behind a pose that is stepped over, the same chart goes on as soon as it may.
+        if over is not None:
+            behind = over.trajectory
+            short, q = behind.end_time - t, behind.q_end
+            chart = self._faced(chart, q)
+            bound = min(SOFT, 0.5 * chart.pivot(q))
+            here = here._replace(chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
+            return here._replace(bound=bound, short=short, over=over)
+        # Nothing is better: the same chart goes on under a lower bound, down to the hard one.
+        if stand.bound > checks.PIVOT_BOUND:
+            bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
+            here = here._replace(bound=bound)
+        else:
+            return None
+        return here if t < self.end else None
+
+    def _until(self, stand: Stand) -> float:
+        """Return the time at which the segment from a stand on ends."""
+        return self.end if stand.bound == SOFT else min(stand.t + stand.short, self.end)
+
+    def _again(
+        self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int
+    ) -> Trajectory:
+        """Integrate a segment again. Samples within a step may have a weaker pivot than its ends,
+        which kept to the bound."""
+        until = self._until(stand)
+        stand = stand if save_at is None else stand._replace(bound=LOWER * stand.bound)
+        if stand.control is None:
+            return self._along(stand, until, save_at, self.system.inputs)
+        held = stand.control.held
+        if row >= 0:
+            held = done.u[row, done.u.shape[1] - held.size :]
+            stand = stand._replace(t=float(done.t[row]), q=done.q[row], v=done.v[row], turns=None)
+        end = float(done.t[row + 1]) if row + 1 < len(done.t) else done.end_time
+        inputs = stack(self.system.inputs, as_signal(held))
+        return self._along(stand._replace(control=None), end, save_at, inputs)
+
+    def _integrate(self, stand: Stand) -> Trajectory:
+        end, save_at = self._until(stand), self.settings.save_at
+        if save_at is not None and not (stand.t == self.start and end == self.end):
+            save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
+        return self._along(stand, end, save_at, self.system.inputs)
+
+    def _along(
+        self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal
+    ) -> Trajectory:
+        chart, t, settings = stand.chart, stand.t, self.settings
+        first = t == self.start and stand.method is settings.integrator
+        return advanced(
+            self.problem(chart, stand.method, inputs),
+            np.concatenate((stand.q, stand.v)),
+            stand.q.size,
+            t,
+            t + (end - t),
+            pivot_bound=stand.bound,
+            steps=stand.steps,
+            save_at=save_at,
+            first_step=self.pace if first else None,
+            control=stand.control,
+            turns=stand.turns,
+        )
+
+    def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
+        """Return what is integrated in a chart, and how."""
+        system, settings, robot = self.system, self.settings, self.robot
+        size = robot.equations.nq + robot.mobility + len(system.states)
+        return Problem(
+            system.kernel(chart, "motion").address,
+            chart.kernel("closure_step").address if robot.equations.constrained else 0,
+            self.with_jacobian.kernel(chart, "jacobian").address if method.stiff else 0,
+            system.p(chart),
+            inputs,
+            self.watch if system.acting else None,
+            system.conditions(chart) if system.acting and self.watching else None,
+            method,
+            system.tolerances(chart, settings.rtol, settings.atol, size),
+            settings.max_step,
+            settings.max_steps,
+            CLOSURE * robot.size,
+            settings.leave_stiff,
+            self.turning,
+        )
+
+    @cached_property
+    def with_jacobian(self) -> System:
+        """The same system, with the kernel that stiff methods need."""
+        return with_jacobian(self.robot, self.system, (self.start, self.end))
+
+    def _faced(self, chart: CompiledChart, q: np.ndarray) -> CompiledChart:
+        """Return a chart with its pivots positive at q."""
+        faced = chart.facing(q)
+        return chart if faced is chart else self.robot.run_charts.setdefault(faced.key, faced)
+
+    def _over(self, stand: Stand, done: Trajectory) -> Segment | None:
+        """Return the way over the singular pose ahead of where a trajectory ended, None where there
+        is no smooth one."""
+        if self.system.sampler:
+            return None
+        chart, settings = stand.chart, self.settings
+        crossing = Crossing(
+            chart, self.system, CLOSURE * self.robot.size, settings.atol, settings.rtol
+        )
+        crossed = crossing.over(stand.t, stand.q, stand.v)
+        if crossed is None:
+            return None
+        trajectory = self._recorded(crossing, crossed, done)
+        return Segment(
+            chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, crossed=crossed
+        )
+
+    def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
+        """Return a crossing, as far as the run goes, with what is saved and what happens on the
+        way."""
+        # The run goes as far as its end, or the first event that ends it.
+        happened = [
+            (time, number)
+            for time, number in sorted(self._events(crossing, crossed))
+            if time <= self.end
+        ]
+        last = next(
+            (
+                number
+                for number, (_, event) in enumerate(happened)
+                if self.system.events[event].terminal
+            ),
+            None,
+        )
+        end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
+        events = happened if last is None else happened[: last + 1]
+        # States at the times to save, at events, and at the end, where it is the crossing's own.
+        asked = np.array([end]) if self.settings.save_at is None else self.settings.save_at
+        asked = asked[(asked > crossed.t[0]) & (asked <= end)]
+        times = np.array([*asked, *(time for time, _ in events), end])
+        states, residuals = crossing.nearby(crossed, times)
+        kinds = np.array([*np.full(asked.size, -1), *(event for _, event in events), -1], float)
+        if end == crossed.t[-1]:
+            states[-1], residuals[-1] = crossed.y[-1], 0.0
+        rows = np.column_stack([times, states, self.system.inputs(times), residuals, kinds])
+        # The crossing counts as one step.
+        weakest = np.abs(crossed.pivots).min(axis=1)
+        status = Status.FINISHED if last is None else Status.EVENT
+        outcome = done.outcome._replace(
+            status=float(status),
+            evaluations=float(crossed.evaluations),
+            accepted=1.0,
+            rejected=0.0,
+            projections=0.0,
+            time=float(end),
+            step=0.0,
+            pivot=float(weakest.min()),
+            pivot_time=float(crossed.t[weakest.argmin()]),
+            closure_error=float(residuals.max()),
+        )
+        # Rows of the run, without those of its events and its end.
+        y_end, q = states[-1].copy(), slice(1, 1 + done.nq)
+        rows[:, q] = whole(rows[:, q], done.turns)
+        saved, found = rows[: asked.size], rows[asked.size : -1]
+        return replace(
+            done, rows=saved, found=found, y_end=y_end, outcome=outcome, control=None, status=status
+        )
+
+    def _events(self, crossing: Crossing, crossed: Crossed) -> Iterator[tuple[float, int]]:
+        """Yield when events happen on the way over a pose, and their numbers."""
+        system, chart = self.system, crossing.chart
+        if not system.events:
+            return
+        kernel, p = system.kernel(chart, "events"), system.p(chart)
+        values = [
+            kernel.flat(np.concatenate([y, u, p]))
+            for y, u in zip(crossed.y, crossed.u, strict=True)
+        ]
+        for number, (event, of) in enumerate(zip(system.events, np.transpose(values), strict=True)):
+            for time, rises in crossed.zeros(of):
+                if event.direction >= 0 if rises else event.direction <= 0:
+                    yield time, number
+
+
+def chosen(robot: Model, chart: CompiledChart, q: bytes) -> Choice:
+    """Return what a run goes on in that leaves a chart at q, told by its bytes."""
+    return choice(robot, chart, np.frombuffer(q))

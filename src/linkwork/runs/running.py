@@ -1,0 +1,176 @@
+"""Running: check what a simulation is asked for, make its system, and start or resume it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linkwork.checks import by_name, several, shown
+from linkwork.control.events import Event, limit_events, singular_events
+from linkwork.errors import LinkworkError
+from linkwork.model.chart_transfer import chart_in
+from linkwork.model.parameters import with_parameters
+from linkwork.model.state import State
+from linkwork.runs import recording
+from linkwork.runs.recording import Left
+from linkwork.runs.settings import Settings
+from linkwork.runs.system import Forces, System, require_starts, system
+from linkwork.simulation import Pace, Run, Signal
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+EXAMPLE = "{'kp': 10.0}"
+READY_EVENTS = {"limits": limit_events, "singular": singular_events}
+
+
+def simulate(
+    robot: Model,
+    state: State,
+    forces: Forces,
+    settings: Settings,
+    *,
+    drives: Mapping[str, Any] | None = None,
+    wrenches: Sequence[Any] = (),
+    parameters: Mapping[str, float] | None = None,
+    left: Left | None = None,
+) -> Run:
+    """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
+    # Parameters of the robot, and those of what acts on it.
+    given = {}
+    if parameters is not None:
+        given = dict(by_name(parameters, "parameters", EXAMPLE))
+        own = {name: given.pop(name) for name in list(given) if name in robot.parameters}
+        robot = with_parameters(robot, own) if own else robot
+    # What is integrated, and over which times.
+    start = left.time if left else 0.0
+    span = (start, start + settings.duration)
+    state = robot.own(state)
+    events = watched(robot, settings.events)
+    runs = system(
+        robot, forces, drives, wrenches, events, given, span, settings.integrator.stiff, state
+    )
+    if not smooth(runs, [runs.inputs]):
+        settings = settings.suited(smooth=False)
+    # A run that begins, or one that goes on with the extra states and held inputs that it left.
+    if left is None:
+        if runs.acting is not None:
+            require_starts(runs, state)
+        return recording.simulate(robot, state, runs, settings)
+    if left.extras.size != len(runs.extras):
+        raise LinkworkError(
+            f"the run ended with {left.extras.size} extra states, but these drives and "
+            f"controllers have {len(runs.extras)}"
+        )
+    held = left.held
+    if held is not None and runs.acting and runs.sampler and held.size != runs.acting.held:
+        raise LinkworkError(
+            f"the run ended with {held.size} held inputs, but this controller holds "
+            f"{runs.acting.held}; give it the delay that it ran with"
+        )
+    return recording.simulate(robot, state, runs, settings, left)
+
+
+def resume(
+    robot: Model,
+    run: Run,
+    forces: Forces,
+    settings: Settings,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    **acting: Any,
+) -> Run:
+    """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
+    if not isinstance(run, Run):
+        raise LinkworkError(
+            f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load "
+            "returns"
+        )
+    # Where the run ended, as far as it tells.
+    try:
+        q, v = (
+            np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v")
+        )
+        independent = tuple(str(run.attrs["final_rates"]).split(", "))
+        start, pace = (
+            float(run.attrs["final_time"]),
+            Pace(*np.asarray(run.attrs["final_pace"], float).tolist()),
+        )
+    except KeyError as error:
+        raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
+    n = len(independent)
+    if q.size != robot.equations.nq or n != robot.mobility:
+        raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
+    # The state there, in the chart that it ended in, with the whole turns of its joints.
+    state = replace(robot.make_state(q, v[:n]), independent=independent)
+    if "final_windings" in run.attrs:
+        windings = np.atleast_1d(np.asarray(run.attrs["final_windings"], float))
+        if windings.size != len(robot.coordinates):
+            raise LinkworkError(
+                "the run belongs to another robot and cannot be resumed by this one"
+            )
+        state = replace(state, positions=robot.labels.turned(state.positions, windings))
+    if independent != robot.independent:
+        chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
+        if chart is None:
+            raise LinkworkError(
+                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine "
+                "the motion where it ended"
+            )
+        robot.charts[independent] = chart
+    # What else it goes on with: held inputs, counted turns, parameters, extra states.
+    held, turns = (
+        np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
+        for name in ("final_held", "final_turns")
+    )
+    own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
+    values = {**own, **by_name(parameters, "parameters", EXAMPLE)}
+    left = Left(start, v[n:], pace, held, turns)
+    return simulate(robot, state, forces, settings, parameters=values, left=left, **acting)
+
+
+def recorded(run: Run) -> dict[str, float]:
+    """Return the values of parameters that a run tells of."""
+    entries = str(run.attrs.get("parameters", "")).split(", ")
+    return {
+        name: float(value)
+        for name, _, value in (entry.partition(" = ") for entry in entries)
+        if value
+    }
+
+
+def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
+    """Tell whether inputs have no kinks: they are not sampled, nor is a controller."""
+    sampled = runs.acting is not None and runs.acting.sampler is not None
+    return not sampled and all(len(signal.coefficients) == 1 for signal in inputs)
+
+
+def watched(
+    robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str
+) -> tuple[Event, ...]:
+    """Return events as such: names stand for ready ones, and plain functions are watched without
+    ending the run."""
+    if isinstance(events, tuple) and not events:
+        return ()
+    given: Sequence[Any] = (
+        [events]
+        if isinstance(events, str | Event) or callable(events)
+        else several(events, object, "events")
+    )
+    found: list[Event] = []
+    for event in given:
+        if isinstance(event, Event):
+            found.append(event)
+        elif callable(event):
+            found.append(Event(event, name=getattr(event, "__name__", "event")))
+        elif isinstance(event, str) and event in READY_EVENTS:
+            found.extend(READY_EVENTS[event](robot))
+        else:
+            raise LinkworkError(
+                f"there are no events {shown(event)}; give {', '.join(READY_EVENTS)}, or a "
+                "linkwork.control.Event"
+            )
+    return tuple(found)

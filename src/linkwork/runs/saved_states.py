@@ -1,0 +1,240 @@
+"""Saved states: what was saved of one run, or of many, in one chart, and all that follows from it.
+
+All is evaluated by compiled kernels, for all states at once, when it is first asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations, body_motion, functions
+from linkwork.equations.powers import powers
+from linkwork.model.charts import CompiledChart
+from linkwork.model.reactions import Samples, transmitted
+from linkwork.runs.system import System
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+
+class Aim(Protocol):
+    """Tell where a controller leads to."""
+
+    def joints(self, t: np.ndarray) -> np.ndarray:
+        """Return the wanted coordinates (K, actuators) of the actuated joints at times [s]."""
+        ...
+
+    def tool_error(self, places: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Return the distances (K, pose) of tool poses from those wanted at the saved times."""
+        ...
+
+
+class Acted(NamedTuple):
+    """Hold commands and forces of the actuators (K, actuators), and external wrenches (moment,
+    force) in the ground's axes (K, wrenches, 6).
+    """
+
+    command: np.ndarray
+    force: np.ndarray
+    wrenches: np.ndarray
+
+
+class Powers(NamedTuple):
+    """Hold powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of the
+    dampers of springs between points (K, springs), and of external wrenches (K, wrenches).
+    """
+
+    actuators: np.ndarray
+    friction: np.ndarray
+    dampers: np.ndarray
+    wrenches: np.ndarray
+
+
+class Over(NamedTuple):
+    """Hold the states at the nodes of the way over singular poses, and what leads from values there
+    to those at the saved times.
+    """
+
+    nodes: SavedStates
+    through: Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class SavedStates:
+    """Hold K states y = (q, v, z) (K, n) of a system in one chart.
+
+    inputs: gives the integrator's inputs (K, nu); p: parameters of the system (np), or of each
+        state (K, np)
+    t: times (K,) [s]; places: theirs among all times that were asked for
+    residual: the largest gap of each state's loops (K,), where it was recorded
+    aim: where a controller leads to; over: the way over singular poses on which they lie
+    """
+
+    robot: Model
+    system: System
+    chart: CompiledChart
+    y: np.ndarray
+    inputs: Callable[[], np.ndarray]
+    p: np.ndarray
+    t: np.ndarray | None = None
+    places: np.ndarray | None = None
+    residual: np.ndarray | None = None
+    aim: Aim | None = None
+    over: Over | None = None
+
+    @classmethod
+    def of_run(
+        cls, robot: Model, system: System, chart: CompiledChart, y: np.ndarray, u: np.ndarray
+    ) -> SavedStates:
+        """Return states of one run, under the inputs u (K, nu)."""
+        return cls(robot, system, chart, y, lambda: u, system.p(chart))
+
+    @cached_property
+    def q(self) -> np.ndarray:
+        return np.ascontiguousarray(self.y[:, : self.chart.equations.nq])
+
+    @cached_property
+    def v(self) -> np.ndarray:
+        nq, n = self.chart.equations.nq, self.chart.equations.mobility
+        return np.ascontiguousarray(self.y[:, nq : nq + n])
+
+    @property
+    def z(self) -> np.ndarray:
+        """Extra states of drives and controllers, then those that tell turns."""
+        return self.y[:, self.chart.equations.nq + self.chart.equations.mobility :]
+
+    @cached_property
+    def u(self) -> np.ndarray:
+        return self.inputs()
+
+    @cached_property
+    def p_robot(self) -> np.ndarray:
+        """The robot's own parameters (np), or those of each state (K, np)."""
+        return np.ascontiguousarray(self.p[..., : self.robot.p.size])
+
+    @cached_property
+    def _recorded(self) -> tuple[np.ndarray, ...]:
+        kernel = self.system.kernel(self.chart, "recorded")
+        return kernel(self.q, self.v, self.z, self.u, self.p)
+
+    @cached_property
+    def v_dot(self) -> np.ndarray:
+        """Accelerations of the independent rates (K, n)."""
+        if self.system.acting is not None:
+            return self._recorded[0]
+        return self.chart.kernel("motion")(self.q, self.v, self.u, self.p_robot)[1]
+
+    @property
+    def acted(self) -> Acted:
+        """What acts; forces over time are the inputs themselves."""
+        if self.system.acting is None:
+            return Acted(self.u, self.u, np.empty((len(self.y), 0, 6)))
+        _, command, force, wrenches = self._recorded
+        return Acted(command, force, wrenches.reshape(len(self.y), wrenches.shape[1] // 6, 6))
+
+    def moving(self, v_dot: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return positions, as they are read off the tree's, rates and accelerations (K, m) of all
+        joints.
+        """
+        return self.chart.kernel("joints_motion")(self.q, self.v, v_dot, self.p_robot)[:3]
+
+    @cached_property
+    def joints(self) -> tuple[np.ndarray, ...]:
+        """Positions and rates of all joints (K, m)."""
+        return self.moving(np.zeros(self.v.shape[1]))[:2]
+
+    @cached_property
+    def tool(self) -> np.ndarray:
+        """Poses of the first tool: (x, y, angle) (K, 3), or with rotation vectors (K, 6)."""
+        (found,) = self.robot.chart.compiled("tool", tool)(self.q, self.p_robot)
+        if self.robot.planar:
+            return found
+        from scipy.spatial.transform import Rotation
+
+        turns = Rotation.from_matrix(found[:, 3:].reshape(-1, 3, 3)).as_rotvec()
+        return np.concatenate([found[:, :3], turns], axis=1)
+
+    @property
+    def conditioning(self) -> np.ndarray:
+        """The weakest relative pivot of the home chart (K,): 1 well posed, 0 singular."""
+        still = np.zeros(self.robot.mobility)
+        return np.abs(self.robot.kernel("tree_rates")(self.q, still, self.p_robot)[1][:, 0])
+
+    @cached_property
+    def energies(self) -> np.ndarray:
+        """Kinetic and potential energy (2, K) [J]."""
+        found = self.chart.kernel("energy")(self.q, self.v, self.p_robot)
+        return np.array([found[0][:, 0], found[1][:, 0]])
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Kinetic and potential energy together (K,) [J]."""
+        return self.energies.sum(axis=0)
+
+    @cached_property
+    def powers(self) -> Powers:
+        """What goes into the mechanism, and out of it."""
+        kernel = self.chart.compiled("powers", powers)
+        actuated, friction, dampers, _ = kernel(self.q, self.v, self.p_robot)
+        own = [
+            np.sum(wrench * self._bodies[2][:, 6 * body : 6 * body + 6], axis=1)
+            for body, wrench in self.about_centres()
+        ]
+        wrenches = np.column_stack([np.empty((len(self.y), 0)), *own])
+        return Powers(self.acted.force * actuated, friction, dampers, wrenches)
+
+    @property
+    def power(self) -> np.ndarray:
+        """All powers together (K,) [W]."""
+        return sum((part @ np.ones(part.shape[1]) for part in self.powers), np.zeros(len(self.y)))
+
+    @cached_property
+    def _bodies(self) -> tuple[np.ndarray, ...]:
+        return self.chart.kernel("bodies_motion")(self.q, self.v, self.p_robot)
+
+    def about_centres(self) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield the body's number and (moment about its mass centre, force) (K, 6) of each external
+        wrench, in the ground's axes.
+        """
+        robot, acting = self.robot, self.system.acting
+        for k, wrench in enumerate(acting.wrenches if acting else ()):
+            moment, force = np.split(self.acted.wrenches[:, k], 2, axis=1)
+            body = robot.bodies.index(wrench.body)
+            axes = self._bodies[1][:, 9 * body : 9 * body + 9].reshape(-1, 3, 3)
+            centre = robot.mechanism.bodies[wrench.body].centre_of_mass
+            arm = axes @ (np.array(wrench.point) - np.array(centre))
+            yield body, np.concatenate([moment + np.cross(arm, force), force], axis=1)
+
+    @property
+    def samples(self) -> Samples:
+        """What the joint reactions follow from."""
+        chart = self.chart.with_parameters(self.p_robot)
+        applied = np.zeros((len(self.y), len(self.robot.bodies), 6))
+        for body, wrench in self.about_centres():
+            applied[:, body] += wrench
+        return Samples(chart, self.q, self.v, self.v_dot, self.acted.force, applied)
+
+    @cached_property
+    def reactions(self) -> np.ndarray:
+        """How large the moments [N m], about the origins of F1, and the forces [N] are that joints
+        transmit (2, K, joints).
+        """
+        found = transmitted(self.robot, [self.samples], (len(self.y),)).wrenches
+        return np.linalg.norm(np.split(found, 2, axis=-1), axis=-1)
+
+
+def tool(equations: Equations) -> ca.Function:
+    """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
+    matrix, row by row.
+    """
+    first = next(iter(equations.mechanism.tools.values()))
+    position, orientation, angle = body_motion.tool_pose(equations.tree, first)
+    planar = body_motion.is_planar(equations.tree)
+    pose = ca.vertcat(position[:2], angle) if planar else ca.vertcat(position, orientation)
+    return functions.function("tool", equations, {"pose": pose})

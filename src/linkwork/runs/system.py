@@ -1,0 +1,379 @@
+"""Systems: what is integrated in a run. A robot under plain forces, or joined with controllers,
+drives and wrenches.
+
+The state is y = (q, v, z) in a chart of the robot; z, the extra states of drives and controllers,
+is the same in all charts.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.checks import by_name, several
+from linkwork.control.acting import Acting
+from linkwork.control.continued import Followed
+from linkwork.control.drives import Drive, Extra
+from linkwork.control.events import Event
+from linkwork.control.joined import Joined
+from linkwork.control.kept_traces import acting_once
+from linkwork.control.sampler import Sampler
+from linkwork.control.tracing import CONTROLLER, Reference, ordered
+from linkwork.control.wrenches import Wrench
+from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
+from linkwork.model import checks
+from linkwork.model.charts import BUILDING, CompiledChart
+from linkwork.model.labels import Labels
+from linkwork.model.observing import observation
+from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
+from linkwork.simulation.events import Watch
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+    from linkwork.model.state import State
+
+Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
+FREE = 1e300  # absolute tolerance of numbers that may err
+GIVEN = Sampled, Signal  # forces that are given over time
+KERNEL = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Give the kernels of a run in any chart.
+
+    inputs: u over time, of the integrator; acting: what acts, None for plain forces
+    parameters: values of the parameters of controllers and drives, in the order of
+        `acting.parameters`
+    faults: what a sampled function raised
+    """
+
+    inputs: Signal
+    acting: Acting | None = None
+    parameters: np.ndarray = field(default_factory=lambda: np.empty(0))
+    faults: list[BaseException] = field(default_factory=list)
+
+    @cached_property
+    def extras(self) -> tuple[Extra, ...]:
+        """The extra states of drives and controllers."""
+        return self.acting.extras if self.acting else ()
+
+    @cached_property
+    def states(self) -> tuple[Extra, ...]:
+        """All states z beside the robot's: the extra ones, then those that tell the turns of joints
+        that are read."""
+        followed = [name for names in self.acting.followed for name in names] if self.acting else ()
+        return (*self.extras, *(Extra(name, "rad", 0.0) for name in followed))
+
+    @cached_property
+    def initial(self) -> np.ndarray:
+        """The extra states with which drives and controllers begin (nz)."""
+        return np.array([extra.initial for extra in self.extras], float)
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The events to watch for."""
+        return self.acting.events if self.acting else ()
+
+    @cached_property
+    def sampler(self) -> Sampler | None:
+        """The sampled controller, if there is one."""
+        return self.acting.sampler if self.acting else None
+
+    def start(
+        self, robot: Model, positions: np.ndarray, q: np.ndarray, extras: ArrayLike | None = None
+    ) -> np.ndarray:
+        """Return z (..., nz) where runs start.
+
+        Args:
+            positions: of all joints (..., m), of which the turns count; q: (..., nq).
+            extras: the extra states there; their own if left out.
+        """
+        own = self.initial if extras is None else np.asarray(extras, float)
+        if self.acting is None or not self.acting.followed:
+            return own
+        read = robot.kernel("positions")(q)[0]
+        seen = robot.labels.nearest(read, np.broadcast_to(positions, read.shape))
+        places = [robot.coordinates.index(state.name) for state in self.states[len(self.extras) :]]
+        return np.concatenate(
+            [np.broadcast_to(own, (*seen.shape[:-1], own.size)), seen[..., places]], axis=-1
+        )
+
+    def tolerances(self, chart: CompiledChart, rtol: float, atol: float, size: int) -> np.ndarray:
+        """Return rtol and atol (2, size) of the numbers of a state (q, v, z) of some size.
+
+        States that tell turns do not count, nor in the root mean square of errors: steps are those
+        without them.
+        """
+        followed, table = len(self.states) - len(self.extras), chart.tolerances(rtol, atol, size)
+        if followed:
+            table = np.sqrt((size - followed) / size) * table
+            table[1, -followed:] = FREE
+        return table
+
+    def p(self, chart: CompiledChart) -> np.ndarray:
+        """Return the parameters of the mechanism, then those of controllers and drives."""
+        return np.concatenate((chart.p, self.parameters)) if self.parameters.size else chart.p
+
+    def kernel(self, chart: CompiledChart, name: str) -> Kernel:
+        """Return a kernel of `Joined` in a chart: motion, jacobian, events, held or recorded."""
+        if self.acting is None:
+            return chart.kernel(name)
+        return chart.compiled(
+            f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)()
+        )
+
+    def control(self, chart: CompiledChart, before: Control | None = None) -> Control | None:
+        """Return the sampled controller in a chart, if there is one.
+
+        before: the same in another chart: what it holds and its next sample are taken over
+        """
+        if self.acting is None or self.sampler is None:
+            return None
+        function = self.kernel(chart, "held") if self.sampler.compiled else self._callback(chart)
+        if before is not None:
+            return replace(before, address=function.address)
+        return Control(function.address, self.sampler.period, np.zeros(self.acting.held))
+
+    def conditions(self, chart: CompiledChart) -> Events | None:
+        """Return the events in a chart, if there are any."""
+        if not self.events:
+            return None
+        conditions = tuple(Condition(event.terminal, event.direction) for event in self.events)
+        return Events(self.kernel(chart, "events").address, conditions)
+
+    def watch(self, chart: CompiledChart, span: tuple[float, float]) -> Watch | None:
+        """Return what no step may pass over within a span [s] beside the inputs, if there is
+        anything; any chart will do."""
+        if self.acting is None:
+            return None
+        timely, kernel = self.acting.timely, None
+        if timely is not None:
+            kernel = chart.compiled(f"{self.acting.key} timely", lambda _: timely.function)
+        return self.acting.watch(self.inputs, kernel, self.parameters, span)
+
+    @cached_property
+    def joined(self) -> Callable[[CompiledChart], Joined]:
+        """Join a chart's equations with what acts."""
+        acting = self.acting
+        assert acting is not None
+        return lru_cache(maxsize=None)(lambda chart: Joined(chart.equations, acting))
+
+    @cached_property
+    def _callback(self) -> Callable[[CompiledChart], Callback]:
+        return lru_cache(maxsize=None)(lambda chart: Callback(self, chart))
+
+
+@dataclass(frozen=True, eq=False)
+class Callback:
+    """Call a sampled Python function from machine code: (y, u, p) -> held inputs, oldest command
+    first.
+
+    What the function raises is kept, and numbers that are undefined end the run.
+    """
+
+    system: System
+    chart: CompiledChart
+
+    @cached_property
+    def labels(self) -> Labels:
+        return Labels(self.chart)
+
+    @cached_property
+    def _function(self) -> Any:
+        return KERNEL(self._call)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        """Where q, v, z, the signals and the held inputs end in a kernel's input."""
+        acting, equations = self.system.acting, self.chart.equations
+        assert acting is not None
+        signals = self.system.inputs.coefficients.shape[2]
+        return np.cumsum(
+            [equations.nq, equations.mobility, len(self.system.states), signals, acting.held]
+        ).tolist()
+
+    @property
+    def address(self) -> int:
+        """Address of void(const double *in, double *out)."""
+        return ctypes.cast(self._function, ctypes.c_void_p).value or 0
+
+    def _turned(self, z: np.ndarray, read: np.ndarray) -> np.ndarray:
+        """Return the coordinates of all joints with the turns of those that are followed."""
+        goal, names = read.copy(), self.system.states[len(self.system.extras) :]
+        goal[[self.labels.equations.mechanism.coordinates.index(state.name) for state in names]] = (
+            z[len(z) - len(names) :]
+        )
+        return self.labels.nearest(read, goal)
+
+    def _call(self, x: Any, out: Any) -> None:
+        try:
+            acting = self.system.acting
+            assert acting is not None
+            actuators, ends = acting.names.actuators, self._ends
+            q, v, z, references, held = np.split(
+                np.ctypeslib.as_array(x, (ends[-1],)).copy(), ends[:-1]
+            )
+            result, later = np.ctypeslib.as_array(out, (held.size,)), held[len(actuators) :]
+            result[:] = [*later, *np.full(len(actuators), np.nan)]
+            if self.system.faults:
+                return
+            parameters = dict(zip(acting.parameters, self.system.parameters, strict=True))
+            state = observation(
+                self.chart, acting.names, q, v, z, parameters, partial(self._turned, z)
+            )
+            forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore
+            result[later.size :] = ordered(forces, actuators, CONTROLLER)
+        except BaseException as error:
+            self.system.faults.append(error)
+
+
+def system(
+    robot: Model,
+    forces: Forces,
+    drives: Mapping[str, Drive] | None,
+    wrenches: Sequence[Wrench],
+    events: Sequence[Event],
+    parameters: Mapping[str, float],
+    span: tuple[float, float],
+    joined: bool = False,
+    state: State | None = None,
+) -> System:
+    """Make the system of a run; refuse what does not fit.
+
+    Args:
+        robot: the robot.
+        forces: zero, constant, by name, over time, or a controller.
+        drives: by actuator; wrenches on bodies; events to watch for.
+        parameters: values of parameters of controllers and drives, by name.
+        span: start and end of the run [s].
+        joined: whether kernels of `Joined` are needed for plain forces, too.
+        state: one or many, from which runs start; home if left out.
+    """
+    # Forces over time alone need no kernels of their own.
+    drives = {} if drives is None else by_name(drives, "drives", "{'slide_1': Lag(0.01)}")
+    if not isinstance(wrenches, tuple) or wrenches:
+        wrenches = several(wrenches, Wrench, "wrenches")
+    acts = isinstance(forces, Sampler) or (callable(forces) and not isinstance(forces, GIVEN))
+    if not (acts or drives or wrenches or events or joined):
+        if parameters:
+            checks.known(parameters, (), "parameter")
+        return plain(robot, forces)
+    # What acts, traced once, with the coordinates whose whole turns it reads as extra states.
+    given: Any = forces if acts else None
+    commands = None if acts else plain(robot, forces).inputs
+    names = robot.names
+    with BUILDING:
+        acting = acting_once(names, given, drives, wrenches, tuple(events), span)
+    followed = followed_by(robot, acting, state)
+    acting = replace(acting, followed=followed) if followed else acting
+    require_cover(acting.references, span)
+    checks.known(parameters, tuple(acting.parameters), "parameter")
+    values = {**acting.parameters} | {
+        name: checks.number(value, name) for name, value in parameters.items()
+    }
+    for name in parameters:
+        acting.require(name, np.array(values[name]))
+    return System(
+        acting.inputs(commands), acting, np.array([float(value) for value in values.values()])
+    )
+
+
+def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
+    """Return the coordinates whose turns runs follow for what acts: of those that it reads, those
+    that jump or begin turned.
+
+    What a Python function reads is not known beforehand.
+    """
+    labels, names = robot.labels, robot.coordinates
+    if not labels.may_wind:
+        return ()
+    every = acting.sampler is not None and not acting.sampler.compiled
+    read = {
+        name
+        for i, name in enumerate(names)
+        if (labels.wound[i] or labels.signed[i]) and (every or name in acting.read)
+    }
+    if not read:
+        return ()
+    begun = (
+        np.zeros(len(names))
+        if state is None
+        else np.abs(robot.windings(state)).reshape(-1, len(names)).max(axis=0)
+    )
+    jumps = [
+        labels.wound[i] and (begun[i] or name in labels.jumping) for i, name in enumerate(names)
+    ]
+    angles = [(name,) for name, jump in zip(names, jumps, strict=True) if jump and name in read]
+    quaternions = [tuple(names[i] for i in places) for places in labels.quaternions]
+    return (*angles, *(own for own in quaternions if read & set(own)))
+
+
+def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> System:
+    """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and
+    parameters are the same."""
+    if runs.acting:
+        return runs
+    with BUILDING:
+        return replace(runs, acting=acting_once(robot.names, None, {}, (), (), span))
+
+
+def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> None:
+    """Refuse states in which a drive cannot start; drives of which parameters vary are not looked
+    at."""
+    acting = runs.acting
+    if acting is None or not acting.bounded:
+        return
+    values = dict(zip(acting.parameters, runs.parameters.tolist(), strict=True))
+    for name, drive in acting.bounded:
+        if name in state.coordinates and not any(other.startswith(f"{name}.") for other in varied):
+            own = replace(drive, **{number: values[f"{name}.{number}"] for number in drive.numbers})
+            with checks.at(f"the drive of {name!r}: "):
+                for x in (np.min(state[name]), np.max(state[name])):
+                    own.require_start(float(x))
+
+
+def require_cover(references: Sequence[Reference], span: tuple[float, float]) -> None:
+    """Refuse signals that do not cover a span [s]; tell what reads them."""
+    start, stop = span
+    for signal, _, what in references:
+        if not signal.covers(start, stop):
+            first, last = signal.span
+            raise LinkworkError(
+                f"{what} reads a signal from {first:g} s to {last:g} s, but the run goes from "
+                f"{start:g} s to {stop:g} s; give samples for the whole run"
+            )
+
+
+def plain(robot: Model, forces: Any) -> System:
+    """Return the system under actuator forces: zero, constant, by name, or sampled."""
+    n = len(robot.actuators)
+    if not isinstance(forces, GIVEN):
+        u = np.zeros(n) if forces is None else checks.actuator_forces(forces, robot.actuators)
+        if u.ndim > 1:
+            checks.finite(u, "forces")
+            raise LinkworkError(
+                f"forces has shape {u.shape}; give {n} numbers: {', '.join(robot.actuators)}, or "
+                "linkwork.Sampled ones"
+            )
+        return steady(u.tobytes())
+    signal = as_signal(forces)
+    if signal.coefficients.shape[2] != n:
+        raise LinkworkError(
+            f"the forces have {signal.coefficients.shape[2]} columns; give {n}: "
+            f"{', '.join(robot.actuators)}"
+        )
+    return System(signal)
+
+
+@lru_cache(maxsize=256)
+def steady(forces: bytes) -> System:
+    """Return the system under constant forces, told by their bytes."""
+    return System(as_signal(checks.finite(np.frombuffer(forces), "forces")))
