@@ -227,14 +227,14 @@ def body_poses(mechanism: Mechanism, values: dict[str, float]) -> dict[str, Pose
     coordinates by name."""
     import networkx as nx
 
-    graph = mechanism.graph()
-    for name, joint in mechanism.pairs.items():
+    graph, joints = mechanism.graph(), mechanism.pairs
+    for name, joint in joints.items():
         if not complete(joint):
             graph.remove_edge(*joint.connects, key=name)
     poses: dict[str, Pose] = {GROUND: (np.zeros(3), np.eye(3))}
     for parent, body in nx.bfs_edges(graph, GROUND):
         name = next(iter(graph[parent][body]))
-        joint = mechanism.pairs[name]
+        joint = joints[name]
         own = np.array([values[label] for label in joint.coordinates(name)])
         poses[body] = across(joint, own, poses[parent], backwards=joint.connects[0] != parent)
     return poses

@@ -151,11 +151,16 @@ class Mechanism(Record):
 
     def _reached(self) -> set[str]:
         """Return the bodies to which chains of joints lead from ground, ground among them."""
-        reached, beyond = set[str](), {GROUND}
+        beside: dict[str, list[str]] = {}
+        for first, second in (joint.connects for joint in self.pairs.values()):
+            beside.setdefault(first, []).append(second)
+            beside.setdefault(second, []).append(first)
+        reached, beyond = set[str](), [GROUND]
         while beyond:
-            reached |= beyond
-            ends = [set(joint.connects) for joint in self.pairs.values()]
-            beyond = set[str]().union(*(pair for pair in ends if pair & reached)) - reached
+            body = beyond.pop()
+            if body not in reached:
+                reached.add(body)
+                beyond += beside.get(body, ())
         return reached
 
     def _check_actuators(self) -> None:

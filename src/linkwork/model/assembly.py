@@ -48,18 +48,6 @@ class AssemblyKernel:
             name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named
         }
 
-    def tool_poses(self, q: np.ndarray) -> np.ndarray:
-        """Return the tool's poses (..., 3) in the plane, (..., 6) with a rotation vector in space,
-        for q (..., nq)."""
-        values = self.kernel(q, np.zeros(dict(self.kernel.inputs)["rates"]))
-        out = {name: value for (name, _), value in zip(self.kernel.outputs, values, strict=True)}
-        if self.planar:
-            return np.concatenate([out["position"][..., :2], out["angle"]], axis=-1)
-        from scipy.spatial.transform import Rotation
-
-        turns = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3)).as_rotvec()
-        return np.concatenate([out["position"], turns.reshape(out["position"].shape)], axis=-1)
-
 
 @dataclass(frozen=True)
 class Assembler:

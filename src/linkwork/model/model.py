@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from linkwork.control.observation import Names
-from linkwork.equations import Equations, body_motion, mobility
+from linkwork.equations import Equations, body_motion, functions, mobility
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
@@ -188,10 +189,17 @@ class Model:
     def _leaders(self) -> dict[tuple[tuple[str, ...], bool], Leader]:
         return {}
 
-    def tool_poses(self, q: np.ndarray) -> np.ndarray:
-        """Return the tool's pose as `tool_pose` does, for the tree's coordinates (..., nq)."""
+    def tool_poses(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return the tool's poses (x, y, angle) (..., 3) in the plane, or with rotation vectors
+        (..., 6), for the tree's coordinates (..., nq), and other free numbers where given."""
         self.require_tool()
-        return self._assembly.tool_poses(q)
+        (found,) = self.chart.compiled("tool", first_tool)(q, self.p if p is None else p)
+        if self.planar:
+            return found
+        from scipy.spatial.transform import Rotation
+
+        turns = Rotation.from_matrix(found[..., 3:].reshape(-1, 3, 3)).as_rotvec()
+        return np.concatenate([found[..., :3], turns.reshape(found[..., :3].shape)], axis=-1)
 
     def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
         q = np.ascontiguousarray(q)
@@ -222,3 +230,14 @@ class Model:
     def require_tool(self) -> None:
         if not self.mechanism.tools:
             raise LinkworkError("the mechanism names no tool; add one under 'tools'")
+
+
+def first_tool(equations: Equations) -> ca.Function:
+    """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
+    matrix, row by row.
+    """
+    first = next(iter(equations.mechanism.tools.values()))
+    position, orientation, angle = body_motion.tool_pose(equations.tree, first)
+    planar = body_motion.is_planar(equations.tree)
+    pose = ca.vertcat(position[:2], angle) if planar else ca.vertcat(position, orientation)
+    return functions.function("tool", equations, {"pose": pose})

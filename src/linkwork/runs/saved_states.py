@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.powers import powers
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
@@ -152,13 +150,7 @@ class SavedStates:
     @cached_property
     def tool(self) -> np.ndarray:
         """Poses of the first tool: (x, y, angle) (K, 3), or with rotation vectors (K, 6)."""
-        (found,) = self.robot.chart.compiled("tool", tool)(self.q, self.p_robot)
-        if self.robot.planar:
-            return found
-        from scipy.spatial.transform import Rotation
-
-        turns = Rotation.from_matrix(found[:, 3:].reshape(-1, 3, 3)).as_rotvec()
-        return np.concatenate([found[:, :3], turns], axis=1)
+        return self.robot.tool_poses(self.q, self.p_robot)
 
     @property
     def conditioning(self) -> np.ndarray:
@@ -227,14 +219,3 @@ class SavedStates:
         """
         found = transmitted(self.robot, [self.samples], (len(self.y),)).wrenches
         return np.linalg.norm(np.split(found, 2, axis=-1), axis=-1)
-
-
-def tool(equations: Equations) -> ca.Function:
-    """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
-    matrix, row by row.
-    """
-    first = next(iter(equations.mechanism.tools.values()))
-    position, orientation, angle = body_motion.tool_pose(equations.tree, first)
-    planar = body_motion.is_planar(equations.tree)
-    pose = ca.vertcat(position[:2], angle) if planar else ca.vertcat(position, orientation)
-    return functions.function("tool", equations, {"pose": pose})
