@@ -181,7 +181,8 @@ def crossing(first, second):
         second if np.linalg.norm(np.cross(first, second)) > 0.1 else np.roll(first, 1) * (1, -1, 2)
     )
     normal = np.cross(first, other)
-    return first, tuple((normal / np.linalg.norm(normal)).tolist())
+    normal = normal / np.linalg.norm(normal)
+    return first, tuple(np.where(abs(normal) < np.finfo(float).tiny, 0.0, normal).tolist())
 
 
 axes = st.builds(crossing, directions, directions)
