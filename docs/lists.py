@@ -14,7 +14,7 @@ import griffe
 
 from linkwork.control.records import ActingPart
 
-FIELDS = re.compile(r"^(?!Sources?:|Note:)((?:`?\w+`?(?:, )?)+): (?=\S)", re.M)
+FIELDS = re.compile(r"^(?!Sources?:|Note:)(`?\w+`?(?:, `?\w+`?)*): (?=\S)", re.M)
 
 
 class Lists(griffe.Extension):

@@ -7,13 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from linkwork.equations import derive, functions
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import (
-    choose_chart,
-    choose_independent,
-    independent_rows,
-    solve,
-    weakest,
-)
+from linkwork.equations.chart import choose_chart
+from linkwork.equations.elimination import solve, weakest
+from linkwork.equations.independence import choose_independent, independent_rows
 from linkwork.equations.orientation import Orientation
 from linkwork.equations.topology import span
 from linkwork.mechanism import (

@@ -128,6 +128,16 @@ def test_what_is_asked_for_tells_derivations_apart(made):
     assert len({robot.equations.key for robot in robots}) == 4
 
 
+def test_numbers_of_numpy_come_back_as_they_were():
+    kept = unpacked(packed((np.float64(0.1), np.bool_(True))))
+    assert kept == (0.1, True) and [type(one) for one in kept] == [np.float64, np.bool_]
+
+
+def test_what_may_not_be_read_is_derived_anew(folder):
+    for _ in range(2):
+        assert derivations.kept(lambda: Path("here"), "a part") == Path("here")
+
+
 def test_a_damaged_derivation_is_made_anew(made, folder):
     lw.Robot(lw.robots.pendulum())
     for file in folder.iterdir():
@@ -142,9 +152,8 @@ def test_only_what_a_derivation_is_made_of_is_read():
         unpacked(packed(Path("here")))
 
 
+@pytest.mark.usefixtures("folder")
 def test_a_first_run_in_a_process_loads_what_it_needs_only():
-    robot = lw.Robot(lw.robots.prr3())
-    robot.simulate(robot.home, [5.0, 0.0, 0.0], duration=0.1)
-    loaded = finished("-c", FIRST_RUN)
-    assert loaded.returncode == 0, loaded.stderr
+    deriving, loaded = finished("-c", FIRST_RUN), finished("-c", FIRST_RUN)
+    assert deriving.returncode == loaded.returncode == 0, loaded.stderr
     assert not IDLE & set(loaded.stdout.split())

@@ -23,7 +23,9 @@ import numpy as np
 
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import Chart, choose_chart, choose_independent, solve
+from linkwork.equations.chart import Chart, choose_chart
+from linkwork.equations.elimination import solve
+from linkwork.equations.independence import choose_independent
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.asked import TWIST_ROWS, Rows, joint_rows, tool_rows

@@ -19,14 +19,12 @@ from linkwork.equations.chart import (
     Chart,
     block_values,
     chart_of,
-    choose_independents,
     choose_orders,
     eliminate_values,
-    independent_rows,
-    orthogonal_rows,
     unit_of,
 )
 from linkwork.equations.equations import Equations, smallest_singular
+from linkwork.equations.independence import choose_independents, independent_rows, orthogonal_rows
 
 WELL = (
     0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart

@@ -18,13 +18,9 @@ import numpy as np
 
 from linkwork.equations import closure, cut_coordinates, gears, mobility, spins
 from linkwork.equations.algebra import SX, dense, symbol
-from linkwork.equations.chart import (
-    choose_chart,
-    choose_independent,
-    independent_rows,
-    largest_rows,
-)
+from linkwork.equations.chart import choose_chart
 from linkwork.equations.equations import ClosureRows, Equations, scaled, sizes, smallest_singular
+from linkwork.equations.independence import choose_independent, independent_rows, largest_rows
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import loop_length, own_length
 from linkwork.equations.nearest import nearest

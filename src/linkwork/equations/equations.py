@@ -23,8 +23,9 @@ import numpy as np
 
 from linkwork.equations import dynamics, effects
 from linkwork.equations.algebra import SX, vector
-from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy, solve, weakest
+from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy
 from linkwork.equations.closure import Cut
+from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree

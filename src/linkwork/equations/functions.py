@@ -12,7 +12,7 @@ import casadi as ca
 from linkwork.equations import body_motion, dynamics, effects
 from linkwork.equations import regressor as linear
 from linkwork.equations.algebra import SX, dot, vector
-from linkwork.equations.chart import solve
+from linkwork.equations.elimination import solve
 from linkwork.equations.equations import Equations, solve_symmetric
 from linkwork.equations.joint_map import derivative
 

@@ -23,7 +23,8 @@ import numpy as np
 
 from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
-from linkwork.equations.chart import Chart, solve
+from linkwork.equations.chart import Chart
+from linkwork.equations.elimination import solve
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel

@@ -18,6 +18,7 @@ import struct
 import sys
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -38,7 +39,7 @@ STAGES = "linkwork.mechanism.", "linkwork.equations."
 OTHERS = {
     "builtins": {"range"},
     "casadi": {"Function"},
-    "numpy": {"dtype", "ndarray", "_frombuffer", "_reconstruct"},
+    "numpy": {"dtype", "ndarray", "_frombuffer", "_reconstruct", "scalar"},
 }
 PROTOCOL, LEVEL = 5, 1  # of pickle, and of compression
 LENGTH = struct.Struct("<q")
@@ -46,12 +47,13 @@ LENGTH = struct.Struct("<q")
 
 def kept(find: Callable[[], Found], *parts: str) -> Found:
     """Return what is found of parts that determine it, from the folder of the kernels if it was
-    found before."""
+    found before and can be read."""
     versions = sys.version, ca.CasadiMeta.version(), np.__version__, this_machine().identity
     name = cache.key("derivation", cache.source("linkwork").hex(), *versions, *parts)
     content = cache.read(name)
     if content is not None:
-        return unpacked(content)
+        with suppress(pickle.UnpicklingError):
+            return unpacked(content)
     found = find()
     cache.write(name, packed(found))
     return found

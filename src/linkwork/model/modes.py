@@ -18,14 +18,8 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations
-from linkwork.equations.chart import (
-    Chart,
-    chart_of,
-    choose_orders,
-    constancy,
-    independent_rows,
-    triangular,
-)
+from linkwork.equations.chart import Chart, chart_of, choose_orders, constancy, triangular
+from linkwork.equations.independence import independent_rows
 from linkwork.model.asked import Asked
 
 SAMPLES, SPREAD = (
