@@ -33,20 +33,13 @@ class UnreachableError(LinkworkError):
     """Refuse a pose or joint coordinates at which the loops cannot be closed."""
 
 
-@dataclass(frozen=True, eq=False)
-class AssemblyKernel:
-    """Evaluate the kernel of `functions.assembly`; planar: whether poses are (x, y, angle)."""
-
-    kernel: Kernel
-    planar: bool
-
-    def evaluate(self, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the outputs by name for one configuration q (nq) and rates w (nv); matrices as
-        such."""
-        named, rows = zip(self.kernel.outputs, self.kernel(q, rates), strict=True), (len(rates), -1)
-        return {
-            name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named
-        }
+def evaluate(kernel: Kernel, q: np.ndarray, rates: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the outputs of `functions.assembly` by name for one configuration q (nq) and rates w
+    (nv); matrices as such."""
+    named, rows = zip(kernel.outputs, kernel(q, rates), strict=True), (len(rates), -1)
+    return {
+        name: value.reshape(rows).T if name in MATRICES else value for (name, _), value in named
+    }
 
 
 @dataclass(frozen=True)
@@ -55,7 +48,7 @@ class Assembler:
 
     evaluate: maps (q, w) to the outputs of `functions.assembly` by name
     rows, unheld: names of the closure rows, and of those that are not held; units: of the closure
-    rows planar: whether poses are (x, y, angle)
+        rows; planar: whether poses are (x, y, angle)
     """
 
     evaluate: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]

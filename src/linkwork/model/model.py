@@ -4,7 +4,7 @@ doors."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import casadi as ca
@@ -17,7 +17,7 @@ from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.model import checks
 from linkwork.model.asked import Asked, JointsAsked
-from linkwork.model.assembly import OPEN_LOOPS, Assembler, AssemblyKernel
+from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
 from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
 from linkwork.model.derivations import derived, kept
@@ -130,14 +130,11 @@ class Model:
         return self.charts.setdefault(chart.independent, chart)
 
     @cached_property
-    def _assembly(self) -> AssemblyKernel:
-        return AssemblyKernel(self.kernel("assembly"), self.planar)
-
-    @cached_property
     def assembler(self) -> Assembler:
         tree, rows = self.equations.tree, self.equations.rows
         unheld = rows.unheld.names if rows.unheld else ()
-        return Assembler(self._assembly.evaluate, tree, rows.names, unheld, rows.units, self.planar)
+        outputs = partial(evaluate, self.kernel("assembly"))
+        return Assembler(outputs, tree, rows.names, unheld, rows.units, self.planar)
 
     def leader(self, size: int, kept: bool) -> Leader:
         """Return what leads the tool to poses of so many numbers; kept: whether on the working mode

@@ -589,9 +589,9 @@ class Robot(Model):
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.runs.ensemble import Settings, ensemble
+        from linkwork.runs.ensemble import ensemble
 
-        settings = Settings(
+        settings = settings_of(
             duration=duration,
             method=method,
             step=step,
