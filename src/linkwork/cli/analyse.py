@@ -36,9 +36,21 @@ Reference = Annotated[
     typer.Option(
         metavar="VALUES",
         help=(
-            "Close the loops from 'slide_1=0.2,...', m or rad, in place of the model's own "
-            "reference."
+            "Close the loops from 'slide_1=0.2,...', m or rad or with units ('crank=40deg'), "
+            "or from a .yaml or .json file of them, in place of the model's own reference."
         ),
+    ),
+]
+Floating = Annotated[
+    bool,
+    typer.Option("--floating", help="Let the root, which is fixed to ground, move freely."),
+]
+PackagePath = Annotated[
+    str | None,
+    typer.Option(
+        "--package-path",
+        metavar="FOLDERS",
+        help="Where package:// and model:// are looked for, as in ROS_PACKAGE_PATH.",
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
@@ -55,8 +67,10 @@ def robot(
         ),
     ],
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
 ) -> None:
-    context.obj = Source(robot, reference)
+    context.obj = Source(robot, reference, floating, packages)
 
 
 @analyse.command()

@@ -8,6 +8,10 @@ from linkwork.cli.entries import by_name
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, table
 from linkwork.errors import LinkworkError
+from linkwork.formats.floating import floated
+from linkwork.formats.notes import Notes
+from linkwork.formats.reading import PLAIN, Reading
+from linkwork.formats.references import SUFFIXES, angles_of, referred
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Robot
 
@@ -18,7 +22,7 @@ def find(source: Source) -> Mechanism:
     Raises:
         LinkworkError: there is none of that name, or the file or the reference is refused.
     """
-    return about(named(source.name), source)
+    return about(named(source.name, source.reading), source)
 
 
 def built(source: Source) -> Robot:
@@ -30,12 +34,16 @@ def built(source: Source) -> Robot:
 
 def about(mechanism: Mechanism, source: Source) -> Mechanism:
     """Return the mechanism with the joint coordinates that are asked for in its reference."""
-    if source.reference is None:
+    given = source.reference
+    if given is None:
         return mechanism
-    return mechanism.with_reference(by_name(source.reference, mechanism.coordinates, "--reference"))
+    if "=" not in given and Path(given).suffix.lower() in SUFFIXES:
+        return referred(mechanism, given)
+    angles = angles_of(mechanism)
+    return mechanism.with_reference(by_name(given, mechanism.coordinates, "--reference", angles))
 
 
-def named(name: str) -> Mechanism:
+def named(name: str, reading: Reading = PLAIN) -> Mechanism:
     """Return the robot of the catalogue with that name, or the mechanism of that file; print the
     notes on the file.
 
@@ -43,13 +51,15 @@ def named(name: str) -> Mechanism:
         LinkworkError: there is neither, or the file is refused.
     """
     if name in robots.__all__:
-        return getattr(robots, name)()
+        mechanism = getattr(robots, name)()
+        return floated(mechanism, name, Notes()) if reading.floating else mechanism
     if Path(name).suffix.lower() in formats.READ:
-        imported = formats.load(name)
+        imported = formats.load(name, floating=reading.floating, packages=reading.packages)
         tell(note for note in imported.notes if note not in imported.mechanism.caveats)
         return imported.mechanism
     if Path(name).is_file():
-        return Mechanism.load(name)
+        mechanism = Mechanism.load(name)
+        return floated(mechanism, name, Notes()) if reading.floating else mechanism
     raise LinkworkError(
         f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or "
         "a mechanism file "

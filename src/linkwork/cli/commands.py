@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from linkwork.cli.analyse import Reference, analyse
+from linkwork.cli.analyse import Floating, PackagePath, Reference, analyse
 from linkwork.cli.caveats import STRICT, told
 from linkwork.cli.source import Source
 from linkwork.errors import LinkworkError
@@ -71,7 +71,7 @@ app = typer.Typer(
 app.add_typer(analyse, name="analyse")
 
 
-class Reading(StrEnum):
+class Interpolation(StrEnum):
     spline = "spline"
     linear = "linear"
     hold = "hold"
@@ -126,12 +126,14 @@ def info(
     robot: RobotName,
     json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
 ) -> None:
     """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
     functions."""
     from linkwork.cli.info import show
 
-    show(Source(robot, reference), json)
+    show(Source(robot, reference, floating, packages), json)
 
 
 @app.command()
@@ -147,12 +149,14 @@ def export(
     robot: RobotName,
     file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="The mechanism file to write.")],
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT."""
     from linkwork.cli.catalogue import export
 
-    export(Source(robot, reference), file, overwrite)
+    export(Source(robot, reference, floating, packages), file, overwrite)
 
 
 @app.command()
@@ -168,6 +172,8 @@ def convert(
         Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")
     ],
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Turn a model file into another format: MJCF or URDF into a mechanism file, that into MJCF.
@@ -176,7 +182,7 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    convert(Source(source, reference), target, overwrite)
+    convert(Source(source, reference, floating, packages), target, overwrite)
 
 
 @app.command()
@@ -198,8 +204,8 @@ def simulate(
         ),
     ] = None,
     kind: Annotated[
-        Reading, typer.Option(help="How the forces of a file run between their times.")
-    ] = Reading.spline,
+        Interpolation, typer.Option(help="How the forces of a file run between their times.")
+    ] = Interpolation.spline,
     tool: Annotated[
         str | None,
         typer.Option(
@@ -243,6 +249,8 @@ def simulate(
         typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation."),
     ] = OnSingular.stop,
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")
     ] = None,
@@ -261,7 +269,7 @@ def simulate(
     target = command.Target(out, overwrite)
     target.check()
     how = command.settings(duration, rtol, atol, samples, on_singular.value)
-    if not command.simulate(Source(robot, reference), start, load, how, target):
+    if not command.simulate(Source(robot, reference, floating, packages), start, load, how, target):
         raise typer.Exit(1)
 
 
@@ -295,13 +303,15 @@ def report(
         ),
     ] = None,
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write the report of a run: one page with pictures, a film, peaks, energy and closure, that
     needs no network."""
     from linkwork.cli.report import report
 
-    report(run, out, of, reference, overwrite)
+    report(run, out, Source(of or "", reference, floating, packages), overwrite)
 
 
 @app.command()
@@ -348,6 +358,8 @@ def view(
         str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")
     ] = None,
     reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; the default serves this computer alone.")
     ] = "127.0.0.1",
@@ -360,7 +372,7 @@ def view(
     """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
     from linkwork.cli.view import view
 
-    view(Source(robot, reference), of, host, port, browser)
+    view(Source(robot, reference, floating, packages), of, host, port, browser)
 
 
 def main() -> None:

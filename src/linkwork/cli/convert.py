@@ -31,7 +31,12 @@ def convert(source: Source, target: Path, overwrite: bool) -> None:
 def read(source: Source) -> formats.Imported:
     """Read a robot of the catalogue or a model file, about the reference that is asked for."""
     known = not Path(source.name).suffix and not Path(source.name).exists()
-    imported = formats.Imported(named(source.name)) if known else formats.load(source.name)
+    how = source.reading
+    imported = (
+        formats.Imported(named(source.name, how))
+        if known
+        else formats.load(source.name, floating=how.floating, packages=how.packages)
+    )
     return replace(imported, mechanism=about(imported.mechanism, source))
 
 

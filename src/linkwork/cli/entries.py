@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from linkwork.errors import LinkworkError
+from linkwork.formats.references import amount
 
 TIME = "time"
 
@@ -19,8 +20,16 @@ def numbers(text: str, option: str) -> list[float]:
     return [number(part, option) for part in text.split(",")]
 
 
-def by_name(text: str, names: Sequence[str], option: str) -> dict[str, float]:
+def by_name(
+    text: str,
+    names: Sequence[str],
+    option: str,
+    angles: Container[str] | None = None,
+) -> dict[str, float]:
     """Return the values of "slide_1=5,slide_2=1" by name, or of "5,1,0" in the order of all names.
+
+    Args:
+        angles: which names are angles, where values may have units, as in "crank=40deg".
 
     Raises:
         LinkworkError: not a number, a name that is unknown or given twice, another count of
@@ -28,13 +37,15 @@ def by_name(text: str, names: Sequence[str], option: str) -> dict[str, float]:
     """
     parts = text.split(",")
     if not any("=" in part for part in parts):
-        values = numbers(text, option)
-        if len(values) != len(names):
+        if len(parts) != len(names):
             raise LinkworkError(
-                f"{option} holds {len(values)} numbers; give {len(names)}, one each for "
+                f"{option} holds {len(parts)} numbers; give {len(names)}, one each for "
                 f"{', '.join(names)}, or name=value"
             )
-        return dict(zip(names, values, strict=True))
+        return {
+            name: number(part, option) if angles is None else amount(part, name in angles, option)
+            for name, part in zip(names, parts, strict=True)
+        }
     found: dict[str, float] = {}
     for part in parts:
         name, equals, value = (piece.strip() for piece in part.partition("="))
@@ -46,8 +57,14 @@ def by_name(text: str, names: Sequence[str], option: str) -> dict[str, float]:
             raise LinkworkError(f"{option}: there is no {name!r}; the names are {', '.join(names)}")
         if name in found:
             raise LinkworkError(f"{option}: {name!r} is given twice; keep one of them")
-        found[name] = number(value, f"{option}: {name}")
+        found[name] = _value(value, name, option, angles)
     return found
+
+
+def _value(given: str, name: str, option: str, angles: Container[str] | None) -> float:
+    """Return the value that is given for a name; where angles are known it may have a unit."""
+    place = f"{option}: {name}"
+    return number(given, place) if angles is None else amount(given, name in angles, place)
 
 
 def number(text: str, place: str) -> float:

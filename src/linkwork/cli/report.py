@@ -6,11 +6,12 @@ from pathlib import Path
 
 from linkwork.cli.catalogue import refuse_existing
 from linkwork.cli.runs import read, robot_of
+from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, patience
 from linkwork.errors import LinkworkError
 
 
-def report(file: str, out: Path, of: str | None, reference: str | None, overwrite: bool) -> None:
+def report(file: str, out: Path, of: Source, overwrite: bool) -> None:
     """Write the report of a run as a page, and print where it is."""
     if out.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"--out {out}: a report is written as .html, not {out.suffix!r}")
@@ -19,7 +20,7 @@ def report(file: str, out: Path, of: str | None, reference: str | None, overwrit
     refuse_existing(out, overwrite)
     run = read(file)
     with patience("preparing the robot"):
-        robot = robot_of(run, file, of, reference)
+        robot = robot_of(run, file, of)
     with patience("drawing and writing"):
         from linkwork.views import write_report
 

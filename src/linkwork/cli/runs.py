@@ -23,16 +23,20 @@ def read(file: str) -> Run:
     return Run.load(file)
 
 
-def robot_of(run: Run, file: str, of: str | None, reference: str | None = None) -> Robot:
+def robot_of(run: Run, file: str, of: Source) -> Robot:
     """Return the robot of a run: the one that is named, the one it holds, or the one of the
     catalogue of that name.
 
-    reference: joint coordinates in place of those of the reference of the one that is named, as
-    text
+    of: what is said of the one that is named; its name is empty where none is
     """
-    if of is not None:
-        return Robot(find(Source(of, reference)))
-    if reference is not None:
+    if of.name:
+        return Robot(find(of))
+    if of.floating:
+        raise LinkworkError(
+            "--floating says how the robot of --robot is read; without that a run's own robot is "
+            "taken"
+        )
+    if of.reference is not None:
         raise LinkworkError(
             "--reference says where the loops of the robot of --robot are closed from; without "
             "that a run's own robot is taken"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 
 from linkwork.cli.catalogue import built
@@ -26,7 +27,9 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
     with patience("preparing the robot"):
         from linkwork.viewer import Viewer
 
-        robot = built(source) if run is None else robot_of(run, name, of, source.reference)
+        robot = (
+            built(source) if run is None else robot_of(run, name, replace(source, name=of or ""))
+        )
         viewer = Viewer(robot, run, host=host, port=port)
     with viewer:
         out = console()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +12,10 @@ from types import ModuleType
 from linkwork.checks import file_path
 from linkwork.errors import ModelWarning
 from linkwork.formats import xml
+from linkwork.formats.floating import floated
 from linkwork.formats.notes import Notes
+from linkwork.formats.reading import PLAIN, Reading
+from linkwork.formats.references import Reference, referred
 from linkwork.mechanism import Mechanism, MechanismError
 
 
@@ -24,7 +27,7 @@ class Format:
         name: what it is called.
         suffixes: of its files.
         root: its root element, by which it is known.
-        module: the module that has `read(root, notes)` and, where files are written,
+        module: the module that has `read(root, notes, reading)` and, where files are written,
             `write(mechanism, path)`.
         unwritten: why no files are written, and what to do instead.
     """
@@ -69,14 +72,24 @@ class Imported:
     notes: tuple[str, ...] = ()
 
 
-def load(path: str | Path, reference: Mapping[str, float] | None = None) -> Imported:
+def load(
+    path: str | Path,
+    reference: Reference | None = None,
+    floating: bool = False,
+    packages: Iterable[str | Path] | str | Path = (),
+) -> Imported:
     """Read a mechanism from a model file.
 
     Args:
         path: .yaml or .yml, the native format; .xml, .mjcf or .urdf, MJCF or URDF as the root
             element says.
-        reference: joint coordinates [m, rad] from which the loops are closed, by name, in place of
-            the file's own; URDF has none, so that a linkage that is drawn in a line needs them.
+        reference: joint coordinates from which the loops are closed, by name, in place of the
+            file's own: numbers [m, rad], text such as "40 deg" or "12 mm", or a YAML or JSON file
+            of them; URDF has none, so that a linkage that is drawn in a line needs them.
+        floating: let the body that the file fixes to ground, for URDF the root link, move freely,
+            by a free joint `floating_base`.
+        packages: folders in which package://NAME/... and model://NAME/... are looked for, beside
+            those around the file that are called NAME; also one text, as in ROS_PACKAGE_PATH.
 
     Returns:
         The mechanism, and notes: sentences, each with its place, on what the mechanism does not
@@ -85,18 +98,15 @@ def load(path: str | Path, reference: Mapping[str, float] | None = None) -> Impo
     Raises:
         MechanismError: one sentence that names file, line and element; also for XML with a document
             type or entities, files larger than 20 MB, and files that include others from outside
-            their folder.
+            their folder; nothing or more than one body is fixed to ground where it is to float.
+        LinkworkError: a folder of packages that is not there.
 
     Warns:
         ModelWarning: each of the mechanism's caveats.
     """
-    imported = read(path)
+    imported = read(path, Reading.asked(floating, packages))
     warn(imported.mechanism, stacklevel=3)
-    return (
-        imported
-        if reference is None
-        else replace(imported, mechanism=imported.mechanism.with_reference(reference))
-    )
+    return replace(imported, mechanism=referred(imported.mechanism, reference))
 
 
 def warn(mechanism: Mechanism, stacklevel: int) -> None:
@@ -105,13 +115,15 @@ def warn(mechanism: Mechanism, stacklevel: int) -> None:
         warnings.warn(caveat, ModelWarning, stacklevel)
 
 
-def read(path: str | Path) -> Imported:
+def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     """Read a mechanism from a model file as `load` does, without warnings."""
     path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
     if suffix in NATIVE:
-        mechanism = Mechanism.load(path)
-        return Imported(mechanism, mechanism.caveats)
+        mechanism, notes = Mechanism.load(path), Notes()
+        if reading.floating:
+            mechanism = floated(mechanism, path.name, notes)
+        return Imported(mechanism, (*notes.sentences(), *mechanism.caveats))
     if suffix not in READ:
         raise MechanismError(f"{path}: a model file ends in {', '.join(READ)}, not {suffix!r}")
     root, notes = xml.read(path), Notes()
@@ -123,7 +135,9 @@ def read(path: str | Path) -> Imported:
             *(f"{form.name} with <{form.root}>" for form in others),
         ]
         raise root.refusal(f"is not the root of a model known here; {', '.join(known)}")
-    mechanism = form.opened().read(root, notes)
+    mechanism = form.opened().read(root, notes, reading)
+    if reading.floating:
+        mechanism = floated(mechanism, path.name, notes)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 

@@ -4,7 +4,7 @@ simulation."""
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -21,6 +21,7 @@ from linkwork.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
+    from linkwork.formats.references import Reference
     from linkwork.model.reactions import Reactions
     from linkwork.runs.ensemble import Ensemble
     from linkwork.runs.running import Forces
@@ -70,18 +71,26 @@ class Robot(Model):
     """
 
     @classmethod
-    def from_file(cls, path: str | FilePath) -> Robot:
-        """Read a mechanism file (YAML) or a model file (MJCF, URDF: see `linkwork.formats.load`)
-        and derive its equations.
+    def from_file(
+        cls,
+        path: str | FilePath,
+        reference: Reference | None = None,
+        floating: bool = False,
+        packages: Iterable[str | FilePath] | str | FilePath = (),
+    ) -> Robot:
+        """Read a mechanism file (YAML) or a model file (MJCF, URDF) and derive its equations.
+
+        Args:
+            path, reference, floating, packages: as `linkwork.formats.load` takes them.
 
         Warns:
             ModelWarning: what makes the robot move otherwise than the file says.
         """
         from linkwork.formats import models
 
-        mechanism = models.read(path).mechanism
+        mechanism = models.read(path, models.Reading.asked(floating, packages)).mechanism
         models.warn(mechanism, stacklevel=3)
-        return cls(mechanism)
+        return cls(models.referred(mechanism, reference))
 
     def __dir__(self) -> list[str]:
         """Return the names that are for users, and none that modules of the library ask for."""

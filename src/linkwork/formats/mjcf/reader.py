@@ -22,6 +22,7 @@ from linkwork.formats.mjcf.survey import survey
 from linkwork.formats.mjcf.tree import COORDINATES, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
+from linkwork.formats.reading import Reading
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
@@ -40,7 +41,7 @@ ANGULAR_VELOCITY = {"wx": 0, "wy": 1, "wz": 2}
 HOME = "home"
 
 
-def read_mjcf(root: Element, notes: Notes) -> Mechanism:
+def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     """Read a document whose root is <mujoco>; what is left out or taken otherwise goes to the
     notes.
 

@@ -114,8 +114,12 @@ class UrdfModel:
                 self.frames[link] = body, X @ self.carriers[link].origin
 
 
-def read_model(root: Element, notes: Notes) -> UrdfModel:
-    """Read the links and joints of a document whose root is <robot>; what is no tree is refused."""
+def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
+    """Read the links and joints of a document whose root is <robot>; what is no tree is refused.
+
+    moving: whether the root link is a body of its own rather than ground, unless a floating joint
+        carries all else
+    """
     # Links, each name once.
     links: dict[str, Element] = {}
     for link in root.each("link"):
@@ -157,10 +161,12 @@ def read_model(root: Element, notes: Notes) -> UrdfModel:
         raise links[lost].refusal(
             "hangs in a circle of joints that does not reach the root link; URDF is a tree"
         )
-    # Names of bodies and joints here; the root link is ground.
+    # Names of bodies and joints here; the root link is ground, or a body.
+    carried = [model.carriers[name].type for name in model.carried.get(model.base, [])]
+    ground = () if moving and carried != ["floating"] else (model.base,)
     body_names = FreeNames(notes, (GROUND,))
     model.bodies = {
-        name: GROUND if name == model.base else body_names.give(name, link)
+        name: GROUND if name in ground else body_names.give(name, link)
         for name, link in model.links.items()
     }
     model.labels = {

@@ -17,6 +17,7 @@ from linkwork.formats import poses, xml
 from linkwork.formats.masses import Solid, together, without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
+from linkwork.formats.reading import Reading
 from linkwork.formats.urdf.model import (
     ONE_FREEDOM,
     UrdfJoint,
@@ -69,27 +70,22 @@ SILENT = {
 }
 
 
-def read_urdf(root: Element, notes: Notes) -> Mechanism:
+def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     """Read a document whose root is <robot>, and `robot.yaml` or the file of its own name beside
     it.
+
+    Where the root link is to float it is a body fixed to ground, unless a floating joint carries
+    all else.
 
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
     # What the file holds, and what closes its loops.
     _survey(root, notes)
-    model = read_model(root, notes)
+    model = read_model(root, notes, reading.floating)
     closures = read_closures(model, notes)
     model.find_frames()
-    # The root link stands still, whatever it weighs.
-    if model.base == GROUND:
-        base = f"the root link {GROUND!r} is ground"
-    else:
-        base = f"the root link {model.base!r} is taken as ground and stands still"
-    notes.say(
-        f"{root.file.name}: {base}"
-        + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
-    )
+    _say_what_stands(model, notes)
     # Links that are frames on a body are no bodies of their own.
     shapes, solids = shapes_of(model, notes), _solids(model, notes)
     bodies = {
@@ -101,7 +97,11 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
         )
         if name != GROUND
     }
-    joints: dict[str, Joint] = {
+    base = model.bodies[model.base]
+    joints: dict[str, Joint] = (
+        {} if base == GROUND else {model.names.give(base): FixedJoint(connects=(GROUND, base))}
+    )
+    joints |= {
         model.labels[joint.name]: _joint(model, joint, notes)
         for joint in model.joints.values()
         if joint.child not in model.frames
@@ -128,6 +128,20 @@ def read_urdf(root: Element, notes: Notes) -> Mechanism:
         )
     except MechanismError as error:
         raise MechanismError(f"{root.file}: {error}") from None
+
+
+def _say_what_stands(model: UrdfModel, notes: Notes) -> None:
+    """Note that the root link stands still, whatever it weighs, where it is ground."""
+    if model.bodies[model.base] != GROUND:
+        return
+    if model.base == GROUND:
+        base = f"the root link {GROUND!r} is ground"
+    else:
+        base = f"the root link {model.base!r} is taken as ground and stands still"
+    notes.say(
+        f"{model.root.file.name}: {base}"
+        + (", so that its mass plays no part" if weight(model.links[model.base]) else "")
+    )
 
 
 def _survey(root: Element, notes: Notes) -> None:

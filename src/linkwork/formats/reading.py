@@ -1,0 +1,102 @@
+"""How a model file is read: what its reader is told beside the file.
+
+A file of a package is named by package://NAME/path (ROS) or model://NAME/path (SDF). It is looked
+for in the folders that are stated and in the folders around the model's file that are called NAME;
+nothing else is opened but what lies beside the model's file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from linkwork.checks import file_path
+from linkwork.errors import LinkworkError
+from linkwork.formats.xml import Element, shortened
+from linkwork.mechanism.refusal import shown
+
+PACKAGES = ("package://", "model://")
+FILE = "file://"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Say how a model file is read.
+
+    Attributes:
+        floating: whether the root, which stands still otherwise, moves freely.
+        packages: folders that hold packages, or are packages.
+    """
+
+    floating: bool = False
+    packages: tuple[Path, ...] = ()
+
+    @classmethod
+    def asked(
+        cls, floating: bool = False, packages: Iterable[str | Path] | str | Path = ()
+    ) -> Reading:
+        """Return how a file is read, checked.
+
+        Args:
+            floating: as the attribute.
+            packages: folders, or one text with folders separated as in PATH.
+
+        Raises:
+            LinkworkError: no truth value, no path, or a folder that is not there.
+        """
+        if not isinstance(floating, bool):
+            raise LinkworkError(f"floating is {shown(floating)}; give True or False")
+        if isinstance(packages, str):
+            packages = [part for part in packages.split(os.pathsep) if part]
+        elif isinstance(packages, Path) or not isinstance(packages, Iterable):
+            packages = [packages]
+        folders = tuple(file_path(each, "a folder of the package path") for each in packages)
+        for folder in folders:
+            if not folder.is_dir():
+                raise LinkworkError(f"the package path holds '{folder}', which is no folder")
+        return cls(floating, folders)
+
+    def found(self, uri: str, element: Element) -> Path:
+        """Return the file or folder that an element of a model file names.
+
+        Raises:
+            MechanismError: there is none, or it lies outside the model's folder and the packages.
+        """
+        prefix = next((each for each in PACKAGES if uri.startswith(each)), "")
+        if prefix:
+            package, _, rest = uri.removeprefix(prefix).partition("/")
+            roots = list(self._folders_of(package, element))
+            if not roots:
+                raise element.refusal(
+                    f"there is no package {shortened(package)} around the file or in the package "
+                    f"path; state the folder that holds it (packages=, --package-path)"
+                )
+        else:
+            rest, folder = uri.removeprefix(FILE), element.file.parent
+            roots = [folder, *self.packages]
+        for root in roots:
+            try:
+                path, inside = (root / rest).resolve(), [each.resolve() for each in roots]
+                if any(path.is_relative_to(each) for each in inside) and path.exists():
+                    return path
+            except (OSError, ValueError):
+                continue
+        raise element.refusal(
+            f"{shortened(uri)} is not there, or lies outside the model's folder and the package "
+            "path; state its folder (packages=, --package-path)"
+        )
+
+    def _folders_of(self, package: str, element: Element) -> Iterator[Path]:
+        """Yield the folders that are a package of that name."""
+        for folder in self.packages:
+            if folder.resolve().name == package:
+                yield folder
+            if package not in ("", ".", "..") and (folder / package).is_dir():
+                yield folder / package
+        yield from (each for each in element.file.resolve().parents if each.name == package)
+
+
+PLAIN = Reading()
+"""A file read as it is, without packages."""
