@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         Sphere,
         SphericalJoint,
         Spring,
+        Stop,
         Tool,
         UniversalJoint,
     )
@@ -106,6 +107,7 @@ __all__ = [
     "Spring",
     "State",
     "Status",
+    "Stop",
     "Tool",
     "UniversalJoint",
     "UnreachableError",

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 from linkwork.mechanism import Body, Joint, Mechanism, MechanismError, PointSpring, Shape
 from linkwork.mechanism.document import MAX_DEPTH, MAX_ENTRIES, read_document
 from linkwork.mechanism.files import MAX_BYTES
+from linkwork.mechanism.joints import EFFECTS
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import records_in
 
@@ -42,7 +43,7 @@ def row(field):
 @pytest.mark.parametrize("record", sorted(records(), key=str), ids=lambda record: record.__name__)
 def test_every_field_and_its_default_is_there(record):
     for name, field in record.model_fields.items():
-        if name in ("friction", "spring", "limits", "rotor_inertia"):
+        if name in EFFECTS:
             assert row(name)[0][-1].strip() == "none"
             continue
         default = (
@@ -84,10 +85,7 @@ def test_every_joint_type_with_freedoms_coordinates_rates_and_fields(kind):
         "type",
         "connects",
         "frames",
-        "friction",
-        "spring",
-        "limits",
-        "rotor_inertia",
+        *EFFECTS,
     }
     assert set(re.findall(r"`(\w+)`", cells[5])) == own
 

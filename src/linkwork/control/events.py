@@ -10,7 +10,7 @@ from linkwork import math
 from linkwork.control.records import ActingPart, settled
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.limits import limited
+from linkwork.mechanism.limits import limited, meetings
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +24,15 @@ class Event(ActingPart):
         controllers are
     terminal: whether the run ends there; direction: 1 for zeros passed upwards only, -1 for
         downwards, 0 for both
-    name: to report it by
+    name: to report it by; cuts: whether a step ends there and the next one begins, as where a force
+        sets in, past which no step of a method that chooses its steps would be right
     """
 
     function: Law
     terminal: bool = False
     direction: Literal[-1, 0, 1] = 0
     name: str = "event"
+    cuts: bool = False
 
     def __post_init__(self) -> None:
         if not callable(self.function):
@@ -84,6 +86,29 @@ def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
     there.
     """
     return (Event(Regular(), terminal, name="actuator-singular pose"),)
+
+
+def meeting_events(robot) -> tuple[Event, ...]:
+    """Return two events for all that may meet, where it begins to press and where that ends; steps
+    end there."""
+    return tuple(
+        event
+        for name in meetings(robot.mechanism)
+        for event in (
+            Event(Gap(name), direction=-1, name=f"{name} begins", cuts=True),
+            Event(Gap(name), direction=1, name=f"{name} ends", cuts=True),
+        )
+    )
+
+
+@dataclass(frozen=True)
+class Gap(ActingPart):
+    """Tell how far what may meet is apart."""
+
+    name: str
+
+    def __call__(self, t, state):
+        return state.gap(self.name)
 
 
 @dataclass(frozen=True)

@@ -24,13 +24,14 @@ from linkwork.equations.effects import rotation_vector
 from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.limits import meetings
 
 
 class Quantity(NamedTuple):
     """Name a measurable quantity: its kind, and which one of them.
 
     kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R
-    row by row, omega, v (18); "actuation_determinant": det S (1)
+    row by row, omega, v (18); "gap" of what may meet, "actuation_determinant": det S (1)
     """
 
     kind: str
@@ -42,7 +43,7 @@ class Names:
     """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies and
     extra states.
 
-    pose: number of components of the tool's pose, 0 without a tool
+    pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet
     """
 
     coordinates: tuple[str, ...]
@@ -51,6 +52,7 @@ class Names:
     bodies: tuple[str, ...]
     pose: int
     extras: tuple[str, ...] = ()
+    meetings: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
@@ -63,11 +65,12 @@ class Names:
             tuple(mechanism.bodies),
             pose,
             tuple(extras),
+            meetings(mechanism),
         )
 
     def size(self, quantity: Quantity) -> int:
         """Return how many numbers a quantity has."""
-        return {"position": 1, "rate": 1, "actuation_determinant": 1, "body": 18}.get(
+        return {"position": 1, "rate": 1, "gap": 1, "actuation_determinant": 1, "body": 18}.get(
             quantity.kind, self.pose
         )
 
@@ -122,6 +125,12 @@ class Observation:
         """Return one joint rate [m/s, rad/s]."""
         known([name], self.names.rates, "joint rate")
         return self.source.quantity(Quantity("rate", name))[0]
+
+    def gap(self, name: str) -> Any:
+        """Return how far what may meet is apart, negative where it presses [m, rad]: an end of a
+        stop ("hinge: lower stop")."""
+        known([name], self.names.meetings, "stop")
+        return self.source.quantity(Quantity("gap", name))[0]
 
     @cached_property
     def positions(self) -> np.ndarray:
@@ -206,11 +215,14 @@ def numbers(
 def expression(equations: Equations, quantity: Quantity) -> ca.SX:
     """Return a quantity as a function of q and v of a chart."""
     tree, mechanism, name = equations.tree, equations.mechanism, quantity.name
+    # What has a name: of joints, of what may meet, of bodies.
     match quantity.kind:
         case "position":
             return equations.joints.position(name)
         case "rate":
             return ca.mtimes(equations.joints.rate_row(name), equations.rates)
+        case "gap":
+            return equations.gaps[name]
         case "body":
             node = tree.node(name)
             twist = ca.mtimes(
@@ -224,6 +236,7 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
                     "have no actuator-singular poses"
                 )
             return ca.det(equations.actuation)
+    # The tool's pose or velocity.
     tool = next(iter(mechanism.tools.values()))
     planar = body_motion.is_planar(tree)
     if quantity.kind == "tool_pose":

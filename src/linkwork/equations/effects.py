@@ -1,5 +1,5 @@
-"""What acts besides actuators and weight: friction, springs and rotors in joints, springs between
-points.
+"""What acts besides actuators and weight: friction, springs, stops and rotors in joints, springs
+between points.
 
 A freedom of a joint has a displacement x and rates w; for a turn or slide both are one number, for
 a free turn x is the rotation vector of R_12 (the short way) and w the relative angular velocity,
@@ -10,6 +10,8 @@ both in F1's axes:
     friction   vanishes with w, and is stiff at rest: d(force)/dw = -(viscous + coulomb / r) there
     rotor      kinetic energy J w . w / 2:  J adds to the tree's inertia, by the rows that give w
                from the tree's rates
+    stop       force and potential of `impact` past an end, against it; that of a free turn bounds
+               |x|, which grows with  x . w / |x|
 
 A spring between points at the distance l pulls with the tension  k (l - l_0) + d l'.
 """
@@ -22,10 +24,28 @@ from dataclasses import dataclass
 import casadi as ca
 
 from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
+from linkwork.equations.impact import Pressing
 from linkwork.equations.joint_map import JointMap, derivative
 from linkwork.equations.tree import Node, Tree, near_offset
 from linkwork.mechanism import Friction, Mechanism, PointSpring, Spring
-from linkwork.mechanism.joints import TURN
+from linkwork.mechanism.joints import TURN, JointFreedom
+from linkwork.mechanism.limits import end_names
+
+TINY = 1e-300  # square of a length that is not divided by zero
+
+
+@dataclass(frozen=True)
+class StopEnd:
+    """Hold an end of a stop by its name, and how the depth past it grows with the rates: outward .
+    w."""
+
+    name: str
+    pressing: Pressing
+    outward: ca.SX
+
+    def drag(self, w: ca.SX) -> ca.SX:
+        """Return what rates add to the stop's force on the freedom."""
+        return -self.outward * self.pressing.dissipative(dot(self.outward, w))
 
 
 @dataclass(frozen=True)
@@ -33,7 +53,7 @@ class Freedom:
     """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J
     w_tree, and what acts.
 
-    rates: names of w
+    rates: names of w; ends: of its stop
     """
 
     rates: tuple[str, ...]
@@ -42,17 +62,24 @@ class Freedom:
     friction: Friction
     spring: Spring
     rotor: Number
+    ends: tuple[StopEnd, ...] = ()
 
     def force(self, w: ca.SX) -> ca.SX:
-        """Return the force of spring and friction on the freedom."""
-        return -self.spring.stiffness * (self.x - self.spring.rest) + self.drag(w)
+        """Return the force of spring, friction and stops on the freedom."""
+        return self.pull + self.drag(w)
+
+    @property
+    def pull(self) -> ca.SX:
+        """The force of spring and stops at rest."""
+        pull = -self.spring.stiffness * (self.x - self.spring.rest)
+        return sum((-end.outward * end.pressing.elastic for end in self.ends), pull)
 
     def drag(self, w: ca.SX) -> ca.SX:
-        """Return the force of friction and damper on the freedom."""
+        """Return the force of friction, damper and what stops take on the freedom."""
         resistance = self.friction.viscous + self.spring.damping
         if present(self.friction.coulomb):
             resistance += self.friction.coulomb / self.softened(w)
-        return -resistance * w
+        return sum((end.drag(w) for end in self.ends), -resistance * w)
 
     def softened(self, w: ca.SX) -> ca.SX:
         """Return sqrt(w . w + r^2), the length of w that Coulomb friction sees."""
@@ -65,7 +92,21 @@ class Freedom:
 
     @property
     def potential(self) -> ca.SX:
-        return self.spring.stiffness * ca.sumsqr(self.x - self.spring.rest) / 2
+        stored = self.spring.stiffness * ca.sumsqr(self.x - self.spring.rest) / 2
+        return sum((end.pressing.potential for end in self.ends), stored)
+
+
+def ends(part: JointFreedom, x: ca.SX) -> Iterator[StopEnd]:
+    """Yield the ends of a freedom's stop; that of a free turn bounds the length of x."""
+    effects, names = part.effects, end_names(part)
+    size, along = x, SX(1)
+    if part.name == TURN:
+        size = ca.sqrt(ca.sumsqr(x) + TINY)
+        along = x / size
+    for side, bound in effects.ends.items():
+        sign = 1 if side == "upper" else -1
+        if effects.stop and (sign > 0 or part.name != TURN):
+            yield StopEnd(names[side], Pressing(effects.stop, sign * (size - bound)), sign * along)
 
 
 def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
@@ -73,12 +114,13 @@ def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
     found = []
     for name, joint in joints.mechanism.joints.items():
         for part in joint.parts(name):
-            friction, spring, _, rotor = part.effects
+            friction, spring, _, rotor, _ = part.effects
             if every or any(map(present, part.effects.loads)):
                 x = ca.vertcat(*map(joints.position, part.coordinates))
                 x = rotation_vector(x) if part.name == TURN else x
                 J = joints.rate_rows(part.rates)
-                found.append(Freedom(part.rates, x, J, friction, spring, rotor))
+                stop = tuple(ends(part, x))
+                found.append(Freedom(part.rates, x, J, friction, spring, rotor, stop))
     return tuple(found)
 
 
@@ -86,7 +128,7 @@ def rotation_vector(p: ca.SX) -> ca.SX:
     """Return the rotation vector of a unit quaternion (w, x, y, z), of length at most pi: 2
     atan2(|u|, w) u / |u|."""
     w, u = p[0], p[1:]
-    length = ca.sqrt(ca.sumsqr(u) + 1e-300)
+    length = ca.sqrt(ca.sumsqr(u) + TINY)
     return 2 * ca.atan2(length, ca.fabs(w)) / length * ca.if_else(w < 0, -u, u)
 
 

@@ -236,8 +236,14 @@ class Equations:
 
     @cached_property
     def freedoms(self) -> tuple[effects.Freedom, ...]:
-        """Freedoms of joints in which friction, a spring or a rotor acts."""
+        """Freedoms of joints in which friction, a spring, a stop or a rotor acts."""
         return effects.freedoms(self.joints)
+
+    @cached_property
+    def gaps(self) -> dict[str, ca.SX]:
+        """How far what may meet is apart, negative where it presses, by name [m, rad]."""
+        ends = (end for freedom in self.freedoms for end in freedom.ends)
+        return {end.name: -end.pressing.depth for end in ends}
 
     @cached_property
     def inertia(self) -> tuple[ca.SX, ca.SX]:

@@ -4,8 +4,8 @@
 
 pi are, of every body, m, m c and the inertia I_O about the origin of its frame, in its axes, and of
 every freedom of a joint the coefficients of viscous friction (a damper's included), Coulomb
-friction and rotor inertia; r is what springs take. In a body's axes, with the acceleration a of its
-origin less gravity, and [x] the matrix of x cross,
+friction and rotor inertia; r is what springs and stops take. In a body's axes, with the
+acceleration a of its origin less gravity, and [x] the matrix of x cross,
 
     F = m a + ([alpha] + [omega][omega]) m c,      N = m c x a + I_O alpha + omega x I_O omega.
 
@@ -137,12 +137,14 @@ def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
 
 
 def spring_forces(equations: Equations) -> ca.SX:
-    """Return the forces (nv) on the tree's rates that springs take, dampers between points
-    included."""
+    """Return the forces (nv) on the tree's rates that springs and stops take, dampers between
+    points included."""
     tree, mechanism = equations.tree, equations.mechanism
     total = SX.zeros(len(tree.rates))
     for freedom in equations.freedoms:
-        total += freedom.spring.stiffness * ca.mtimes(freedom.J.T, freedom.x - freedom.spring.rest)
+        own = ca.mtimes(freedom.J, equations.rates)
+        held = sum((end.drag(own) for end in freedom.ends), freedom.pull)
+        total -= ca.mtimes(freedom.J.T, held)
     for index, wrench in effects.point_wrenches(mechanism, tree, equations.rates).items():
         node = tree.nodes[index]
         moment, force = (ca.mtimes(node.axes.matrix, part) for part in wrench)

@@ -138,13 +138,13 @@ def entering(
 
 def counting(mechanism: Mechanism) -> set[str]:
     """Return the joints whose whole turns count: those of gears, of threads, and those with
-    springs."""
+    springs or stops."""
     geared = {label.partition(".")[0] for gear in mechanism.gears.values() for label in gear.ratios}
     sprung = {
         name
         for name, joint in mechanism.pairs.items()
         if "screw" in pattern(joint)
-        or any(present(effects.spring.stiffness) for effects in joint.effects().values())
+        or any(own.stop or present(own.spring.stiffness) for own in joint.effects().values())
     }
     return geared | sprung
 
@@ -204,5 +204,5 @@ def hung(joints: Sequence[PairJoint]) -> bool:
 
 
 def has_effects(joint: PairJoint) -> bool:
-    """Tell whether friction, a spring or a rotor acts in a joint."""
+    """Tell whether friction, a spring, a stop or a rotor acts in a joint."""
     return any(present(load) for effects in joint.effects().values() for load in effects.loads)

@@ -4,6 +4,7 @@ from linkwork.mechanism import joints, shapes
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.effects import Effects, Friction, Limits, PointSpring, Spring
 from linkwork.mechanism.frame import Frame
+from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.joints import *  # noqa: F403 - all types of joints
 from linkwork.mechanism.json_schema import schema
 from linkwork.mechanism.mechanism import GROUND, Mechanism, Tool
@@ -22,6 +23,7 @@ __all__ = [
     "MechanismError",
     "PointSpring",
     "Spring",
+    "Stop",
     "Tool",
     "schema",
 ]

@@ -1,5 +1,5 @@
 """What acts inside a joint or between two points, apart from actuators: friction, springs, dampers,
-limits.
+limits, stops.
 
 Forces act on the second body, against the coordinate q or the rate w of a freedom; for the free
 turn of a spherical joint q is the rotation vector of R_12 and w the relative angular velocity.
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
+from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.record import Amount, MechanismError, Name, Positive, Real, Record, Vector3
 
 
@@ -56,19 +57,33 @@ class Limits(Record):
 class Effects(NamedTuple):
     """Hold what acts in one freedom of a joint, apart from actuators, and what bounds it.
 
-    rotor: inertia that moves with the rate [kg m^2; kg for a slide]
+    rotor: inertia that moves with the rate [kg m^2; kg for a slide]; stop: at its ends, if any
     """
 
     friction: Friction = Friction()
     spring: Spring = Spring()
     limits: Limits = Limits()
     rotor: float = 0.0
+    stop: Stop | None = None
+
+    @property
+    def ends(self) -> dict[str, float]:
+        """The coordinates at which the stop begins, by side: "lower", "upper"."""
+        if self.stop is None:
+            return {}
+        found = {}
+        for side in ("lower", "upper"):
+            own, limit = getattr(self.stop, side), getattr(self.limits, side)
+            if own is not None or limit is not None:
+                found[side] = limit if own is None else own
+        return found
 
     @property
     def loads(self) -> tuple[float, ...]:
         """The numbers that are all zero where no force and no rotor acts."""
         friction, spring = self.friction, self.spring
-        return (friction.viscous, friction.coulomb, spring.stiffness, spring.damping, self.rotor)
+        own = friction.viscous, friction.coulomb, spring.stiffness, spring.damping
+        return (*own, self.stop.stiffness if self.stop else 0.0, self.rotor)
 
 
 class PointSpring(Record):

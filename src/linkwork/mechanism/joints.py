@@ -21,6 +21,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from linkwork.mechanism.effects import Effects, Friction, Limits, Spring
 from linkwork.mechanism.frame import Frame
+from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.record import (
     Amount,
     MechanismError,
@@ -52,6 +53,8 @@ TURN = "turn"
 SLIDES = ("slide", "x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
 ANGULAR_VELOCITY = ("wx", "wy", "wz")
+EFFECTS = ("friction", "spring", "limits", "rotor_inertia", "stop")
+"""The fields of a joint, in the order of `Effects`."""
 
 
 def unit_axis(axis: Vector3) -> Vector3:
@@ -132,7 +135,7 @@ class PairJoint(JointBase):
 
 
 class OneFreedom(PairJoint):
-    """Give a joint's one freedom friction, a spring, limits and a rotor."""
+    """Give a joint's one freedom friction, a spring, limits, a rotor and a stop."""
 
     friction: Friction = Field(default=Friction(), description="resists the joint's rate")
     spring: Spring = Field(
@@ -144,14 +147,20 @@ class OneFreedom(PairJoint):
     rotor_inertia: Amount = Field(
         default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"
     )
+    stop: Stop | None = Field(default=None, description="presses back past the joint's ends")
 
     def effects(self) -> dict[str, Effects]:
-        own = Effects(self.friction, self.spring, self.limits, self.rotor_inertia)
+        own = Effects(self.friction, self.spring, self.limits, self.rotor_inertia, self.stop)
         return {self.freedoms[0]: own}
+
+    @model_validator(mode="after")
+    def _stops_somewhere(self):
+        require_ends(self.effects()[self.freedoms[0]], ("stop",))
+        return self
 
 
 class ManyFreedoms(PairJoint):
-    """Give a joint's freedoms friction, springs, limits and rotors, each by the name of the
+    """Give a joint's freedoms friction, springs, limits, rotors and stops, each by the name of the
     freedom."""
 
     friction: Mapping[Name, Friction] = Field(
@@ -167,6 +176,9 @@ class ManyFreedoms(PairJoint):
         default_factory=dict,
         description="by freedom; inertia that moves with its rate [kg m^2; kg for a slide]",
     )
+    stop: Mapping[Name, Stop] = Field(
+        default_factory=dict, description="by freedom; presses back past its ends"
+    )
 
     def effects(self) -> dict[str, Effects]:
         return {
@@ -175,13 +187,14 @@ class ManyFreedoms(PairJoint):
                 self.spring.get(freedom, Spring()),
                 self.limits.get(freedom, Limits()),
                 self.rotor_inertia.get(freedom, 0.0),
+                self.stop.get(freedom),
             )
             for freedom in self.freedoms
         }
 
     @model_validator(mode="after")
     def _known_freedoms(self):
-        for field in ("friction", "spring", "limits", "rotor_inertia"):
+        for field in EFFECTS:
             for freedom in getattr(self, field):
                 if freedom not in self.freedoms:
                     raise MechanismError(
@@ -202,7 +215,29 @@ class ManyFreedoms(PairJoint):
                 "frames",
                 ("limits", TURN, "lower"),
             )
+        for freedom, own in self.effects().items():
+            if freedom == TURN and own.stop and own.stop.lower is not None:
+                raise MechanismError(
+                    "the stop of a free turn has no lower end; give upper, the largest angle "
+                    "between the two frames",
+                    ("stop", TURN, "lower"),
+                )
+            require_ends(own, ("stop", freedom))
         return self
+
+
+def require_ends(own: Effects, where: tuple[str, ...]) -> None:
+    """Refuse a stop that begins nowhere, or above before below."""
+    ends = own.ends
+    if own.stop and not ends:
+        raise MechanismError(
+            "the stop begins nowhere; give it lower or upper, or give the joint limits", where
+        )
+    if len(ends) == 2 and not ends["lower"] < ends["upper"]:
+        raise MechanismError(
+            f"the stop's lower end {ends['lower']:g} is not below its upper end {ends['upper']:g}",
+            where,
+        )
 
 
 class FixedJoint(PairJoint):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from linkwork.mechanism.joints import Joint, ManyFreedoms
+from linkwork.mechanism.joints import EFFECTS, Joint, ManyFreedoms
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.refusal import records_in
 from linkwork.mechanism.shapes import Shape
@@ -58,7 +58,7 @@ def _say_type(record: dict[str, Any]) -> None:
 
 def _name_freedoms(joint: dict[str, Any], freedoms: tuple[str, ...]) -> None:
     """Let the effects of a joint be given for its own freedoms only."""
-    for effect in ("friction", "spring", "limits", "rotor_inertia"):
+    for effect in EFFECTS:
         field = joint["properties"][effect]
         (each,) = field.pop("patternProperties").values()
         field["properties"] = dict.fromkeys(freedoms, each)

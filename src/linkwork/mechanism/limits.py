@@ -1,11 +1,11 @@
-"""Limits: which joint coordinates of a mechanism have a range."""
+"""Limits: which joint coordinates of a mechanism have a range, and what may meet in it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from linkwork.mechanism.effects import Limits
-from linkwork.mechanism.joints import TURN
+from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.mechanism import Mechanism
 
 
@@ -17,3 +17,20 @@ def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
             limits, first = part.effects.limits, part.coordinates[0]
             if limits.lower is not None or limits.upper is not None:
                 yield first, limits, f"{name}.{TURN}" if part.name == TURN else first
+
+
+def meetings(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the names of all that may meet: the ends of stops."""
+    return tuple(
+        name
+        for joint_name, joint in mechanism.joints.items()
+        for part in joint.parts(joint_name)
+        for name in end_names(part).values()
+    )
+
+
+def end_names(part: JointFreedom) -> dict[str, str]:
+    """Return the names of the ends of a freedom's stop, by side: "hinge: lower stop"."""
+    first = part.coordinates[0]
+    own = f"{first.rpartition('.')[0]}.{TURN}" if part.name == TURN else first
+    return {side: f"{own}: {side} stop" for side in part.effects.ends}

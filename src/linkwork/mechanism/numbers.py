@@ -8,7 +8,8 @@ a body and a joint, say, share a name, the section goes before it:
 
 A number that enters the equations of motion may be free, that is, a symbol whose value is chosen
 later. Directions (rotations, axes) may not: what is parallel, and so what vanishes, is decided by
-them; nor may limits and the reference, which enter no equation, nor the shapes of bodies.
+them; nor may limits and the reference, which enter no equation, nor the shapes of bodies, nor what
+decides the form of a force.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
 DIRECTIONS = ("rotation", "axis", "axes")
 OUTSIDE = ("limits", "reference", "shapes")
+FORMS = ("exponent", "restitution")
 
 Where = tuple[str, ...]
 
@@ -61,6 +63,11 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
             raise MechanismError(
                 f"{shown(path)} is part of a direction and cannot be free; free positions, "
                 "masses, inertias, friction, springs, lengths or gravity"
+            )
+        if not fields.isdisjoint(FORMS):
+            raise MechanismError(
+                f"{shown(path)} decides the form of a force and cannot be free; free stiffness, "
+                "dissipation or impact_rate"
             )
         if where in places:
             raise MechanismError(

@@ -102,7 +102,7 @@ class Passage:
     asked for the stiff one is
         taken from where they are stiff
     pace: the step to begin with, guessed if left out
-    watching: whether events are watched for
+    watching: whether events are watched for at which no step ends
     """
 
     robot: Model
@@ -305,7 +305,7 @@ class Passage:
             system.p(chart),
             inputs,
             self.watch if system.acting else None,
-            system.conditions(chart) if system.acting and self.watching else None,
+            system.conditions(chart, self.watching) if system.acting else None,
             method,
             system.tolerances(chart, settings.rtol, settings.atol, size),
             settings.max_step,

@@ -142,11 +142,15 @@ class System:
             return replace(before, address=function.address)
         return Control(function.address, self.sampler.period, np.zeros(self.acting.held))
 
-    def conditions(self, chart: CompiledChart) -> Events | None:
-        """Return the events in a chart, if there are any."""
-        if not self.events:
+    def conditions(self, chart: CompiledChart, watching: bool = True) -> Events | None:
+        """Return the events in a chart, if there are any; watching: whether those count at which no
+        step ends, too."""
+        if not any(watching or event.cuts for event in self.events):
             return None
-        conditions = tuple(Condition(event.terminal, event.direction) for event in self.events)
+        conditions = tuple(
+            Condition(event.terminal and watching, event.direction, event.cuts)
+            for event in self.events
+        )
         return Events(self.kernel(chart, "events").address, conditions)
 
     def watch(self, chart: CompiledChart, span: tuple[float, float]) -> Watch | None:

@@ -10,15 +10,20 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.simulation.signals import Signal
 
+ENDS, CUTS = 1.0, 2.0
+"""What an event does: it ends the run, or a step."""
+
 
 @dataclass(frozen=True)
 class Condition:
     """Say which zeros of an event function count: `terminal`, the run ends there; `direction`, 1
-    for zeros passed upwards only, -1 for downwards, 0 for both.
+    for zeros passed upwards only, -1 for downwards, 0 for both; `cuts`, a step ends there, and the
+    next one begins, as where a force sets in (steps of a fixed length do not).
     """
 
     terminal: bool = False
     direction: int = 0
+    cuts: bool = False
 
     def __post_init__(self):
         if self.direction not in (-1, 0, 1):
@@ -42,8 +47,10 @@ class Events:
 
     @cached_property
     def table(self) -> np.ndarray:
-        """The conditions as the compiled loops take them: a row (direction, terminal) for each."""
-        return np.array([(c.direction, c.terminal) for c in self.conditions], float).reshape(-1, 2)
+        """The conditions as the compiled loops take them: a row for each, its direction and what it
+        does, `ENDS`, `CUTS` or 0."""
+        rows = [(c.direction, ENDS if c.terminal else CUTS * c.cuts) for c in self.conditions]
+        return np.array(rows, float).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)

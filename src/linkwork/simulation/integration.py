@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation.events import Control, Events, Occurrences, Pace, Watch
+from linkwork.simulation.events import ENDS, Control, Events, Occurrences, Pace, Watch
 from linkwork.simulation.methods import Method
 from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
@@ -366,7 +366,7 @@ def advanced(
     if len(conditions):
         happened = rows[:, -1] >= 0
         found, rows = rows[happened], rows[~happened]
-        event = next((int(i) for i in found[:, -1] if conditions[int(i), 1]), -1)
+        event = next((int(i) for i in found[:, -1] if conditions[int(i), 1] == ENDS), -1)
     if control is not None:
         y[:], held = state[: y.size], state[y.size :]
         control = replace(control, held=held, next_sample=int(outcome.next_sample))

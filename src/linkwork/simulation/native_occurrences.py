@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import OPTIONS
+from linkwork.simulation.events import CUTS, ENDS
 from linkwork.simulation.native_events import (
     LOOKS,
     NEVER,
@@ -22,17 +23,21 @@ from linkwork.simulation.native_parts import (
     CLOSURE_LOST,
     NON_FINITE,
     OK,
+    REFUSED,
     copy,
     extend,
     project,
     record,
 )
 
+CLOSE = 2.0**-40
+"""How near to an event a step ends at it, relative to the time and to the step."""
+
 
 class EventPlaces(NamedTuple):
-    """Where `count` event functions are looked at: their `conditions`, a row (direction, terminal)
-    for each; `g`, a row for each of the places `thetas` and one more; `within`, their values at a
-    place; `crossings`, where they change their signs.
+    """Where `count` event functions are looked at: their `conditions`, a row (direction, what it
+    does) for each; `g`, a row for each of the places `thetas` and one more; `within`, their values
+    at a place; `crossings`, where they change their signs.
     """
 
     conditions: Any
@@ -83,10 +88,34 @@ def record_events(run, due):
         if not residual <= run.loose:
             run.ailment, run.residual = CLOSURE_LOST, residual
         record(run, time, room.sample, residual, float(first))
-        if scene.conditions[2 * first + 1] != 0 and not halted:
+        if scene.conditions[2 * first + 1] == ENDS and not halted:
             halted, last, run.arrival, run.residual = True, theta, time, residual
             copy(room.sample, room.new, room.n)
     return halted
+
+
+@njit(**OPTIONS)
+def cut(run):
+    """Refuse a step past an event at which steps end, and aim at the first; tell whether it is
+    refused.
+
+    Behind the event the dense output is no guide. So steps are tried that end nearer and nearer to
+    it, until what is left is CLOSE to rounding: then the event lies at the end of the step.
+    """
+    scene, close = run.scene, CLOSE * max(1.0, abs(run.t / run.step))
+    for j in range(run.ends):
+        if cross(run, j) > 0:
+            first = NEVER
+            for i in range(scene.count):
+                if scene.conditions[2 * i + 1] == CUTS and scene.crossings[i] > close:
+                    first = min(first, scene.crossings[i])
+            if first != NEVER:
+                if first >= 1 - close:
+                    return False
+                run.error, run.least = REFUSED, first * run.step
+                run.target = run.t + run.least
+                return True
+    return False
 
 
 @njit(**OPTIONS)
@@ -108,6 +137,8 @@ def take_events(run):
             run.ailment = NON_FINITE
             run.fault = room.n + 1 + room.inputs - run.inputs.columns + i % watched
             return
+    if run.method.exponent != 0 and cut(run):
+        return
     halted = False
     for j in range(run.ends):
         if run.ailment == OK and not halted:

@@ -30,6 +30,7 @@ CLOSURE_LOST = int(Status.CLOSURE_LOST)
 NON_FINITE = int(Status.NON_FINITE)
 
 NEWTON_CALLS = 8
+REFUSED = 1e300  # error of a step that may not be, whatever its error
 RESERVE = 100.0
 """A Newton step d leaves a residual of about d^2; below tolerance / RESERVE it need not be
 measured."""

@@ -25,6 +25,7 @@ from linkwork.simulation.native_pace import fallen
 from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
+    REFUSED,
     copy,
     error_norm,
     evaluate,
@@ -41,7 +42,6 @@ CLEARLY = (
     1 + 1e-6
 )  # factor by which a bend is farther than another: of equals in a symmetric pulse the first counts
 KEEN = 4.0  # factor on what a defect counts at a peak, where errors are larger than their estimates
-REFUSED = 1e300  # error of a step that may not be, whatever its error
 
 
 class WatchedSignals(NamedTuple):

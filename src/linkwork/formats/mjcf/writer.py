@@ -235,7 +235,7 @@ class _Writer:
 
     def _joint(self, move: Move, into: np.ndarray) -> ET.Element:
         """Return a joint in a body's frame; `into` turns ground's components into the body's."""
-        friction, spring, limits, rotor = move.effects
+        friction, spring, limits, rotor, _ = move.effects
         element = ET.Element("joint", name=move.name, type=move.kind)
         if move.kind != "free":
             element.set("pos", numbers(poses.point(into, move.anchor)))
@@ -460,6 +460,8 @@ class _Writer:
             )
         if any(own.limits != Limits() for own in effects):
             say("limits are stops in MuJoCo; here passing them is only reported")
+        if any(own.stop for own in effects):
+            say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
         # What is closed, measured or joined otherwise.
         if "weld" in kinds:
             parts = ", ".join(tie.name for tie in self.plan.ties if tie.kind == "weld")

@@ -12,12 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
-from linkwork.lab.engines.interface import EngineRun, checked
+from linkwork.lab.engines.interface import EngineError, EngineRun, checked
 from linkwork.lab.engines.motion import BodyMotion, JointMotion, places, read_joints
 from linkwork.lab.engines.rewrite import with_free_joints, with_links
 from linkwork.lab.engines.start import Guess, bodies_at, with_link_motion
 from linkwork.lab.engines.tree import EngineTree, spanning_tree
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.limits import meetings
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,10 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
     """Rewrite a mechanism for an engine that has no rods.
 
     Raises:
-        EngineError: a body has no mass that its rods could borrow.
+        EngineError: a body has no mass that its rods could borrow, or a joint has a stop.
     """
+    for name in meetings(mechanism):
+        raise EngineError(f"{name}: engines stop by laws of their own; compare without stops")
     hanging, hung = with_free_joints(mechanism)
     return Carried(mechanism, hanging, spanning_tree(hanging), hung, with_links(hanging), guess)
 

@@ -35,12 +35,11 @@ from linkwork.mechanism import (
     Spring,
 )
 from linkwork.mechanism.effects import Effects
-from linkwork.mechanism.joints import TURN, ManyFreedoms
+from linkwork.mechanism.joints import EFFECTS, TURN, ManyFreedoms
 
 Vector3 = tuple[float, float, float]
 Change = Callable[[str, Effects], Effects]
 
-FIELDS = ("friction", "spring", "limits", "rotor_inertia")
 
 MASSLESS = Body(mass=0.0)
 SPARE = 0.5  # part of the mass that a body can spare which its rods take
@@ -233,7 +232,7 @@ def axes(joint: PairJoint) -> list[Vector3 | None]:
 
 def effects_by_field(joint: PairJoint, freedom: str) -> dict[str, Any]:
     """Return one freedom's effects by the name of their field."""
-    return dict(zip(FIELDS, joint.effects()[freedom], strict=True))
+    return dict(zip(EFFECTS, joint.effects()[freedom], strict=True))
 
 
 def vector(values: np.ndarray) -> Vector3:
@@ -274,7 +273,7 @@ def beside_mujoco(freedom: str, own: Effects) -> Effects:
 def with_effects(joint: Joint, change: Change) -> Joint:
     """Return a joint with the effects of all its freedoms changed."""
     found = {freedom: change(freedom, effects) for freedom, effects in joint.effects().items()}
-    columns = zip(FIELDS, zip(*found.values(), strict=True), strict=False)
+    columns = zip(EFFECTS, zip(*found.values(), strict=True), strict=False)
     many = isinstance(joint, ManyFreedoms)
     fields = {
         field: dict(zip(found, own, strict=True)) if many else own[0] for field, own in columns
