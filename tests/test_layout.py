@@ -41,8 +41,10 @@ FORMER = ("engines", "textbook")
 LATER = {
     ("linkwork.mechanism.mechanism", "linkwork.mechanism.files"),
     ("linkwork.simulation.run", "linkwork.views.plots"),
+    ("linkwork.simulation.run", "linkwork.model.state"),
 }
-"""What may ask a later module, in a function: a class its own file format; a run its plot."""
+"""What may ask a later module, in a function: a class its own file format; a run its plot, and the
+state in its file."""
 
 
 def name_of(path: Path) -> str:

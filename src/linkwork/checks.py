@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -22,6 +23,12 @@ def shown(value: object) -> str:
     """Return a value as a sentence shows it: in one line, and not longer than a line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Ask whether the nearest of the known words is meant, if one is near."""
+    near = get_close_matches(word[:LONGEST].lower(), list(known), 1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def finite(values: ArrayLike, what: str) -> np.ndarray:

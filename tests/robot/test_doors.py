@@ -124,7 +124,7 @@ CASES = {
         lambda r, h, s: r.assemble(tool=[[0.15, 0.4]] * 2, rates=np.zeros((3, 2))),
     ),
     # robots, charts, kernels, units
-    "a robot of text": ("a Mechanism, not from 'five_bar'", lambda r, h, s: lw.Robot("five_bar")),
+    "a robot of text": ("there is no robot 'five bar'", lambda r, h, s: lw.Robot("five bar")),
     "a robot of nothing": ("a Mechanism, not from None", lambda r, h, s: lw.Robot(None)),
     "independent: another name": (
         "'elbow_9'",

@@ -8,8 +8,8 @@ from linkwork.cli.entries import by_name
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, table
 from linkwork.errors import LinkworkError
-from linkwork.formats.floating import floated
-from linkwork.formats.notes import Notes
+from linkwork.formats.models import warn
+from linkwork.formats.named import named as find_named
 from linkwork.formats.reading import PLAIN, Reading
 from linkwork.formats.references import SUFFIXES, angles_of, referred
 from linkwork.mechanism import Mechanism
@@ -50,21 +50,10 @@ def named(name: str, reading: Reading = PLAIN) -> Mechanism:
     Raises:
         LinkworkError: there is neither, or the file is refused.
     """
-    if name in robots.__all__:
-        mechanism = getattr(robots, name)()
-        return floated(mechanism, name, Notes()) if reading.floating else mechanism
-    if Path(name).suffix.lower() in formats.READ:
-        imported = formats.load(name, floating=reading.floating, packages=reading.packages)
-        tell(note for note in imported.notes if note not in imported.mechanism.caveats)
-        return imported.mechanism
-    if Path(name).is_file():
-        mechanism = Mechanism.load(name)
-        return floated(mechanism, name, Notes()) if reading.floating else mechanism
-    raise LinkworkError(
-        f"there is no robot {name!r}; name one of the catalogue ({', '.join(robots.__all__)}) or "
-        "a mechanism file "
-        f"({', '.join((formats.NATIVE[0], *(form.suffixes[0] for form in formats.FORMATS)))})"
-    )
+    imported = find_named(name, reading)
+    tell(note for note in imported.notes if note not in imported.mechanism.caveats)
+    warn(imported.mechanism, stacklevel=2)
+    return imported.mechanism
 
 
 def show() -> None:

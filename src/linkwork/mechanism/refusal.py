@@ -5,12 +5,12 @@ The checks themselves are pydantic's; its list of errors becomes one sentence he
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from linkwork.checks import suggestion as suggestion
 from linkwork.errors import LinkworkError
 
 LONG = 60  # characters, above which a value is not shown in full
@@ -160,12 +160,6 @@ def records_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield annotation
     for part in get_args(annotation):
         yield from records_in(part)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Ask whether the nearest of the known words is meant, if one is near."""
-    near = get_close_matches(word[:LONG].lower(), list(known), 1)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def shown(value: Any) -> str:

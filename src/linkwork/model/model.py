@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache, partial
+from os import PathLike
 from typing import Any
 
 import casadi as ca
@@ -13,6 +14,7 @@ import numpy as np
 from linkwork.control.observation import Names
 from linkwork.equations import Equations, body_motion, functions, mobility
 from linkwork.errors import LinkworkError
+from linkwork.formats.named import mechanism_of
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.model import checks
@@ -37,17 +39,16 @@ class Model:
     """
 
     def __init__(
-        self, mechanism: Mechanism, independent: Sequence[str] = (), free: Sequence[str] = ()
+        self,
+        mechanism: Mechanism | str | PathLike[str],
+        independent: Sequence[str] = (),
+        free: Sequence[str] = (),
     ):
         # What is asked for, then the derivation, which takes nearly all of the time.
-        if not isinstance(mechanism, Mechanism):
-            raise LinkworkError(
-                f"a robot is made from a Mechanism, not from {mechanism!r}; see linkwork.robots, "
-                "or Robot.from_file"
-            )
-        self.mechanism = mechanism
+        self.mechanism = mechanism = mechanism_of(mechanism, stacklevel=3)
         wanted = checks.names(independent, "independent")
-        self.equations: Equations = derived(mechanism, wanted, tuple(free))
+        self.asked = mechanism, wanted, tuple(free)
+        self.equations: Equations = derived(*self.asked)
         self.parameters: dict[str, float] = dict(self.equations.parameters)
         self.p = np.array(list(self.parameters.values()))
         self.chart = CompiledChart(self.equations, self.p)

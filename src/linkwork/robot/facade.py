@@ -45,7 +45,8 @@ class Robot(Model):
     are first needed and kept in the user's cache folder.
 
     Args:
-        mechanism: the description, from `linkwork.robots`, a file (`Robot.from_file`) or code.
+        mechanism: the description, from `linkwork.robots` or code; the name of a robot of the
+            catalogue ("prr3"); or the path of a file, as for `from_file`.
         independent: rates that should be the independent ones, by name, as far as they determine
             the motion.
         free: numbers of the description that stay free, by path (see `free`).
@@ -67,7 +68,11 @@ class Robot(Model):
         notes: sentences on what was decided about the reference that the description does not say
 
     Raises:
+        LinkworkError: a name of no robot, with the nearest one; a file that is refused.
         MechanismError: a description that cannot be assembled or has no motion, in one sentence.
+
+    Warns:
+        ModelWarning: what makes the robot move otherwise than its file says.
     """
 
     @classmethod
@@ -91,6 +96,11 @@ class Robot(Model):
         mechanism = models.read(path, models.Reading.asked(floating, packages)).mechanism
         models.warn(mechanism, stacklevel=3)
         return cls(models.referred(mechanism, reference))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        from linkwork.model import pickled
+
+        return pickled.again, (type(self), pickled.made_of(self))
 
     def __dir__(self) -> list[str]:
         """Return the names that are for users, and none that modules of the library ask for."""
@@ -455,6 +465,7 @@ class Robot(Model):
         rtol: float = 1e-8,
         atol: float = 1e-10,
         save_at: ArrayLike | None = None,
+        samples: int | None = None,
         max_step: float = np.inf,
         max_steps: int = 1_000_000,
         on_singular: Literal["stop", "step_over"] = "stop",
@@ -492,7 +503,9 @@ class Robot(Model):
             rtol, atol: relative and absolute tolerance of the local error of coordinates and rates;
                 of lengths atol is a part of the mechanism's own length
                 (`linkwork.equations.lengths`).
-            save_at: times to save [s]; every accepted step if left out.
+            save_at: times to save [s]; every accepted step if left out (`Run.resampled` gives the
+                same run at other times).
+            samples: number of equally spaced times to save instead, from start to end.
             max_step: largest step [s].
             max_steps: most steps to take.
             on_singular: "stop" at a bifurcation, or "step_over": go on along the smooth branch,
@@ -515,6 +528,7 @@ class Robot(Model):
             rtol=rtol,
             atol=atol,
             save_at=save_at,
+            samples=samples,
             max_step=max_step,
             max_steps=max_steps,
             on_singular=on_singular,
@@ -559,6 +573,7 @@ class Robot(Model):
         step: float | None = None,
         events: Sequence[Event | Callable[..., Any] | str] | str = (),
         save_at: ArrayLike | None = None,
+        samples: int | None = None,
         rtol: float = 1e-8,
         atol: float = 1e-10,
         max_step: float = np.inf,
@@ -586,6 +601,7 @@ class Robot(Model):
                 numbers, or (N) of each.
             duration: T [s].
             save_at: times to save [s], the same for all; only the last states are kept if left out.
+            samples: number of equally spaced times to save instead, from start to end.
             threads: all processors if left out.
             progress: show a bar on the terminal, or call a function of (members done, N).
             drives, wrenches, method, step, events, rtol, atol, max_step, max_steps, on_singular: as
@@ -608,6 +624,7 @@ class Robot(Model):
             rtol=rtol,
             atol=atol,
             save_at=save_at,
+            samples=samples,
             max_step=max_step,
             max_steps=max_steps,
             on_singular=on_singular,

@@ -159,7 +159,12 @@ def repeatable(system: System, settings: Settings) -> bool:
     memory of its own, nor where rounding is all that a tighter tolerance would show.
     """
     tight = settings.integrator.step is None and TIGHTER * settings.rtol < LEAST
-    return not tight and (system.sampler is None or system.sampler.compiled)
+    return not tight and called_alike(system)
+
+
+def called_alike(system: System) -> bool:
+    """Tell whether a run can be run again: no Python function is called that may have a memory."""
+    return system.sampler is None or system.sampler.compiled
 
 
 def tightened(settings: Settings) -> Settings:

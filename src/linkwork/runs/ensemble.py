@@ -291,6 +291,7 @@ def ensemble(
     progress: bool | Progress = False,
 ) -> Ensemble:
     """Run an ensemble: see `Robot.ensemble`."""
+    settings = settings.saved_from(0.0)
     if settings.save_at is None:
         settings = settings.but(save_at=np.empty(0))
     parameters = by_name(parameters, "parameters", "{'kp': [10.0, 20.0]}")

@@ -15,7 +15,13 @@ from linkwork.control.tracing import reason
 from linkwork.mechanism.files import written
 from linkwork.model import chart_transfer, checks, limits
 from linkwork.model.state import State
-from linkwork.runs.accuracy import WORTH_TELLING, Compared, Departure, without_turns
+from linkwork.runs.accuracy import (
+    WORTH_TELLING,
+    Compared,
+    Departure,
+    called_alike,
+    without_turns,
+)
 from linkwork.runs.fault_sources import fault_source
 from linkwork.runs.next_chart import lost
 from linkwork.runs.passage import Passage, Segment
@@ -74,23 +80,43 @@ def simulate(
     control = None
     if held is not None and system.sampler:
         control = Control(0, system.sampler.period, held)
+    end = start + settings.duration
     end, besides = start + settings.duration, np.empty(0)
+    if settings.samples is not None:
+        settings = settings.saved_from(start)
     if settings.save_at is not None and system.sampler:
-        require_increasing("the times in save_at", settings.save_at)
-        besides = np.setdiff1d(
-            calls(system.sampler, start, end, settings.max_steps), settings.save_at
-        )
-        settings = settings.but(save_at=np.union1d(settings.save_at, besides))
+        settings, besides = called_besides(system.sampler, settings, start, end)
     passage = Passage(robot, system, start, end, settings, pace)
     chart, v = chart_transfer.start(robot, state)
     begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
     )
     segments = list(passage.segments(*begun))
-    for fault in system.faults:
-        if not isinstance(fault, Exception | KeyboardInterrupt):
-            raise fault
     return record(Compared(robot, passage, begun, segments), state, besides)
+
+
+def again(made: Compared, state: State, samples: int | np.ndarray) -> Run:
+    """Carry out a run once more, saved at other times [s], or at so many from its start to where it
+    ended."""
+    passage, besides = made.passage, np.empty(0)
+    last = made.segments[-1].trajectory.end_time
+    times = np.linspace(passage.start, last, samples) if isinstance(samples, int) else samples
+    settings = passage.settings.but(save_at=times)
+    if passage.system.sampler:
+        given = passage.system.sampler, settings, passage.start, passage.end
+        settings, besides = called_besides(*given)
+    passage = replace(passage, settings=settings)
+    segments = list(passage.segments(*made.start))
+    return record(replace(made, passage=passage, segments=segments), state, besides)
+
+
+def called_besides(
+    sampler: Sampler, settings: Settings, start: float, end: float
+) -> tuple[Settings, np.ndarray]:
+    """Return settings that save when a sampled controller is called, too, and those times [s]."""
+    require_increasing("the times in save_at", settings.save_at)
+    besides = np.setdiff1d(calls(sampler, start, end, settings.max_steps), settings.save_at)
+    return settings.but(save_at=np.union1d(settings.save_at, besides)), besides
 
 
 def calls(sampler: Sampler, start: float, end: float, most: int) -> np.ndarray:
@@ -189,6 +215,9 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
         made.segments,
         made.passage.settings,
     )
+    for fault in system.faults:
+        if not isinstance(fault, Exception | KeyboardInterrupt):
+            raise fault
     of = RunRecord(robot, system, segments, besides, state, settings.save_at is None)
 
     def sentences() -> str:
@@ -220,6 +249,9 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
         error=system.faults[0] if system.faults else None,
         transmitted=of.reactions,
         errors=partial(errors, made, of) if made.known else None,
+        ended=of.final,
+        again=partial(again, made, state) if called_alike(system) else None,
+        every=of.every,
         described=partial(written, robot.mechanism),
     )
 

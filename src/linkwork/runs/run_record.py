@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.model.chart_transfer import reread
 from linkwork.model.reactions import Reactions, transmitted
 from linkwork.model.state import State
 from linkwork.runs import following
@@ -27,6 +28,7 @@ from linkwork.runs.saved_states import Over, SavedStates
 from linkwork.runs.system import System
 from linkwork.runs.work import Work, work
 from linkwork.simulation import Variable
+from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -150,6 +152,23 @@ class RunRecord(Mapping[str, Variable]):
         there are any."""
         last = self.windings[1][-1] if self.robot.labels.may_wind else np.zeros(0)
         return {"final_windings": last} if last.any() else {}
+
+    def final(self) -> State:
+        """Return the last state: in the home chart where this tells its motion, else in the run's
+        own."""
+        robot, segment = self.robot, self.segments[-1]
+        chart, home, done = segment.chart, robot.chart, segment.trajectory
+        q, v = whole(done.q_end, done.turns), done.v_end[: robot.mobility]
+        rates, kept = reread(robot, chart, home, done.q_end, v)
+        if kept:
+            chart = home
+        else:
+            robot.charts.setdefault(chart.independent, chart)
+        state = robot.make_state(q, rates if kept else v)
+        if robot.labels.may_wind:
+            turned = robot.labels.turned(state.positions, self.windings[1][-1])
+            state = replace(state, positions=turned)
+        return replace(state, independent=chart.independent)
 
     def reactions(self, frame: str, length: float | None) -> Reactions:
         """Return the joint reactions at the saved times."""

@@ -38,7 +38,8 @@ class Settings:
     duration: T [s]; method: by name, None where it follows from the inputs (`suited`); step: of a
         fixed one [s]
     events: to watch for, as they are given
-    rtol, atol: of the local error; save_at: times (K,) [s], or None
+    rtol, atol: of the local error; save_at: times (K,) [s], or None; samples: how many equally
+        spaced times instead (`saved_from`)
     max_step: [s]; max_steps: accepted and rejected ones together; threads: None for all processors
     integrator: the method itself; that for smooth inputs where none is asked for
 
@@ -53,6 +54,7 @@ class Settings:
     rtol: float = 1e-8
     atol: float = 1e-10
     save_at: Any = None
+    samples: int | None = None
     max_step: float = np.inf
     max_steps: int = 1_000_000
     on_singular: str = "stop"
@@ -80,6 +82,12 @@ class Settings:
         own["integrator"] = method
         if self.save_at is not None:
             own["save_at"] = np.atleast_1d(finite(self.save_at, "save_at"))
+        if self.samples is not None:
+            if self.save_at is not None:
+                raise LinkworkError("save_at and samples are both given; keep one of them")
+            if count(self.samples, "samples") < 2:
+                raise LinkworkError("samples is 1; give at least 2, the first and the last")
+            own["samples"] = int(self.samples)
         if self.threads is not None:
             own["threads"] = count(self.threads, "threads")
 
@@ -100,6 +108,13 @@ class Settings:
         of sampled inputs cost more of its accuracy.
         """
         return self if smooth or self.method is not None else self.but(integrator=DORMAND_PRINCE)
+
+    def saved_from(self, start: float) -> Settings:
+        """Return the same with its samples as times to save of runs that begin at a time [s]."""
+        if self.samples is None:
+            return self
+        times = np.linspace(start, start + self.duration, self.samples)
+        return self.but(save_at=times, samples=None)
 
     def but(self, **values: Any) -> Settings:
         """Return the same with some other values, which are not checked: companions are finer than

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from linkwork.checks import file_path
+from linkwork.checks import count, file_path, finite, shown, suggestion
 from linkwork.errors import LinkworkError
 from linkwork.simulation.status import Status
 from linkwork.simulation.variables import LazyAttribute, Variable, dataset_of
@@ -23,7 +24,11 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+    from linkwork.model.state import State
+
 TIME, DESCRIPTION, SINGULAR_TIMES = "time", "description", "singular_times"
+FINAL = "final_state"  # attributes of a file that begin so: positions, rates, q, names of rates
+SMOOTH = 501  # samples that draw as smooth curves
 EMPTY = "without_elements"  # attribute of a file: what has no element, which NetCDF 3 cannot hold
 Value = TypeVar("Value")
 
@@ -90,7 +95,10 @@ class Run:
     and `transmitted`: what gives the joint reactions (not written to files); `errors`: what gives
     the differences to the run at a tenth of the tolerance, by name (not written to files);
     `described`: what gives the text of the mechanism's file, if the attrs do not hold it as
-    "description".
+    "description"; `ended`: what gives the last state; `again`: what runs once more, saved at other
+    times (not written to files); `every`: whether every accepted step was saved.
+
+    Sent to another process (`pickle`), a run holds what its file would hold.
     """
 
     variables: Mapping[str, Variable] = field(repr=False)
@@ -103,11 +111,92 @@ class Run:
     transmitted: Callable[[str, float | None], Any] | None = field(default=None, repr=False)
     described: Callable[[], str] | None = field(default=None, repr=False)
     errors: Callable[[], Mapping[str, Variable]] | None = field(default=None, repr=False)
+    ended: Callable[[], "State"] | None = field(default=None, repr=False)
+    again: Callable[[int | np.ndarray], Self] | None = field(default=None, repr=False)
+    every: bool = field(default=False, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a file of the run would hold, and what ended it."""
+        told = {DESCRIPTION: self.description} if self.description else {}
+        known = {
+            "variables": dict(self.variables),
+            "coords": dict(self.coords),
+            "attrs": dict(self.attrs) | told,
+        }
+        for name in ("status", "message", "statistics", "error"):
+            known[name] = getattr(self, name)
+        if self.ended is not None or "final" in vars(self):
+            known["final"] = self.final
+        return known | {each.name: each.default for each in fields(self) if each.name not in known}
 
     @property
     def success(self) -> bool:
         """Tell whether the run reached its end."""
         return self.status is Status.FINISHED
+
+    @property
+    def time(self) -> np.ndarray:
+        """Return the saved times (K,) [s]."""
+        return self.coords[TIME].values
+
+    def __getitem__(self, quantity: str) -> "xarray.DataArray":
+        """Return one quantity by name, such as "joint_position", over its named axes; no other is
+        computed for it."""
+        if not isinstance(quantity, str) or quantity not in self.variables:
+            near = suggestion(quantity, self.variables) if isinstance(quantity, str) else ""
+            raise LinkworkError(
+                f"the run holds no {shown(quantity)}{near}; it holds {', '.join(self.variables)}"
+            )
+        variable = self.variables[quantity]
+        coords = {axis: self.coords[axis] for axis in variable.dims if axis in self.coords}
+        return dataset_of({quantity: variable}, coords, {})[quantity]
+
+    @cached_property
+    def final(self) -> "State":
+        """Return the last state reached, from which another run may start; in the robot's own
+        independent rates where these tell its motion, else in those that the run ended in.
+
+        Raises:
+            LinkworkError: a run from a file that does not hold it.
+        """
+        if self.ended is None:
+            raise LinkworkError(
+                "the file of this run does not hold its last state; robot.resume(run, ...) goes on "
+                "from it"
+            )
+        return self.ended()
+
+    def resampled(self, samples: int | ArrayLike = SMOOTH) -> Self:
+        """Return the same run saved at other times: it is run once more, in the same steps, and
+        read off between them.
+
+        Args:
+            samples: number of equally spaced times from start to end; or the times [s].
+
+        Raises:
+            LinkworkError: a run from a file, or that a Python function controls: neither can be run
+                again.
+        """
+        if self.again is None:
+            raise LinkworkError(
+                "this run cannot be run again at other times: it was read from a file, or a Python "
+                "function controls it; give samples or save_at to robot.simulate"
+            )
+        if np.ndim(samples):
+            return self.again(np.atleast_1d(finite(samples, "the times")))
+        if (number := count(samples, "samples")) < 2:
+            raise LinkworkError("samples is 1; give at least 2, the first and the last")
+        return self.again(number)
+
+    @cached_property
+    def smooth(self) -> Self:
+        """Return the run as pictures draw it: where every step was saved, and few were taken,
+        resampled between them too."""
+        few = self.every and 1 < len(self.time) < SMOOTH
+        if not few or self.again is None or self.status is Status.CANCELLED:
+            return self
+        between = np.linspace(self.time[0], self.time[-1], SMOOTH)
+        return self.again(np.union1d(self.time, between))
 
     @property
     def nfev(self) -> int:
@@ -230,8 +319,8 @@ class Run:
         )
 
     def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
-        """Draw the run's quantities over time (`linkwork.views.plot_run`): those named, or all that
-        vary with time."""
+        """Draw the run's quantities over time (`linkwork.views.plot_run`), in smooth curves: those
+        named, or all that vary with time."""
         from linkwork.views.plots import (
             plot_run,
         )  # a convenience: the one place that calls a later stage
@@ -298,7 +387,24 @@ class Run:
             (coords if labels else variables)[name] = Variable(
                 tuple(dims), np.empty(shape, str if labels else float), own
             )
-        return cls(variables, coords, attrs, status, message, statistics)
+        last = _final_state(attrs, coords)
+        ended = None if last is None else lambda: last
+        return cls(variables, coords, attrs, status, message, statistics, ended=ended)
+
+
+def _final_state(attrs: dict[str, Any], coords: Mapping[str, Variable]) -> "State | None":
+    """Take the last state out of the attributes of a file, if they hold it."""
+    from linkwork.model.state import State  # what a file holds of a robot's state
+
+    if f"{FINAL}_q" not in attrs:
+        return None
+    positions, rates, q = (
+        np.atleast_1d(np.asarray(attrs.pop(f"{FINAL}_{name}"), float))
+        for name in ("positions", "rates", "q")
+    )
+    names = tuple(name for name in str(attrs.pop(f"{FINAL}_names")).split(", ") if name)
+    labels = tuple(map(str, coords["coordinate"].values))
+    return State(positions, rates, q, labels, names)
 
 
 def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
@@ -310,6 +416,10 @@ def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
 
 def _write_netcdf(run: Run, path: Path) -> None:
     told, whole = {DESCRIPTION: run.description} if run.description else {}, run.dataset
+    if run.ended is not None or "final" in vars(run):
+        last, names = run.final, ", ".join(run.final.independent)
+        found = {"positions": last.positions, "rates": last.rates, "q": last.q, "names": names}
+        told |= {f"{FINAL}_{name}": value for name, value in found.items()}
     empty = {
         str(name): (variable.dims, variable.attrs)
         for name, variable in whole.variables.items()

@@ -61,6 +61,9 @@ class Variable:
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "shape", values.shape)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"values": self.values}
+
     @property
     def known(self) -> bool:
         """Whether the array was given, or asked for."""

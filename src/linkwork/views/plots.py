@@ -61,7 +61,7 @@ def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None =
         LinkworkError: a quantity that the run does not hold over time.
     """
     # What can be drawn: what the dataset holds over time.
-    dataset = run.dataset if isinstance(run, Run) else run
+    dataset = run.smooth.dataset if isinstance(run, Run) else run
     if not hasattr(dataset, "data_vars"):
         raise LinkworkError(
             f"a run is drawn, not {type(run).__name__}; give what robot.simulate returns, or its "

@@ -62,10 +62,11 @@ def write_report(robot: Robot, run: Run, path: str | Path) -> Path:
 
 def render(robot: Robot, run: Run) -> str:
     """Return the report as a page."""
-    # A run that ended at once has no states to be shown.
-    time = np.asarray(run.coords["time"].values, float)
-    states = run_states(robot, run) if len(time) else None
-    data = run.dataset
+    # A run that ended at once has no states to be shown; curves and film are smooth.
+    drawn = run.smooth
+    time = np.asarray(drawn.time, float)
+    states = run_states(robot, drawn) if len(time) else None
+    data = drawn.dataset
     return page(
         "run.html",
         name=robot.mechanism.name,
