@@ -22,6 +22,7 @@ from tests.house import SOURCE, modules
 STAGES = (
     "errors moved",
     "checks",
+    "solids",
     "math paths mechanism kernels",
     "equations robots",
     "simulation formats",

@@ -393,10 +393,6 @@ def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
             "<geom 'hull'> is a mesh, whose mass is left out",
         ),
         (
-            '<geom size="0.1" shellinertia="true"/>',
-            "is a shell (shellinertia); it is weighed as a solid",
-        ),
-        (
             '<joint damping="1 2 3"/>',
             "has a damping that is not linear; its higher powers are left out",
         ),

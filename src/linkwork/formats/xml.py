@@ -2,7 +2,7 @@
 cannot make sense of.
 
 A document type with its entities ("billion laughs"), a file that is too large, too deep or has too
-many elements is refused while it is read; nothing outside the file is ever opened.
+many elements is refused while it is read; nothing outside the file is ever opened here.
 """
 
 from __future__ import annotations

@@ -68,6 +68,9 @@ class Compiler:
         least_mass, least_inertia: smaller ones of moving bodies are raised to these [kg, kg m^2].
         total_mass: all masses are scaled to this sum, if positive [kg].
         balance: moments of inertia that no rigid body has are replaced by their mean.
+        mesh_folder: folder of mesh files, relative to the model's own.
+        strip_path: names of files without their folders.
+        fit_box: geoms are fitted to the box around a mesh, not to that of equal inertia.
     """
 
     degrees: bool = True
@@ -79,6 +82,9 @@ class Compiler:
     least_inertia: float = 0.0
     total_mass: float = -1.0
     balance: bool = False
+    mesh_folder: str = ""
+    strip_path: bool = False
+    fit_box: bool = False
 
     def angle(self, value: float) -> float:
         """Return an angle of the file in radians."""
@@ -86,6 +92,7 @@ class Compiler:
 
     def updated(self, section: Element) -> Compiler:
         """Return the settings after one <compiler> section."""
+        # What MuJoCo does not take any more, and what makes no sense, is refused.
         if section.attributes.get("coordinate", "local") != "local":
             raise section.refusal(
                 "coordinate must be 'local'; global coordinates are not part of MJCF any more"
@@ -96,6 +103,7 @@ class Compiler:
                 f"eulerseq {xml.shortened(euler)} is not three letters of x, y, z"
             )
         low, high = section.numbers("inertiagrouprange", (2,), tuple(map(float, self.groups)))
+        # What the section does not say stays as it was.
         return Compiler(
             degrees=section.choice(
                 "angle", ("degree", "radian"), "degree" if self.degrees else "radian"
@@ -111,6 +119,11 @@ class Compiler:
             least_inertia=section.number("boundinertia", self.least_inertia),
             total_mass=section.number("settotalmass", self.total_mass),
             balance=flag(section, "balanceinertia", self.balance),
+            mesh_folder=section.attributes.get(
+                "meshdir", section.attributes.get("assetdir", self.mesh_folder)
+            ),
+            strip_path=flag(section, "strippath", self.strip_path),
+            fit_box=flag(section, "fitaabb", self.fit_box),
         )
 
 

@@ -12,11 +12,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.masses import Solid, principal, volume
 from linkwork.formats.mjcf.document import Document, flag
+from linkwork.formats.mjcf.meshes import Meshes
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import Box, Capsule, Cylinder, Shape, Sphere
+from linkwork.solids.solid import Solid
+from linkwork.solids.uniform import principal, shell, surface, volume
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 SHAPES = ("box", "cylinder", "sphere", "capsule")
@@ -26,7 +28,9 @@ HIDDEN = 3  # first group of geoms that MuJoCo does not show
 BETWEEN = "between_joints"  # class of what an export draws of a body without shapes
 
 
-def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -> list[Solid]:
+def weighed(
+    document: Document, element: Element, X: np.ndarray, meshes: Meshes, notes: Notes
+) -> list[Solid]:
     """Return the geom's mass in the body's frame; nothing for shapes without mass or not known
     here.
 
@@ -34,26 +38,26 @@ def weighed(document: Document, element: Element, X: np.ndarray, notes: Notes) -
         element: with its defaults.
         X: pose of the <frame> around it in the body.
     """
-    kind = kind_of(element)
+    kind = element.attributes.get("type", "sphere")
     if not is_heavy(document, element):
         return []
+    if kind in ("mesh", "sdf") and "mesh" in element.attributes:
+        found = meshes.solid(element, notes)
+        if found is None:
+            return []
+        mass = element.number("mass", element.number("density", DENSITY) * found.mass)
+        return [found.scaled(mass / found.mass).seen(X @ document.pose(element))]
     if kind not in SIZES:
-        notes.on(
-            element,
-            f"is a {kind}, whose mass is left out: only spheres, boxes, capsules, cylinders and "
-            "ellipsoids are weighed; give the body an <inertial>",
-            alters=True,
-        )
+        notes.on(element, f"is a {kind}, whose mass is left out", alters=True)
         return []
-    if flag(element, "shellinertia", False):
-        notes.on(
-            element,
-            "is a shell (shellinertia); it is weighed as a solid of the same mass",
-            alters=True,
-        )
-    size, place = measured(document, element)
-    mass = element.number("mass", element.number("density", DENSITY) * volume(kind, size))
-    return [Solid(mass, np.zeros(3), np.diag(principal(kind, size, mass))).seen(X @ place)]
+    fitted = meshes.fitted(element, notes) if "mesh" in element.attributes else None
+    if fitted is None and "mesh" in element.attributes:
+        return []
+    size, place = fitted or measured(document, element)
+    hollow = flag(element, "shellinertia", False)
+    extent, moments = (surface, shell) if hollow else (volume, principal)
+    mass = element.number("mass", element.number("density", DENSITY) * extent(kind, size))
+    return [Solid(mass, np.zeros(3), np.diag(moments(kind, size, mass))).seen(X @ place)]
 
 
 def is_heavy(document: Document, element: Element) -> bool:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from linkwork.equations.joints import motions_of
 from linkwork.formats import poses
-from linkwork.formats.masses import Solid, together
+from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.joints import Coupling, DrivenBall, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
@@ -33,6 +33,7 @@ from linkwork.mechanism import (
     PairJoint,
     Tool,
 )
+from linkwork.solids.solid import together
 
 EARTH = (0.0, 0.0, -9.81)
 NEAR = 1e-9  # axes that agree [1]
@@ -160,7 +161,7 @@ def _join_parts(
         )
         # Mass and shapes of both, in the whole body's frame.
         one, other = bodies[whole], bodies.pop(part)
-        solid = together([Solid.of_body(one), Solid.of_body(other).seen(X)])
+        solid = together([solid_of(one), solid_of(other).seen(X)])
         bodies[whole] = Body(
             **solid.fields(), shapes=(*one.shapes, *poses.carried(other.shapes, X))
         )

@@ -19,7 +19,6 @@ from typing import Any, Literal
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.masses import Solid, together
 from linkwork.formats.mjcf.document import MAIN, Document
 from linkwork.formats.mjcf.geoms import (
     SHAPES,
@@ -31,16 +30,19 @@ from linkwork.formats.mjcf.geoms import (
     shown,
     weighed,
 )
+from linkwork.formats.mjcf.meshes import Meshes
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND, Friction, Limits, Shape, Spring
+from linkwork.solids.solid import Solid, together
 
 WORLD = "world"
 NEAR = 1e-9  # directions that agree [1]
 ONLY_MESHES = (
     "has no mass here: all of it is that of meshes, which are not weighed; give it an <inertial>"
 )
+LEAST = 1e-14  # mass of a geom that counts [kg]
 UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
 Kind = Literal["hinge", "slide", "ball", "free"]
@@ -207,7 +209,7 @@ class TreeReader:
         self.document, self.notes, self.tree = document, notes, ModelTree()
         self.names = FreeNames(notes, (GROUND,))
         self.joints: set[str] = set()
-        self.materials = materials_of(document)
+        self.materials, self.meshes = materials_of(document), Meshes.of(document)
 
     def finished(self) -> ModelTree:
         total = self.document.compiler.total_mass
@@ -393,10 +395,7 @@ class TreeReader:
         elif compiler.from_geoms == "false":
             solid = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
         else:
-            solids = (weighed(self.document, geom, X, self.notes) for geom, X in parts.geoms)
-            solid = together(part for found in solids for part in found)
-            if not solid.mass and any(is_heavy(self.document, geom) for geom, _ in parts.geoms):
-                self.notes.on(element, ONLY_MESHES, alters=True)
+            solid = self.of_geoms(element, parts)
         moments, axes = np.linalg.eigh(solid.inertia)
         least = np.maximum(moments, compiler.least_inertia)
         a, b, c = sorted(least)
@@ -409,6 +408,22 @@ class TreeReader:
         if (least != moments).any():
             solid = Solid(solid.mass, solid.centre, axes @ np.diag(least) @ axes.T)
         return Solid(max(solid.mass, compiler.least_mass), solid.centre, solid.inertia)
+
+    def of_geoms(self, element: Element, parts: _Parts) -> Solid:
+        """Return the mass of a body from its geoms; where none has any, MuJoCo puts what boundmass
+        gives as far from the body's origin as that stands from its parent's, and so does this."""
+        solids = [
+            solid
+            for geom, X in parts.geoms
+            for solid in weighed(self.document, geom, X, self.meshes, self.notes)
+            if solid.mass > LEAST
+        ]
+        if solids:
+            return solids[0] if len(solids) == 1 else together(solids)
+        if any(is_heavy(self.document, geom) for geom, _ in parts.geoms):
+            self.notes.on(element, ONLY_MESHES, alters=True)
+        away = np.array(element.vector("pos", (0.0, 0.0, 0.0)))
+        return Solid(0.0, away, np.zeros((3, 3)))
 
     def inertial(self, element: Element) -> Solid:
         X = self.document.pose(element)

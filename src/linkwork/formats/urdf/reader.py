@@ -14,7 +14,7 @@ from math import inf
 import numpy as np
 
 from linkwork.formats import poses, xml
-from linkwork.formats.masses import Solid, together, without_noise
+from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
@@ -50,6 +50,7 @@ from linkwork.mechanism import (
     UniversalJoint,
 )
 from linkwork.mechanism.body import rigid
+from linkwork.solids.solid import Solid, together
 
 NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared size
 

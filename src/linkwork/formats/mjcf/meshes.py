@@ -1,0 +1,223 @@
+"""Meshes of an MJCF model: where they lie, how they are moved before use, and what they weigh.
+
+A vertex p of the file stands at  S R' (p - p_ref)  in the geom's frame, R the rotation of refquat
+and S the scale. MuJoCo holds files in single precision, and so do the numbers here.
+
+Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (asset/mesh; geom, mesh and
+fitscale; compiler).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from linkwork.errors import LinkworkError
+from linkwork.formats import poses
+from linkwork.formats.mjcf.document import Document
+from linkwork.formats.notes import Notes
+from linkwork.formats.xml import Element, shortened
+from linkwork.solids.mesh_files import has_groups, read_mesh
+from linkwork.solids.solid import Solid
+from linkwork.solids.triangles import MODES, Mode, Triangles, hull_of, weighed
+
+MADE = "it is made by MuJoCo itself (builtin, or a plugin)"
+
+
+@dataclass(frozen=True)
+class MeshAsset:
+    """Hold one <mesh>, with its defaults, in a document."""
+
+    element: Element
+    document: Document
+
+    @cached_property
+    def path(self) -> Path | None:
+        """Return the path of its file: meshdir and strippath of the compiler apply, and the main
+        model's folder.
+
+        Raises:
+            LinkworkError: half a sentence on what is not there.
+        """
+        if "file" not in self.element.attributes:
+            return None
+        name, compiler = self.element.text("file"), self.document.compiler
+        if compiler.strip_path:
+            name = name.replace("\\", "/").rpartition("/")[2]
+        path = self.document.root.file.parent / compiler.mesh_folder / name
+        try:
+            there = path.is_file()
+        except (OSError, ValueError):
+            raise LinkworkError(f"its file {shortened(name)} is no path") from None
+        if not there:
+            raise LinkworkError(f"its file is not in {str(path.parent)!r}")
+        return path
+
+    @property
+    def mode(self) -> Mode:
+        """Return how it is weighed."""
+        return self.element.choice("inertia", MODES, "legacy")  # pyright: ignore
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        return np.array(self.element.vector("scale", (1.0, 1.0, 1.0)))
+
+    @cached_property
+    def reference(self) -> np.ndarray:
+        """Return the pose X_file_mesh that refpos and refquat give."""
+        quaternion = self.element.numbers("refquat", (4,), (1.0, 0.0, 0.0, 0.0))
+        position = self.element.vector("refpos", (0.0, 0.0, 0.0))
+        return poses.pose(position, poses.from_quaternion(*quaternion))
+
+    @cached_property
+    def triangles(self) -> Triangles:
+        """Return the mesh in the geom's axes.
+
+        Raises:
+            LinkworkError: half a sentence on what is wrong with it.
+        """
+        mesh = self._read()
+        R = self.reference[:3, :3]
+        moved = mesh.moved(lambda points: (points - self.reference[:3, 3]) @ R)
+        return moved.scaled(self.scale)
+
+    @cached_property
+    def solid(self) -> Solid:
+        """Return mass, centre and inertia for a density of one, in the geom's axes."""
+        mesh, mode = self.triangles, self.mode
+        most = self.element.number("maxhullvert", -1.0)
+        if mode == "convex" and most > 3:
+            mesh, mode = hull_of(mesh.vertices, f"Qt Q9 TA{int(most) - 4}"), "exact"
+        return weighed(mesh, mode)
+
+    def cautions(self) -> list[str]:
+        """Return what to know of a mesh that is weighed as MuJoCo weighs it."""
+        found = []
+        if self.mode != "convex" and (count := self.triangles.open_edges):
+            found.append(
+                f"is weighed though its mesh is not closed: at {count} edges its triangles do not "
+                "meet in pairs; its mass is what MuJoCo makes of it"
+            )
+        if self.path is not None and has_groups(self.path):
+            found.append("has several groups in its OBJ file; MuJoCo takes the first alone")
+        return found
+
+    def _read(self) -> Triangles:
+        """Return the mesh as the file has it."""
+        element = self.element
+        if self.path is not None:
+            try:
+                mesh = read_mesh(self.path, first_group=True)
+            except LinkworkError as error:
+                raise LinkworkError(f"its file {shortened(self.path.name)} {error}") from None
+            return mesh.moved(lambda points: points.astype(np.float32).astype(float))
+        if "vertex" not in element.attributes:
+            raise LinkworkError(MADE)
+        points = _numbers(element, "vertex", float).astype(np.float32).astype(float)
+        if "face" not in element.attributes:
+            return hull_of(points)
+        faces = _numbers(element, "face", int)
+        if faces.min(initial=0) < 0 or faces.max(initial=0) >= len(points):
+            raise element.refusal("face names vertices that are not there")
+        return Triangles(points, faces)
+
+
+def _numbers(element: Element, name: str, kind: type) -> np.ndarray:
+    try:
+        return np.array([kind(word) for word in element.text(name).split()]).reshape(-1, 3)
+    except ValueError:
+        raise element.refusal(f"{name} is not three numbers for each") from None
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """Hold the meshes of a document by name."""
+
+    assets: dict[str, MeshAsset] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, document: Document) -> Meshes:
+        found: dict[str, MeshAsset] = {}
+        for raw in document.each("asset", "mesh"):
+            element = document.resolved(raw, "mesh")
+            file = PurePosixPath(element.attributes.get("file", "").replace("\\", "/"))
+            found[element.attributes.get("name") or file.stem] = MeshAsset(element, document)
+        return cls(found)
+
+    def asset(self, geom: Element) -> MeshAsset:
+        """Return the mesh that a geom names.
+
+        Raises:
+            LinkworkError: half a sentence.
+        """
+        name = geom.attributes.get("mesh", "")
+        if name not in self.assets:
+            raise LinkworkError(f"there is no mesh {shortened(name)}")
+        return self.assets[name]
+
+    def solid(self, geom: Element, notes: Notes) -> Solid | None:
+        """Return the solid of a geom's mesh for a density of one, in the geom's axes; None with a
+        note where there is none."""
+        try:
+            asset = self.asset(geom)
+            solid = asset.solid
+        except LinkworkError as error:
+            notes.on(geom, f"is a mesh, whose mass is left out: {error}", alters=True)
+            return None
+        for caution in asset.cautions():
+            notes.on(geom, caution)
+        return solid
+
+    def fitted(self, geom: Element, notes: Notes) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the size of a geom of a simple kind that is fitted to its mesh, and its pose in
+        the body's frame; None with a note where there is no mesh.
+
+        It is fitted to the box that has the mesh's inertia, or to the box around the mesh along its
+        principal axes (fitaabb).
+        """
+        solid = self.solid(geom, notes)
+        if solid is None:
+            return None
+        asset = self.asset(geom)
+        # The greatest moment first, as MuJoCo has the axes of meshes.
+        moments, axes = np.linalg.eigh(solid.inertia)
+        moments, axes = moments[::-1], axes[:, ::-1] * (1, 1, np.linalg.det(axes[:, ::-1]))
+        X = asset.document.pose(geom) @ poses.pose(solid.centre, axes)
+        if asset.document.compiler.fit_box:
+            seen = (asset.triangles.vertices - solid.centre) @ axes
+            low, high = seen.min(axis=0), seen.max(axis=0)
+            half, X = (high - low) / 2, X @ poses.shift((low + high) / 2)
+            size = _around(geom.attributes.get("type", "sphere"), half)
+        else:
+            half = np.sqrt(1.5 * (moments.sum() - 2 * moments) / solid.mass)
+            size = _alike(geom.attributes.get("type", "sphere"), half)
+        return geom.number("fitscale", 1.0) * size, X
+
+
+def _around(kind: str, half: np.ndarray) -> np.ndarray:
+    """Return the size of a shape whose box is not smaller than one of given half sides."""
+    radius = half[:2].max()
+    match kind:
+        case "sphere":
+            return np.array([half.max()])
+        case "capsule":
+            return np.array([radius, half[2] - radius])
+        case "cylinder":
+            return np.array([radius, half[2]])
+    return half
+
+
+def _alike(kind: str, half: np.ndarray) -> np.ndarray:
+    """Return the size of a shape that is about as large as a box of given half sides."""
+    radius = half[:2].mean()
+    match kind:
+        case "sphere":
+            return np.array([half.mean()])
+        case "capsule":
+            return np.array([radius, max(0.0, half[2] - radius / 2)])
+        case "cylinder":
+            return np.array([radius, half[2]])
+    return half
