@@ -20,6 +20,7 @@ from tests.oracle.random_joints import random_loops, random_tree, tilted
 
 CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
+    "large tree": partial(random_tree, 6, 12, effects=True, actuation=-2),
     "planar tree": partial(random_tree, 2, planar=True, effects=True, gears=1),
     "loops": partial(random_loops, 3, 2),
     "loops with everything": partial(

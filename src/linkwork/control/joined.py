@@ -20,7 +20,6 @@ from linkwork.control.continued import continued
 from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
 from linkwork.equations import Equations
-from linkwork.equations.equations import solve_symmetric
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +84,7 @@ class Joined:
         parts = ca.vertsplit(self.outputs["wrenches"], 6) if self.acting.wrenches else []
         for wrench, part in zip(self.acting.wrenches, parts, strict=True):
             applied += wrench.on_rates(equations, part)
-        return solve_symmetric(
-            equations.inertia[0], applied - equations.bias_forces(equations.gravity)
-        )
+        return equations.accelerations(applied)
 
     @cached_property
     def derivatives(self) -> ca.SX:

@@ -129,12 +129,9 @@ def inertia_forces(
     h_tree = SX.zeros(len(tree.rates))
     for node in reversed(tree.nodes):
         i = node.index
-        m, h, inertia = near_moments(node)
-        w = omega[i]
-        forces[i] += m * a[i] + cross(alpha[i], h) + spin(w, h)
-        moments[i] += (
-            ca.mtimes(inertia, alpha[i]) + cross(w, ca.mtimes(inertia, w)) + cross(h, a[i])
-        )
+        moment, force = node_wrench(node, omega, alpha, a)
+        forces[i] += force
+        moments[i] += moment
         N, F = (convert(x, node.axes, node.column_axes) for x in (moments[i], forces[i]))
         for column in node.columns:
             h_tree[column.rate] = along(node, column, N, F)
@@ -143,3 +140,14 @@ def inertia_forces(
             forces[node.parent] += F
             moments[node.parent] += N + cross(node.r, F)
     return h_tree
+
+
+def node_wrench(
+    node: Node, omega: list[ca.SX], alpha: list[ca.SX], a: list[ca.SX]
+) -> tuple[ca.SX, ca.SX]:
+    """Return N about the origin and F that the motion of a node's own inertia needs."""
+    m, h, inertia = near_moments(node)
+    w, turning, moving = omega[node.index], alpha[node.index], a[node.index]
+    F = m * moving + cross(turning, h) + spin(w, h)
+    N = ca.mtimes(inertia, turning) + cross(w, ca.mtimes(inertia, w)) + cross(h, moving)
+    return N, F

@@ -5,7 +5,8 @@
 
 in independent rates v; H and h are the tree's (`dynamics`), L and b the chart's (`chart`), f the
 forces of springs and friction (`effects`). S gives the actuated rates, S v; it is the unit matrix
-where these are the independent ones.
+where these are the independent ones. The accelerations of large open trees are found without M
+(`articulated`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import dynamics, effects
+from linkwork.equations import articulated, dynamics, effects
 from linkwork.equations.algebra import SX, vector
 from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy
 from linkwork.equations.closure import Cut
@@ -43,6 +44,9 @@ GAPING = 1e-4
 DOUBTFUL = 1e-5  # pivot that may be a rounding error, over the largest number at the outset
 FEW = 8  # matrices whose singular values are found as quickly as the signs of their pivots
 HIDDEN = 1e-13  # part of a product that rounding hides
+PAIR, MORE = 45, 250
+"""Operations that M takes for each pair of rates one of which carries the other, and those that
+articulated inertias take more for each rate: counted on chains and trees of 6 to 60 hinges."""
 
 
 @dataclass(frozen=True)
@@ -278,6 +282,28 @@ class Equations:
         forces = ca.mtimes(L.T, self.tree_forces(SX.zeros(self.nv), gravity, passive))
         dependent = list(self.chart.dependent)
         return forces + ca.mtimes(self.inertia[1].T, b[dependent]) if dependent else forces
+
+    def accelerations(self, applied: ca.SX) -> ca.SX:
+        """Return v' (n), Eq. (9), under forces S' u (n) beside weight, springs and friction."""
+        if not self.recursive:
+            forces = applied - self.bias_forces(self.gravity)
+            return solve_symmetric(self.inertia[0], forces)
+        tree, w = self.tree, self.rates
+        forces = ca.mtimes(self.elimination.L, applied) + effects.joint_forces(self.freedoms, w)
+        rotors = ca.diag(effects.rotor_inertia(self.freedoms, self.nv))
+        wrenches = effects.point_wrenches(self.mechanism, tree, w)
+        x, D = articulated.accelerations(tree, w, forces, rotors, self.gravity, wrenches)
+        lost = ca.sumsqr((articulated.largest(self.mechanism, tree) + rotors) / D)
+        x[self.chart.independent[0]] += unless(lost < HIDDEN**-2)
+        return x[list(self.chart.independent)]
+
+    @cached_property
+    def recursive(self) -> bool:
+        """Tell whether articulated inertias take fewer operations than M: in open trees, from about
+        ten rates of a chain on.
+        """
+        n = self.mobility
+        return not self.rows.names and PAIR * self.tree.pairs + n**3 / 3 + 2 * n**2 > MORE * n
 
     @cached_property
     def actuation(self) -> ca.SX:

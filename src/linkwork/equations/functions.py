@@ -13,7 +13,7 @@ from linkwork.equations import body_motion, dynamics, effects
 from linkwork.equations import regressor as linear
 from linkwork.equations.algebra import SX, dot, vector
 from linkwork.equations.elimination import solve
-from linkwork.equations.equations import Equations, solve_symmetric
+from linkwork.equations.equations import Equations
 from linkwork.equations.joint_map import derivative
 
 
@@ -32,10 +32,7 @@ def function(
 def motion(equations: Equations) -> ca.Function:
     """Return (q, v, u) -> q', v' and the weakest relative pivot: the direct dynamics, Eq. (9)."""
     u = SX.sym("u", len(equations.mechanism.actuators))
-    applied = ca.mtimes(equations.actuation.T, u)
-    acceleration = solve_symmetric(
-        equations.inertia[0], applied - equations.bias_forces(equations.gravity)
-    )
+    acceleration = equations.accelerations(ca.mtimes(equations.actuation.T, u))
     derivatives = equations.tree.derivatives(equations.rates)
     outputs = {
         "derivatives": derivatives,

@@ -20,7 +20,7 @@ import casadi as ca
 
 from linkwork.equations import body_motion, functions
 from linkwork.equations.algebra import SX
-from linkwork.equations.equations import Equations, solve_symmetric
+from linkwork.equations.equations import Equations
 
 
 def derivatives(equations: Equations) -> ca.Function:
@@ -34,8 +34,9 @@ def derivatives(equations: Equations) -> ca.Function:
     u = SX.sym("u", len(equations.mechanism.actuators))
     L, _, pivot = equations.elimination
     S = ca.mtimes(tree.derivative_map, L)
-    force = ca.mtimes(equations.actuation.T, u) - equations.bias_forces(equations.gravity)
-    f = solve_symmetric(equations.inertia[0], force)
+    applied = ca.mtimes(equations.actuation.T, u)
+    force = applied - equations.bias_forces(equations.gravity)
+    f = equations.accelerations(applied)
     joints = ca.mtimes(equations.joints.rate_rows(), L)
     along = [ca.jtimes(ca.mtimes(S, v), tree.q, S), shifted(S, tree.q, ca.mtimes(S, v))]
     tool = next(iter(equations.mechanism.tools.values()), None)

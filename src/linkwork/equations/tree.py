@@ -230,6 +230,16 @@ class Tree:
         """Return the ground-frame position of a point given in a body's own frame."""
         return node.O + offset(node, position)
 
+    @cached_property
+    def pairs(self) -> int:
+        """Number of pairs of rates of which one carries the other; grows faster than the tree."""
+        carrying, found = [0] * (len(self.nodes) + 1), 0
+        for node in self.nodes:
+            for k, _ in enumerate(node.columns):
+                found += carrying[node.parent] + k
+            carrying[node.index] = carrying[node.parent] + len(node.columns)
+        return found
+
     @property
     def single(self) -> list[tuple[int, int]]:
         """Return the places in q and in w of the coordinates that have a rate of their own."""

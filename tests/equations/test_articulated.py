@@ -1,0 +1,137 @@
+"""Accelerations by articulated inertias: those of the tree's generalised inertia and of Pinocchio,
+at a cost that grows as the tree does; motions that move no mass stay refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.equations import articulated, derive, functions
+from linkwork.lab.engines.pinocchio import PinocchioEngine
+
+from tests.equations.evaluation import close, values
+from tests.oracle.random_joints import random_tree
+
+KINDS = {  # how many bodies, and their joints over and over
+    "all kinds": (10,),
+    "hinges": (22, "revolute"),
+    "free bodies": (8, "free", "revolute", "spherical", "revolute"),
+    "in the plane": (24, "revolute", "revolute", "prismatic"),
+}
+
+
+def hinges(count: int, limbs: int = 1) -> lw.Mechanism:
+    """Return bodies on hinges in general positions: a chain, or limbs that begin on the first."""
+    rng, bodies, joints = np.random.default_rng(count), {}, {}
+    for k in range(count):
+        frame = lw.Frame(position=0.2 * rng.normal(size=3), rotation=rng.normal(size=3))
+        below = "ground" if k == 0 else f"body_{max(k - limbs, 0)}"
+        bodies[f"body_{k}"] = lw.Body(
+            mass=1 + rng.random(),
+            centre_of_mass=0.1 * rng.normal(size=3),
+            inertia=lw.Inertia(xx=0.02, yy=0.03, zz=0.04),
+        )
+        joints[f"hinge_{k}"] = lw.RevoluteJoint(
+            connects=(below, f"body_{k}"), frames=(frame, lw.Frame())
+        )
+    return lw.Mechanism(bodies=bodies, joints=joints, actuators=tuple(joints))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_inverse_dynamics_gives_the_forces_back(kind):
+    """The inverse dynamics knows neither M nor articulated inertias."""
+    bodies, planar = KINDS[kind][0], kind == "in the plane"
+    kinds = KINDS[kind][1:]
+    mechanism = random_tree(11, bodies, planar=planar, kinds=kinds, effects=True, actuation=-2)
+    equations, rng = derive(mechanism), np.random.default_rng(1)
+    assert equations.recursive
+    q, u = equations.reference, rng.normal(size=len(mechanism.actuators))
+    v = rng.normal(size=equations.mobility)
+    q = q + 0.2 * values(functions.motion(equations), q, v, u)["derivatives"]
+    for places, _ in equations.tree.quaternions:
+        q[list(places)] /= np.linalg.norm(q[list(places)])
+    found = values(functions.motion(equations), q, v, u)["accelerations"]
+    forces = values(functions.inverse_dynamics(equations), q, v, found)["forces"]
+    S = values(functions.actuation(equations), q)["S"].reshape(u.size, v.size)
+    close(forces, S.T @ u, 1e-10)
+    terms = values(functions.terms(equations), q, v)
+    right = S.T @ u - terms["Cv"] - terms["G"] + terms["f"]
+    M = terms["M"].reshape(v.size, v.size)
+    close(found, np.linalg.solve(M, right), 1e-14 * np.linalg.cond(M))
+
+
+@pytest.mark.parametrize("limbs", [1, 4])
+def test_hinges_accelerate_as_in_pinocchio(limbs):
+    mechanism = hinges(24, limbs)
+    equations, rng = derive(mechanism), np.random.default_rng(limbs)
+    q, v, u = rng.normal(size=(3, 24))
+    names = list(mechanism.rates)
+    assert equations.recursive and list(equations.independent) == names
+    found = values(functions.motion(equations), q, v, u)["accelerations"]
+    expected = PinocchioEngine(mechanism).joint_accelerations(q, v, u)
+    close(found, expected, 1e-10)
+
+
+def test_small_trees_and_loops_keep_the_generalised_inertia():
+    assert not derive(hinges(8)).recursive
+    assert not derive(lw.robots.n_four_bar(20)).recursive
+    assert not derive(lw.robots.stewart()).recursive
+
+
+def test_the_cost_grows_as_the_tree_does():
+    counts = [functions.motion(derive(hinges(N, 2))).n_instructions() for N in (15, 20, 30)]
+    assert counts[2] - counts[1] < 2.1 * (counts[1] - counts[0])
+
+
+def test_no_motion_has_more_inertia_than_its_bound():
+    mechanism = random_tree(2, 9)
+    equations, rng = derive(mechanism), np.random.default_rng(0)
+    tree = equations.tree
+    bounds = tree.evaluated("bounds", [articulated.largest(mechanism, tree)])
+    for _ in range(5):
+        q = rng.normal(size=equations.nq)
+        for places, _ in tree.quaternions:
+            q[list(places)] /= np.linalg.norm(q[list(places)])
+        M = values(functions.terms(equations), q, np.zeros(equations.mobility))["M"]
+        own = np.array(bounds(q)[0]).ravel()[list(equations.chart.independent)]
+        assert (np.diag(M.reshape(len(own), -1)) <= own * (1 + 1e-12)).all()
+
+
+@pytest.mark.parametrize("apart", [(0.0,), (1e-17,), (1e-9,), (1e-9, 1e-9, 1e-9, 1e-9)])
+def test_motions_that_move_no_mass_are_refused_in_large_trees_too(apart):
+    """Hinges on nearly one axis with bodies without mass between, beside a chain of twelve."""
+    mechanism, last = hinges(12), "ground"
+    bodies, joints = dict(mechanism.bodies), dict(mechanism.joints)
+    for k, x in enumerate((0.0, *apart)):
+        body = f"link_{k}"
+        bodies[body] = bodies["body_0"] if k == len(apart) else lw.Body(mass=0.0)
+        joints[f"extra_{k}"] = lw.RevoluteJoint(
+            connects=(last, body), frames=(lw.Frame(position=(x, 0, 0)), lw.Frame())
+        )
+        last = body
+    robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("hinge_0",)))
+    assert robot.equations.recursive
+    state = robot.state(np.linspace(0.1, 0.9, robot.mobility))
+    with pytest.raises(lw.LinkworkError, match="generalised inertia is singular"):
+        robot.forward_dynamics(state, [0.0])
+
+
+def test_a_gimbal_of_massless_rings_is_refused_where_it_locks_only():
+    """Three turns about z, x, z on one point: at x = 0 the first and the last are one."""
+    mechanism = hinges(12)
+    bodies, joints, last = dict(mechanism.bodies), dict(mechanism.joints), "ground"
+    for k, rotation in enumerate(((0, 0, 0), (0, np.pi / 2, 0), (0, -np.pi / 2, 0))):
+        body = f"ring_{k}"
+        bodies[body] = bodies["body_0"] if k == 2 else lw.Body(mass=0.0)
+        joints[f"turn_{k}"] = lw.RevoluteJoint(
+            connects=(last, body), frames=(lw.Frame(rotation=rotation), lw.Frame())
+        )
+        last = body
+    robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("hinge_0",)))
+    assert robot.equations.recursive
+    free = {f"turn_{k}": x for k, x in enumerate((0.3, 0.7, 0.2))}
+    hinged = {f"hinge_{k}": 0.1 * k for k in range(12)}
+    assert np.isfinite(robot.forward_dynamics(robot.state(hinged | free), [0.0])).all()
+    with pytest.raises(lw.LinkworkError, match="generalised inertia is singular"):
+        robot.forward_dynamics(robot.state(hinged | free | {"turn_1": 0.0}), [0.0])
