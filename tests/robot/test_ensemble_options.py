@@ -9,6 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork import Sampled, Status
 from linkwork.control import DCMotor, Event, Sampler, Wrench
+from linkwork.equations import charts_at
 from linkwork.errors import LinkworkError
 
 from tests.robot.one_by_one import random, require_equal
@@ -251,8 +252,8 @@ def test_charts_chosen_for_many_are_those_chosen_for_each(name):
     Phi = robot.chart.constraint_jacobian(q)
     preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
     found = {}
-    for members, chart in robot.chart.chosen(Phi, preferred):
-        found |= dict.fromkeys(members.tolist(), chart)
+    for members, chart in charts_at(robot.equations, Phi, preferred):
+        found |= dict.fromkeys(members.tolist(), robot.chart.in_chart(chart))
     assert sorted(found) == list(range(12))
     for i, chart in found.items():
         alone = robot.chart.better(q[i], preferred)

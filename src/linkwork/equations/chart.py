@@ -21,6 +21,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import prod
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -157,11 +158,30 @@ def constancy(Phi: ca.SX) -> dict[int, dict[int, bool]]:
 Order = tuple[np.ndarray, list[tuple[Block, ...]], np.ndarray]
 
 
+class StageBegun(NamedTuple):
+    """Tell that a stage's rows and columns are solved from here on."""
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+class Tested(NamedTuple):
+    """Tell whether an entry was strong enough in its row for a pivot."""
+
+    row: int
+    column: int
+    strong: bool
+
+
+Asked = StageBegun | Tested | Block | None  # what decides on an order; None: the strongest entry
+
+
 def choose_orders(
     pattern: Mapping[int, Mapping[int, bool]],
     Phi: np.ndarray,
     rows: Sequence[int],
     independent: Sequence[int],
+    asked: list[Asked] | None = None,
 ) -> list[Order]:
     """Choose the order of elimination for each of G groups of configurations.
 
@@ -171,23 +191,27 @@ def choose_orders(
         Phi: its values in the mechanism's own units (G x samples x rows x nv); the order is good at
             all samples of a group.
         rows, independent: the kept rows and the independent rates.
+        asked: if given, of one group alone: filled with what decided on the order, step by step:
+            the stages, the entries that were tested, and the blocks.
 
     Returns:
         (groups, stages, determinants) for each order: the groups that have it, its blocks stage by
             stage, and their
         determinants at the groups' first samples (groups x blocks).
     """
+    asked = [] if asked is None else asked
     columns_of = {r: tuple(c for c in pattern[r] if c not in independent) for r in rows}
     orders: list[Order] = [(np.arange(len(Phi)), [], np.empty((len(Phi), 0)))]
     for stage_rows, columns in triangular(columns_of):
         constant = {(r, c) for r in stage_rows for c in columns_of[r] if pattern[r][c]}
+        asked.append(StageBegun(stage_rows, tuple(sorted(columns))))
         longer: list[Order] = []
         for groups, stages, determinants in orders:
             values = {
                 r: {c: Phi[groups, :, r, c] for c in columns_of[r] if c in columns}
                 for r in stage_rows
             }
-            for own, blocks, found in stage_orders(values, constant, len(groups)):
+            for own, blocks, found in stage_orders(values, constant, len(groups), asked):
                 longer.append(
                     (
                         groups[own],
@@ -200,13 +224,14 @@ def choose_orders(
 
 
 def stage_orders(
-    values: Values, constant: set[tuple[int, int]], groups: int
+    values: Values, constant: set[tuple[int, int]], groups: int, asked: list[Asked]
 ) -> list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]]:
     """Choose the order of elimination within a stage, on the numbers of its rows and columns, group
     by group."""
     if len(values) == 1 or (len(values) <= COFACTOR_SIZE and not constant):
         block = Block(tuple(values), tuple(sorted({c for row in values.values() for c in row})))
         determinant = nonzero(block_determinants(values, block, groups))
+        asked.append(block)
         return [(np.arange(groups), (block,), determinant[:, None])]
     found: list[tuple[np.ndarray, tuple[Block, ...], np.ndarray]] = []
     ways: list[tuple[np.ndarray, Values, set[tuple[int, int]], tuple[Block, ...], np.ndarray]] = [
@@ -217,12 +242,13 @@ def stage_orders(
         if not values:
             found.append((members, blocks, determinants))
             continue
-        for block, own in next_blocks(values, constant, len(members)):
+        for block, own in next_blocks(values, constant, len(members), asked):
             rest, steady = (
                 {r: {c: value[own] for c, value in row.items()} for r, row in values.items()},
                 set(constant),
             )
             determinant = nonzero(block_determinants(rest, block, own.size))
+            asked.append(block)
             eliminate_values(rest, steady, block)
             longer = np.concatenate([determinants[own], determinant[:, None]], axis=1)
             ways.append((members[own], rest, steady, (*blocks, block), longer))
@@ -288,7 +314,7 @@ def _triangular(
 
 
 def next_blocks(
-    values: Values, constant: set[tuple[int, int]], groups: int
+    values: Values, constant: set[tuple[int, int]], groups: int, asked: list[Asked]
 ) -> Iterator[tuple[Block, np.ndarray]]:
     """Pick the next pivot: a constant one of least Markowitz cost, else a small coupled block, else
     a strong entry.
@@ -308,6 +334,7 @@ def next_blocks(
         nonlocal left
         for r, c in sorted(candidates, key=fill):
             takes = strength(values, r, c)[left] > WEAK_PIVOT
+            asked.append(Tested(r, c, bool(takes.any())))
             if takes.any():
                 yield Block((r,), (c,)), left[takes]
                 left = left[~takes]
@@ -327,6 +354,7 @@ def next_blocks(
     held = [(r, c) for r in rows for c in values[r]]
     yield from strong(held)
     if left.size:
+        asked.append(None)
         strongest = np.argmax([strength(values, *entry)[left] for entry in held], axis=0)
         for i in np.unique(strongest):
             r, c = held[i]

@@ -152,6 +152,8 @@ def scales_of(determinants: np.ndarray, usual: np.ndarray) -> np.ndarray:
 
 def alike(table: np.ndarray) -> list[tuple[tuple, np.ndarray]]:
     """Return the different rows of a table, each with the numbers of those that are equal to it."""
+    if len(table) == 1:
+        return [(tuple(table[0].tolist()), np.arange(1))]
     left, groups = np.arange(len(table)), []
     while left.size:
         same = (table[left] == table[left[0]]).all(axis=1)

@@ -153,7 +153,7 @@ class CompiledChart:
         def multiplied(signs: tuple[float, ...]) -> CompiledChart:
             if min(signs, default=1.0) > 0:
                 return self
-            return CompiledChart(self.equations.in_chart(faced(chart, signs)), self.p)
+            return self.in_chart(faced(chart, signs))
 
         return lru_cache(maxsize=None)(multiplied)
 
@@ -184,7 +184,10 @@ class CompiledChart:
         rows, width = len(self.equations.rows.names), self.equations.nv
         if not rows:
             return np.zeros((*q.shape[:-1], 0, width))
-        found = self.kernel("constraints")(q, self.p if p is None else p)[1]
+        p, kernel = self.p if p is None else p, self.kernel("constraints")
+        if q.ndim == p.ndim == 1:
+            return kernel.flat(q, p)[rows:].reshape(width, rows).T
+        found = kernel(q, p)[1]
         return np.swapaxes(found.reshape(*q.shape[:-1], width, rows), -1, -2)
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
@@ -201,8 +204,8 @@ class CompiledChart:
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
         """Return a chart chosen at q (nq): independent rates, rows and elimination are those that
         are good there."""
-        for _, chart in self.chosen(self.constraint_jacobian(q[None]), preferred):
-            return chart
+        for _, chart in charts_at(self.equations, self.constraint_jacobian(q[None]), preferred):
+            return self.in_chart(chart)
         raise LinkworkError(
             "no choice of independent rates determines the motion here: branches of motion "
             "meet, or it ends"
@@ -222,18 +225,11 @@ class CompiledChart:
         """Return a chart in given independent rates that is good at q (nq); None where they do not
         determine the motion."""
         chart = chart_in(self.equations, self.constraint_jacobian(q, p), independent, least)
-        return chart and CompiledChart(self.equations.in_chart(chart), self.p)
+        return chart and self.in_chart(chart)
 
-    def chosen(
-        self, Phi: np.ndarray, preferred: tuple[int, ...]
-    ) -> list[tuple[np.ndarray, CompiledChart]]:
-        """Return charts chosen at each of some configurations, and the numbers of those
-        (`charts_at`)."""
-        found = charts_at(self.equations, Phi, preferred)
-        return [
-            (members, CompiledChart(self.equations.in_chart(chart), self.p))
-            for members, chart in found
-        ]
+    def in_chart(self, chart: Chart) -> CompiledChart:
+        """Return the same equations in another chart."""
+        return CompiledChart(self.equations.in_chart(chart), self.p)
 
 
 @dataclass(frozen=True, eq=False)

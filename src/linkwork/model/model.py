@@ -23,6 +23,7 @@ from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
 from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
 from linkwork.model.derivations import derived, kept
+from linkwork.model.known_charts import KnownCharts
 from linkwork.model.labels import Labels
 from linkwork.model.leading import Leader
 from linkwork.model.modes import ModeStages, modes_of
@@ -127,8 +128,16 @@ class Model:
             return self.origin.run_chart.with_parameters(self.p)
         home, equations = self.chart, self.equations
         found = kept(lambda: shorter(home, equations.reference).key, "run chart", equations.key)
-        chart = home if found == home.key else CompiledChart(equations.in_chart(found), self.p)
+        chart = home if found == home.key else home.in_chart(found)
         return self.charts.setdefault(chart.independent, chart)
+
+    @cached_property
+    def known_charts(self) -> KnownCharts:
+        """Return what chooses charts for runs, and knows those that were chosen."""
+        if self.origin is not None:
+            return self.origin.known_charts
+        rates = self.equations.tree.rates
+        return KnownCharts(self.equations, [rates.index(name) for name in self.independent])
 
     @cached_property
     def assembler(self) -> Assembler:

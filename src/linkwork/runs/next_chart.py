@@ -39,29 +39,34 @@ def lost(chart: CompiledChart, q: np.ndarray) -> bool:
 
 def choice(robot: Model, chart: CompiledChart, q: np.ndarray) -> Choice:
     """Choose what is better than a chart at one configuration q (nq)."""
-    regular, groups = choices(robot, chart, q[None])
+    Phi = robot.chart.constraint_jacobian(q)
+    regular, groups = choices(robot, chart, q[None], Phi[None])
     return Choice(bool(regular[0]), groups[0][1] if groups else None)
 
 
 def choices(
-    robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None = None
+    robot: Model,
+    chart: CompiledChart,
+    q: np.ndarray,
+    Phi: np.ndarray,
+    p: np.ndarray | None = None,
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, CompiledChart]]]:
     """Choose what is better than a chart at each of some configurations.
 
     Args:
         q: configurations (G x nq).
+        Phi: the constraint Jacobian there (G x all rows x nv).
         p: values of the robot's free parameters (G x np), its own if left out.
 
     Returns:
         Which configurations are regular (G), and the better charts, each with the numbers of the
         configurations that it is chosen for.
     """
-    home = robot.chart
-    Phi = home.constraint_jacobian(q, p)
-    sound, better = robot.equations.regular(Phi), []
+    better: list[tuple[np.ndarray, CompiledChart]] = []
     with BUILDING:
-        preferred = tuple(robot.equations.tree.rates.index(name) for name in robot.independent)
-        for members, candidate in home.chosen(Phi, preferred):
+        sound, found = robot.known_charts.at(Phi)
+        for members, key in found:
+            candidate = robot.run_charts.get(key) or robot.chart.in_chart(key)
             if candidate.order == chart.order:
                 continue
             taken = sound[members]

@@ -302,7 +302,7 @@ def in_better_charts(
         return [], changed
     q, v, z = (np.ascontiguousarray(part) for part in np.split(stands.y, [nq, nq + n], axis=1))
     p = batch.p_robot(stands.members) if batch.varied and robot.p.size else None
-    regular, groups = choices(robot, chart, q, p)
+    regular, groups = choices(robot, chart, q, robot.chart.constraint_jacobian(q, p), p)
     found = []
     for chosen, better in groups:
         rows = chosen if everywhere else chosen[regular[chosen]]
