@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from linkwork import Robot, analysis, robots
+from linkwork import Robot, analysis, motions, robots
 from linkwork.lab.overlays import summary_figure
 from linkwork.lab.reproduction import robot_figure, study
-from linkwork.views import plot_mechanism, plot_workspace, save_figure
+from linkwork.views import plot_mechanism, plot_timed_path, plot_workspace, save_figure
 from linkwork.views.style import svg
 
 FOLDER = Path(__file__).parent / "images"
@@ -26,6 +27,7 @@ def main() -> None:
         (FOLDER / f"{name}.svg").write_text(svg(figure), encoding="utf-8")
     save_figure(workspace(comparison.robot), FOLDER / "workspace.svg")
     save_figure(singularities(Robot(robots.five_bar())), FOLDER / "singularities.svg")
+    save_figure(cycle(Robot(robots.delta())), FOLDER / "cycle.svg")
     CATALOGUE.mkdir(exist_ok=True)
     for name in robots.__all__:
         (CATALOGUE / f"{name}.svg").write_text(
@@ -47,6 +49,14 @@ def singularities(robot: Robot) -> Axes:
     return plot_mechanism(
         robot, robot.home, plot_workspace(analysis.workspace(robot, grid), "det_A")
     )
+
+
+def cycle(robot: Robot) -> Figure:
+    """Draw a pick-and-place cycle of the Delta robot over time."""
+    x, y, z = robot.tool_pose(robot.home)[:3]
+    limits = motions.AxisLimits(speed=1.5, acceleration=30.0, jerk=1500.0)
+    ends = [x - 0.12, y, z - 0.03], [x + 0.12, y, z - 0.03]
+    return plot_timed_path(motions.pick_and_place(*ends, [0, 0, 0.06], limits, blend=0.4), robot)
 
 
 def portrait(robot: Robot) -> str:

@@ -30,7 +30,7 @@ STAGES = (
     "model",
     "runs",
     "robot",
-    "analysis scene",
+    "analysis motions scene",
     "views",
     "sweeps viewer lab",
     "cli",

@@ -17,6 +17,9 @@ from linkwork.errors import LinkworkError
 
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 Law = Callable[[np.ndarray], Triple]
+FLAT = 1e-9
+"""Sine of the angle between the ways from one point to two others from which on they lie in a
+line."""
 
 
 def rest_to_rest(tau: np.ndarray) -> Triple:
@@ -102,6 +105,91 @@ def circle(
             np.column_stack([middle[0] + c, middle[1] + n, rest]),
             np.column_stack([-sweep * n, sweep * c, 0 * rest]),
             np.column_stack([-(sweep**2) * c, -(sweep**2) * n, 0 * rest]),
+        )
+
+    return Path(curve, law)
+
+
+def helix(
+    centre: Sequence[float],
+    radius: float,
+    rise: float,
+    orientation: Sequence[float] | None = None,
+    *,
+    start: float = 0.0,
+    turns: float = 1.0,
+    law: Law = rest_to_rest,
+) -> Path:
+    """Lead the tool up a helix about an axis along z.
+
+    Args:
+        centre: (x, y, z) of the axis at the height of the first point [m].
+        radius: [m]; rise: along z over the whole path, negative for down [m].
+        orientation: constant rotation vector [rad]; left out: not prescribed.
+        start: angle of the first point, from x [rad].
+        turns: number of turns, negative for clockwise.
+        law: motion law.
+    """
+    middle = finite("the centre", centre, (3,)).tolist()
+    flat = circle(middle, radius, orientation, start=start, turns=turns)
+    climb = checks.number(rise, "the rise")
+
+    def curve(s: np.ndarray) -> Triple:
+        x, x_s, x_ss = flat.curve(s)
+        x[:, 2] += climb * s
+        x_s[:, 2] += climb
+        return x, x_s, x_ss
+
+    return Path(curve, law)
+
+
+def arc(
+    start: Sequence[float],
+    via: Sequence[float],
+    end: Sequence[float],
+    orientation: float | Sequence[float] | None = None,
+    *,
+    law: Law = rest_to_rest,
+) -> Path:
+    """Lead the tool along the arc of a circle from one point through another to a third.
+
+        p(s) = c + cos(phi s) a + sin(phi s) b,    a = start - c,  b normal to it
+
+    Args:
+        start, via, end: (x, y) or (x, y, z) [m].
+        orientation: constant angle, or rotation vector in space [rad]; left out: the tool's
+            orientation is not prescribed.
+        law: motion law.
+
+    Raises:
+        LinkworkError: points that lie in a line.
+    """
+    first = finite("the start", start, (2, 3))
+    size = first.size
+    others = finite("the point between", via, (size,)), finite("the end", end, (size,))
+    turn = np.atleast_1d(() if orientation is None else orientation).tolist()
+    fixed = finite("the orientation", turn, (0, 2 * size - 3))
+    # The circle through three points.
+    points = [np.append(point, np.zeros(3 - size)) for point in (first, *others)]
+    u, w = points[1] - points[0], points[2] - points[0]
+    normal = np.cross(u, w)
+    area = np.linalg.norm(normal)
+    if not area > FLAT * np.linalg.norm(u) * np.linalg.norm(w):
+        raise LinkworkError("the points of an arc lie in a line; give others, or take paths.line")
+    to_centre = np.cross((u @ u) * w - (w @ w) * u, normal) / (2 * area**2)
+    centre, a = points[0] + to_centre, -to_centre
+    b = np.cross(normal / area, a)
+    reach = points[2] - centre
+    sweep = np.arctan2(reach @ b, reach @ a) % (2 * np.pi)
+
+    def curve(s: np.ndarray) -> Triple:
+        phase, rest = (sweep * s)[:, None], np.ones((s.size, 1)) * fixed
+        c, n, middle = np.cos(phase), np.sin(phase), centre[:size]
+        A, B = a[:size], b[:size]
+        return (
+            np.hstack([middle + c * A + n * B, rest]),
+            np.hstack([sweep * (c * B - n * A), 0 * rest]),
+            np.hstack([-(sweep**2) * (c * A + n * B), 0 * rest]),
         )
 
     return Path(curve, law)

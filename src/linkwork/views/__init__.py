@@ -8,12 +8,14 @@ from linkwork.views.phase import plot_phase
 from linkwork.views.plots import plot_run
 from linkwork.views.run_report import write_report
 from linkwork.views.style import save_figure
+from linkwork.views.timed import plot_timed_path
 
 __all__ = [
     "plot_mechanism",
     "plot_motion",
     "plot_phase",
     "plot_run",
+    "plot_timed_path",
     "plot_workspace",
     "save_figure",
     "write_report",

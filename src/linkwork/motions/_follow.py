@@ -1,0 +1,157 @@
+"""Following: a robot along a timed path of its joints or of its tool."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+import numpy as np
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.model import limits
+from linkwork.model.state import Motion, State, with_positions
+from linkwork.motions.timed_paths import TimedPath
+from linkwork.robot import Robot
+
+WORST = 1e8  # condition of the map from independent rates to those that are given
+
+
+def follow(
+    robot: Robot,
+    timed: TimedPath,
+    *,
+    samples: int = 101,
+    guess: State | None = None,
+    keep_limits: bool = True,
+) -> Motion:
+    """Lead a robot along a timed path: positions, rates and accelerations of all joints.
+
+    Of joints' coordinates x = A q, with A L the rows of the rate map that belong to them:
+
+        v = (A L)^-1 x',    v' = (A L)^-1 (x'' - A L' v)
+
+    Args:
+        robot: of which the path has joint coordinates by name, as many as its mobility, or those of
+            its tool (then as `Robot.follow`).
+        timed: the path and its duration.
+        samples: number of equally spaced times from 0 to T.
+        guess: a state on the wanted branch, near the first point; `home` if left out.
+        keep_limits: refuse a motion that leaves the range of a joint.
+
+    Returns:
+        A `Motion`, for `robot.inverse_dynamics`, controllers, plots and tables.
+
+    Raises:
+        UnreachableError: a point out of reach, by its number, or the time and the points between
+            which the path leaves the workspace.
+        LinkworkError: joints that do not determine the motion; one that leaves its range.
+    """
+    if not isinstance(timed, TimedPath):
+        raise LinkworkError(
+            f"what is followed is {checks.shown(timed)}; give a timed path made by linkwork.motions"
+        )
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    if checks.count(samples, "the number of samples") < 2:
+        raise LinkworkError("a motion needs at least 2 samples")
+    require_points(robot, timed, guess)
+    if timed.names:
+        motion = of_joints(robot, timed, int(samples), guess)
+    else:
+        motion = robot.follow(timed.path, timed.duration, samples=int(samples), guess=guess)
+    if keep_limits and (beyond := limits.passed(robot, motion.positions, motion.time)):
+        raise LinkworkError(
+            f"{beyond[0]}; move the points, or allow it by follow(..., keep_limits=False)"
+        )
+    return motion
+
+
+def require_points(robot: Robot, timed: TimedPath, guess: State | None) -> None:
+    """Refuse points of the path that are out of reach, by their number, going from one to the
+    next."""
+    if timed.names:
+        require_joints(robot, timed.names)
+    if not timed.passed:
+        return
+    points = timed.sample(np.array(timed.passed))[0]
+    for k, (time, point) in enumerate(zip(timed.passed, points, strict=True)):
+        with checks.at(f"point {k} (t = {time:.6g} s): "):
+            guess = placed(robot, timed.names, point, guess)
+
+
+def require_joints(robot: Robot, names: tuple[str, ...]) -> None:
+    """Refuse coordinates that are not led by themselves, and another number than the mobility."""
+    checks.known(names, robot.coordinates, "joint")
+    for name in names:
+        if name not in robot.rates:
+            raise LinkworkError(
+                f"{name!r} is part of a quaternion and is not led alone; lead the tool's pose"
+            )
+    needed = robot.mobility - len(robot.spins)
+    if len(names) != needed:
+        raise LinkworkError(
+            f"{len(names)} joints are led, but {needed} determine the motion, for instance "
+            f"{', '.join(name for name in robot.independent if name not in robot.spins)}"
+        )
+
+
+def placed(robot: Robot, names: tuple[str, ...], point: np.ndarray, guess: State | None) -> State:
+    """Return the state at joint coordinates by name, or at a pose of the tool."""
+    if not names:
+        return robot.assemble(tool=point, guess=guess)
+    return robot.assemble(dict(zip(names, point.tolist(), strict=True)), guess=guess)
+
+
+def of_joints(robot: Robot, timed: TimedPath, samples: int, guess: State | None) -> Motion:
+    """Return the motion that joint coordinates over time determine."""
+    time = np.linspace(0, timed.duration, samples)
+    values, rates, accelerations = (checks.finite(part, "the path") for part in timed.sample(time))
+    # Each state from the one before, so that all lie on one branch.
+    states = []
+    for k, point in enumerate(values):
+        with checks.at(f"at t = {time[k]:.6g} s{between(timed, time[k])}: "):
+            guess = placed(robot, timed.names, point, guess)
+        states.append(guess)
+    still = joined(states)
+    # Rates and accelerations from those of the joints that are led.
+    rows = [robot.rates.index(name) for name in timed.names]
+    A = robot.rate_map(still)[:, rows]
+    require_determined(A, time, timed.names)
+    inverse = np.linalg.pinv(A)
+    v = (inverse @ rates[..., None])[..., 0]
+    made = still.with_rates(v)
+    bias = robot.joint_accelerations(made, np.zeros(robot.mobility))[:, rows]
+    v_dot = (inverse @ (accelerations - bias)[..., None])[..., 0]
+    tool = robot.tool_pose(made) if robot.mechanism.tools else np.zeros((samples, 0))
+    return Motion(
+        time, made, v_dot, robot.joint_rates(made), robot.joint_accelerations(made, v_dot), tool
+    )
+
+
+def joined(states: list[State]) -> State:
+    """Return single states as a stack."""
+    first = states[0]
+    zero = np.zeros((len(states), len(first.independent)))
+    stack = State(
+        np.empty(0), zero, np.array([s.q for s in states]), first.coordinates, first.independent
+    )
+    return with_positions(stack, np.array([s.positions for s in states]))
+
+
+def require_determined(A: np.ndarray, time: np.ndarray, names: tuple[str, ...]) -> None:
+    """Refuse times at which the joints that are led do not determine the others."""
+    values = np.linalg.svd(A, compute_uv=False)
+    weak = ~(values[:, -1] * WORST > values[:, 0])
+    if weak.any():
+        raise LinkworkError(
+            f"at t = {time[np.argmax(weak)]:.6g} s: {', '.join(names)} do not determine the "
+            "motion; lead other joints, or around this pose"
+        )
+
+
+def between(timed: TimedPath, time: float) -> str:
+    """Say between which points of a path a time is."""
+    if len(timed.passed) < 3:
+        return ""
+    k = min(max(bisect_right(timed.passed, time), 1), len(timed.passed) - 1)
+    return f", between point {k - 1} and point {k}"

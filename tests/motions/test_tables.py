@@ -1,0 +1,102 @@
+"""Motions written as tables are read back to the last digit, and bad tables are refused by line."""
+
+import numpy as np
+import pytest
+
+from linkwork import LinkworkError, motions
+from linkwork.views import plot_timed_path
+
+from tests.catalogue import built
+
+LIMITS = motions.AxisLimits(speed=0.5, acceleration=3.0, jerk=40.0)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return built("prr3")
+
+
+@pytest.fixture(scope="module")
+def timed(robot):
+    return motions.point_to_point(robot.home, {"slide_1": 0.2}, LIMITS, law="quintic")
+
+
+def test_a_timed_path_comes_back_as_it_was(timed, tmp_path):
+    """A quintic has the values, rates and accelerations of its samples, so it is found again."""
+    again = motions.read_csv(motions.write_csv(tmp_path / "a.csv", timed, samples=11))
+    t = np.linspace(0, timed.duration, 301)
+    assert again.names == timed.names
+    for found, wanted in zip(again.sample(t), timed.sample(t), strict=True):
+        assert found == pytest.approx(wanted, abs=1e-11)
+
+
+def test_a_motion_is_written_with_its_forces(robot, timed, tmp_path):
+    motion = motions.follow(robot, timed, samples=41)
+    forces = robot.inverse_dynamics(motion)
+    path = motions.write_csv(tmp_path / "b.csv", motion, robot, forces=forces)
+    header, *rows = path.read_text().splitlines()
+    assert header.startswith("time,slide_1,slide_1',slide_1''") and header.endswith(",u slide_3")
+    assert float(rows[7].rpartition(",")[2]) == forces.values[7, 2]
+    again = motions.read_csv(path, robot.actuators)
+    assert motions.follow(robot, again, samples=41).positions == pytest.approx(
+        motion.positions, abs=1e-10
+    )
+
+
+def test_values_alone_are_read_as_a_spline_and_with_rates_as_cubics(tmp_path):
+    path, t = tmp_path / "c.csv", np.linspace(1, 2, 41)
+    path.write_text("time,a\n" + "\n".join(f"{x!r},{x**3!r}" for x in t.tolist()))
+    s = np.linspace(0, 1, 77)
+    assert motions.read_csv(path).sample(s)[0][:, 0] == pytest.approx((1 + s) ** 3, abs=1e-12)
+    rows = [f"{x!r},{x**3!r},{3 * x**2!r}" for x in t[::10].tolist()]
+    path.write_text("time,a,a'\n" + "\n\n".join(rows))
+    assert motions.read_csv(path).sample(s)[1][:, 0] == pytest.approx(3 * (1 + s) ** 2, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "give a first line"),
+        ("t,a\n0,1\n1,2", "'time' among them"),
+        ("time,a,a\n0,1,1", "each once"),
+        ("time,a\n0,1\n1", "line 3: it has 1 values; give 2"),
+        ("time,a\n0,1\n1,x", "line 3: a is 'x'; give a finite number"),
+        ("time,a\n0,1\n1,nan", "line 3: a is 'nan'"),
+        ("time,a\n0,1", "1 rows of numbers"),
+        ("time,a\n0,1\n0,2", "times have to increase"),
+        ("time\n0\n1", "no column of a coordinate"),
+    ],
+)
+def test_bad_tables_are_refused(text, said, tmp_path):
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(LinkworkError, match=said):
+        motions.read_csv(tmp_path / "bad.csv")
+
+
+def test_what_cannot_be_written_is_refused(robot, timed, tmp_path):
+    motion = motions.follow(robot, timed, samples=5)
+    forces = robot.inverse_dynamics(motions.follow(robot, timed, samples=6))
+    pose = motions.point_to_point([0.4, 0.3, 1.2], [0.5, 0.3, 1.2], LIMITS)
+    for call, said in (
+        (lambda: motions.write_csv(tmp_path / "d.csv", motion), "give robot="),
+        (
+            lambda: motions.write_csv(tmp_path / "d.csv", motion, robot, forces=forces),
+            "at the times",
+        ),
+        (lambda: motions.write_csv(tmp_path / "d.csv", 3), "what is written is 3"),
+        (lambda: motions.write_csv(tmp_path / "no" / "d.csv", timed), "cannot be written"),
+        (lambda: motions.write_csv(tmp_path / "d.csv", pose), "say which by robot="),
+        (lambda: motions.read_csv(tmp_path / "none.csv"), "cannot be read"),
+        (lambda: plot_timed_path(3), "what is drawn is 3"),
+    ):
+        with pytest.raises(LinkworkError, match=said):
+            call()
+    assert motions.write_csv(tmp_path / "d.csv", pose, robot).read_text().startswith("time,x,x'")
+
+
+def test_a_timed_path_is_drawn_with_all_its_derivatives(robot, timed):
+    figure = plot_timed_path(timed, robot)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["coordinate\n[m]", "speed\n[m/s]", "acceleration\n[m/s²]", "jerk\n[m/s³]"]
+    line = figure.axes[2].lines[len(timed.passed)]
+    assert line.get_ydata() == pytest.approx(timed.sample(line.get_xdata())[2][:, 0], abs=1e-12)
