@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         Capsule,
         Cylinder,
         CylindricalJoint,
+        DistanceTo,
         FixedJoint,
         Frame,
         FreeJoint,
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
         Spring,
         Stop,
         Tool,
+        TurnAbout,
         UniversalJoint,
     )
     from linkwork.robot import (
@@ -78,6 +80,7 @@ __all__ = [
     "Capsule",
     "Cylinder",
     "CylindricalJoint",
+    "DistanceTo",
     "Ensemble",
     "FixedJoint",
     "Frame",
@@ -110,6 +113,7 @@ __all__ = [
     "Status",
     "Stop",
     "Tool",
+    "TurnAbout",
     "UniversalJoint",
     "UnreachableError",
     "__version__",

@@ -1,8 +1,8 @@
 """Tool paths: poses of the tool over a run, with exact first and second time derivatives.
 
 A path gives the pose x(s), x'(s), x''(s) for s from 0 to 1, and a motion law s(t) says when it is
-where. Poses have the tool's coordinates: (x, y) or (x, y, angle) in the plane, (x, y, z) or
-(x, y, z, rx, ry, rz) in space (rotation vector) [m, rad].
+where. Poses have the tool's coordinates: those of its task, or (x, y) or (x, y, angle) in the
+plane, (x, y, z) or (x, y, z, rx, ry, rz) in space (rotation vector) [m, rad].
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def arc(
 
 def line(start: Sequence[float], end: Sequence[float], *, law: Law = rest_to_rest) -> Path:
     """Lead the tool straight from one pose to another; all coordinates change in proportion."""
-    first = finite("the start", start, (2, 3, 6))
+    first = finite("the start", start)
     last = finite("the end", end, (first.size,))
 
     def curve(s: np.ndarray) -> Triple:
@@ -216,7 +216,7 @@ def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Pat
         raise LinkworkError(f"the poses are {checks.shown(poses)}; give a list of at least 4 poses")
     if len(poses) < 4:
         raise LinkworkError(f"a path through poses needs at least 4 of them, not {len(poses)}")
-    first = finite("pose 0", poses[0], (2, 3, 6))
+    first = finite("pose 0", poses[0])
     points = np.array([finite(f"pose {k}", pose, (first.size,)) for k, pose in enumerate(poses)])
     spline = CubicSpline(np.linspace(0, 1, len(points)), points)
     return Path(lambda s: (spline(s), spline(s, 1), spline(s, 2)), law)
@@ -252,13 +252,15 @@ def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = res
     return Path(curve, law)
 
 
-def finite(what: str, values: Sequence[float], sizes: tuple[int, ...]) -> np.ndarray:
+def finite(what: str, values: Sequence[float], sizes: tuple[int, ...] = ()) -> np.ndarray:
+    """Return finite numbers, as many as one of some sizes where there are any."""
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
         array = np.empty((0, 0))
-    if array.ndim != 1 or array.size not in sizes or not np.isfinite(array).all():
-        counts = " or ".join(map(str, sizes))
+    fits = array.size in sizes if sizes else array.size > 0
+    if array.ndim != 1 or not fits or not np.isfinite(array).all():
+        counts = " or ".join(map(str, sizes)) or "the tool's coordinates as"
         given = np.ravel(array).tolist() if array.size else values
         raise LinkworkError(f"{what} is {checks.shown(given)}; give {counts} finite numbers")
     return array

@@ -171,7 +171,7 @@ def test_out_of_reach_there_is_no_mode():
         (lambda: working_modes(built("four_bar")), "name the coordinates"),
         (
             lambda: working_modes(built("stewart"), what=("x", "y", "z", "rx")),
-            "rx, ry and rz, or for none",
+            "4 coordinates are given, but the mobility is 6",
         ),
         (
             lambda: working_modes(built("four_bar"), what=("w",)),

@@ -123,8 +123,9 @@ def test_a_3_rrs_is_not_singular_for_the_sideways_shifts_that_nothing_leads(lift
     assert told.kinds == () and told.leg > 0.1 and told.message == "regular"
     asked = singularity(robot, level, what=("x", "y", "z"))
     assert asked.kinds == ("I",) and "with the tool's x, y, z held still" in asked.message
-    with pytest.raises(lw.LinkworkError, match="name the coordinates that the tool is led in"):
-        along(robot, robot.state(level.positions[None]))
+    near = along(robot, robot.state(level.positions[None]))
+    assert robot.task == ("z", "rx", "ry") and near["conditioning"] > 0.5
+    assert abs(near["det_A"]) > 0.1 and abs(near["det_B"]) > 0.1
 
 
 @pytest.mark.parametrize("knee", [2.0, np.pi])
@@ -133,7 +134,7 @@ def test_a_3_rrs_is_leg_singular_where_its_legs_are_stretched_whatever_its_refer
     still."""
     robot, bent, straight = rrs(knee), rrs(2.0), rrs(np.pi)
     told = singularity(robot, robot.state(straight.home.positions))
-    assert told.kinds == ("I",) and "with the tool held still" in told.message
+    assert told.kinds == ("I",) and "held still" in told.message
     assert singularity(robot, robot.state(bent.home.positions)).kinds == ()
 
 

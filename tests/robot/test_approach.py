@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import linkwork as lw
 from linkwork.model import posing
 from linkwork.model.assembly import UnreachableError
+from linkwork.model.task import asked_of
 
 from tests.equations.evaluation import close
 
@@ -44,7 +45,7 @@ def poses_near(robot: lw.Robot, size: int, spread: float, count: int = 12) -> np
 def test_poses_are_met_as_by_steps_of_least_squares(case):
     robot, size = case
     poses = poses_near(robot, size, 0.05)
-    compiled = robot.leader(size, kept=True)
+    compiled = robot.leader_of_tool(asked_of(robot, size), kept=True)
     assert compiled.approach is not None
     q, there = compiled.approached(np.repeat(robot.home.q[None], len(poses), axis=0), poses)
     assert there.all()
@@ -58,7 +59,7 @@ def test_poses_are_met_as_by_steps_of_least_squares(case):
 
 def test_determinants_are_those_of_the_matrix(case):
     robot, size = case
-    leader = robot.leader(size, kept=True)
+    leader = robot.leader_of_tool(asked_of(robot, size), kept=True)
     q, _ = leader.approached(
         np.repeat(robot.home.q[None], 12, axis=0), poses_near(robot, size, 0.05)
     )
@@ -70,7 +71,10 @@ def test_determinants_are_those_of_the_matrix(case):
 
 def test_what_is_far_is_met_on_the_same_branch_or_left_to_steps_of_least_squares(case):
     robot, size = case
-    leader, poses = robot.leader(size, kept=True), poses_near(robot, size, 0.3, 60)
+    leader, poses = (
+        robot.leader_of_tool(asked_of(robot, size), kept=True),
+        poses_near(robot, size, 0.3, 60),
+    )
     q, there = leader.approached(np.repeat(robot.home.q[None], len(poses), axis=0), poses)
     assert 0 < there.sum() < len(poses)
     before, after = leader.signs(robot.home.q[None]), leader.signs(q[there])
@@ -89,7 +93,9 @@ def test_turns_of_any_size_are_met(turn: float):
     robot = lw.Robot(lw.robots.stewart())
     axis = turn * np.array([0.6, 0.0, 0.8])
     pose = np.concatenate([robot.tool_pose(robot.home)[:3], axis])
-    q, there = robot.leader(6, kept=True).approached(robot.home.q[None], pose[None])
+    q, there = robot.leader_of_tool(asked_of(robot, 6), kept=True).approached(
+        robot.home.q[None], pose[None]
+    )
     assert there.all()
     found = Rotation.from_rotvec(robot.tool_poses(q[0])[3:])
     assert (found * Rotation.from_rotvec(axis).inv()).magnitude() < 1e-12
@@ -98,7 +104,9 @@ def test_turns_of_any_size_are_met(turn: float):
 def test_half_a_turn_is_not_taken_for_none():
     robot = lw.Robot(lw.robots.stewart())
     pose = np.concatenate([robot.tool_pose(robot.home)[:3], [0.0, 0.0, np.pi]])
-    _, there = robot.leader(6, kept=True).approached(robot.home.q[None], pose[None])
+    _, there = robot.leader_of_tool(asked_of(robot, 6), kept=True).approached(
+        robot.home.q[None], pose[None]
+    )
     assert not there.any()
 
 
@@ -198,7 +206,10 @@ def test_far_poses_are_met_on_the_mode_of_the_guess(name):
     is met has the signs of the guess, and its pose."""
     robot = lw.Robot(getattr(lw.robots, name)())
     size = SIZES[name]
-    leader, poses = robot.leader(size, kept=True), poses_near(robot, size, 0.3, 200)
+    leader, poses = (
+        robot.leader_of_tool(asked_of(robot, size), kept=True),
+        poses_near(robot, size, 0.3, 200),
+    )
     q, there, mode = leader.led(robot.home.q, poses)
     assert there.sum() > 10
     assert (leader.signs(q[there]) * mode >= 0).all()

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import Solver, random_configurations, solver
-from linkwork.analysis.square import Square, of_joints, of_tool, pose_names
+from linkwork.analysis.square import Square, of_joints, of_tool
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -142,8 +142,7 @@ def working_modes(
     Args:
         robot: its closed loops are solved.
         tool: the tool's pose in the coordinates `what` [m, rad]; that at home if left out.
-        what: coordinates of the pose, of x, y, angle in the plane, x, y, z, rx, ry, rz
-            (rotation vector) in space; as many as the tool can be led in if left out.
+        what: names of coordinates, of the tool's `task` or of any pose; the task if left out.
         starts, seed: as in `assembly_modes`.
 
     Raises:
@@ -152,8 +151,7 @@ def working_modes(
     """
     square = of_tool(robot, what)
     if tool is None:
-        names = pose_names(robot)
-        asked = robot.tool_pose(robot.home)[[names.index(name) for name in square.what]]
+        asked = robot.task_values(robot.home, square.what)
     else:
         asked = checks.vector(tool, "the tool's pose", square.what, "tool coordinate")
         if asked.ndim != 1:
@@ -162,6 +160,8 @@ def working_modes(
                 f"{', '.join(square.what)}"
             )
         asked = checks.finite(asked, "the tool's pose")
+    assert square.asked is not None
+    asked = square.asked.given(asked)
     return search(square, asked, by_actuators if robot.actuators else by_bodies, starts, seed)
 
 
@@ -210,7 +210,7 @@ def scattered(
     square = problem.square
     q = random_configurations(square, problem.length, count, random)
     for name, value in zip(square.what, asked, strict=True):
-        if name in square.equations.tree.coordinates:
+        if square.asked is None and name in square.equations.tree.coordinates:
             q[:, square.equations.tree.coordinates.index(name)] = value
     return q
 
@@ -225,6 +225,7 @@ def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int
     signs = problem.signs(q).astype(int)
     inside = np.array([not limits.passed(robot, row) for row in states.positions], bool)
     hits, first = gathered.hits[order], gathered.first[order]
+    asked = square.asked.told(asked) if square.asked else asked
     return Modes(square.what, asked, states, hits, first, tried, int(hits.sum()), signs, inside)
 
 

@@ -27,12 +27,12 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis.newton import extent
-from linkwork.analysis.square import Square, of_joints, of_tool, tool_coordinates
+from linkwork.analysis.square import Square, of_joints, of_tool
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
+from linkwork.mechanism.task import is_length
 from linkwork.model import checks
-from linkwork.model.labels import POSE_ANGLES
 from linkwork.robot import Robot, State
 
 HARDLY = 1e-3
@@ -68,8 +68,9 @@ class Jacobians:
 
     @property
     def turning(self) -> np.ndarray:
-        """Which components of x' are angular velocities (n)."""
-        return np.array([name in POSE_ANGLES for name in self.what])
+        """Which components of x' are angular velocities (n), or rates of directions."""
+        assert self.inverse.asked is not None
+        return np.array([not is_length(item) for item in self.inverse.asked.held])
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -155,8 +156,7 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
             f"the coordinates of the tool are {what!r}; give their names, or call what "
             "jacobians(robot) returns with state.q"
         )
-    led = tool_coordinates(robot, near=False) if what is None else what
-    return Jacobians(of_tool(robot, led), of_actuators(robot))
+    return Jacobians(of_tool(robot, what, near=False), of_actuators(robot))
 
 
 def of_actuators(robot: Robot) -> Square:

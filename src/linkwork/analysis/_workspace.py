@@ -23,7 +23,7 @@ Source: Merlet 2006, Parallel Robots, ch. 7 (workspaces); Gosselin & Angeles 199
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,8 +35,8 @@ from linkwork.analysis.singular_values import singular_values
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
+from linkwork.mechanism.task import unit
 from linkwork.model import checks
-from linkwork.model.labels import POSE_ANGLES
 from linkwork.robot import Robot, State
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ def workspace(
 
     Args:
         robot: with as many actuators as freedoms, and a tool.
-        grid: coordinates of the pose by name, as many as freedoms: of x, y, angle in the plane, of
-            x, y, z, rx, ry, rz (rotation vector) in space [m, rad]; each an increasing or
-            decreasing sequence, or one number.
+        grid: coordinates of the tool by name, as many as freedoms, of its `task` or of any pose,
+            such as x, y, angle in the plane, x, y, z, rz, tilt ... in space [m, rad]; each an
+            increasing or decreasing sequence, or one number.
         guess: a state on the working mode; `home` if left out.
         limits: lower and upper bounds of joint coordinates by name [m, rad], beside those in the
             description.
@@ -93,12 +93,12 @@ def workspace(
     """
     axes = read_grid(robot, grid)
     J = jacobians(robot, tuple(axes))
-    problem = solver(J.inverse)
+    problem, poses = solver(J.inverse), Poses.of(axes)
+    assert J.inverse.asked is not None
     start = (robot.home if guess is None else robot.own(guess)).q
     if start.ndim != 1:
         raise LinkworkError("the guess is a stack of states; give one of them")
-    poses = Poses.of(axes)
-    q, good = reach(problem, poses, start)
+    q, good = reach(problem, replace(poses, values=J.inverse.asked.given(poses.values)), start)
     good[good] = within(robot, q[good], bounds(robot, limits))
     return dataset(
         J,
@@ -274,9 +274,11 @@ def dataset(
         dims = (*poses.dims, "actuator") if part.ndim == 2 else poses.dims
         variables[name] = (dims, full.reshape((*poses.shape, *part.shape[1:])), attributes(name, J))
     # The grid's own axes, of which single numbers have no dimension.
+    assert J.inverse.asked is not None
+    what = J.inverse.asked.what
     coords = {
-        name: ((name,) if axis.ndim else (), axis, {"units": unit(name)})
-        for name, axis in poses.axes.items()
+        name: ((name,) if axis.ndim else (), axis, {"units": unit(item)})
+        for (name, axis), item in zip(poses.axes.items(), what, strict=True)
     }
     attrs = {
         "mechanism": robot.mechanism.name,
@@ -292,10 +294,6 @@ def attributes(name: str, J: Jacobians) -> dict[str, str]:
     if name == "actuator_position":
         return {"units": ", ".join(J.robot.unit(label) for label in J.direct.what)}
     return {"units": MEANING[name][0], "long_name": MEANING[name][1]}
-
-
-def unit(name: str) -> str:
-    return "rad" if name in POSE_ANGLES else "m"
 
 
 def message(good: np.ndarray, poses: Poses) -> str:
@@ -383,7 +381,7 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     for name, axis in zip(dims, axes, strict=True):
         steps = np.diff(axis)
         if (
-            name in POSE_ANGLES
+            mapped[name].attrs.get("units", "m") != "m"
             or len(axis) < 2
             or not np.allclose(steps, steps[0], rtol=1e-6, atol=0)
         ):

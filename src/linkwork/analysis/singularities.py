@@ -29,13 +29,14 @@ import numpy as np
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
 from linkwork.analysis.newton import extent
 from linkwork.analysis.singular_values import singular_values
-from linkwork.analysis.square import led_coordinates, pose_names
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
+from linkwork.mechanism.task import labels
 from linkwork.model import checks
-from linkwork.model.asked import twist_rows
-from linkwork.model.labels import POSE_ANGLES
+from linkwork.model.asked import task_rows
+from linkwork.model.labels import POSE_ANGLES, POSES
+from linkwork.model.task import task_if_any
 from linkwork.robot import Motion, Robot, State
 from linkwork.simulation import Run
 
@@ -90,9 +91,8 @@ def singularity(
     Args:
         robot: with as many actuators as freedoms, and a tool.
         state: one closed configuration.
-        what: coordinates of the tool that count, of x, y, angle or x, y, z, rx, ry, rz; if left out
-            those that it is led in: all, the position, or the orientation, or the whole pose where
-                none of these is led alone.
+        what: coordinates of the tool that count, by name; if left out those of its `task`, stated
+            or plain, or the whole pose where none is.
         bound: ratio of singular values below which a matrix counts as singular.
 
     Raises:
@@ -150,26 +150,25 @@ class Watched:
     @property
     def held(self) -> str:
         """What of the tool stands still in a leg-singular configuration."""
-        whole = self.what == pose_names(self.robot)
+        whole = self.what == POSES[self.robot.planar]
         return "the tool" if whole else f"the tool's {', '.join(self.what)}"
 
 
 def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     """Return what is watched of a robot: the coordinates asked for, or those that the tool is led
     in, or the whole pose."""
-    robot.require_tool()
-    led = led_coordinates(robot, near=False) if what is None else tuple(what)
-    if led is not None:
-        made = jacobians(robot, led)
+    stated = task_if_any(robot, near=False)
+    if what is not None or stated is not None:
+        made = jacobians(robot, labels(stated or ()) if what is None else what)
         return Watched(
             robot, made.what, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths()
         )
-    whole, direct = pose_names(robot), of_actuators(robot)
+    whole, direct = POSES[robot.planar], of_actuators(robot)
     scale = np.where([name in POSE_ANGLES for name in whole], extent(direct), 1.0)
     return Watched(
         robot,
         whole,
-        stacked_rows(robot, twist_rows(robot.equations, whole), direct.J),
+        stacked_rows(robot, task_rows(robot.equations, whole), direct.J),
         scale,
         np.ones(len(direct.what)),
     )

@@ -21,20 +21,16 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, body_motion
+from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
 from linkwork.equations.chart import Chart, choose_chart
 from linkwork.equations.elimination import solve
 from linkwork.equations.independence import choose_independent
 from linkwork.errors import LinkworkError
-from linkwork.model import checks
-from linkwork.model.asked import TWIST_ROWS, Rows, joint_rows, tool_rows
-from linkwork.model.labels import POSE_ANGLES, POSES
+from linkwork.model import checks, task
+from linkwork.model.asked import Rows, ToolAsked, joint_rows
+from linkwork.model.task import DEPENDENT, around
 from linkwork.robot import Robot
-
-SAMPLES = 4
-DEPENDENT = 1e-6
-SPREAD = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +41,7 @@ class Square:
     what: names of the rows; J: rows x nv; target: y (rows); error: value - target (rows), angles
         the short way round
     heights: units of the rows: the mechanism's own length of lengths, 1 of angles
+    asked: what is asked of the tool, if it is: its held values are what the rows are for
     """
 
     robot: Robot
@@ -53,6 +50,7 @@ class Square:
     target: ca.SX
     error: ca.SX
     heights: np.ndarray
+    asked: ToolAsked | None = None
 
     @property
     def equations(self) -> Equations:
@@ -158,79 +156,21 @@ def of_joints(robot: Robot, names: Sequence[str]) -> Square:
     return square(robot, tuple(names), rows, robot.labels.sizes[places])
 
 
-def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
-    """Return the system that asks for coordinates of the tool's pose: the inverse kinematics.
+def of_tool(robot: Robot, what: Sequence[str] | None = None, near: bool = True) -> Square:
+    """Return the system that asks for task coordinates of the tool: the inverse kinematics.
 
     Args:
-        what: some of x, y, angle in the plane; of x, y, z, rx, ry, rz (rotation vector, all three
-            or none) in space; as many as the tool can follow if left out.
+        what: names of coordinates, of the tool's task or of any pose (`mechanism.task`); the task
+            if left out.
+        near: as in `led_coordinates`.
 
     Raises:
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
     """
     robot.require_tool()
-    what = tool_coordinates(robot) if what is None else tuple(what)
-    checks.known(what, pose_names(robot), "coordinate of the tool")
-    turns = [name for name in what if name in ("rx", "ry", "rz")]
-    if turns and len(turns) < 3:
-        raise LinkworkError(
-            f"{', '.join(turns)} are parts of a rotation vector; ask for rx, ry and rz, or for none"
-        )
-    heights = np.where([name in POSE_ANGLES for name in what], 1.0, robot.equations.tree.length)
-    return square(robot, what, tool_rows(robot.equations, what), heights)
-
-
-def pose_names(robot: Robot) -> tuple[str, ...]:
-    """Return the names of the numbers of a tool pose."""
-    return POSES[robot.planar]
-
-
-def tool_coordinates(robot: Robot, near: bool = True) -> tuple[str, ...]:
-    """Return the coordinates of the tool's pose that the robot can lead (`led_coordinates`); refuse
-    where there are none."""
-    led = led_coordinates(robot, near)
-    if led is None:
-        names = pose_names(robot)
-        raise LinkworkError(
-            f"the tool's pose has {len(names)} coordinates and the robot "
-            f"{robot.mobility - len(robot.spins)} freedoms; name the coordinates that the tool "
-            f"is led in, of {', '.join(names)}"
-        )
-    return led
-
-
-def led_coordinates(robot: Robot, near: bool) -> tuple[str, ...] | None:
-    """Return the coordinates of the tool's pose that the robot can lead: all, the position, or the
-    orientation.
-
-    They have to be independent at the reference or near it.
-
-    near: whether that is enough. If not, a part of the pose may lack one direction at the
-    reference, where a leg or an arm
-        is stretched, but not more: a tool that shifts only as it tilts lacks two when it is level,
-        and is not led in them.
-    """
-    names, freedoms = pose_names(robot), robot.mobility - len(robot.spins)
-    maps = np.array(twist_maps(robot)) / np.repeat([1.0, robot.equations.tree.length], 3)[:, None]
-    maps = maps * robot.equations.tree.rate_units[list(robot.equations.chart.independent)]
-    for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
-        if not chosen or len(chosen) != freedoms:
-            continue
-        sigma = np.linalg.svd(maps[:, [TWIST_ROWS[name] for name in chosen]], compute_uv=False)
-        here, *aside = np.sum(sigma > DEPENDENT * sigma.max(), axis=1)
-        if max(here, *aside) == freedoms and (near or chosen == names or here >= freedoms - 1):
-            return chosen
-    return None
-
-
-def twist_maps(robot: Robot) -> list[np.ndarray]:
-    """Return the tool's twist (6 x n) for the independent rates, at the reference and near it."""
-    tree, tool = robot.equations.tree, next(iter(robot.mechanism.tools.values()))
-    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(robot.equations.nv))
-    read = ca.Function(
-        "twist", [tree.q, robot.equations.p], [ca.mtimes(J, robot.equations.elimination.L)]
-    )
-    return [np.array(read(q, robot.p)) for q in around(robot)]
+    coordinates = task.task_of(robot, near) if what is None else task.known(robot, what)
+    asked = ToolAsked(coordinates, robot.equations.tree.length, robot.planar)
+    return square(robot, asked.labels, asked.expressed(robot.equations), asked.units, asked)
 
 
 def full_rank(rows: np.ndarray) -> bool:
@@ -238,7 +178,13 @@ def full_rank(rows: np.ndarray) -> bool:
     return bool(np.linalg.matrix_rank(rows, rtol=DEPENDENT) == len(rows))
 
 
-def square(robot: Robot, what: tuple[str, ...], rows: Rows, heights: np.ndarray) -> Square:
+def square(
+    robot: Robot,
+    what: tuple[str, ...],
+    rows: Rows,
+    heights: np.ndarray,
+    asked: ToolAsked | None = None,
+) -> Square:
     """Return the system; refuse another number of rows than freedoms."""
     freedoms = robot.mobility - len(robot.spins)
     if len(what) != freedoms:
@@ -247,21 +193,7 @@ def square(robot: Robot, what: tuple[str, ...], rows: Rows, heights: np.ndarray)
             f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the "
             f"mobility is {freedoms}{besides}; give as many"
         )
-    return Square(robot, what, *rows, heights)
-
-
-def around(robot: Robot) -> list[np.ndarray]:
-    """Return the reference and configurations near it (fixed seed), whose loops are open by a
-    little."""
-    random = np.random.default_rng(1990)
-    q = robot.equations.reference
-    return [
-        q,
-        *(
-            q + SPREAD * robot.equations.tree.units * random.standard_normal(q.size)
-            for _ in range(SAMPLES)
-        ),
-    ]
+    return Square(robot, what, *rows, heights, asked)
 
 
 def scaled(A: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from linkwork import analysis
-from linkwork.analysis.square import led_coordinates, pose_names
 from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.entries import by_name, number, numbers
 from linkwork.cli.simulate import StartOptions
@@ -18,6 +17,8 @@ from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, table
 from linkwork.equations.body_motion import pose_places
 from linkwork.errors import LinkworkError
+from linkwork.model.labels import POSES
+from linkwork.model.task import task_if_any
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 
@@ -89,7 +90,7 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
     shown = (
         robot.actuators[:FEW]
         if tool is not None
-        else pose_names(robot)
+        else POSES[robot.planar]
         if robot.mechanism.tools
         else robot.coordinates[:FEW]
     )
@@ -126,7 +127,7 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
         rows.append(
             ("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items()))
         )
-    elif not told.kinds and led_coordinates(robot, near=False):
+    elif not told.kinds and task_if_any(robot, near=False):
         stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
         near = analysis.along(robot, stack).isel(sample=0)
         rows += [
@@ -439,6 +440,8 @@ def ball(mapped) -> str:
 def pose_of(robot: Robot, state: State) -> str:
     """Return a configuration in words: the tool's pose where there is a tool, else joint
     coordinates."""
-    labels: Sequence[str] = pose_names(robot) if robot.mechanism.tools else robot.coordinates[:FEW]
+    labels: Sequence[str] = (
+        POSES[robot.planar] if robot.mechanism.tools else robot.coordinates[:FEW]
+    )
     values = robot.tool_pose(state) if robot.mechanism.tools else state.positions[: len(labels)]
     return ", ".join(f"{label} {value:.5g}" for label, value in zip(labels, values, strict=True))

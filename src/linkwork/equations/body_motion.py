@@ -13,9 +13,10 @@ import numpy as np
 
 from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, vector, zero
 from linkwork.equations.closure import moving
+from linkwork.equations.joint_map import derivative
 from linkwork.equations.orientation import Orientation
 from linkwork.equations.tree import Node, Tree, near_offset, offset
-from linkwork.mechanism import Mechanism, Tool
+from linkwork.mechanism import GROUND, Mechanism, Tool
 
 
 def jacobian(tree: Tree, node: Node, d: ca.SX) -> ca.SX:
@@ -78,11 +79,17 @@ class ToolPose(NamedTuple):
 
 
 def tool_pose(tree: Tree, tool: Tool) -> ToolPose:
-    """Return where a tool is."""
-    node = tree.node(tool.body)
+    """Return where a tool is, in the ground or in the frame of the body that it is relative to."""
+    node, planar = tree.node(tool.body), is_planar(tree)
     p = node.O + offset(node, vector(tool.frame.position))
     R = node.R.then_constant(rotation_matrix(tool.frame.rotation))
-    return ToolPose(p, ca.vec(R.matrix.T), planar_angle(R) if is_planar(tree) else SX(0))
+    angle = planar_angle(R) if planar else SX(0)
+    if tool.relative_to == GROUND:
+        return ToolPose(p, ca.vec(R.matrix.T), angle)
+    base = tree.node(tool.relative_to)
+    p = ca.mtimes(base.R.matrix.T, p - base.O - offset(base, np.zeros(3)))
+    angle = angle - planar_angle(base.R) if planar else angle
+    return ToolPose(p, ca.vec(ca.mtimes(R.matrix.T, base.R.matrix)), angle)
 
 
 def planar_angle(R: Orientation) -> ca.SX:
@@ -100,11 +107,27 @@ def pose_places(planar: bool) -> list[int]:
 
 
 def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return a tool's Jacobian J (6 x nv, [omega; v]) and J' w (6), its acceleration at w' = 0."""
+    """Return a tool's Jacobian J (6 x nv, [omega; v]) and J' w (6), its acceleration at w' = 0.
+
+    Relative to a body B they are those of the pose in its frame: omega = R_B' (omega_T - omega_B),
+    v = R_B' (v_T - v_B - omega_B x (p_T - p_B)).
+    """
     node = tree.node(tool.body)
     d = near_offset(node, vector(tool.frame.position))
+    if tool.relative_to != GROUND:
+        J = relative_jacobian(tree, node, d, tree.node(tool.relative_to))
+        return J, ca.mtimes(derivative(J, tree, rates), rates)
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
     i, A = node.index, node.axes.matrix
     point = a[i] + cross(alpha[i], d) + spin(omega[i], d)
     return jacobian(tree, node, d), ca.vertcat(ca.mtimes(A, alpha[i]), ca.mtimes(A, point))
+
+
+def relative_jacobian(tree: Tree, node: Node, d: ca.SX, base: Node) -> ca.SX:
+    """Return J (6 x nv) of a point of a node's body in the frame of another node's body."""
+    J, J_B = jacobian(tree, node, d), jacobian(tree, base, near_offset(base, np.zeros(3)))
+    aside = node.O + ca.mtimes(node.axes.matrix, d) - base.O - offset(base, np.zeros(3))
+    v = J[3:, :] - J_B[3:, :] + ca.mtimes(ca.skew(aside), J_B[:3, :])
+    turn = base.R.matrix.T
+    return ca.vertcat(ca.mtimes(turn, J[:3, :] - J_B[:3, :]), ca.mtimes(turn, v))

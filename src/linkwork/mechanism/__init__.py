@@ -10,10 +10,12 @@ from linkwork.mechanism.json_schema import schema
 from linkwork.mechanism.mechanism import GROUND, Mechanism, Tool
 from linkwork.mechanism.record import MechanismError
 from linkwork.mechanism.shapes import *  # noqa: F403 - all shapes
+from linkwork.mechanism.task import DistanceTo, TurnAbout
 
 __all__ = [
     "GROUND",
     "Body",
+    "DistanceTo",
     "Effects",
     "Frame",
     "Friction",
@@ -25,6 +27,7 @@ __all__ = [
     "Spring",
     "Stop",
     "Tool",
+    "TurnAbout",
     "schema",
 ]
 __all__ += joints.__all__

@@ -21,6 +21,7 @@ from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
+from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -34,6 +35,42 @@ class Tool(Record):
 
     body: Name = Field(description="name of the body that carries the tool")
     frame: Frame = Field(default=Frame(), description="the tool's frame in the body's frame")
+    task: tuple[TaskCoordinate, ...] | None = Field(
+        default=None,
+        description=(
+            "coordinates of the tool's pose in which it is led, as many as it has freedoms; "
+            "chosen where that is plain if left out"
+        ),
+    )
+    relative_to: Name = Field(
+        default=GROUND, description="name of the body in whose frame the tool's pose is told"
+    )
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        names = labels(self.task or ())
+        if self.task is not None and not names:
+            raise MechanismError("names no coordinate; leave it out, or give some", ("task",))
+        for name in names:
+            if names.count(name) > 1:
+                raise MechanismError(
+                    f"{name!r} is named twice; give each coordinate once, and records names of "
+                    "their own",
+                    ("task",),
+                )
+        for item in self.task or ():
+            if not isinstance(item, str) and item.name in NAMES:
+                raise MechanismError(
+                    f"{item.name!r} is the name of a coordinate of a pose; give the {item.type} "
+                    "another name",
+                    ("task",),
+                )
+        if self.relative_to == self.body:
+            raise MechanismError(
+                f"the pose on {self.body!r} is told relative to the same body; name another",
+                ("relative_to",),
+            )
+        return self
 
 
 class Mechanism(Record):
@@ -127,6 +164,7 @@ class Mechanism(Record):
         self._check_actuators()
         for name, tool in self.tools.items():
             require(tool.body, self.bodies, "body", ("tools", name, "body"))
+            require(tool.relative_to, bodies, "body", ("tools", name, "relative_to"))
         for name in self.reference:
             require(name, coordinates, "joint", ("reference",))
         # All hangs together.

@@ -8,8 +8,8 @@ a body and a joint, say, share a name, the section goes before it:
 
 A number that enters the equations of motion may be free, that is, a symbol whose value is chosen
 later. Directions (rotations, axes) may not: what is parallel, and so what vanishes, is decided by
-them; nor may limits and the reference, which enter no equation, nor the shapes of bodies, nor what
-decides the form of a force.
+them; nor may limits, the reference and tasks of tools, which enter no equation, nor the shapes of
+bodies, nor what decides the form of a force.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SECTIONS = ("bodies", "joints", "springs", "tools")
 SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
 DIRECTIONS = ("rotation", "axis", "axes")
-OUTSIDE = ("limits", "reference", "shapes")
+OUTSIDE = ("limits", "reference", "shapes", "task")
 FORMS = ("exponent", "restitution")
 
 Where = tuple[str, ...]

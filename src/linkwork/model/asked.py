@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple, Protocol
 
 import casadi as ca
@@ -20,11 +20,19 @@ import numpy as np
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion, wrapped
 from linkwork.equations.effects import rotation_vector
+from linkwork.equations.task import task_map, whole_rotation
 from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel, compile_function
+from linkwork.mechanism import DistanceTo, TurnAbout
+from linkwork.mechanism.task import ROTATION, TaskCoordinate, is_angle, is_length, labels
 from linkwork.model.labels import POSES
 
 TWIST_ROWS = {"x": 3, "y": 4, "z": 5, "rx": 0, "ry": 1, "rz": 2, "angle": 2}
 LONG_NAMES = {"rx": "rotation x", "ry": "rotation y", "rz": "rotation z"}
+KNOWN = {"x": 0, "y": 1, "z": 2, "angle": 3}  # places of coordinates in position and angle
+UPRIGHT = "where the tool is upright lead it in tilt_x, tilt_y, or in azimuth and tilt together"
+CURES = {"azimuth": UPRIGHT, "tilt": UPRIGHT}
+SWUNG_BY = {"azimuth": "tilt_x", "tilt": "tilt_y"}  # what both together are held by
 Outputs = Mapping[str, np.ndarray]
 
 
@@ -83,16 +91,18 @@ class Asked(Protocol):
 
 @dataclass(frozen=True)
 class ToolAsked:
-    """Ask for the tool's pose: x, y[, angle] in the plane; x, y, z[, rotation vector] in space;
-    length: the own one [m]."""
+    """Ask for coordinates of the tool's pose.
 
-    what: tuple[str, ...]
+    what: task coordinates; length: the mechanism's own [m]; planar: whether it moves in the plane
+
+    An azimuth together with a tilt is held by  tilt (cos azimuth, sin azimuth),  which is regular
+    where the tool is upright, too (`held`): values are `given` so.
+    """
+
+    what: tuple[TaskCoordinate, ...]
     length: float
     planar: bool
     noun: str = "pose"
-
-    def said(self, y: np.ndarray) -> str:
-        return f"with the tool at {np.round(y, 6).tolist()}"
 
     @classmethod
     def of(cls, size: int, length: float, planar: bool) -> ToolAsked:
@@ -106,54 +116,157 @@ class ToolAsked:
             )
         return cls(poses[:size], length, planar)
 
+    def said(self, y: np.ndarray) -> str:
+        return f"with the tool at {np.round(self.told(y), 6).tolist()}"
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Return the names of the coordinates."""
+        return labels(self.what)
+
+    @cached_property
+    def held(self) -> tuple[TaskCoordinate, ...]:
+        """Return the coordinates whose values are held."""
+        if not self.pointing:
+            return self.what
+        return tuple(SWUNG_BY.get(str(item), item) for item in self.what)
+
+    @property
+    def pointing(self) -> tuple[int, int] | None:
+        """Return the places of an azimuth and a tilt that are both asked for."""
+        return pointing_of(self.what)
+
+    def given(self, y: np.ndarray) -> np.ndarray:
+        """Return the values that are held (..., k) of values as a user gives them (..., k)."""
+        return self.given_motion(y, 0 * y, 0 * y)[0] if self.pointing else y
+
+    def given_motion(
+        self, y: np.ndarray, dy: np.ndarray, ddy: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return held values and their time derivatives (..., k) of those that a user gives."""
+        if self.pointing is None:
+            return y, dy, ddy
+        a, t = self.pointing
+        turn, rate = np.exp(1j * y[..., a]), dy[..., t] + 1j * y[..., t] * dy[..., a]
+        bend = ddy[..., t] - y[..., t] * dy[..., a] ** 2
+        swing = 2 * dy[..., t] * dy[..., a] + y[..., t] * ddy[..., a]
+        found = []
+        for values, z in ((y, y[..., t]), (dy, rate), (ddy, bend + 1j * swing)):
+            own = np.array(values, float)
+            own[..., a], own[..., t] = np.real(z * turn), np.imag(z * turn)
+            found.append(own)
+        return found[0], found[1], found[2]
+
+    def told(self, y: np.ndarray) -> np.ndarray:
+        """Return values as a user gives them of held ones (..., k)."""
+        if self.pointing is None:
+            return y
+        a, t = self.pointing
+        own = np.array(y, float)
+        own[..., a] = np.arctan2(y[..., t], y[..., a])
+        own[..., t] = np.hypot(y[..., a], y[..., t])
+        return own
+
     @property
     def axes(self) -> int:
         return 2 if self.planar else 3
 
     @property
     def names(self) -> tuple[str, ...]:
-        return tuple(f"tool: {long_name(name)}" for name in self.what)
-
-    @property
-    def twist(self) -> list[int]:
-        """Return the rows of the tool's twist [omega; v] that lead its coordinates."""
-        return [TWIST_ROWS[name] for name in self.what]
+        return tuple(f"tool: {sentence_name(item)}" for item in self.held)
 
     @property
     def units(self) -> np.ndarray:
-        return np.where(np.array(self.twist) < 3, 1.0, self.length)
+        return np.where([is_length(item) for item in self.held], self.length, 1.0)
+
+    @cached_property
+    def wraps(self) -> np.ndarray:
+        """Which held coordinates are angles that come back after a turn (k)."""
+        return np.array([is_angle(item) for item in self.held], bool)
+
+    @cached_property
+    def rotation(self) -> list[int] | None:
+        """Return the places of rx, ry, rz where all of these are asked for."""
+        return [self.what.index(n) for n in ROTATION] if whole_rotation(self.what) else None
+
+    @property
+    def twist(self) -> list[int]:
+        """Return the rows of the tool's twist [omega; v] that lead its coordinates, where each is
+        led by one."""
+        return [TWIST_ROWS[str(item)] for item in self.held]
+
+    @cached_property
+    def plain(self) -> bool:
+        """Tell whether each coordinate is led by one row of the twist."""
+        alone = [item in ROTATION for item in self.held]
+        known = all(isinstance(item, str) and item in TWIST_ROWS for item in self.held)
+        return known and (self.rotation is not None or not any(alone))
 
     def expressed(self, equations: Equations) -> Rows:
-        return tool_rows(equations, self.what)
+        return tool_rows(equations, self.held)
+
+    def values(self, out: Outputs) -> np.ndarray:
+        """Return the held coordinates x (K, k); of a whole rotation vector they are not told."""
+        if not self.plain:
+            return self.mapped(out)[0]
+        known = np.concatenate([out["position"], out["angle"]], axis=1)
+        return known[:, [KNOWN.get(str(item), 0) for item in self.held]]
+
+    def mapped(self, out: Outputs, twist: np.ndarray | None = None) -> list[np.ndarray]:
+        """Return x (K, k), E (K, k, 6) and E' [omega; v] (K, k); twist: (K, 6), at rest if left
+        out."""
+        parts = out["position"], out["orientation"], np.reshape(out["angle"], (-1, 1))
+        pose = np.concatenate([np.reshape(part, (len(parts[2]), -1)) for part in parts], axis=1)
+        count, k = len(pose), len(self.held)
+        x, E, bias = task_kernel(self.held)(pose, np.zeros((count, 6)) if twist is None else twist)
+        return [x, E.reshape(count, 6, k).swapaxes(1, 2), bias]
 
     def error(self, out: Outputs, y: np.ndarray) -> np.ndarray:
-        aside = out["position"][:, : self.axes] - y[:, : self.axes]
-        if len(self.what) == self.axes:
-            return aside
-        if self.planar:
-            return np.concatenate([aside, wrapped(out["angle"] - y[:, self.axes :])], axis=1)
-        from scipy.spatial.transform import Rotation
+        error = self.values(out) - y
+        error[:, self.wraps] = wrapped(error[:, self.wraps])
+        if self.rotation:
+            from scipy.spatial.transform import Rotation
 
-        R = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3))
-        turn = R * Rotation.from_rotvec(y[:, self.axes :]).inv()
-        return np.concatenate([aside, turn.as_rotvec()], axis=1)
+            R = Rotation.from_matrix(out["orientation"].reshape(-1, 3, 3))
+            turn = R * Rotation.from_rotvec(y[:, self.rotation]).inv()
+            error[:, self.rotation] = turn.as_rotvec()
+        return error
 
     def jacobian(self, out: Outputs) -> np.ndarray:
-        return out["J_tool"][:, self.twist]
+        if self.plain:
+            return out["J_tool"][:, self.twist]
+        return self.mapped(out)[1] @ out["J_tool"]
+
+    def bias(self, out: Outputs, w: np.ndarray) -> np.ndarray:
+        """Return J' w (K, k), by outputs for the rates w (nv) of each."""
+        if self.plain:
+            return out["bias_tool"][:, self.twist]
+        _, E, bias = self.mapped(out, out["J_tool"] @ w)
+        return (E @ out["bias_tool"][..., None])[..., 0] + bias
+
+    def require_defined(self, J: np.ndarray) -> None:
+        """Refuse coordinates that are not defined at a pose, by their rows (k, nv)."""
+        wrong = [item for item, row in zip(self.held, J, strict=True) if not np.isfinite(row).all()]
+        if wrong:
+            raise LinkworkError(
+                f"the tool's {sentence_name(wrong[0])} has no rate at this pose; "
+                f"{CURES.get(str(wrong[0]), 'lead the tool around it')}"
+            )
 
     def way(self, out: Outputs, y: np.ndarray) -> Way:
-        begin, shift = out["position"][0, : self.axes], -self.error(out, y)
-        if self.planar or len(self.what) == self.axes:
-            turn = out["angle"][0, : len(self.what) - self.axes]
-            return straight(np.concatenate([begin, turn]), shift)
+        self.require_defined(self.jacobian(out)[0])
+        begin, shift = self.values(out)[0], -self.error(out, y)
+        if self.rotation is None:
+            return straight(begin, shift)
         from scipy.spatial.transform import Rotation
 
-        R = Rotation.from_matrix(out["orientation"].reshape(3, 3))
+        R, rotation = Rotation.from_matrix(out["orientation"].reshape(3, 3)), self.rotation
 
         def at(which: np.ndarray, part: np.ndarray) -> np.ndarray:
             moved = part[:, None] * shift[which]
-            turned = (Rotation.from_rotvec(moved[:, 3:]) * R).as_rotvec()
-            return np.concatenate([begin + moved[:, :3], turned], axis=1)
+            placed = begin + moved
+            placed[:, rotation] = (Rotation.from_rotvec(moved[:, rotation]) * R).as_rotvec()
+            return placed
 
         return at
 
@@ -218,32 +331,60 @@ def joint_rows(equations: Equations, names: Sequence[str], angular: Sequence[boo
     return Rows(joints.rate_rows(names), y, ca.vertcat(SX(0, 1), *errors))
 
 
-def tool_rows(equations: Equations, what: Sequence[str]) -> Rows:
-    """Return the rows of coordinates of the tool's pose: of x, y, angle in the plane; of x, y, z,
-    rx, ry, rz in space.
+def tool_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> Rows:
+    """Return the rows of task coordinates of the tool.
 
-    Of the rotation vector all three are asked for, or none.
+    Where all of the rotation vector is asked for, its rows are those of the turn from the wanted
+    orientation.
     """
     tool = next(iter(equations.mechanism.tools.values()))
-    position, orientation, angle = body_motion.tool_pose(equations.tree, tool)
-    y = SX.sym("y", len(what))
-    wanted = dict(zip(what, ca.vertsplit(y), strict=True))
-    errors = {name: position[k] - wanted[name] for k, name in enumerate("xyz") if name in wanted}
-    if "angle" in wanted:
-        errors["angle"] = short_way(angle - wanted["angle"])
-    if "rx" in wanted:
-        turn = exponential(ca.vertcat(*[wanted[name] for name in ("rx", "ry", "rz")]))
-        R = ca.mtimes(ca.reshape(orientation, 3, 3).T, turn.T)
+    orientation, y = body_motion.tool_pose(equations.tree, tool).orientation, SX.sym("y", len(task))
+    x, _ = mapped_rows(equations, task)
+    errors = [
+        short_way(x[k] - y[k]) if is_angle(item) else x[k] - y[k] for k, item in enumerate(task)
+    ]
+    if whole_rotation(task):
+        places = [list(task).index(name) for name in ROTATION]
+        R = ca.mtimes(ca.reshape(orientation, 3, 3).T, exponential(y[places]).T)
         error = rotation_vector(matrix_quaternion(R))
-        errors |= dict(zip(("rx", "ry", "rz"), ca.vertsplit(error), strict=True))
-    return Rows(twist_rows(equations, what), y, ca.vertcat(*[errors[name] for name in what]))
+        for place, part in zip(places, ca.vertsplit(error), strict=True):
+            errors[place] = part
+    return Rows(task_rows(equations, task), y, ca.vertcat(*errors))
 
 
-def twist_rows(equations: Equations, what: Sequence[str]) -> ca.SX:
-    """Return the rows (rows x nv) of the tool's twist that belong to coordinates of its pose."""
+def task_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> ca.SX:
+    """Return the task Jacobian J (k x nv), x' = J w; of a whole rotation vector rows of omega."""
+    return mapped_rows(equations, task)[1]
+
+
+def mapped_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> tuple[ca.SX, ca.SX]:
+    """Return x (k) and J (k x nv) of task coordinates."""
     tool = next(iter(equations.mechanism.tools.values()))
     J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
-    return J[[TWIST_ROWS[name] for name in what], :]
+    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
+    x, E, _ = task_map(tuple(task)).call([pose, SX.zeros(6)], True, False)
+    return x, ca.mtimes(ca.sparsify(E), J)
+
+
+@lru_cache(maxsize=64)
+def task_kernel(task: tuple[TaskCoordinate, ...]) -> Kernel:
+    """Return the compiled (pose, twist) -> x, E, E' [omega; v] of task coordinates."""
+    return compile_function(task_map(task))
+
+
+def pointing_of(task: Sequence[TaskCoordinate]) -> tuple[int, int] | None:
+    """Return the places of an azimuth and a tilt that are both in a task."""
+    both = all(name in task for name in SWUNG_BY)
+    return (list(task).index("azimuth"), list(task).index("tilt")) if both else None
+
+
+def sentence_name(item: TaskCoordinate) -> str:
+    """Return the name of a task coordinate as sentences give it, with what it is about."""
+    if isinstance(item, TurnAbout):
+        return f"{item.name} about {list(item.axis)}"
+    if isinstance(item, DistanceTo):
+        return f"{item.name} to {list(item.point)}"
+    return long_name(item)
 
 
 def long_name(name: str) -> str:

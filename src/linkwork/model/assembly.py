@@ -86,23 +86,21 @@ class Assembler:
         return q
 
     def rates(
-        self, q: np.ndarray, pose: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+        self, q: np.ndarray, asked: ToolAsked, y: np.ndarray, dy: np.ndarray, ddy: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return w, w' for a pose and its first and second time derivatives, in the coordinates of
-        the pose.
+        """Return w, w' for held values (k) and their first and second time derivatives.
 
         Where more rows or fewer than rates hold these are of least squares and least length, in the
         mechanism's own units.
         """
-        if pose.size == 6:
-            omega, alpha = turning(pose[3:], velocity[3:], acceleration[3:])
-            velocity = np.append(velocity[:3], omega)
-            acceleration = np.append(acceleration[:3], alpha)
+        if asked.rotation:
+            turn, dy, ddy = asked.rotation, np.array(dy), np.array(ddy)
+            dy[turn], ddy[turn] = turning(y[turn], dy[turn], ddy[turn])
         out = self.still(q)
-        asked = self.pose(velocity.size)
-        rows, widths = asked.twist, self.tree.rate_units
+        J, widths = asked.jacobian(stacked(out))[0], self.tree.rate_units
+        asked.require_defined(J)
         heights = np.concatenate([self.units, asked.units])
-        A = np.concatenate([out["Phi"], out["J_tool"][rows]]) * (widths / heights[:, None])
+        A = np.concatenate([out["Phi"], J]) * (widths / heights[:, None])
         U, values, V = np.linalg.svd(A, full_matrices=False)
         refuse_leg_singular(A.shape, values, asked)
         inverse = np.divide(
@@ -112,9 +110,10 @@ class Assembler:
         def least(right: np.ndarray) -> np.ndarray:
             return widths * (V.T @ (inverse * (U.T @ (right / heights))))
 
-        w = least(np.concatenate([0 * out["phi"], velocity]))
+        w = least(np.concatenate([0 * out["phi"], dy]))
         out = self.evaluate(q, w)
-        return w, least(np.concatenate([-out["gamma"], acceleration - out["bias_tool"][rows]]))
+        bias = asked.bias(stacked(out), w)[0]
+        return w, least(np.concatenate([-out["gamma"], ddy - bias]))
 
     def still(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """Return the outputs of `evaluate` at rest."""
@@ -124,9 +123,10 @@ class Assembler:
         """Return q after a step of the tree's rates times a time, its quaternions at length 1."""
         return unit(self.tree, q + self.still(q)["derivatives"] @ step) if step.any() else q
 
-    def pose(self, size: int) -> ToolAsked:
-        """Return what a pose of so many numbers asks for."""
-        return ToolAsked.of(size, self.tree.length, self.planar)
+
+def stacked(out: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return outputs of one configuration as those of a stack of one."""
+    return {name: part[None] for name, part in out.items()}
 
 
 def refuse_leg_singular(shape: tuple[int, ...], values: np.ndarray, asked: ToolAsked) -> None:

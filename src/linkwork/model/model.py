@@ -18,7 +18,7 @@ from linkwork.formats.named import mechanism_of
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.model import checks
-from linkwork.model.asked import Asked, JointsAsked
+from linkwork.model.asked import Asked, JointsAsked, ToolAsked
 from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
 from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
@@ -146,10 +146,10 @@ class Model:
         outputs = partial(evaluate, self.kernel("assembly"))
         return Assembler(outputs, tree, rows.names, unheld, rows.units, self.planar)
 
-    def leader(self, size: int, kept: bool) -> Leader:
-        """Return what leads the tool to poses of so many numbers; kept: whether on the working mode
-        of where it begins."""
-        return self._leader(self.assembler.pose(size), kept, True)
+    def leader_of_tool(self, asked: ToolAsked, kept: bool) -> Leader:
+        """Return what leads the tool in task coordinates; kept: whether on the working mode of
+        where it begins."""
+        return self._leader(asked, kept, True)
 
     def leader_of_joints(self, asked: JointsAsked) -> Leader:
         """Return what leads joint coordinates, on the branch as far as they determine it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from linkwork.checks import shown
 from linkwork.equations.reference import CLOSED, tree_coordinates, unit
 from linkwork.errors import LinkworkError
-from linkwork.model import checks
-from linkwork.model.asked import JointsAsked
+from linkwork.model import checks, task
+from linkwork.model.asked import JointsAsked, ToolAsked
 from linkwork.model.assembly import OPEN_LOOPS, UnreachableError
 from linkwork.model.closing import settled
 from linkwork.model.labels import Labels
@@ -107,7 +107,7 @@ def require_closing(robot: Model, q: np.ndarray, gap: np.ndarray) -> None:
 def assemble(
     robot: Model,
     joints: Mapping[str, ArrayLike] | None,
-    tool: ArrayLike | None,
+    tool: ArrayLike | Mapping[str, ArrayLike] | None,
     rates: Rates,
     guess: State | None,
     branch: str = "guess",
@@ -121,9 +121,8 @@ def assemble(
         asked = [robot.coordinates.index(name) for name in names], values
         q = at_joints(robot, names, values, start)
     elif tool is not None and joints is None:
-        robot.require_tool()
-        poses = np.atleast_1d(checks.finite(tool, "tool"))
-        q = led(robot.leader(poses.shape[-1], kept=branch == "guess"), start, poses)
+        asked_tool, values = task.asked(robot, tool)
+        q = led(robot.leader_of_tool(asked_tool, kept=branch == "guess"), start, values)
     else:
         raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
     return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
@@ -202,7 +201,14 @@ def wound(robot: Model, made: State, guess: State, asked: Placed = None) -> Stat
     return with_positions(made, labels.nearest(made.positions, goal))
 
 
-def follow(robot: Model, path: Path, duration: float, samples: int, guess: State | None) -> Motion:
+def follow(
+    robot: Model,
+    path: Path,
+    duration: float,
+    samples: int,
+    guess: State | None,
+    what: Sequence[str] | None,
+) -> Motion:
     """Lead the tool along a path: `Robot.follow`."""
     # What is asked for is a motion along a path of whole poses.
     checks.positive(duration, "the duration")
@@ -221,11 +227,12 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     poses, velocities, accelerations = (
         checks.finite(part, "the path") for part in path.sample(time, duration)
     )
-    require_full_pose(robot, poses.shape[1])
+    asked = require_full_pose(robot, poses.shape[1], what)
+    y, dy, ddy = asked.given_motion(poses, velocities, accelerations)
     # The first pose as any other; the next ones from the pose before, moved on by its rates.
-    leader, w = robot.leader(poses.shape[1], kept=True), np.zeros(robot.equations.nv)
+    leader, w = robot.leader_of_tool(asked, kept=True), np.zeros(robot.equations.nv)
     with checks.at("at t = 0 s: "):
-        q = leader.lead(start_of(robot, guess), poses[:1])[0]
+        q = leader.lead(start_of(robot, guess), y[:1])[0]
     along, v, v_dot = (
         np.empty((samples, q.size)),
         np.empty((samples, robot.mobility)),
@@ -234,9 +241,9 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     for k in range(samples):
         with checks.at(f"at t = {time[k]:.6g} s: "):
             q = robot.assembler.moved(q, w * (duration / (samples - 1)))
-            (near,), (there,) = leader.approached(q[None], poses[k : k + 1])
-            q = near if there else robot.assembler.at(leader.least, poses[k], q)
-            w, dw = robot.assembler.rates(q, poses[k], velocities[k], accelerations[k])
+            (near,), (there,) = leader.approached(q[None], y[k : k + 1])
+            q = near if there else robot.assembler.at(leader.least, y[k], q)
+            w, dw = robot.assembler.rates(q, asked, y[k], dy[k], ddy[k])
         along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
     # One branch all the way.
     if not (kept := leader.keeps(along)).all():
@@ -254,7 +261,7 @@ def follow(robot: Model, path: Path, duration: float, samples: int, guess: State
     first = wound(robot, made.at(0), robot.home if guess is None else guess)
     turns = robot.labels.windings(first.positions, positions[0])
     made = with_positions(made, robot.labels.turned(positions, turns))
-    return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses)
+    return Motion(time, made, v_dot, joint_rates, joint_accelerations, poses, asked.labels)
 
 
 def stacked(robot: Model, q: np.ndarray, rates: Rates) -> State:
@@ -327,12 +334,13 @@ def open_row(robot: Model, q: np.ndarray) -> str:
     return rows.names[int(np.argmax(np.abs(robot.chart.residuals(q) / rows.units)))]
 
 
-def require_full_pose(robot: Model, size: int) -> None:
-    robot.assembler.pose(size)
-    needed = robot.mobility - len(robot.spins)
+def require_full_pose(robot: Model, size: int, what: Sequence[str] | None) -> ToolAsked:
+    """Return what a path of so many coordinates asks for; refuse other than as many as freedoms."""
+    asked, needed = task.asked_of(robot, size, what), task.freedoms(robot)
     if size != needed:
         besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(
             f"the path prescribes {size} coordinates of the tool, but the mobility is "
             f"{needed}{besides}; prescribe {needed}"
         )
+    return asked

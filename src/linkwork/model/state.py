@@ -130,7 +130,7 @@ class Motion:
 
     time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n)
     joint_rates, joint_accelerations: of all joints (K, m)
-    tool: the tool's pose along the way (K, 3 planar or 6 spatial) [m, rad]
+    tool: the coordinates in which the tool was led (K, d) [m, rad], and what: their names
     """
 
     time: np.ndarray
@@ -139,6 +139,7 @@ class Motion:
     joint_rates: np.ndarray
     joint_accelerations: np.ndarray
     tool: np.ndarray
+    what: tuple[str, ...] = ()
 
     @property
     def positions(self) -> np.ndarray:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.model import checks, evaluation, limits, linear, posing
+from linkwork.mechanism.task import labels
+from linkwork.model import checks, evaluation, limits, linear, posing, task
 from linkwork.model.assembly import OPEN_LOOPS
 from linkwork.model.model import Model
 from linkwork.model.state import Motion, State
@@ -169,7 +170,7 @@ class Robot(Model):
         self,
         joints: Mapping[str, ArrayLike] | None = None,
         *,
-        tool: ArrayLike | None = None,
+        tool: ArrayLike | Mapping[str, ArrayLike] | None = None,
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
         guess: State | None = None,
         branch: Literal["guess", "any"] = "guess",
@@ -180,9 +181,10 @@ class Robot(Model):
         Args:
             joints: some joint coordinates by name [m, rad]; values (...) of as many as the mobility
                 give a stack of states.
-            tool: pose of the tool [m, rad] (..., 2 or 3) in the plane: x, y[, angle]; (..., 3 or 6)
-                in space: x, y, z[, rotation vector]. Leading dimensions give a stack of states,
-                    each from the same guess.
+            tool: coordinates of the tool [m, rad]: those of its `task` (..., k); or a pose, (...,
+                2 or 3) in the plane: x, y[, angle]; (..., 3 or 6) in space: x, y, z[, rotation
+                vector]; or any of them by name. Leading dimensions give a stack of states, each
+                from the same guess.
             rates: v (n) in the order of `independent`, or by name: some of the independent ones,
                 the others zero, or n of any joints; zero if left out.
             guess: a state on the wanted branch (working mode, assembly mode); `home` if left out.
@@ -198,7 +200,13 @@ class Robot(Model):
         return posing.assemble(self, joints, tool, rates, guess, branch)
 
     def follow(
-        self, path: Path, duration: float, *, samples: int = 101, guess: State | None = None
+        self,
+        path: Path,
+        duration: float,
+        *,
+        samples: int = 101,
+        guess: State | None = None,
+        what: Sequence[str] | None = None,
     ) -> Motion:
         """Lead the tool along a path: positions, rates and accelerations of all joints.
 
@@ -207,13 +215,18 @@ class Robot(Model):
             duration: T [s].
             samples: number of equally spaced times from 0 to T.
             guess: a state on the wanted branch, near the first pose; `home` if left out.
+            what: names of the path's coordinates; those of the `task` if left out.
+
+        Returns:
+            A `Motion`; `task_values` and `tool_pose` of its states tell how the other coordinates
+            of the pose move along.
 
         Raises:
             UnreachableError: with the time and pose at which the path leaves the workspace.
             LinkworkError: a leg-singular pose on the path, or samples between which the joints
                 change their branch.
         """
-        return posing.follow(self, path, duration, samples, guess)
+        return posing.follow(self, path, duration, samples, guess, what)
 
     # Charts
 
@@ -437,6 +450,25 @@ class Robot(Model):
         """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector
         (..., 6) in space [m, rad]."""
         return self.tool_poses(self.own(state).q)
+
+    @property
+    def task(self) -> tuple[str, ...]:
+        """Names of the coordinates in which the tool is led: those of its description, or those
+        that are plain at home (all, the position, the orientation, or what alone moves there); none
+        where neither is.
+        """
+        return labels(task.task_if_any(self) or ()) if self.mechanism.tools else ()
+
+    def task_values(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
+        """Return the tool's task coordinates (..., k) [m, rad].
+
+        Args:
+            state: one or a stack.
+            what: names of coordinates, of the task or of any pose, such as "torsion" or "rx": how
+                these move along (parasitic motion); those of the `task` if left out.
+        """
+        asked = task.task_of(self) if what is None else task.known(self, checks.names(what, "what"))
+        return task.values(self, self.own(state).q, asked)
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import located
-from linkwork.model.labels import POSES
+from linkwork.model import task
 from linkwork.robot import Robot, State
 from linkwork.sweeps.study import Study, StudyError
 
@@ -55,9 +55,9 @@ def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) 
         guess = robot.assemble(joints, guess=guess)
     if pose is None:
         return guess
-    names = POSES[robot.planar]
+    names = task.asked_of(robot, len(pose)).labels
     return robot.assemble(
-        tool=[values.get(f"{TOOL}{name}", given) for name, given in zip(names, pose, strict=False)],
+        tool=[values.get(f"{TOOL}{name}", given) for name, given in zip(names, pose, strict=True)],
         guess=guess,
     )
 

@@ -15,6 +15,7 @@ from linkwork.control.drives import Extra
 from linkwork.control.goals import target
 from linkwork.equations.algebra import wrapped
 from linkwork.mechanism.numbers import located
+from linkwork.model import task
 from linkwork.robot import Motion, Robot, State
 from linkwork.runs.quantities import QUANTITIES, Axis, axes_of, lacks
 from linkwork.runs.settings import Settings
@@ -235,7 +236,8 @@ class Bench:
             return
         if section == "start":
             kind, _, label = rest.partition(".")
-            tool = self.labels["pose"][: len(self.study.start.tool or ())]
+            given = self.study.start.tool
+            tool = task.asked_of(self.robot, len(given)).labels if given else ()
             known = {
                 "tool": tool,
                 "joints": self.robot.coordinates,

@@ -14,7 +14,7 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.record import MechanismError
-from linkwork.model.labels import POSES
+from linkwork.model import task
 from linkwork.robot import State
 from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
 from linkwork.sweeps.preparation import Bench
@@ -58,11 +58,12 @@ def closed_together(
     given |= {
         name.removeprefix(JOINTS): column for name, column in of.items() if name.startswith(JOINTS)
     }
-    pose = None
+    pose = asked = None
     if start.tool is not None:
-        names = POSES[robot.planar]
+        asked = task.asked_of(robot, len(start.tool))
         columns = [
-            of.get(f"{TOOL}{name}", value) for name, value in zip(names, start.tool, strict=False)
+            of.get(f"{TOOL}{name}", value)
+            for name, value in zip(asked.labels, start.tool, strict=True)
         ]
         pose = np.stack([np.broadcast_to(column, len(q)) for column in columns], axis=1)
     if not given and pose is None:
@@ -77,8 +78,8 @@ def closed_together(
         leader = robot.leader_of_joints(robot.joints_asked(tuple(given)))
         y, any_mode = np.stack(list(given.values()), axis=1), np.zeros(len(leader.modes.stages))
         q, closed, _ = leader.closed(leader.step, q, (y, p), any_mode, contracting=False)
-    if pose is not None:
-        leader = robot.leader(pose.shape[1], kept=True)
+    if pose is not None and asked is not None:
+        leader, pose = robot.leader_of_tool(asked, kept=True), asked.given(pose)
         modes = leader.signs(q, p)
         q, _, kept = leader.closed(leader.step, q, (pose, p), modes, contracting=False)
         closed &= kept

@@ -21,18 +21,13 @@ def branches(robot: Robot, state: State, same: str) -> tuple[list[State], int]:
         LinkworkError: the actuators, or the tool, do not determine the configuration.
     """
     from linkwork.analysis._assembly_modes import actuated, assembly_modes, working_modes
-    from linkwork.analysis.square import of_tool, pose_names
 
     if same == "actuators":
         modes = assembly_modes(
             robot, {name: float(state[name]) for name in actuated(robot)}, starts=STARTS
         )
     else:
-        names, pose = pose_names(robot), robot.tool_pose(state)
-        what = of_tool(robot, None).what
-        modes = working_modes(
-            robot, pose[[names.index(name) for name in what]], what=what, starts=STARTS
-        )
+        modes = working_modes(robot, robot.task_values(state), what=robot.task, starts=STARTS)
     found = [modes.states.at(k) for k in range(len(modes))]
     distances = [float(np.abs(other.q - state.q).max()) for other in found]
     if not found:

@@ -1,0 +1,229 @@
+"""Task: the coordinates in which a tool is led: those that its description states, or what it moves
+in at home where that is plain.
+
+Plain are the whole pose, the position or the orientation of as many coordinates as freedoms; else
+the coordinates of the pose that move at home, where the others stand still there (to first order:
+farther away these may move along, parasitically).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations import Equations, body_motion, functions
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Tool, TurnAbout
+from linkwork.mechanism.task import NAMES, TaskCoordinate, label, labels
+from linkwork.model import checks
+from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name
+from linkwork.model.labels import POSES
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+Task = tuple[TaskCoordinate, ...]
+SAMPLES, SPREAD = 4, 0.02  # configurations near home, and how far they are from it
+DEPENDENT = 1e-6  # singular value, over the largest, of dependent rows
+STRAIGHT = 1e-6  # sine between two directions that counts as none
+TURNED = 2.0  # rotation vector [rad] up to which two of its components lead a tool
+
+
+def first_tool(robot: Model) -> Tool:
+    """Return the tool that is led."""
+    robot.require_tool()
+    return next(iter(robot.mechanism.tools.values()))
+
+
+def freedoms(robot: Model) -> int:
+    """Return the number of freedoms besides spins of members about themselves."""
+    return robot.mobility - len(robot.spins)
+
+
+def task_of(robot: Model, near: bool = True) -> Task:
+    """Return the task of the first tool: that of its description, or the one that is chosen.
+
+    near: as in `led_coordinates`
+
+    Raises:
+        LinkworkError: no tool; a stated task that is not one of this robot, or depends on itself;
+            none stated and none plain.
+    """
+    found = task_if_any(robot, near)
+    if found is None:
+        raise LinkworkError(not_plain(robot))
+    return found
+
+
+def task_if_any(robot: Model, near: bool = True) -> Task | None:
+    """Return the same, None where no task is stated and none plain."""
+    stated = first_tool(robot).task
+    return led_coordinates(robot, near) if stated is None else known(robot, labels(stated))
+
+
+def not_plain(robot: Model) -> str:
+    """Say that no task is plain, and what would state one."""
+    names = POSES[robot.planar]
+    own, task = sum(moving(robot)), names[: freedoms(robot)]
+    return (
+        f"the tool's pose has {len(names)} coordinates, of which {own} move at home, and the robot "
+        f"{freedoms(robot)} freedoms; name the coordinates that the tool is led in, of "
+        f"{', '.join(names)} and others (such as task={task!r} of the tool)"
+    )
+
+
+def known(robot: Model, names: Sequence[str]) -> Task:
+    """Return task coordinates by name: those of the tool's task, or of any pose; refuse others."""
+    stated = {label(item): item for item in first_tool(robot).task or mixed(robot) or ()}
+    allowed = POSES[True] if robot.planar else tuple(name for name in NAMES if name != "angle")
+    records = tuple(name for name, item in stated.items() if not isinstance(item, str))
+    checks.known(names, (*allowed, *records), "coordinate of the tool")
+    return tuple(stated.get(name, name) for name in names)
+
+
+def led_coordinates(robot: Model, near: bool) -> Task | None:
+    """Return the coordinates of the tool's pose that the robot can lead: all, the position, the
+    orientation, or those that move at home while the others do not; None where none are plain.
+
+    They have to be independent at the reference or near it.
+
+    near: whether that is enough. If not, a part of the pose may lack one direction at the
+        reference, where a leg or an arm is stretched, but not more: a tool that shifts only as it
+        tilts lacks two when it is level, and is not led in them.
+    """
+    names = POSES[robot.planar]
+    maps = robot.once(tool_motions)
+
+    def parts(near: bool) -> Task | None:
+        for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
+            if not chosen or len(chosen) != freedoms(robot):
+                continue
+            here, *aside = ranks(maps[:, [TWIST_ROWS[name] for name in chosen]])
+            enough = near or chosen == names or here >= freedoms(robot) - 1
+            if max(here, *aside) == freedoms(robot) and enough:
+                return chosen
+        return None
+
+    return parts(False) or mixed(robot) or (parts(True) if near else None)
+
+
+def moving(robot: Model) -> list[bool]:
+    """Tell which coordinates of the pose move at home."""
+    sizes = np.linalg.norm(robot.once(tool_motions)[0], axis=1)
+    large = sizes > DEPENDENT * sizes.max(initial=0.0)
+    return [bool(large[TWIST_ROWS[name]]) for name in POSES[robot.planar]]
+
+
+def mixed(robot: Model) -> Task | None:
+    """Return the coordinates that move at home, where they are as many as freedoms."""
+    names = POSES[robot.planar]
+    found = [name for name, moves in zip(names, moving(robot), strict=True) if moves]
+    here = robot.once(tool_motions)[0][[TWIST_ROWS[name] for name in found]]
+    if len(found) != freedoms(robot) or ranks(here[None])[0] < len(found):
+        return None
+    turns = [name for name in found if name in POSES[False][3:]]
+    if robot.planar or not turns:
+        return tuple(found)
+    # Components of a rotation vector that is far from zero are no angles of such turns.
+    r = robot.tool_poses(robot.equations.reference)[3:]
+    angle = float(np.linalg.norm(r))
+    if len(turns) == 2 and angle > TURNED:
+        return None
+    if len(turns) == 1:
+        axis = np.eye(3)[TWIST_ROWS[turns[0]]]
+        if np.linalg.norm(np.cross(axis, r)) > STRAIGHT * max(angle, STRAIGHT):
+            about = TurnAbout(axis=tuple(axis.tolist()), zero=tuple(r.tolist()))
+            return tuple(about if name in turns else name for name in found)
+    return tuple(found)
+
+
+def ranks(maps: np.ndarray) -> list[int]:
+    """Return the ranks of matrices (K, rows, columns)."""
+    sigma = np.linalg.svd(maps, compute_uv=False)
+    return np.sum(sigma > DEPENDENT * max(float(sigma.max(initial=0.0)), 1e-300), axis=1).tolist()
+
+
+def tool_motions(robot: Model) -> np.ndarray:
+    """Return the tool's twists (K, 6, n) in own units on orthonormal motions that the loops allow:
+    at the reference, then near it, where loops are open by a little."""
+    tree, rows, found = robot.equations.tree, robot.equations.rows, []
+    kept, scale = list(robot.equations.chart.rows), np.repeat([1.0, tree.length], 3)
+    for q in around(robot):
+        out = robot.assembler.still(q)
+        Phi = out["Phi"][kept] * tree.rate_units / rows.units[kept][:, None]
+        allowed = np.linalg.svd(Phi)[2][len(kept) :].T if kept else np.eye(len(tree.rates))
+        found.append(out["J_tool"] * tree.rate_units / scale[:, None] @ allowed)
+    return np.array(found)
+
+
+def around(robot: Model) -> list[np.ndarray]:
+    """Return the reference and configurations near it (fixed seed), whose loops are open by a
+    little."""
+    random, q = np.random.default_rng(1990), robot.equations.reference
+    units = robot.equations.tree.units
+    return [q, *(q + SPREAD * units * random.standard_normal(q.size) for _ in range(SAMPLES))]
+
+
+def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> ToolAsked:
+    """Return what so many numbers of the tool ask for: those named; or the task where they are as
+    many; or else a pose's."""
+    length = robot.equations.tree.length
+    if what is not None:
+        task = known(robot, checks.names(what, "what"))
+        if len(task) != size:
+            raise LinkworkError(
+                f"{size} numbers are given for {', '.join(labels(task)) or 'nothing'}; give "
+                f"{len(task)}"
+            )
+        return ToolAsked(task, length, robot.planar)
+    stated = first_tool(robot).task
+    poses = (2, 3) if robot.planar else (3, 6)
+    if stated is not None and size == len(stated):
+        return ToolAsked(known(robot, labels(stated)), length, robot.planar)
+    if stated is None and size == freedoms(robot) and size != poses[1]:
+        chosen = led_coordinates(robot, True)
+        if chosen is not None and len(chosen) == size:
+            return ToolAsked(chosen, length, robot.planar)
+        if size not in poses:
+            raise LinkworkError(not_plain(robot))
+    if size not in poses and (stated or size == freedoms(robot)):
+        raise LinkworkError(
+            f"the tool is led in {', '.join(map(long_name, labels(stated or ())))}: give "
+            f"{len(stated or ())} numbers, a whole pose, or coordinates by name"
+        )
+    return ToolAsked.of(size, length, robot.planar)
+
+
+def values(robot: Model, q: np.ndarray, task: Task) -> np.ndarray:
+    """Return the task coordinates (..., k) of configurations (..., nq), whole rotation vectors
+    included."""
+    asked = ToolAsked(task, robot.equations.tree.length, robot.planar)
+    (pose,) = robot.chart.compiled("tool frame", tool_frame)(q.reshape(-1, q.shape[-1]), robot.p)
+    parts = {"position": pose[:, :3], "orientation": pose[:, 3:12], "angle": pose[:, 12:]}
+    found = asked.told(asked.mapped(parts)[0])
+    return found.reshape(*q.shape[:-1], len(task))
+
+
+def tool_frame(equations: Equations) -> ca.Function:
+    """Return q -> the first tool's position, orientation row by row, and angle in the plane."""
+    tool = next(iter(equations.mechanism.tools.values()))
+    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
+    return functions.function("tool_frame", equations, {"pose": pose})
+
+
+def asked(robot: Model, tool: ArrayLike | Mapping[str, ArrayLike]) -> tuple[ToolAsked, np.ndarray]:
+    """Return what is asked of the tool, as numbers or by name, and the held values (..., k)."""
+    robot.require_tool()
+    if isinstance(tool, Mapping):
+        names = checks.names(tool, "tool")
+        if not names:
+            raise LinkworkError("the tool is asked for nothing; give coordinates by name")
+        values, told = checks.joined(tool, names, "tool"), asked_of(robot, len(names), names)
+    else:
+        values = np.atleast_1d(checks.finite(tool, "tool"))
+        told = asked_of(robot, values.shape[-1])
+    return told, told.given(values)

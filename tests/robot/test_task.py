@@ -1,0 +1,196 @@
+"""Task coordinates: robots of mixed freedoms are led where closed forms say, and refused in words
+where what is asked makes no task."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import linkwork as lw
+from linkwork import DistanceTo, Frame, Mechanism, Robot, Tool, TurnAbout
+from linkwork.equations.task import task_map
+from linkwork.mechanism.task import NAMES
+from linkwork.paths import Path
+
+from tests.robot.mixed_freedoms import pose_of_three_legs, scara, three_legs
+
+TILTED = ("z", "azimuth", "tilt")
+
+
+@pytest.fixture(scope="module", params=["RRS", "RPS"])
+def legs(request):
+    return Robot(three_legs(request.param))
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return Robot(scara())
+
+
+def placed(robot, state):
+    pose = robot.tool_pose(state)
+    return pose[:3], Rotation.from_rotvec(pose[3:]).as_matrix()
+
+
+def test_the_task_is_chosen_where_it_is_plain(arm, legs):
+    assert arm.task == ("x", "y", "z", "rz")
+    assert legs.task == ("z", "rx", "ry")
+    assert Robot(lw.robots.delta()).task == ("x", "y", "z")
+    assert Robot(lw.robots.five_bar()).task == ("x", "y")
+    flipped = Robot(scara(rotation=(np.pi, 0.0, 0.0)))
+    assert flipped.task == ("x", "y", "z", "turn")
+    assert flipped.task_values(flipped.home)[3] == pytest.approx(0, abs=1e-12)
+    turned = flipped.assemble(
+        tool=flipped.task_values(flipped.home) + np.array([0.01, 0, 0.05, 2.5])
+    )
+    assert turned["wrist"] == pytest.approx(
+        -0.4 + 2.5 - sum(turned[name] - flipped.home[name] for name in ("shoulder", "elbow"))
+    )
+
+
+def test_three_legs_tilt_without_torsion_and_shift_along(legs):
+    for z, azimuth, tilt in ((0.5, 0.3, 0.2), (0.45, 2.0, 0.3), (0.52, -1.0, 0.1)):
+        position, R = pose_of_three_legs(z, azimuth, tilt)
+        state = legs.assemble(tool={"z": z, "azimuth": azimuth, "tilt": tilt})
+        np.testing.assert_allclose(placed(legs, state)[0], position, atol=1e-12)
+        np.testing.assert_allclose(placed(legs, state)[1], R, atol=1e-12)
+        assert legs.task_values(state, ("torsion",)) == pytest.approx(0, abs=1e-12)
+        np.testing.assert_allclose(legs.task_values(state, TILTED), [z, azimuth, tilt], atol=1e-12)
+        r = Rotation.from_matrix(R).as_rotvec()
+        same = legs.assemble(tool=[z, r[0], r[1]])
+        np.testing.assert_allclose(same.positions, state.positions, atol=1e-12)
+
+
+def test_stacks_equal_single_ones(legs, arm):
+    random = np.random.default_rng(4)
+    for robot in (legs, arm):
+        values = robot.task_values(robot.home)
+        near = values + random.uniform(-0.03, 0.03, (2, 6, values.size))
+        stack = robot.assemble(tool=near)
+        np.testing.assert_allclose(robot.task_values(stack), near, atol=1e-11)
+        one = robot.assemble(tool=near[1, 3])
+        np.testing.assert_allclose(stack.positions[1, 3], one.positions, atol=1e-11)
+
+
+def test_the_elbow_keeps_its_side(arm):
+    values = arm.task_values(arm.home)
+    away = arm.assemble(tool=values + np.array([-0.3, 0.1, 0.1, 2.0]))
+    assert np.sign(away["elbow"]) == np.sign(arm.home["elbow"]) == 1
+    left = arm.assemble({"shoulder": 1.0, "elbow": -0.8, "lift": 0.0, "wrist": 0.0})
+    assert arm.assemble(tool=values, guess=left)["elbow"] < 0
+
+
+def swung(s):
+    """A tilt that goes round once while the platform nods and sinks, with derivatives."""
+    turn = 2 * np.pi * s
+    x = np.stack([0.5 - 0.02 * s**2, turn, 0.2 + 0.05 * s], axis=1)
+    dx = np.stack([-0.04 * s, 2 * np.pi + 0 * s, 0.05 + 0 * s], axis=1)
+    return x, dx, np.stack([-0.04 + 0 * s, 0 * s, 0 * s], axis=1)
+
+
+def test_following_gives_exact_rates_and_accelerations(legs):
+    motion = legs.follow(Path(swung), 2.0, samples=401, what=TILTED)
+    assert motion.what == TILTED
+    found = legs.task_values(motion.state, TILTED)
+    np.testing.assert_allclose(found[:, [0, 2]], motion.tool[:, [0, 2]], atol=1e-11)
+    np.testing.assert_allclose(np.exp(1j * found[:, 1]), np.exp(1j * motion.tool[:, 1]), atol=1e-11)
+    h, q = motion.time[1], motion.positions[:, [0, 1, 4]]
+    names = [legs.coordinates[k] for k in (0, 1, 4)]
+    rates = motion.joint_rates[:, [legs.rates.index(n) for n in names if n in legs.rates]]
+    own = [k for k, n in enumerate(names) if n in legs.rates]
+    slopes = (q[:-4] - 8 * q[1:-3] + 8 * q[3:-1] - q[4:])[:, own] / (12 * h)
+    np.testing.assert_allclose(rates[2:-2], slopes, atol=1e-5)
+    bends = (rates[:-4] - 8 * rates[1:-3] + 8 * rates[3:-1] - rates[4:]) / (12 * h)
+    places = [legs.rates.index(n) for n in names if n in legs.rates]
+    np.testing.assert_allclose(motion.joint_accelerations[2:-2, places], bends, atol=1e-4)
+
+
+def test_a_stated_task_is_led_in(arm):
+    stated = Robot(scara(task=("x", "y", TurnAbout(axis=(0, 0, 2)), DistanceTo(point=(0, 0, 1)))))
+    assert stated.task == ("x", "y", "turn", "distance")
+    state = stated.assemble(tool=[0.4, 0.3, 1.0, 1.2])
+    position, R = placed(stated, state)
+    np.testing.assert_allclose(position[:2], [0.4, 0.3], atol=1e-12)
+    assert np.linalg.norm(position - [0, 0, 1]) == pytest.approx(1.2, abs=1e-12)
+    np.testing.assert_allclose(R[:2, 0], [np.cos(1.0), np.sin(1.0)], atol=1e-12)
+    whole = stated.assemble(tool=arm.tool_pose(arm.home))
+    np.testing.assert_allclose(whole.positions, arm.home.positions, atol=1e-10)
+
+
+def test_a_pose_is_told_relative_to_another_body(arm):
+    mechanism = scara()
+    fields = {name: getattr(mechanism, name) for name in type(mechanism).model_fields}
+    frame = Frame(position=(0.02, 0.01, -0.1), rotation=(0.1, 0.2, 0.3))
+    tools = {"hand": Tool(body="hand", frame=frame, relative_to="upper")}
+    robot = Robot(Mechanism(**(fields | {"tools": tools})))
+    state = robot.state(arm.home.positions, [0.3, -0.5, 0.2, 0.7])
+    poses = robot.body_poses(state)
+    (p, R), (p_B, R_B) = poses["hand"], poses["upper"]
+    position, orientation = placed(robot, state)
+    np.testing.assert_allclose(position, R_B.T @ (p + R @ frame.position - p_B), atol=1e-14)
+    own = Rotation.from_rotvec(frame.rotation).as_matrix()
+    np.testing.assert_allclose(orientation, R_B.T @ R @ own, atol=1e-14)
+    # The pose does not see the shoulder: three of its freedoms are led.
+    values = robot.task_values(state, ("y", "z", "rz"))
+    aim = robot.assemble(tool=dict(zip(("y", "z", "rz"), values + 0.05, strict=True)), guess=state)
+    np.testing.assert_allclose(robot.task_values(aim, ("y", "z", "rz")), values + 0.05, atol=1e-11)
+
+
+def test_derivatives_of_all_coordinates_are_those_of_finite_differences():
+    random, h = np.random.default_rng(2), 1e-4
+    task = (
+        *NAMES[4:],
+        TurnAbout(axis=(1, 2, 0.5), zero=(0.1, 0, 0.2)),
+        DistanceTo(point=(1, 2, 3)),
+    )
+    # Of a rotation vector that is not asked for whole.
+    task, k = tuple(name for name in task if name != "rz"), np.arange(-2, 3)
+    read = task_map(task)
+    for size in (1.0, 0.1):
+        R = Rotation.from_rotvec(size * random.normal(size=3))
+        p, omega, alpha, v, a = random.normal(size=(5, 3))
+
+        def pose(t, R=R, p=p, omega=omega, alpha=alpha, v=v, a=a):
+            turned = Rotation.from_rotvec(omega * t + alpha * t**2 / 2) * R
+            return np.concatenate([p + v * t + a * t**2 / 2, turned.as_matrix().ravel(), [0]])
+
+        _, E, bias = (np.array(part) for part in read(pose(0), np.append(omega, v)))
+        x = np.array([np.array(read(pose(i * h), np.zeros(6))[0]).ravel() for i in k])
+        slope = np.array([1, -8, 0, 8, -1]) @ x / (12 * h)
+        bend = np.array([-1, 16, -30, 16, -1]) @ x / (12 * h**2)
+        np.testing.assert_allclose(E @ np.append(omega, v), slope, atol=1e-8)
+        second = E @ np.append(alpha, a) + bias.ravel()
+        np.testing.assert_allclose(second, bend, atol=1e-4 / size)
+
+
+def refused(sentence, call, *given, **named):
+    with pytest.raises(lw.LinkworkError) as error:
+        call(*given, **named)
+    assert sentence in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_makes_no_task_is_refused(arm, legs):
+    refused("'q' is no coordinate of a pose", Tool, body="a", task=("x", "q"))
+    refused("did you mean tilt", Tool, body="a", task=("x", "tild"))
+    refused("'x' is named twice", Tool, body="a", task=("x", "x"))
+    refused("names no coordinate", Tool, body="a", task=())
+    refused("'foo' is not a type", Tool, body="a", task=("x", {"type": "foo"}))
+    refused("the axis has no length", TurnAbout, axis=(0, 0, 0))
+    refused("is the name of a coordinate", Tool, body="a", task=(TurnAbout(name="rz"),))
+    refused("relative to the same body", Tool, body="a", relative_to="a")
+    refused("is asked for nothing", arm.assemble, tool={})
+    refused("'yoll'", arm.assemble, tool={"yoll": 1.0})
+    refused("give numbers", arm.assemble, tool={"x": "far"})
+    refused("5 numbers", arm.assemble, tool=[0.0] * 5)
+    refused("give 2", legs.follow, Path(swung), 1.0, what=("z", "azimuth"))
+    refused(
+        "3 numbers are given for z, tilt; give 2", legs.follow, Path(swung), 1.0, what=("z", "tilt")
+    )
+    upright = lw.paths.line([0.5, 0, 0], [0.5, 0.1, 0])
+    stated = Robot(scara(task=("x", "y", "z", "tilt")))
+    level = lw.paths.line(np.append(stated.tool_pose(stated.home)[:3], 0.0), [0.5, 0.4, 0, 0.0])
+    refused("the tool's tilt has no rate at this pose", stated.follow, level, 1.0)
+    refused("leg-singular", legs.follow, upright, 1.0, what=("z", "tilt_x", "torsion"))
+    assert Robot(lw.robots.four_bar()).task == ()
