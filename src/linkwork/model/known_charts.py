@@ -73,12 +73,13 @@ class KnownCharts:
         found = np.zeros((len(Phi), 2 + len(self.equations.chart.rows)), int)
         self._margins.decide(Phi, self._factors, self._bound, self._wanted, *known, found)
         regular, sure = found[:, 0] == 1, found != self._margins.UNKNOWN
-        old = np.flatnonzero(sure[:, 1])
-        groups = [(old[own], self._chart(key)) for key, own in alike(found[old, 1:])]
+        if sure.all():
+            return regular, [(own, self._chart(key)) for key, own in alike(found[:, 1:])]
         # Anew, where they are not; that is known from here on.
-        if not sure.all():
-            unsure, new = (np.flatnonzero(~sure[:, column]) for column in (0, 1))
-            regular[unsure] = self.equations.regular(Phi[unsure])
+        old, unsure, new = (np.flatnonzero(each) for each in (sure[:, 1], ~sure[:, 0], ~sure[:, 1]))
+        groups = [(old[own], self._chart(key)) for key, own in alike(found[old, 1:])]
+        regular[unsure] = self.equations.regular(Phi[unsure])
+        if new.size:
             for own, chart in charts_at(self.equations, Phi[new], self.preferred):
                 groups.append((new[own], chart))
                 self._learn(chart, Phi[new[own[0]]])

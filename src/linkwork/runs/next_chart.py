@@ -62,16 +62,17 @@ def choices(
         Which configurations are regular (G), and the better charts, each with the numbers of the
         configurations that it is chosen for.
     """
+    charts = robot.run_charts
     better: list[tuple[np.ndarray, CompiledChart]] = []
     with BUILDING:
         sound, found = robot.known_charts.at(Phi)
         for members, key in found:
-            candidate = robot.run_charts.get(key) or robot.chart.in_chart(key)
+            candidate = charts.get(key) or charts.setdefault(key, robot.chart.in_chart(key))
             if candidate.order == chart.order:
                 continue
             taken = sound[members]
-            near = np.flatnonzero(~taken)
-            if near.size:
+            if not taken.all():
+                near = np.flatnonzero(~taken)
                 there = Phi[members[near]]
                 taken[near] = candidate.strengths(there) >= BETTER * chart.strengths(there)
             better += kept_charts(robot, candidate, members[taken], q, p)
