@@ -21,6 +21,10 @@ from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
 from linkwork.equations import Equations
 
+WRITTEN_OUT = 50_000
+"""Columns of a Jacobian times instructions of the motion up to which it is one straight-line
+program."""
+
 
 @dataclass(frozen=True, eq=False)
 class Joined:
@@ -119,6 +123,21 @@ class Joined:
         return self._function(
             "jacobian", {"f_y": ca.jacobian(f, ca.vertcat(q, v, z)), "f_r": ca.jacobian(f, r)}
         )
+
+    def tangent(self) -> ca.Function:
+        """Return (q, v, z, r, p, d) -> the derivative of y' along a direction d of (q, v, z, r)."""
+        *state, p = self.inputs.values()
+        given = ca.vertcat(*state)
+        d = ca.SX.sym("d", given.numel())
+        along = ca.densify(ca.jtimes(ca.densify(self.derivatives), given, d))
+        names = [*self.inputs, "d"]
+        return ca.Function("tangent", [*state, p, d], [along], names, ["along"], {"cse": True})
+
+    @cached_property
+    def large(self) -> bool:
+        """Whether the Jacobian is too large to be written out: its columns come of `tangent`."""
+        columns = sum(x.numel() for x in [*self.inputs.values()][:-1])
+        return columns * self.motion().n_instructions() > WRITTEN_OUT
 
     def events(self) -> ca.Function:
         """Return (q, v, z, r, p) -> the numbers whose zeros are the events."""

@@ -10,7 +10,8 @@ for states side by side.
 All come from the same walk over the program's sections, for double and for <lanes x double>:
 straight-line code, but for the sines and cosines at the sections' ends (`angles`). The sections of
 a large program are functions of their own. Functions that are not inlined are calls of the C
-library, lane by lane. The second module holds `rows` as well, which uses `batch`.
+library, lane by lane. The second module holds `rows` as well, which uses `batch`; a fourth one
+holds these and `columns` (`unit_directions`).
 
 `wide` does one vector of states after the other, as `batch` does: the processor begins the next one
 while it waits for the last results of the one before. A loop that needs all results before it can
@@ -26,8 +27,9 @@ from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
 from linkwork.kernels.sections import Section, SectionPlan, planned
 from linkwork.kernels.stored_states import rows_text
+from linkwork.kernels.unit_directions import columns_text
 
-Kind = Literal["one", "batch", "wide"]
+Kind = Literal["one", "batch", "wide", "columns"]
 
 ABREAST = 2  # vectors of states that `wide` evaluates
 FUNCTIONS: dict[Kind, tuple[str, ...]] = {
@@ -35,12 +37,13 @@ FUNCTIONS: dict[Kind, tuple[str, ...]] = {
     "batch": ("batch", "rows"),
     "wide": ("wide",),
 }
+"""The functions that the modules of every program define; "columns" is for derivatives alone."""
 
 _INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull writeonly {}"
 
 
 def module_text(program: Program, machine: Machine, kind: Kind) -> str:
-    """Return the LLVM module of a program with the FUNCTIONS of its kind."""
+    """Return the LLVM module of a program with the FUNCTIONS of its kind, or with `columns`."""
     called = {node.op for node in program.nodes if node.op in LIBRARY}
     if called & {"sin", "cos"}:
         called |= {"sin", "cos"}
@@ -54,9 +57,11 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
         parts += _one(program, machine)
     else:
         parts += [_lane_by_lane(name, machine) for name in sorted(called - {"sin", "cos"})]
-        parts += _vectors(program, machine, kind)
-    if kind == "batch":
+        parts += _vectors(program, machine, "wide" if kind == "wide" else "batch")
+    if kind in ("batch", "columns"):
         parts.append(rows_text(program, machine))
+    if kind == "columns":
+        parts.append(columns_text(program, machine))
     return "\n\n".join(parts) + "\n"
 
 

@@ -59,6 +59,9 @@ class Kernel:
     wide_address: of void(const double* in, double* out), which evaluates `abreast` x `lanes`
         states, laid out `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned
         to 64 bytes: for loops whose next states need the results of these
+    columns_address: of void(const double* in, double* out), which evaluates one state without its
+        last input at each unit vector of that, out[direction][n_out]: a Jacobian, where the last
+        input is the direction of a derivative
     from_cache: whether all machine code so far was found in the cache
     compile_seconds: the time it took to get it [s]
 
@@ -111,6 +114,10 @@ class Kernel:
     @cached_property
     def wide_address(self) -> int:
         return self._module("wide").addresses["wide"]
+
+    @cached_property
+    def columns_address(self) -> int:
+        return self._module("columns").addresses["columns"]
 
     @property
     def operations(self) -> int:

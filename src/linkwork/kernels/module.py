@@ -52,5 +52,5 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
         content = _OPERATIONS.pack(program().operations) + code
         cache.write(entry, content)
     (operations,) = _OPERATIONS.unpack_from(content)
-    code = Code(content[_OPERATIONS.size :], FUNCTIONS[kind])
+    code = Code(content[_OPERATIONS.size :], FUNCTIONS.get(kind, (kind,)))
     return Module(code, operations, from_cache, time.perf_counter() - start)

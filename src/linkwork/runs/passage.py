@@ -301,7 +301,7 @@ class Passage:
         return Problem(
             system.kernel(chart, "motion").address,
             chart.kernel("closure_step").address if robot.equations.constrained else 0,
-            self.with_jacobian.kernel(chart, "jacobian").address if method.stiff else 0,
+            self.with_jacobian.jacobian(chart) if method.stiff else 0,
             system.p(chart),
             inputs,
             self.watch if system.acting else None,

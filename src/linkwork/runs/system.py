@@ -123,12 +123,18 @@ class System:
         return np.concatenate((chart.p, self.parameters)) if self.parameters.size else chart.p
 
     def kernel(self, chart: CompiledChart, name: str) -> Kernel:
-        """Return a kernel of `Joined` in a chart: motion, jacobian, events, held or recorded."""
+        """Return a kernel of `Joined` in a chart: motion, jacobian, tangent, events, held ..."""
         if self.acting is None:
             return chart.kernel(name)
         return chart.compiled(
             f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)()
         )
+
+    def jacobian(self, chart: CompiledChart) -> int:
+        """Return the address of void(const double *in, double *out): df/dy and df/dr by columns."""
+        if self.joined(chart).large:
+            return self.kernel(chart, "tangent").columns_address
+        return self.kernel(chart, "jacobian").address
 
     def control(self, chart: CompiledChart, before: Control | None = None) -> Control | None:
         """Return the sampled controller in a chart, if there is one.
