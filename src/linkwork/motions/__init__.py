@@ -5,6 +5,7 @@ are led by them from point to point, through points, with blended corners or alo
 robot that follows.
 """
 
+from linkwork.motions._fastest import ActuatorLimits, fastest
 from linkwork.motions._follow import follow
 from linkwork.motions.laws import (
     LAWS,
@@ -27,12 +28,14 @@ from linkwork.motions.timed_paths import (
 
 __all__ = [
     "LAWS",
+    "ActuatorLimits",
     "AxisLimits",
     "Profile",
     "TimedPath",
     "along",
     "blended",
     "cycloidal",
+    "fastest",
     "follow",
     "pick_and_place",
     "point_to_point",

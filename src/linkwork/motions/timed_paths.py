@@ -7,7 +7,7 @@ them follows by `linkwork.motions.follow`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import factorial, inf
@@ -54,14 +54,22 @@ class TimedPath:
             )
 
     @classmethod
-    def of(cls, profile: Profile, names: tuple[str, ...], passed: Sequence[float]) -> Self:
-        """Return the timed path that polynomials of time are."""
+    def of(
+        cls,
+        profile: Profile,
+        names: tuple[str, ...],
+        passed: Sequence[float],
+        path: Path | None = None,
+    ) -> Self:
+        """Return the timed path that polynomials of time are; path: the same as a curve with its
+        law, which is the time itself if left out."""
 
         def curve(s: np.ndarray) -> Triple:
             t, T = np.asarray(s, float) * profile.duration, profile.duration
             return profile(t), T * profile(t, 1), T**2 * profile(t, 2)
 
-        return cls(Path(curve, uniform), profile.duration, names, tuple(passed), profile)
+        way = path or Path(curve, uniform)
+        return cls(way, profile.duration, names, tuple(passed), profile)
 
     def sample(self, time: ArrayLike) -> Triple:
         """Return the coordinates, their rates and their accelerations (K, d) at times [s]."""
@@ -145,7 +153,9 @@ def point_to_point(
     allowed, made = limits_of(limits).of(names, change.size), law_of(law)
     if synchronised:
         profile = leg(change, allowed, made)
-        return TimedPath.of(profile.along(points[0], change), names, (0.0, profile.duration))
+        straight = Path(segment(points[0], change), profile.law)
+        passed = (0.0, profile.duration)
+        return TimedPath.of(profile.along(points[0], change), names, passed, straight)
     moved = np.flatnonzero(change)
     each = [leg(change[[axis]], allowed[:, [axis]], made) for axis in moved]
     apart = side_by_side(each)
@@ -395,6 +405,16 @@ def continued(points: np.ndarray) -> np.ndarray:
             others = [r * (1 + 2 * np.pi * turns / angle) for turns in (0, -1, 1)]
             led[k, 3:] = min(others, key=lambda other: float(np.linalg.norm(other - before)))
     return led
+
+
+def segment(start: np.ndarray, change: np.ndarray) -> Callable[[np.ndarray], Triple]:
+    """Return the straight way start + s change."""
+
+    def curve(s: np.ndarray) -> Triple:
+        along = np.ones((s.size, 1)) * change
+        return start + s[:, None] * change, along, 0 * along
+
+    return curve
 
 
 def leg(change: np.ndarray, allowed: np.ndarray, law: MotionLaw) -> Profile:

@@ -1,0 +1,301 @@
+"""Time scaling: a path run through as fast as the actuators allow, by the inverse dynamics of the
+robot.
+
+Along a path q(s) the independent rates and their accelerations, v = v_s s' and v' = v_s s'' + v_ss
+s'^2, make the forces of the actuators
+
+    u = alpha(s) s'' + beta(s) s'^2 + gamma(s) + friction(s, s'),
+
+linear in (s'', x = s'^2) but for friction that depends on rates. Power, |u r| s' <= P with the rate
+r s' of the actuator, is not linear either. Both are replaced by their tangents at the x of the step
+before, until x stays: the bound of a power is a convex function of x, above its tangent, so that
+each step keeps it (convex-concave procedure).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+
+import numpy as np
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.model.state import Motion, State
+from linkwork.motions._follow import follow
+from linkwork.motions.laws import Limit
+from linkwork.motions.reachability import Constraints, NoLawError, fastest_squares, law_of_squares
+from linkwork.motions.timed_paths import TimedPath
+from linkwork.paths import Path, uniform
+from linkwork.robot import Robot
+
+BOUNDS = ("force", "speed", "acceleration", "power")
+SETTLED, MOST_STEPS, SLOWINGS = 1e-9, 60, 20
+STEP = 1e-4  # of the difference by which friction's slope is found, over s'
+RESTING = 1e-9
+"""Rate of all joints at an end of a path, over its largest, below which the path rests there by
+itself."""
+
+
+@dataclass(frozen=True)
+class ActuatorLimits:
+    """Limit what the actuators give; None: no limit. All hold in both directions.
+
+    Args:
+        force: U [N, N m]: one number for all, one for each actuator in their order, or by name.
+        speed: V [m/s, rad/s], acceleration: A [m/s^2, rad/s^2], power: P = |u r'| [W], likewise.
+
+    Raises:
+        LinkworkError: a limit that is no positive finite number; no limit at all.
+    """
+
+    force: Limit = None
+    speed: Limit = None
+    acceleration: Limit = None
+    power: Limit = None
+
+    def __post_init__(self) -> None:
+        if all(getattr(self, kind) is None for kind in BOUNDS):
+            raise LinkworkError("no limit is given; the fastest motion needs one of the force")
+        for kind in BOUNDS:
+            value = getattr(self, kind)
+            given = value.values() if isinstance(value, Mapping) else np.ravel(value).tolist()
+            for part in () if value is None else given:
+                checks.positive(part, f"the {kind} limit")
+
+    def of(self, actuators: Sequence[str]) -> dict[str, np.ndarray]:
+        """Return the limits of actuators by kind, infinite where there is none."""
+        return {kind: self._each(kind, actuators) for kind in BOUNDS}
+
+    def _each(self, kind: str, actuators: Sequence[str]) -> np.ndarray:
+        value = getattr(self, kind)
+        if isinstance(value, Mapping):
+            checks.known(value, actuators, "actuator", f" with a {kind} limit")
+            return np.array([float(value.get(name, inf)) for name in actuators])
+        given = np.asarray(inf if value is None else value, float)
+        if given.shape not in ((), (len(actuators),)):
+            raise LinkworkError(
+                f"the {kind} limits are {checks.shown(value)}; give one number, or one for each "
+                f"of {', '.join(actuators)}"
+            )
+        return np.broadcast_to(given, (len(actuators),))
+
+
+def fastest(
+    robot: Robot,
+    path: Path | TimedPath,
+    limits: ActuatorLimits,
+    *,
+    points: int = 401,
+    guess: State | None = None,
+) -> TimedPath:
+    """Run through a path from rest to rest in the least time that the actuators allow.
+
+    Limits hold at the points of a grid along the path, on both sides of each. Between them they may
+    be passed by what the grid does not see, and the duration is above the least one, by parts that
+    fall with the number of points (some 0.1 % and 0.3 % of 401). With more actuators than freedoms
+    the forces are those of least norm. The jerk is not limited.
+
+    Args:
+        robot: that is led.
+        path: of the tool (`linkwork.paths`), or a timed path of the tool or of joints, whose own
+            law and duration are not used.
+        limits: of its actuators.
+        points: of the grid, equally spaced in s.
+        guess: a state on the wanted branch, near the first point; `home` if left out.
+
+    Returns:
+        The same path with the law that takes the least time; s'' is constant between two points.
+
+    Raises:
+        LinkworkError: a place on the path that the actuators cannot keep, by its s; a path on which
+            nothing limits the speed; actuators that do not drive all freedoms.
+
+    Source: Pham & Pham, IEEE Trans. Robotics 34 (2018) 645; Verscheure et al., IEEE Trans.
+    Automatic Control 54 (2009) 2318.
+    """
+    if not isinstance(limits, ActuatorLimits):
+        raise LinkworkError(
+            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
+        )
+    if checks.count(points, "the number of points") < 3:
+        raise LinkworkError("the grid of a path needs at least 3 points")
+    timed = path if isinstance(path, TimedPath) else TimedPath(path, 1.0)
+    shape = TimedPath(Path(timed.path.curve, uniform), 1.0, timed.names)
+    motion = follow(robot, shape, samples=int(points), guess=guess, keep_limits=False)
+    way = DrivenWay(robot, motion)
+    x = settled(way, limits.of(robot.actuators))
+    law = law_of_squares(motion.time, x)
+    return TimedPath(Path(timed.path.curve, law.law), law.duration, timed.names)
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenWay:
+    """Hold a robot on a grid of a path, as a motion with s for the time."""
+
+    robot: Robot
+    motion: Motion
+
+    @cached_property
+    def rates(self) -> np.ndarray:
+        """Rates of the actuators at s' = 1 (points, actuators)."""
+        S = self.robot.actuation(self.motion.state)
+        return (S @ self.motion.rates[..., None])[..., 0]
+
+    @cached_property
+    def bends(self) -> np.ndarray:
+        """Accelerations of the actuators at s' = 1, s'' = 0 (points, actuators)."""
+        if set(self.robot.actuators) <= set(self.robot.rates):
+            places = [self.robot.rates.index(name) for name in self.robot.actuators]
+            return self.motion.joint_accelerations[:, places]
+        raise LinkworkError(
+            "an actuator has no coordinate of its own whose acceleration could be limited; limit "
+            "its force"
+        )
+
+    @cached_property
+    def rests(self) -> tuple[bool, bool]:
+        """Whether the path rests by itself at its begin and at its end."""
+        speed = np.abs(self.motion.joint_rates).max(axis=1)
+        return bool(speed[0] < RESTING * speed.max()), bool(speed[-1] < RESTING * speed.max())
+
+    def forces(self, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """Return u (points, actuators) for s' and s'' (points,)."""
+        motion = self.motion
+        v = motion.rates * rate[:, None]
+        v_dot = motion.rates * acceleration[:, None] + motion.accelerations * rate[:, None] ** 2
+        return self.robot.inverse_dynamics(motion.state.with_rates(v), v_dot)
+
+    @cached_property
+    def holding(self) -> np.ndarray:
+        """u at rest."""
+        return self.forces(0 * self.motion.time, 0 * self.motion.time)
+
+    @cached_property
+    def per_acceleration(self) -> np.ndarray:
+        """alpha, u per s''."""
+        return self.forces(0 * self.motion.time, 1 + 0 * self.motion.time) - self.holding
+
+    @cached_property
+    def smooth(self) -> bool:
+        """Whether no force but the bodies' inertia depends on rates."""
+        state = self.motion.state
+        moving, resting = (
+            self.robot.passive_forces(each) for each in (state, state.with_rates(0 * state.rates))
+        )
+        return bool((moving == resting).all())
+
+    def at_speed(self, x: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Return beta and gamma (points, actuators) of the tangent at x (points,), u = alpha s'' +
+        beta x + gamma; of the secant to x = 1 where there is none."""
+        zero = 0 * self.motion.time
+        if self.smooth or x is None:
+            return self.forces(zero + 1, zero) - self.holding, self.holding
+        rate = np.sqrt(x)
+        moving = rate > 0
+        high, low = (self.forces(rate * (1 + h), zero) for h in (STEP, -STEP))
+        slope = (high - low) / np.where(moving, 4 * STEP * x, 1.0)[:, None]
+        slope[~moving] = 0
+        return slope, self.forces(rate, zero) - slope * x[:, None]
+
+    def constraints(self, limits: Mapping[str, np.ndarray], x: np.ndarray | None) -> Constraints:
+        """Return all limits as linear rows, each over its limit; x: at which what is curved is
+        replaced by its tangent."""
+        alpha, (beta, gamma), r = self.per_acceleration, self.at_speed(x), self.rates
+        zero, one = 0 * r, 1 + 0 * r
+        blocks = []
+        if np.isfinite(limits["speed"]).any():
+            blocks.append((zero, (r / limits["speed"]) ** 2, one))
+        if np.isfinite(limits["acceleration"]).any():
+            A = limits["acceleration"]
+            blocks += [(sign * r / A, sign * self.bends / A, one) for sign in (1, -1)]
+        if np.isfinite(limits["force"]).any():
+            U = limits["force"]
+            blocks += [
+                (sign * alpha / U, sign * beta / U, 1 - sign * gamma / U) for sign in (1, -1)
+            ]
+        if x is not None and np.isfinite(limits["power"]).any():
+            # Over P / |r s'|, whose tangent is 3/2 - x / (2 x_k).
+            over = np.abs(r) * np.sqrt(x)[:, None] / limits["power"]
+            bend = np.divide(0.5, x, out=np.zeros_like(x), where=x > 0)[:, None] + zero
+            blocks += [
+                (sign * alpha * over, sign * beta * over + bend, 1.5 - sign * gamma * over)
+                for sign in (1, -1)
+            ]
+        a, b, c = (np.hstack(parts) for parts in zip(*blocks, strict=True))
+        return Constraints(self.motion.time, a, b, c)
+
+
+def settled(way: DrivenWay, limits: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return x (points,) of the fastest law; tangents are renewed until it stays."""
+    powered = bool(np.isfinite(limits["power"]).any())
+    if powered and not any(np.isfinite(limits[kind]).any() for kind in BOUNDS[:3]):
+        raise LinkworkError(
+            "a power alone lets a robot at rest accelerate without limit; limit the force as well"
+        )
+    still = not way.rests[0], not way.rests[1]
+    x = solved(way, limits, None, still)
+    if way.smooth and not powered:
+        return x
+    x = admitted(way, limits, x, still)
+    for k in range(MOST_STEPS):
+        following = solved(way, limits, x, still)
+        change = np.abs(following - x).max() / following.max()
+        # Tangents that lead to and fro are taken half way between.
+        x = following if k < MOST_STEPS // 3 else (following + x) / 2
+        if change < SETTLED:
+            return x
+    raise LinkworkError(
+        f"the fastest law does not settle within {MOST_STEPS} steps under these limits of power "
+        "and this friction; take another number of points"
+    )
+
+
+def admitted(
+    way: DrivenWay, limits: Mapping[str, np.ndarray], x: np.ndarray, still: tuple[bool, bool]
+) -> np.ndarray:
+    """Return x slowed until its tangents leave a law; where a power limit holds the robot against
+    its weight, those at high speeds do not."""
+    for _ in range(SLOWINGS):
+        try:
+            solved(way, limits, x, still)
+            return x
+        except LinkworkError:
+            x = x / 4
+    return x
+
+
+def solved(
+    way: DrivenWay,
+    limits: Mapping[str, np.ndarray],
+    x: np.ndarray | None,
+    still: tuple[bool, bool],
+) -> np.ndarray:
+    """Return x of the fastest law under the tangents at x; refuse a path without one."""
+    try:
+        return fastest_squares(way.constraints(limits, x), still)
+    except NoLawError as error:
+        s = way.motion.time[error.point]
+        raise LinkworkError(
+            f"at s = {s:.4g} of the path (of 1) nothing limits its speed; limit more of the "
+            "actuators"
+            if error.unbounded
+            else f"at s = {s:.4g} of the path (of 1) {refused(way, limits, error.point)}"
+        ) from None
+
+
+def refused(way: DrivenWay, limits: Mapping[str, np.ndarray], point: int) -> str:
+    """Say what cannot be kept at a point of the path."""
+    held, most = way.holding[point], limits["force"]
+    if (beyond := np.abs(held) > most).any():
+        k = int(np.argmax(beyond))
+        return (
+            f"the actuator {way.robot.actuators[k]!r} needs {held[k]:.6g} to hold the robot still, "
+            f"and its limit is {most[k]:.6g}; give more force, or another path"
+        )
+    return (
+        "no speed and acceleration keep all limits from rest to rest; give more force, or another "
+        "path"
+    )

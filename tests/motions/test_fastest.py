@@ -1,0 +1,215 @@
+"""The fastest law along a path: against closed bang-bang solutions and a linear programme."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq, linprog
+from scipy.sparse import lil_matrix
+
+import linkwork as lw
+from linkwork import LinkworkError, motions, paths
+
+from tests.catalogue import built
+
+ANY = motions.AxisLimits(speed=1.0)
+MASS, WAY, FORCE = 2.0, 3.0, 4.0
+
+
+def slide(**joint):
+    """Return a mass on a rail."""
+    return lw.Robot(
+        lw.Mechanism(
+            name="slide",
+            gravity=(0, 0, 0),
+            bodies={"b": lw.Body(mass=MASS)},
+            joints={"x": lw.PrismaticJoint(connects=("ground", "b"), axis=(1, 0, 0), **joint)},
+            actuators=("x",),
+        )
+    )
+
+
+def duration(robot, start, end, points=401, **limits):
+    timed = motions.point_to_point(start, end, ANY, law="quintic")
+    return motions.fastest(robot, timed, motions.ActuatorLimits(**limits), points=points).duration
+
+
+@pytest.fixture(scope="module")
+def rail():
+    return slide()
+
+
+def test_a_slide_is_driven_bang_bang_and_coasts_at_its_speed_limit(rail):
+    way = {"x": 0.0}, {"x": WAY}
+    assert duration(rail, *way, force=FORCE) == pytest.approx(
+        2 * np.sqrt(WAY * MASS / FORCE), rel=1e-13
+    )
+    coasting = WAY / 1.5 + 1.5 * MASS / FORCE
+    assert duration(rail, *way, force=FORCE, speed=1.5) == pytest.approx(coasting, rel=2e-5)
+    assert duration(rail, *way, acceleration=2.0) == pytest.approx(2 * np.sqrt(WAY / 2), rel=1e-13)
+
+
+def test_a_slide_at_constant_power(rail):
+    """m v dv/dt = P from v_1 = P / F on: way m (v^3 - v_1^3) / 3 P, time m (v^2 - v_1^2) / 2 P."""
+    power, way = 3.0, ({"x": 0.0}, {"x": WAY})
+    v_1 = power / FORCE
+    gone = MASS * v_1**2 / (2 * FORCE)
+    top = (3 * power * (WAY / 2 - gone) / MASS + v_1**3) ** (1 / 3)
+    exact = 2 * (MASS * v_1 / FORCE + MASS * (top**2 - v_1**2) / (2 * power))
+    found = [duration(rail, *way, points, force=FORCE, power=power) for points in (401, 801)]
+    assert found[1] == pytest.approx(exact, rel=1e-3)
+    assert 2 * found[1] - found[0] == pytest.approx(exact, rel=1e-4)
+
+
+def test_viscous_friction_is_counted():
+    drag = 1.5
+    robot = slide(friction=lw.Friction(viscous=drag))
+    rate, top = drag / MASS, FORCE / drag
+
+    def gone(t):  # from rest under F, then from there under -F: way, and time in all
+        v = top * (1 - np.exp(-rate * t))
+        braked = np.log(1 + v / top) / rate
+        return top * t - v / rate + v / rate - top * braked, t + braked
+
+    exact = gone(brentq(lambda t: gone(t)[0] - WAY, 0.1, 9))[1]
+    ends = {"x": 0.0}, {"x": WAY}
+    first, second, third = (duration(robot, *ends, n, force=FORCE) for n in (201, 401, 801))
+    assert exact < third < second < first
+    # What is left falls geometrically (Aitken).
+    last = third - (second - third) ** 2 / (first - 2 * second + third)
+    assert last == pytest.approx(exact, rel=2e-4)
+
+
+def test_a_pendulum_is_swung_up_bang_bang():
+    """Energy tells the speed on both arcs: tau (q - q_0) - (V - V_0) up, tau (q_1 - q) + (V_1 - V)
+    before the end; they meet where these are equal."""
+    robot = built("pendulum")
+    (joint,), q_0, q_1 = robot.coordinates, 0.0, 2.0
+    M = robot.mass_matrix(robot.home)[0, 0]
+    weight = robot.gravity(robot.state(np.linspace(q_0, q_1, 101)[:, None]))
+    tau = 1.3 * np.abs(weight).max()
+
+    def V(q):
+        return float(robot.energy(robot.state([q]))[1])
+
+    turn = (q_0 + q_1) / 2 + (V(q_1) - V(q_0)) / (2 * tau)
+
+    def time(z, end, sign):  # q = end +- z^2 takes the root out of the integrand
+        q = end + sign * z**2
+        energy = tau * z**2 - (V(q) - V(end))
+        return 2 * z / np.sqrt(2 * energy / M) if z else 0.0
+
+    exact = quad(time, 0, np.sqrt(turn - q_0), (q_0, 1))[0]
+    exact += quad(time, 0, np.sqrt(q_1 - turn), (q_1, -1))[0]
+    found = [duration(robot, {joint: q_0}, {joint: q_1}, n, force=tau) for n in (401, 801)]
+    assert exact < found[1] < found[0]
+    assert 2 * found[1] - found[0] == pytest.approx(exact, rel=5e-5)
+
+
+WAYS = {
+    "circle": paths.together(paths.circle([0.48, 0.3], 0.04), paths.swing(1.2, 0.2)),
+    "spline": motions.through([[0.48, 0.3, 1.2], [0.5, 0.31, 1.3], [0.48, 0.29, 1.1]], ANY),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_linear_programme_finds_nothing_faster(way):
+    """Of its own coefficients, M v_s and M v_ss + C v_s, and solved for all points at once."""
+    robot, N, U, V = built("prr3"), 80, 5.0, 0.4
+    path = WAYS[way]
+    limits = motions.ActuatorLimits(force=U, speed=V)
+    timed = motions.fastest(robot, path, limits, points=N + 1)
+    curve = path.path.curve if way == "spline" else path.curve
+    motion = robot.follow(paths.Path(curve, paths.uniform), 1.0, samples=N + 1)
+    M, v_s = robot.mass_matrix(motion.state), motion.rates
+    alpha = np.einsum("kij,kj->ki", M, v_s)
+    beta = np.einsum("kij,kj->ki", M, motion.accelerations) + robot.coriolis(motion.state)
+    gamma = robot.gravity(motion.state)
+    rows, most = lil_matrix((12 * N, N + 1)), []
+    for i in range(N):
+        for k in (i, i + 1):
+            for sign in (1, -1):
+                for j in range(3):  # s'' = (x_i+1 - x_i) N / 2
+                    row = len(most)
+                    rows[row, i] -= sign * alpha[k, j] * N / 2
+                    rows[row, i + 1] += sign * alpha[k, j] * N / 2
+                    rows[row, k] += sign * beta[k, j]
+                    most.append(U - sign * gamma[k, j])
+    with np.errstate(divide="ignore"):
+        top = ((V / np.abs(v_s)) ** 2).min(axis=1)
+    ends = [0, N] if way == "circle" else []
+    bounds = [(0, 0 if k in ends else bound) for k, bound in enumerate(top)]
+    solved = linprog(-np.ones(N + 1), A_ub=rows.tocsr(), b_ub=most, bounds=bounds)
+    rate = np.sqrt(solved.x)
+    assert timed.duration == pytest.approx((2 / N / (rate[1:] + rate[:-1])).sum(), rel=1e-5)
+
+
+def test_limits_hold_along_the_whole_motion_and_one_of_them_is_reached():
+    robot = built("prr3")
+    limits = motions.ActuatorLimits(force=5.0, speed=0.5, power=1.0, acceleration=[20.0] * 3)
+    timed = motions.fastest(robot, WAYS["circle"], limits)
+    motion = motions.follow(robot, timed, samples=1501)
+    u = robot.inverse_dynamics(motion).values
+    used = np.max(
+        [
+            np.abs(u) / 5.0,
+            np.abs(motion.rates) / 0.5,
+            np.abs(u * motion.rates) / 1.0,
+            np.abs(motion.accelerations) / 20.0,
+        ],
+        axis=(0, 2),
+    )
+    assert used.max() < 1.003
+    assert np.median(used) > 0.99
+    assert np.abs(motion.rates[[0, -1]]).max() < 1e-9
+
+
+def test_a_mass_is_lifted_by_little_power():
+    robot = lw.Robot(slide().mechanism.model_copy(update={"gravity": (-9.81, 0, 0)}))
+    found = duration(robot, {"x": 0.0}, {"x": 1.0}, force=40.0, power=2.0)
+    assert found == pytest.approx(MASS * 9.81 / 2.0, rel=1e-2)  # hardly any energy moves it
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda r: motions.fastest(r, WAYS["circle"], 5.0), "the limits are 5.0"),
+        (lambda r: motions.ActuatorLimits(), "no limit is given"),
+        (lambda r: motions.ActuatorLimits(force=0), "the force limit is 0"),
+        (lambda r: motions.ActuatorLimits(force={"a": np.nan}), "the force limit is nan"),
+        (
+            lambda r: motions.fastest(r, WAYS["circle"], motions.ActuatorLimits(force=[1, 2])),
+            "one for each of slide_1, slide_2, slide_3",
+        ),
+        (
+            lambda r: motions.fastest(r, WAYS["circle"], motions.ActuatorLimits(force={"a": 1})),
+            "no actuator 'a' with a force limit",
+        ),
+        (
+            lambda r: motions.fastest(r, WAYS["circle"], motions.ActuatorLimits(power=1.0)),
+            "a power alone",
+        ),
+        (
+            lambda r: motions.fastest(r, WAYS["circle"], motions.ActuatorLimits(force=1), points=2),
+            "at least 3 points",
+        ),
+        (
+            lambda r: motions.fastest(
+                built("delta"),
+                paths.line([0, 0, -0.9], [0.1, 0, -0.9]),
+                motions.ActuatorLimits(force=1e-3),
+            ),
+            r"at s = .* of the path \(of 1\) the actuator .* needs .* to hold the robot still",
+        ),
+        (
+            lambda r: motions.fastest(
+                r,
+                motions.point_to_point(r.home, {"slide_1": 0.2}, ANY, law="quintic"),
+                motions.ActuatorLimits(speed={"slide_2": 1.0}),
+            ),
+            "nothing limits its speed",
+        ),
+    ],
+)
+def test_refusals(call, said):
+    with pytest.raises(LinkworkError, match=said):
+        call(built("prr3"))
