@@ -20,6 +20,7 @@ def floated(mechanism: Mechanism, place: str, notes: Notes) -> Mechanism:
     Raises:
         MechanismError: nothing is fixed to ground, or more than one body.
     """
+    # What stands on ground: one body, or nothing where something floats already.
     fixed = {
         name: joint
         for name, joint in mechanism.joints.items()
@@ -39,6 +40,7 @@ def floated(mechanism: Mechanism, place: str, notes: Notes) -> Mechanism:
         raise MechanismError(
             f"{place}: {what} fixed to ground; a root floats where exactly one body is"
         )
+    # Its joint is a free one from here on, with the same frames, ground first.
     ((old, joint),) = fixed.items()
     new = FreeNames(notes, tuple(mechanism.joints)).give(FLOATING)
     one, two = (0, 1) if joint.connects[0] == GROUND else (1, 0)
