@@ -22,7 +22,11 @@ PAIRS = [kind for kind in TYPES.values() if issubclass(kind, PairJoint)]
 SHAPES = get_args(get_args(Shape)[0])
 MAKERS = {
     "equations/topology.py",
+    "formats/floating.py",
     "formats/mjcf/loops.py",
+    "formats/sdf/joints.py",
+    "formats/sdf/links.py",
+    "formats/sdf/reader.py",
     "formats/urdf/reader.py",
     "formats/urdf/shapes.py",
     "formats/urdf/sidecars.py",
@@ -67,7 +71,7 @@ def test_no_other_file_knows_a_joint_by_the_word_for_its_type():
     found = {
         path.relative_to(SOURCE).as_posix() for path, tree in modules() if strings(tree) & types
     }
-    assert {name for name in found if not name.startswith("formats/urdf/")} == {
+    assert {name for name in found if not name.startswith(("formats/urdf/", "formats/sdf/"))} == {
         "mechanism/joints.py",
         *TOLD_APART,
     }

@@ -40,9 +40,10 @@ def test_what_is_read_can_be_written_as_a_mechanism_file(text, tmp_path):
 def test_suffixes_that_are_not_known(tmp_path):
     with pytest.raises(
         MechanismError,
-        match=r"a model file ends in \.yaml, \.yml, \.xml, \.mjcf, \.urdf, not '\.sdf'",
+        match=r"a model file ends in \.yaml, \.yml, \.xml, \.mjcf, \.urdf, \.sdf, \.world, not "
+        r"'\.usd'",
     ):
-        load(tmp_path / "robot.sdf")
+        load(tmp_path / "robot.usd")
     with pytest.raises(
         MechanismError, match=r"URDF holds no closed loops and is not written; write \.xml"
     ):

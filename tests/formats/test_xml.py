@@ -35,8 +35,9 @@ HOSTILE = {
     + "<body>" * 300
     + "</body>" * 300
     + "</mujoco>": "line 1: elements are nested deeper than 250",
-    "<sdf version='1.9'/>": (
-        "<sdf>: is not the root of a model known here; MJCF begins with <mujoco>, URDF with <robot>"
+    "<usd version='1.9'/>": (
+        "<usd>: is not the root of a model known here; MJCF begins with <mujoco>, URDF with "
+        "<robot>, SDF with <sdf>"
     ),
 }
 

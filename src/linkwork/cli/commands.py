@@ -165,7 +165,7 @@ def convert(
         str,
         typer.Argument(
             metavar="A",
-            help="A model file (.xml or .mjcf, .urdf, .yaml) or a robot of the catalogue.",
+            help="A model file (.xml or .mjcf, .urdf, .sdf, .yaml) or a robot of the catalogue.",
         ),
     ],
     target: Annotated[
@@ -176,7 +176,7 @@ def convert(
     packages: PackagePath = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Turn a model file into another format: MJCF or URDF into a mechanism file, that into MJCF.
+    """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into MJCF.
 
     What the other format does not hold is said, sentence by sentence.
     """

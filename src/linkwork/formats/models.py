@@ -52,6 +52,13 @@ FORMATS = (
         "linkwork.formats.urdf",
         unwritten="URDF holds no closed loops and is not written; write .xml (MJCF) or .yaml",
     ),
+    Format(
+        "SDF",
+        (".sdf", ".world"),
+        "sdf",
+        "linkwork.formats.sdf",
+        unwritten="SDF is read and not written; write .xml (MJCF) or .yaml",
+    ),
 )
 NATIVE = (".yaml", ".yml")
 MODELS = tuple(suffix for form in FORMATS for suffix in form.suffixes)
@@ -81,8 +88,8 @@ def load(
     """Read a mechanism from a model file.
 
     Args:
-        path: .yaml or .yml, the native format; .xml, .mjcf or .urdf, MJCF or URDF as the root
-            element says.
+        path: .yaml or .yml, the native format; .xml, .mjcf, .urdf, .sdf or .world, MJCF, URDF or
+            SDF as the root element says.
         reference: joint coordinates from which the loops are closed, by name, in place of the
             file's own: numbers [m, rad], text such as "40 deg" or "12 mm", or a YAML or JSON file
             of them; URDF has none, so that a linkage that is drawn in a line needs them.

@@ -23,6 +23,7 @@ LARGEST = 20_000_000  # bytes
 DEEPEST = 250  # elements inside one another
 MOST = 400_000  # elements
 ATTRIBUTES = 200  # of one element
+FLAGS = {"true": True, "1": True, "false": False, "0": False}
 LONGEST = 600  # letters of what is wrong with an element
 
 R = TypeVar("R", bound=Record)
@@ -37,6 +38,12 @@ class Element:
     file: Path
     line: int
     children: list[Element] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
+
+    @property
+    def content(self) -> str:
+        """Return the text between the tags, without spaces at its ends."""
+        return "".join(self.texts).strip()
 
     @property
     def label(self) -> str:
@@ -67,6 +74,25 @@ class Element:
         if child is None:
             raise self.refusal(f"holds no <{name}>; add one")
         return child
+
+    def inner(self, tag: str) -> Element | None:
+        """Return the first child of a tag with its text as the attribute of that name, so that it
+        is read and refused as attributes are; None where there is none."""
+        child = self.first(tag)
+        return child and replace(child, attributes={**child.attributes, tag: child.content})
+
+    def inner_number(self, tag: str, default: float, most: float = HUGE) -> float:
+        """Return the number that is the text of a child."""
+        child = self.inner(tag)
+        return default if child is None else child.number(tag, most=most)
+
+    def inner_flag(self, tag: str, default: bool = False) -> bool:
+        """Return the truth value that is the text of a child: true or 1, false or 0."""
+        child = self.first(tag)
+        word = "" if child is None else child.content.lower()
+        if child is not None and word not in FLAGS:
+            raise child.refusal(f"holds {shortened(child.content)}; give true or false")
+        return FLAGS.get(word, default)
 
     def with_attributes(self, attributes: Mapping[str, str]) -> Element:
         return replace(self, attributes=attributes)
@@ -160,6 +186,7 @@ def read(path: Path) -> Element:
         tag, attributes, parser.CurrentLineNumber
     )
     parser.EndElementHandler = building.end
+    parser.CharacterDataHandler = building.say
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = building.refuse_entities
     try:
         parser.Parse(contents(path), True)
@@ -223,6 +250,11 @@ class _Building:
             )
         self.open[-1].children.append(element)
         self.open.append(element)
+
+    def say(self, text: str) -> None:
+        """Keep text between tags, but for the spaces before it."""
+        if self.open[-1].texts or not text.isspace():
+            self.open[-1].texts.append(text)
 
     def end(self, tag: str) -> None:
         self.open.pop()

@@ -84,7 +84,7 @@ class Robot(Model):
         floating: bool = False,
         packages: Iterable[str | FilePath] | str | FilePath = (),
     ) -> Robot:
-        """Read a mechanism file (YAML) or a model file (MJCF, URDF) and derive its equations.
+        """Read a mechanism file (YAML) or a model file (MJCF, URDF, SDF) and derive its equations.
 
         Args:
             path, reference, floating, packages: as `linkwork.formats.load` takes them.

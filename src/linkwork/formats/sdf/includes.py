@@ -1,0 +1,94 @@
+"""The models of an SDF file as scopes, with those that it includes from other files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from linkwork.formats import xml
+from linkwork.formats.reading import Reading
+from linkwork.formats.sdf.scopes import BETWEEN, PARTS, WORLD, Scope
+from linkwork.formats.xml import Element
+from linkwork.mechanism import MechanismError
+
+DEEPEST = 50  # models inside one another
+MOST = 500  # models that are included
+
+
+@dataclass
+class ScopeReader:
+    """Read models as scopes; `count` of them were included."""
+
+    reading: Reading
+    count: int = 0
+
+    def top(self, root: Element) -> Scope:
+        """Return the scope of the file's first world, or that of its models."""
+        world = root.first(WORLD) or replace(root, tag=WORLD)
+        scope = Scope(world, world)
+        alone = sum(1 for _ in world.each("model", "include")) == 1
+        self._fill(scope, 1, not alone)
+        return scope
+
+    def _fill(self, scope: Scope, depth: int, named: bool) -> None:
+        """Read what a scope holds; `named`: whether its models' names stand before their links'."""
+        if depth > DEEPEST:
+            raise scope.element.refusal(f"is nested deeper than {DEEPEST} models")
+        for part in scope.element.each(*PARTS):
+            self._check_free(scope, part, part.text("name"))
+            scope.named[part.text("name")] = part
+        for part in scope.element.each("model", "include"):
+            included = part.tag == "include"
+            element = self._included(part) if included else part
+            name = (part.inner("name") or element).text("name")
+            merge = included and part.attributes.get("merge", "false") in ("true", "1")
+            place = part if included and part.first("pose") else element
+            if included and part.first("placement_frame"):
+                place = replace(place, children=[*place.children, part.named("placement_frame")])
+            model = Scope(
+                element,
+                place,
+                scope,
+                scope.path if merge or not named else f"{scope.path}{name}{BETWEEN}",
+                scope.static or element.inner_flag("static") or part.inner_flag("static"),
+            )
+            if merge:
+                scope.merged.append(model)
+            else:
+                self._check_free(scope, part, name)
+                scope.models[name] = model
+            self._fill(model, depth + 1, True)
+
+    def _check_free(self, scope: Scope, part: Element, name: str) -> None:
+        if name in scope.named or name in scope.models:
+            raise part.refusal("has the name of another part of its model; names are given once")
+
+    def _included(self, include: Element) -> Element:
+        """Return the <model> of another file."""
+        uri = include.inner("uri")
+        if uri is None:
+            raise include.refusal("holds no <uri>; add one")
+        self.count += 1
+        if self.count > MOST:
+            raise include.refusal(f"comes after more than {MOST} others; that is refused")
+        path = self.reading.found(uri.text("uri"), uri)
+        try:
+            root = xml.read(_model_file(path, uri) if path.is_dir() else path)
+            if root.tag != "sdf":
+                raise root.refusal("is not the root of an SDF file; that begins with <sdf>")
+            return root.named("model")
+        except MechanismError as error:
+            raise MechanismError(f"{include.file}: line {include.line}: {error}") from None
+
+
+def _model_file(folder: Path, uri: Element) -> Path:
+    """Return the SDF file of a model's folder: the last that its model.config names, or
+    model.sdf."""
+    config = folder / "model.config"
+    names = ["model.sdf"]
+    if config.is_file():
+        names = [each.content for each in xml.read(config).each("sdf") if each.content] or names
+    path = (folder / names[-1]).resolve()
+    if not path.is_file() or not path.is_relative_to(folder.resolve()):
+        raise uri.refusal(f"the folder {str(folder)!r} holds no {names[-1]}")
+    return path

@@ -1,0 +1,291 @@
+"""The joints of an SDF file: between any two links or frames, so that they may close loops.
+
+All joints are at zero where the file's poses put the links; a joint's own pose is in the child's
+frame, if it is relative to nothing else. A screw's `screw_thread_pitch` is its advance [m] per turn
+of a right-handed thread; the older `thread_pitch` counts radians per metre of a left-handed one.
+A gearbox keeps theta_2 = -gearbox_ratio theta_1, the turns of its child and its parent relative to
+the reference body about its two axes, which hinges measure.
+
+Source: the SDF specification, http://sdformat.org/spec (joint).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, pi
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.names import FreeNames
+from linkwork.formats.notes import Notes
+from linkwork.formats.sdf.scopes import MODEL, Scope
+from linkwork.formats.xml import Element, shortened
+from linkwork.mechanism import (
+    GROUND,
+    Body,
+    FixedJoint,
+    Friction,
+    GearJoint,
+    Joint,
+    Limits,
+    PrismaticJoint,
+    RevoluteJoint,
+    ScrewJoint,
+    SphericalJoint,
+    Spring,
+    UniversalJoint,
+)
+
+HINGES = ("revolute", "continuous")
+TYPES = (
+    *HINGES,
+    "prismatic",
+    "screw",
+    "ball",
+    "universal",
+    "revolute2",
+    "fixed",
+    "gearbox",
+)
+NO_LIMIT = 1e16  # the specification's limit of a joint that has none
+OLD_AXES = 1.5  # the version from which on axes are in the joint's own frame
+AXES = ("axis", "axis2")
+
+
+@dataclass
+class SdfJoint:
+    """Hold a joint of the file with what it is here.
+
+    labels: the coordinates that its axes are, by `axis` and `axis2`
+    driven: whether the file lets an actuator act; None where it does not say
+    """
+
+    scope: Scope
+    element: Element
+    name: str
+    labels: dict[str, str] = field(default_factory=dict)
+    driven: dict[str, bool | None] = field(default_factory=dict)
+
+
+@dataclass
+class JointReader:
+    """Read joints, those between the bodies that others are made of, and gears."""
+
+    version: float
+    bodies: dict[str, str]  # what links are called here, by their names with those of the models
+    notes: Notes
+    names: FreeNames
+    body_names: FreeNames
+    joints: dict[str, Joint] = field(default_factory=dict)
+    between: dict[str, Body] = field(default_factory=dict)
+    read: list[SdfJoint] = field(default_factory=list)
+
+    def scope(self, scope: Scope) -> None:
+        """Read the joints of a scope."""
+        for name, element in scope.named.items():
+            if element.tag == "joint":
+                kind = element.choice("type", TYPES, "")
+                joint = SdfJoint(scope, element, self.names.give(scope.path + name, element))
+                self.read.append(joint)
+                if kind != "gearbox":
+                    self._pair(joint, kind)
+
+    def couplings(self) -> None:
+        """Read the gears: gearboxes, and axes that mimic others."""
+        for joint in self.read:
+            if joint.element.attributes["type"] == "gearbox":
+                self._gearbox(joint)
+            for axis in AXES:
+                self._mimic(joint, axis)
+
+    # -------------------------------------------------------------------------------------- pairs
+
+    def _pair(self, joint: SdfJoint, kind: str) -> None:
+        scope, element = joint.scope, joint.element
+        # What it connects, and where it stands on both.
+        ends = [scope.mount(self._end(element, end), element) for end in ("parent", "child")]
+        if ends[0][0] == ends[1][0]:
+            if ends[0][0] == GROUND:
+                self.notes.on(element, "is left out: it connects what stands still anyway")
+                return
+            raise element.refusal(f"connects {shortened(ends[0][0])} to itself")
+        X = scope.in_world(element.text("name"), element)
+        connects = [GROUND if body == GROUND else self.bodies[body] for body, _ in ends]
+        frames = [poses.frame_of(poses.inverse(B) @ X) for _, B in ends]
+        fields = {"connects": tuple(connects), "frames": tuple(frames)}
+        # Those without axes, with one, with two.
+        if kind in ("fixed", "ball"):
+            made = FixedJoint if kind == "fixed" else SphericalJoint
+            self.joints[joint.name] = element.make(made, **fields)
+        elif kind in ("universal", "revolute2"):
+            self._two_axes(joint, fields)
+        else:
+            self._one_axis(joint, kind, fields)
+
+    def _one_axis(self, joint: SdfJoint, kind: str, fields: dict) -> None:
+        acting = self._acting(joint, "axis", kind != "continuous")
+        fields |= {"axis": self._axis(joint, "axis"), **acting}
+        made = RevoluteJoint if kind in HINGES else PrismaticJoint
+        if kind == "screw":
+            made, fields["pitch"] = ScrewJoint, self._pitch(joint.element)
+        self.joints[joint.name] = joint.element.make(made, **fields)
+        joint.labels["axis"] = joint.name
+
+    def _two_axes(self, joint: SdfJoint, fields: dict) -> None:
+        axes = [self._axis(joint, axis) for axis in AXES]
+        acting = [self._acting(joint, axis) for axis in AXES]
+        if abs(float(np.dot(np.array(axes[0]), np.array(axes[1])))) < 1e-9:
+            freedoms = UniversalJoint.freedoms
+            by_freedom = {
+                kind: {name: each[kind] for name, each in zip(freedoms, acting, strict=True)}
+                for kind in acting[0]
+            }
+            made = joint.element.make(UniversalJoint, axes=tuple(axes), **fields, **by_freedom)
+            self.joints[joint.name] = made
+            joint.labels |= dict(zip(AXES, made.coordinates(joint.name), strict=True))
+            return
+        # Axes that are not square to each other: two hinges about a body without mass.
+        (first, second), (one, two) = fields["connects"], fields["frames"]
+        middle = self.body_names.give(joint.name)
+        self.between[middle] = Body(mass=0.0)
+        names = joint.name, self.names.give(f"{joint.name}_2")
+        ends = (
+            ((first, middle), (one, poses.frame_of(np.eye(4)))),
+            (
+                (middle, second),
+                (poses.frame_of(np.eye(4)), two),
+            ),
+        )
+        for name, axis, (connects, frames), more in zip(names, axes, ends, acting, strict=True):
+            self.joints[name] = joint.element.make(
+                RevoluteJoint, connects=connects, frames=frames, axis=axis, **more
+            )
+        joint.labels |= dict(zip(AXES, names, strict=True))
+
+    def _end(self, element: Element, end: str) -> str:
+        inner = element.first(end)
+        name = "" if inner is None else inner.content
+        if not name:
+            raise element.refusal(f"holds no <{end}>; name a link, a frame or world")
+        return name
+
+    def _axis(self, joint: SdfJoint, tag: str) -> tuple[float, float, float]:
+        """Return the unit components of an axis in the joint's frame."""
+        element = joint.element.first(tag)
+        if element is None:
+            return 0.0, 0.0, 1.0
+        inner = element.inner("xyz")
+        given = np.array((0.0, 0.0, 1.0) if inner is None else inner.vector("xyz"))
+        if np.linalg.norm(given) < 1e-12:
+            raise element.refusal("xyz has no length; give a direction such as '0 0 1'")
+        # The frame that it is given in, if not the joint's own.
+        frame = "" if inner is None else inner.attributes.get("expressed_in", "")
+        if element.inner_flag("use_parent_model_frame", self.version < OLD_AXES):
+            frame = MODEL
+        if frame:
+            own = joint.scope.pose(joint.element.text("name"), element)[:3, :3]
+            given = own.T @ joint.scope.pose(frame, element)[:3, :3] @ given
+        return poses.triple(poses.unit(given))
+
+    def _acting(self, joint: SdfJoint, tag: str, bounded: bool = True) -> dict:
+        """Return friction, spring and limits about an axis, and note whether it is driven."""
+        axis = joint.element.first(tag)
+        joint.driven[tag] = None
+        if axis is None:
+            return {}
+        dynamics, limit, found = axis.first("dynamics"), axis.first("limit"), {}
+        if dynamics is not None:
+            viscous, coulomb, stiffness, rest = (
+                dynamics.inner_number(name, 0.0)
+                for name in ("damping", "friction", "spring_stiffness", "spring_reference")
+            )
+            if coulomb:
+                self.notes.on(
+                    joint.element,
+                    "has dry friction, which is smoothed here about rate zero",
+                    alters=True,
+                )
+            found["friction"] = dynamics.make(Friction, viscous=viscous, coulomb=coulomb)
+            found["spring"] = dynamics.make(Spring, stiffness=stiffness, rest=rest)
+        if limit is not None:
+            lower, upper = (
+                limit.inner_number(name, default, most=inf)
+                for name, default in (("lower", -NO_LIMIT), ("upper", NO_LIMIT))
+            )
+            ends = {"lower": lower, "upper": upper}
+            known = {name: value for name, value in ends.items() if abs(value) < NO_LIMIT}
+            if bounded and lower < upper:
+                found["limits"] = limit.make(Limits, **known)
+            if limit.first("effort") is not None:
+                joint.driven[tag] = limit.inner_number("effort", -1.0, most=inf) != 0
+        return found
+
+    def _pitch(self, element: Element) -> float:
+        """Return the advance of a screw per radian [m/rad]."""
+        if element.first("screw_thread_pitch") is not None:
+            return element.inner_number("screw_thread_pitch", 0.0) / (2 * pi)
+        pitch = element.inner_number("thread_pitch", 1.0)
+        if not pitch:
+            raise element.refusal("thread_pitch is 0; give radians per metre of a left-hand thread")
+        return -1 / pitch
+
+    # -------------------------------------------------------------------------------------- gears
+
+    def _gearbox(self, joint: SdfJoint) -> None:
+        """Add a gear between the hinges that lead from the reference body to parent and child."""
+        scope, element = joint.scope, joint.element
+        inner = element.first("gearbox_reference_body")
+        if inner is None:
+            raise element.refusal("holds no <gearbox_reference_body>; name a link")
+        base = scope.mount(inner.content, element)[0]
+        turns = []
+        for end, tag in zip(("parent", "child"), AXES, strict=True):
+            body = scope.mount(self._end(element, end), element)[0]
+            axis = scope.in_world(element.text("name"), element)[:3, :3] @ self._axis(joint, tag)
+            turns.append(self._turn(base, body, axis, element))
+        (one, first), (two, second) = turns
+        ratio = element.inner_number("gearbox_ratio", 1.0)
+        gear = element.make(GearJoint, ratios={two: second, one: ratio * first})
+        self.joints[joint.name] = gear
+
+    def _turn(self, base: str, body: str, axis: np.ndarray, element: Element) -> tuple[str, float]:
+        """Return the hinge between two bodies and whether it counts turns of the second relative to
+        the first about an axis as positive, 1 or -1."""
+        for other in self.read:
+            hinge = self.joints.get(other.name)
+            if not isinstance(hinge, RevoluteJoint):
+                continue
+            ends = [
+                other.scope.mount(self._end(other.element, end), other.element)[0]
+                for end in ("parent", "child")
+            ]
+            if set(ends) != {base, body}:
+                continue
+            turn = other.scope.in_world(other.element.text("name"), other.element)[:3, :3]
+            along = float(turn @ np.array(hinge.axis) @ poses.unit(axis))
+            if abs(along) > 1 - 1e-6:
+                return other.name, float(np.sign(along)) * (1.0 if ends[0] == base else -1.0)
+        raise element.refusal(
+            f"no hinge about its axis leads from {shortened(base)} to {shortened(body)}; add one"
+        )
+
+    def _mimic(self, joint: SdfJoint, tag: str) -> None:
+        """Add a gear where an axis mimics another: q = multiplier (q_of - reference) + offset."""
+        axis = joint.element.first(tag)
+        mimic = None if axis is None else axis.first("mimic")
+        if mimic is None or tag not in joint.labels:
+            return
+        wanted, of = mimic.text("joint"), mimic.attributes.get("axis", "axis")
+        element = joint.scope.named.get(wanted)
+        other = next((each for each in self.read if each.element is element), None)
+        if other is None or of not in other.labels:
+            raise mimic.refusal(f"there is no {of} of a joint {shortened(wanted)} to mimic")
+        multiplier, offset, reference = (
+            mimic.inner_number(name, default)
+            for name, default in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+        )
+        joint.driven[tag] = False
+        ratios = {joint.labels[tag]: 1.0, other.labels[of]: -multiplier}
+        gear = mimic.make(GearJoint, ratios=ratios, offset=offset - multiplier * reference)
+        self.joints[self.names.give(f"{joint.labels[tag]}_mimic")] = gear
