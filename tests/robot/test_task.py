@@ -164,6 +164,60 @@ def test_derivatives_of_all_coordinates_are_those_of_finite_differences():
         np.testing.assert_allclose(second, bend, atol=1e-4 / size)
 
 
+def test_the_jacobian_and_its_derivative_are_those_of_the_motion(legs, arm):
+    """Along a motion of constant independent accelerations, by differences of task values."""
+    random = np.random.default_rng(7)
+    tilted, aside, every = (
+        [-0.02, 0.2, 0.2],
+        [-0.05, 0.02, 0.1, 0.3],
+        (*TILTED, "torsion", "x", "roll"),
+    )
+    for robot, what, moved in ((legs, None, tilted), (legs, every, tilted), (arm, None, aside)):
+        start = robot.assemble(tool=robot.task_values(robot.home) + moved)
+        v, a = random.uniform(-0.3, 0.3, (2, robot.mobility))
+        state, h = start.with_rates(v), 1e-3
+        aim = [float(start[name]) for name in robot.independent]
+        values = []
+        for k in range(-2, 3):
+            ahead = aim + v * k * h + a * (k * h) ** 2 / 2
+            given = dict(zip(robot.independent, ahead, strict=True))
+            values.append(robot.task_values(robot.assemble(given, guess=start), what))
+        slope = np.array([1, -8, 0, 8, -1]) @ values / (12 * h)
+        bend = np.array([-1, 16, -30, 16, -1]) @ values / (12 * h**2)
+        np.testing.assert_allclose(robot.jacobian(state, what) @ v, slope, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(robot.task_rates(state, what), slope, rtol=1e-7, atol=1e-9)
+        found = robot.task_accelerations(state, a, what)
+        np.testing.assert_allclose(found, bend, rtol=1e-5, atol=1e-6)
+        # The twist is that of the body, whose mass centre is where the tool is.
+        body = robot.bodies.index(next(iter(robot.mechanism.tools.values())).body)
+        np.testing.assert_allclose(
+            robot.tool_twist(state), robot.twists(state)[body], rtol=1e-12, atol=1e-14
+        )
+        place = ("x", "y", "z")
+        np.testing.assert_allclose(
+            robot.tool_acceleration(state, a)[3:], robot.task_accelerations(state, a, place)
+        )
+        stack = robot.jacobian(robot.state(np.tile(start.positions, (3, 1))), what)
+        np.testing.assert_allclose(stack[2], robot.jacobian(start, what), atol=1e-14)
+
+
+def test_the_jacobian_of_a_relative_pose_is_that_of_its_values():
+    mechanism = scara()
+    fields = {name: getattr(mechanism, name) for name in type(mechanism).model_fields}
+    tool = Tool(body="hand", frame=Frame(position=(0.1, 0, 0)), relative_to="upper")
+    robot, h = Robot(Mechanism(**(fields | {"tools": {"hand": tool}}))), 1e-3
+    v, a, what = np.array([0.3, -0.5, 0.2, 0.7]), np.array([0.1, 0.4, -0.2, 0.3]), ("x", "z", "rz")
+    values = [
+        robot.task_values(robot.state(robot.home.positions + v * t + a * t**2 / 2), what)
+        for t in h * np.arange(-2, 3)
+    ]
+    state = robot.state(robot.home.positions, v)
+    slope = np.array([1, -8, 0, 8, -1]) @ values / (12 * h)
+    bend = np.array([-1, 16, -30, 16, -1]) @ values / (12 * h**2)
+    np.testing.assert_allclose(robot.task_rates(state, what), slope, atol=1e-10)
+    np.testing.assert_allclose(robot.task_accelerations(state, a, what), bend, atol=1e-7)
+
+
 def refused(sentence, call, *given, **named):
     with pytest.raises(lw.LinkworkError) as error:
         call(*given, **named)
@@ -194,3 +248,5 @@ def test_what_makes_no_task_is_refused(arm, legs):
     refused("the tool's tilt has no rate at this pose", stated.follow, level, 1.0)
     refused("leg-singular", legs.follow, upright, 1.0, what=("z", "tilt_x", "torsion"))
     assert Robot(lw.robots.four_bar()).task == ()
+    refused("azimuth has no rate at this pose", arm.jacobian, arm.home, ("azimuth",))
+    refused("names no tool", Robot(lw.robots.bricard()).jacobian, None)

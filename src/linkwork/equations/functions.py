@@ -147,6 +147,23 @@ def joints_motion(equations: Equations) -> ca.Function:
     return function("joints_motion", equations, outputs, v=equations.v, dv=dv)
 
 
+def tool_motion(equations: Equations) -> ca.Function:
+    """Return (q, v, v') -> of the first tool the pose (`task.POSE`), the Jacobian T (6 x n) of its
+    twist [omega; v], the twist and its derivative [alpha; a], and the weakest relative pivot."""
+    dv = SX.sym("dv", equations.mobility)
+    L, b, pivot = equations.elimination
+    tool = next(iter(equations.mechanism.tools.values()))
+    J, bias = body_motion.tool_twist(equations.tree, tool, equations.rates)
+    outputs = {
+        "pose": ca.vertcat(*body_motion.tool_pose(equations.tree, tool)),
+        "T": ca.mtimes(J, L),
+        "twist": ca.mtimes(J, equations.rates),
+        "acceleration": ca.mtimes(J, ca.mtimes(L, dv) + b) + bias,
+        "pivot": pivot,
+    }
+    return function("tool_motion", equations, outputs, v=equations.v, dv=dv)
+
+
 def bodies_motion(equations: Equations) -> ca.Function:
     """Return (q, v) -> origins (3r), orientations (9r, row by row), twists (6r) of the bodies in
     the ground's axes, and the weakest relative pivot.

@@ -45,6 +45,7 @@ KERNELS = (
     "positions",
     "joints_motion",
     "bodies_motion",
+    "tool_motion",
     "energy",
     "assembly",
     "regressor",

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
     from linkwork.formats.references import Reference
     from linkwork.model.reactions import Reactions
+    from linkwork.model.tool_motion import LedMotion, ToolMotion
     from linkwork.runs.ensemble import Ensemble
     from linkwork.runs.running import Forces
     from linkwork.simulation import MethodName, Run, Sampled, Signal
@@ -467,8 +468,65 @@ class Robot(Model):
             what: names of coordinates, of the task or of any pose, such as "torsion" or "rx": how
                 these move along (parasitic motion); those of the `task` if left out.
         """
-        asked = task.task_of(self) if what is None else task.known(self, checks.names(what, "what"))
-        return task.values(self, self.own(state).q, asked)
+        return task.values(self, self.own(state).q, self._task(what))
+
+    def jacobian(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
+        """Return the task Jacobian J (..., k, n) of the tool: x' = J v.
+
+        Of all of rx, ry, rz together the rows are those of the angular velocity.
+
+        Args:
+            state: one or a stack; v in the order of its `independent`.
+            what: as in `task_values`.
+
+        Raises:
+            LinkworkError: coordinates without rates at the pose, such as an azimuth where the tool
+                is upright; a configuration where the rates do not determine the motion.
+        """
+        return self._led(state, what).jacobian
+
+    def task_rates(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
+        """Return x' = J v (..., k) [m/s, rad/s] of the tool's task coordinates; as `jacobian`."""
+        return self._led(state, what).rates
+
+    def task_accelerations(
+        self,
+        state: State,
+        accelerations: ArrayLike | Mapping[str, ArrayLike],
+        what: Sequence[str] | None = None,
+    ) -> np.ndarray:
+        """Return x'' = J v' + J' v (..., k) [m/s^2, rad/s^2] of the tool's task coordinates, for
+        accelerations v' (..., n) of the state's `independent` rates; as `jacobian`."""
+        return self._led(state, what, accelerations).accelerations
+
+    def tool_twist(self, state: State) -> np.ndarray:
+        """Return the tool's twist [omega; v of its origin] (..., 6) [rad/s, m/s], in the axes of
+        the ground, or of the body that it is relative to."""
+        return self._tool_motion(state).twist
+
+    def tool_acceleration(
+        self, state: State, accelerations: ArrayLike | Mapping[str, ArrayLike]
+    ) -> np.ndarray:
+        """Return [alpha; a of its origin] (..., 6) [rad/s^2, m/s^2] of the tool, the derivative of
+        its twist, for accelerations v' (..., n) of the state's `independent` rates."""
+        return self._tool_motion(state, accelerations).acceleration
+
+    def _tool_motion(self, state: State, accelerations: Any = None) -> ToolMotion:
+        from linkwork.model.tool_motion import tool_motion
+
+        if accelerations is None:
+            return tool_motion(self, state)
+        names = self.own(state).independent
+        v_dot = checks.vector(accelerations, "accelerations", names, "independent rate")
+        return tool_motion(self, state, v_dot)
+
+    def _led(
+        self, state: State, what: Sequence[str] | None, accelerations: Any = None
+    ) -> LedMotion:
+        return self._tool_motion(state, accelerations).led(self._task(what))
+
+    def _task(self, what: Sequence[str] | None) -> task.Task:
+        return task.task_of(self) if what is None else task.known(self, checks.names(what, "what"))
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the
