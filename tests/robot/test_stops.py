@@ -176,7 +176,7 @@ def test_gaps_are_read_by_name():
     robot = slide(lw.Stop(lower=-0.2, upper=0.5, stiffness=1.0))
     seen = robot.observe(robot.state([0.1]))
     assert np.isclose(seen.gap("z: lower stop"), 0.3) and np.isclose(seen.gap("z: upper stop"), 0.4)
-    with pytest.raises(lw.LinkworkError, match="no stop 'z: left'"):
+    with pytest.raises(lw.LinkworkError, match="no stop or contact 'z: left'"):
         seen.gap("z: left")
 
 

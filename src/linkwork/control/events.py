@@ -10,7 +10,7 @@ from linkwork import math
 from linkwork.control.records import ActingPart, settled
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.limits import limited, meetings
+from linkwork.mechanism.limits import limited
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def meeting_events(robot) -> tuple[Event, ...]:
     end there."""
     return tuple(
         event
-        for name in meetings(robot.mechanism)
+        for name in robot.names.meetings
         for event in (
             Event(Gap(name), direction=-1, name=f"{name} begins", cuts=True),
             Event(Gap(name), direction=1, name=f"{name} ends", cuts=True),

@@ -128,8 +128,8 @@ class Observation:
 
     def gap(self, name: str) -> Any:
         """Return how far what may meet is apart, negative where it presses [m, rad]: an end of a
-        stop ("hinge: lower stop")."""
-        known([name], self.names.meetings, "stop")
+        stop ("hinge: lower stop"), a place of a contact ("heel: contact")."""
+        known([name], self.names.meetings, "stop or contact")
         return self.source.quantity(Quantity("gap", name))[0]
 
     @cached_property

@@ -13,7 +13,8 @@ both in F1's axes:
     stop       force and potential of `impact` past an end, against it; that of a free turn bounds
                |x|, which grows with  x . w / |x|
 
-A spring between points at the distance l pulls with the tension  k (l - l_0) + d l'.
+A spring between points at the distance l pulls with the tension  k (l - l_0) + d l'. Surfaces that
+meet press and rub (`contact`).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from linkwork.equations import contact
 from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
 from linkwork.equations.impact import Pressing
 from linkwork.equations.joint_map import JointMap, derivative
@@ -211,8 +213,8 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
 def point_wrenches(
     mechanism: Mechanism, tree: Tree, rates: ca.SX
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
-    """Return the wrenches (moment about the node's origin, force) of springs between points, by
-    node in its axes."""
+    """Return the wrenches (moment about the node's origin, force) of springs between points and of
+    contacts, by node in its axes."""
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     omega = tree.angular_velocities(rates) if mechanism.springs else []
     v = tree.velocities(omega, rates) if mechanism.springs else []
@@ -225,6 +227,20 @@ def point_wrenches(
         for sign, node, arm in zip((1, -1), pull.nodes, pull.arms, strict=True):
             if node.index >= 0:
                 force = ca.mtimes(node.axes.matrix.T, sign * pulled)
-                moment, total = wrenches.get(node.index, (zero(), zero()))
-                wrenches[node.index] = (moment + cross(arm, force), total + force)
+                add(wrenches, node, cross(arm, force), force)
+    for touch in contact.touching(mechanism, tree, rates):
+        for node, moment, force in touch.wrenches():
+            add(wrenches, node, *(ca.mtimes(node.axes.matrix.T, part) for part in (moment, force)))
     return wrenches
+
+
+def add(wrenches: dict[int, tuple[ca.SX, ca.SX]], node: Node, moment: ca.SX, force: ca.SX) -> None:
+    """Add moment and force to what acts on a node."""
+    before = wrenches.get(node.index, (zero(), zero()))
+    wrenches[node.index] = before[0] + moment, before[1] + force
+
+
+def stored(mechanism: Mechanism, tree: Tree) -> ca.SX:
+    """Return the potential energy of springs between points and of contacts."""
+    total = sum((pull.potential for pull in pulls(mechanism, tree)), SX(0))
+    return sum((of.pressing.potential for of in contact.touches(mechanism, tree)), total)

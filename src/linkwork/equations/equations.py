@@ -22,7 +22,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import articulated, dynamics, effects
+from linkwork.equations import articulated, contact, dynamics, effects
 from linkwork.equations.algebra import SX, vector
 from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy
 from linkwork.equations.closure import Cut
@@ -31,6 +31,7 @@ from linkwork.equations.joint_map import JointMap
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.limits import meeting_name
 
 # Smallest singular value, over that at the reference, from which a configuration is not near a
 # singular one; and of one.
@@ -247,7 +248,10 @@ class Equations:
     def gaps(self) -> dict[str, ca.SX]:
         """How far what may meet is apart, negative where it presses, by name [m, rad]."""
         ends = (end for freedom in self.freedoms for end in freedom.ends)
-        return {end.name: -end.pressing.depth for end in ends}
+        places = contact.touches(self.mechanism, self.tree)
+        return {end.name: -end.pressing.depth for end in ends} | {
+            meeting_name(place.name): -place.pressing.depth for place in places
+        }
 
     @cached_property
     def inertia(self) -> tuple[ca.SX, ca.SX]:

@@ -238,7 +238,7 @@ def energy(equations: Equations) -> ca.Function:
     tree, v, mechanism = equations.tree, equations.v, equations.mechanism
     kinetic = ca.mtimes(v.T, ca.mtimes(equations.inertia[0], v)) / 2
     potential = sum((freedom.potential for freedom in equations.freedoms), SX(0))
-    potential += sum((pull.potential for pull in effects.pulls(mechanism, tree)), SX(0))
+    potential += effects.stored(mechanism, tree)
     for name, body in mechanism.bodies.items():
         potential -= body.mass * dot(
             equations.gravity, tree.point(tree.node(name), vector(body.centre_of_mass))

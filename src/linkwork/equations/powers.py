@@ -1,4 +1,5 @@
-"""Powers: what actuators, friction and dampers bring into the mechanism, force times rate.
+"""Powers: what actuators, friction, dampers and contacts bring into the mechanism, force times
+rate.
 
 actuator  u w        friction and damper in a joint  f(w) . w <= 0    damper between points  -d l'^2
 """
@@ -9,13 +10,15 @@ import casadi as ca
 
 from linkwork.equations import effects
 from linkwork.equations.algebra import SX, present
+from linkwork.equations.contact import touching
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
 
 
 def powers(equations: Equations) -> ca.Function:
-    """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m) and of
-    the damper of each spring between points [W], and the weakest relative pivot.
+    """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m), of the
+    damper of each spring between points, of what dissipates in each place of contact [W], and the
+    weakest relative pivot.
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
     friction = SX.zeros(len(mechanism.rates))
@@ -33,6 +36,18 @@ def powers(equations: Equations) -> ca.Function:
         "actuated": ca.mtimes(equations.actuation, equations.v),
         "friction": friction,
         "dampers": ca.vertcat(SX(0, 1), *dampers),
+        "contacts": ca.vertcat(SX(0, 1), *(of.power for of in touching(mechanism, tree, w))),
         "pivot": equations.elimination.pivot,
     }
     return function("powers", equations, outputs, v=equations.v)
+
+
+def contacts(equations: Equations) -> ca.Function:
+    """Return (q, v) -> the force on the second body (3) [N] in the ground's axes and the gap [m] of
+    each place where bodies may touch."""
+    places = touching(equations.mechanism, equations.tree, equations.rates)
+    outputs = {
+        "forces": ca.vertcat(SX(0, 1), *(place.pressed + place.rubbed for place in places)),
+        "gaps": ca.vertcat(SX(0, 1), *(place.touch.meeting.gap for place in places)),
+    }
+    return function("contacts", equations, outputs, v=equations.v)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import effects
+from linkwork.equations import contact, effects
 from linkwork.equations.algebra import SX, cross
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.lengths import slides
@@ -151,15 +151,25 @@ def moves(
 
 
 def loaded_rows(joints: JointMap) -> ca.SX:
-    """Return the rows (rows x nv) of what friction, springs, rotors and limits act on.
+    """Return the rows (rows x nv) of what friction, springs, rotors, limits and contacts act on.
 
-    They are joint rates, and relative rates of change of the lengths of springs between points.
+    They are joint rates, relative rates of change of the lengths of springs between points, and
+    velocities over the mechanism's own length where bodies may touch.
     """
     tree = joints.tree
     labels = [rate for freedom in effects.freedoms(joints) for rate in freedom.rates]
     lengths = [ca.log(pull.length) for pull in effects.pulls(joints.mechanism, tree)]
     changes = ca.mtimes(ca.jacobian(ca.vertcat(SX(0, 1), *lengths), tree.q), tree.derivative_map)
-    return ca.vertcat(rate_rows(joints, [*labels, *limited_rates(joints.mechanism)]), changes)
+    rates = SX.sym("rates", len(tree.rates))
+    slides = [
+        touch.apart(touch.touch.meeting.point) / tree.length
+        for touch in contact.touching(joints.mechanism, tree, rates)
+    ]
+    return ca.vertcat(
+        rate_rows(joints, [*labels, *limited_rates(joints.mechanism)]),
+        changes,
+        ca.jacobian(ca.vertcat(SX(0, 1), *slides), rates),
+    )
 
 
 def rate_rows(joints: JointMap, labels: Sequence[str]) -> ca.SX:

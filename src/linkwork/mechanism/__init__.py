@@ -2,6 +2,7 @@
 
 from linkwork.mechanism import joints, shapes
 from linkwork.mechanism.body import Body, Inertia
+from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
 from linkwork.mechanism.effects import Effects, Friction, Limits, PointSpring, Spring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Stop
@@ -15,15 +16,20 @@ from linkwork.mechanism.task import DistanceTo, TurnAbout
 __all__ = [
     "GROUND",
     "Body",
+    "Contact",
     "DistanceTo",
     "Effects",
     "Frame",
     "Friction",
+    "HeightField",
     "Inertia",
     "Limits",
     "Mechanism",
     "MechanismError",
+    "Plane",
     "PointSpring",
+    "Points",
+    "Sliding",
     "Spring",
     "Stop",
     "Tool",

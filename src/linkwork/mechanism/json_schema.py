@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from linkwork.mechanism.contact import Surface
 from linkwork.mechanism.joints import EFFECTS, Joint, ManyFreedoms
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.refusal import records_in
@@ -20,7 +21,7 @@ def schema() -> dict[str, Any]:
     """Return the JSON schema (draft 7) of the mechanism file as a dict, ready for `json.dump`."""
     made = Mechanism.model_json_schema(ref_template="#/definitions/{model}")
     definitions = made.pop("$defs")
-    for record in (*records_in(Joint), *records_in(Shape)):
+    for record in dict.fromkeys((*records_in(Joint), *records_in(Shape), *records_in(Surface))):
         _say_type(definitions[record.__name__])
         if issubclass(record, ManyFreedoms):
             _name_freedoms(definitions[record.__name__], record.freedoms)
@@ -53,7 +54,7 @@ def _say_type(record: dict[str, Any]) -> None:
         "type": {"const": kind["const"], "title": "Type"},
         **record["properties"],
     }
-    record["required"] = ["type", *record["required"]]
+    record["required"] = ["type", *record.get("required", [])]
 
 
 def _name_freedoms(joint: dict[str, Any], freedoms: tuple[str, ...]) -> None:

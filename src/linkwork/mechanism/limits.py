@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from linkwork.mechanism.contact import touch_names
 from linkwork.mechanism.effects import Limits
 from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.mechanism import Mechanism
@@ -20,13 +21,25 @@ def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
 
 
 def meetings(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the names of all that may meet: the ends of stops."""
-    return tuple(
+    """Return the names of all that may meet: the ends of stops, and the places of contacts."""
+    stops = tuple(
         name
         for joint_name, joint in mechanism.joints.items()
         for part in joint.parts(joint_name)
         for name in end_names(part).values()
     )
+    return stops + tuple(map(meeting_name, touching(mechanism)))
+
+
+def touching(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the names of the places where contacts may touch."""
+    contacts = mechanism.contacts.items()
+    return tuple(touch for name, contact in contacts for touch in touch_names(name, contact))
+
+
+def meeting_name(touch: str) -> str:
+    """Return what a place of a contact is called among all that may meet."""
+    return f"{touch}: contact"
 
 
 def end_names(part: JointFreedom) -> dict[str, str]:

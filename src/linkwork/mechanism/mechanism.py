@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.body import Body, Inertia
+from linkwork.mechanism.contact import Contact
 from linkwork.mechanism.effects import PointSpring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
@@ -74,7 +75,8 @@ class Tool(Record):
 
 
 class Mechanism(Record):
-    """Describe a mechanism: bodies, joints between them, point springs, actuated joints, tools.
+    """Describe a mechanism: bodies, joints between them, point springs, contacts, actuated joints,
+    tools.
 
     An actuator is named by the rate it drives: the joint's name, or joint.freedom where a joint has
     several. `reference` holds approximate joint coordinates [m, rad] of a typical configuration;
@@ -95,6 +97,9 @@ class Mechanism(Record):
     joints: Mapping[Name, Joint] = Field(description="the joints by name")
     springs: Mapping[Name, PointSpring] = Field(
         default_factory=dict, description="springs between points, by name"
+    )
+    contacts: Mapping[Name, Contact] = Field(
+        default_factory=dict, description="surfaces of bodies that may meet, by name"
     )
     actuators: tuple[PathName, ...] = Field(default=(), description="the actuated joints' rates")
     tools: Mapping[Name, Tool] = Field(
@@ -141,10 +146,11 @@ class Mechanism(Record):
                 ("bodies", GROUND),
             )
         bodies, coordinates = dict.fromkeys((GROUND, *self.bodies)), dict.fromkeys(self.coordinates)
-        pairs = {("joints", name): joint for name, joint in self.pairs.items()}
-        for where, pair in (
-            pairs | {("springs", name): spring for name, spring in self.springs.items()}
-        ).items():
+        pairs: dict[tuple[str, ...], PairJoint | PointSpring | Contact] = {}
+        pairs |= {("joints", name): joint for name, joint in self.pairs.items()}
+        pairs |= {("springs", name): spring for name, spring in self.springs.items()}
+        pairs |= {("contacts", name): contact for name, contact in self.contacts.items()}
+        for where, pair in pairs.items():
             for body in pair.connects:
                 require(body, bodies, "body", (*where, "connects"))
             if pair.connects[0] == pair.connects[1]:

@@ -1,5 +1,5 @@
 """Shapes of bodies: what a body looks like in drawings. They have no mass and take no part in the
-motion.
+motion, but for those that a contact names.
 
 Every shape is convex and stands about the origin of its own frame; what is not convex is made of
 several. All that draws a shape knows it by its `outline` alone.
@@ -7,8 +7,9 @@ several. All that draws a shape knows it by its `outline` alone.
 
 from __future__ import annotations
 
+from itertools import product
 from math import atan2, cos, pi, sin
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -45,6 +46,17 @@ class Outline(NamedTuple):
     turned: bool = False
 
 
+class Touching(NamedTuple):
+    """Hold the points at which a solid touches a plane, with the radius of a ball about each.
+
+    round: whether the solid is that ball, or all between two of them
+    """
+
+    points: tuple[tuple[Any, Any, Any], ...] = ()
+    radius: Any = 0.0
+    round: bool = False
+
+
 def rounded(half: float) -> tuple[tuple[float, float], ...]:
     """Return the profile of a cylinder of radius 1 from -half to half, with half balls on its
     ends."""
@@ -66,6 +78,12 @@ class ShapeBase(Record):
         """Return the outline of the solid."""
         raise NotImplementedError
 
+    @property
+    def touching(self) -> Touching:
+        """Return the points at which the solid touches a plane; none where they are not always the
+        same."""
+        return Touching()
+
 
 class Box(ShapeBase):
     """Show a box with its middle in the frame's origin and its edges along the axes."""
@@ -77,6 +95,12 @@ class Box(ShapeBase):
     def outline(self) -> Outline:
         """Return a square plate, scaled."""
         return Outline(SQUARE, self.size)
+
+    @property
+    def touching(self) -> Touching:
+        """Return the corners."""
+        x, y, z = (size / 2 for size in self.size)
+        return Touching(tuple(product((-x, x), (-y, y), (-z, z))))
 
 
 class Cylinder(ShapeBase):
@@ -105,6 +129,11 @@ class Sphere(ShapeBase):
         """Return half a circle that goes round z."""
         return Outline(rounded(0.0), (self.radius, self.radius, self.radius), turned=True)
 
+    @property
+    def touching(self) -> Touching:
+        """Return the middle with the radius."""
+        return Touching(((0.0, 0.0, 0.0),), self.radius, round=True)
+
 
 class Capsule(ShapeBase):
     """Show a cylinder about the z axis with half a ball on either end, which add a radius to its
@@ -123,6 +152,12 @@ class Capsule(ShapeBase):
             turned=True,
         )
 
+    @property
+    def touching(self) -> Touching:
+        """Return the middles of the round ends with their radius."""
+        ends = ((0.0, 0.0, -self.length / 2), (0.0, 0.0, self.length / 2))
+        return Touching(ends, self.radius, round=True)
+
 
 class Polygon(ShapeBase):
     """Show a plate: a convex polygon in the xy plane, half its thickness to either side."""
@@ -137,6 +172,12 @@ class Polygon(ShapeBase):
     def outline(self) -> Outline:
         """Return the polygon itself."""
         return Outline(self.points, (1.0, 1.0, self.thickness))
+
+    @property
+    def touching(self) -> Touching:
+        """Return the corners of both faces."""
+        z = self.thickness / 2
+        return Touching(tuple((x, y, side) for x, y in self.points for side in (-z, z)))
 
     @model_validator(mode="after")
     def _convex(self) -> Self:

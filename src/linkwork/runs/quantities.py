@@ -16,6 +16,7 @@ import numpy as np
 
 from linkwork.control.drives import Extra
 from linkwork.control.wrenches import Wrench
+from linkwork.mechanism.limits import touching
 from linkwork.model.labels import POSES
 from linkwork.model.reactions import COMPONENTS
 from linkwork.runs.saved_states import SavedStates
@@ -206,6 +207,21 @@ TABLE = (
     SavedQuantity(
         "damper_power", ("spring",), "W", lambda s: s.powers.dampers, places=RUN, unless_zero=True
     ),
+    SavedQuantity(
+        "contact_power", ("touch",), "W", lambda s: s.powers.contacts, places=RUN, unless_zero=True
+    ),
+    SavedQuantity(
+        "contact_force", ("touch", "direction"), "N", lambda s: s.contacts[0], places=RUN
+    ),
+    SavedQuantity(
+        "contact_gap",
+        ("touch",),
+        "m",
+        lambda s: s.contacts[1],
+        "Gaps where bodies may touch, negative where they press.",
+        places=ASKED,
+        still=True,
+    ),
     SavedQuantity("external_power", ("wrench",), "W", lambda s: s.powers.wrenches, places=RUN),
     SavedQuantity("reaction_moment", ("joint",), "N m", lambda s: s.reactions[0], places=STUDY),
     SavedQuantity("reaction_force", ("joint",), "N", lambda s: s.reactions[1], places=STUDY),
@@ -234,10 +250,11 @@ LACKING = {
     "joint": "no joint is between two bodies",
     "spring": "no spring has a damper",
     "wrench": "no wrench acts",
+    "touch": "no contact is described",
 }
 """Why a quantity is not defined whose axis has no names, for axes of which a robot may have
 none."""
-AXES = ("coordinate", "rate", "actuator", *LACKING, "wrench_component")
+AXES = ("coordinate", "rate", "actuator", *LACKING, "wrench_component", "direction")
 
 
 def axes_of(
@@ -257,6 +274,8 @@ def axes_of(
         "extra": Axis([extra.name for extra in extras], [extra.unit for extra in extras]),
         "wrench": Axis([f"{i}: {wrench.body}" for i, wrench in enumerate(wrenches)]),
         "wrench_component": Axis(COMPONENTS),
+        "touch": Axis(touching(robot.mechanism)),
+        "direction": Axis(("x", "y", "z")),
     }
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from linkwork.equations.powers import powers
+from linkwork.equations.powers import contacts, powers
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
 from linkwork.runs.system import System
@@ -45,12 +45,14 @@ class Acted(NamedTuple):
 
 class Powers(NamedTuple):
     """Hold powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of the
-    dampers of springs between points (K, springs), and of external wrenches (K, wrenches).
+    dampers of springs between points (K, springs), of what dissipates in contacts (K, touches), and
+    of external wrenches (K, wrenches).
     """
 
     actuators: np.ndarray
     friction: np.ndarray
     dampers: np.ndarray
+    contacts: np.ndarray
     wrenches: np.ndarray
 
 
@@ -173,18 +175,25 @@ class SavedStates:
     def powers(self) -> Powers:
         """What goes into the mechanism, and out of it."""
         kernel = self.chart.compiled("powers", powers)
-        actuated, friction, dampers, _ = kernel(self.q, self.v, self.p_robot)
+        actuated, friction, dampers, touching, _ = kernel(self.q, self.v, self.p_robot)
         own = [
             np.sum(wrench * self._bodies[2][:, 6 * body : 6 * body + 6], axis=1)
             for body, wrench in self.about_centres()
         ]
         wrenches = np.column_stack([np.empty((len(self.y), 0)), *own])
-        return Powers(self.acted.force * actuated, friction, dampers, wrenches)
+        return Powers(self.acted.force * actuated, friction, dampers, touching, wrenches)
 
     @property
     def power(self) -> np.ndarray:
         """All powers together (K,) [W]."""
         return sum((part @ np.ones(part.shape[1]) for part in self.powers), np.zeros(len(self.y)))
+
+    @cached_property
+    def contacts(self) -> tuple[np.ndarray, ...]:
+        """Forces on the second bodies (K, touches, 3) [N] in the ground's axes, and gaps (K,
+        touches) [m], where bodies may touch."""
+        forces, gaps = self.chart.compiled("contacts", contacts)(self.q, self.v, self.p_robot)
+        return forces.reshape(len(self.y), gaps.shape[1], 3), gaps
 
     @cached_property
     def _bodies(self) -> tuple[np.ndarray, ...]:

@@ -460,6 +460,8 @@ class _Writer:
             )
         if any(own.limits != Limits() for own in effects):
             say("limits are stops in MuJoCo; here passing them is only reported")
+        if self.mechanism.contacts:
+            say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
         if any(own.stop for own in effects):
             say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
         # What is closed, measured or joined otherwise.

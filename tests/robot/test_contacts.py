@@ -1,0 +1,327 @@
+"""Contacts against closed forms, geometry and identities."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import linkwork as lw
+from linkwork.equations import functions
+from linkwork.equations.algebra import quaternion_matrix, rotation_matrix
+from linkwork.equations.surfaces import height
+
+from tests.equations.evaluation import close, values
+
+TIGHT = {"rtol": 1e-11, "atol": 1e-13}
+R, m, g = 0.1, 0.4, 9.81
+I = 0.4 * m * R**2  # noqa: E741
+BALL = lw.Body(mass=m, inertia=lw.Inertia(xx=I, yy=I, zz=I))
+SPHERE = lw.Sphere(radius=R)
+PLANE = lw.Plane()
+FREE = lw.FreeJoint(connects=("ground", "ball"))
+
+
+def on_floor(surface=PLANE, gravity=(0.0, 0.0, -g), ball=SPHERE, **law) -> lw.Robot:
+    """Return a free ball and what it may meet, fixed in ground."""
+    law = {"stiffness": 1e6} | law
+    floor = lw.Contact(connects=("ground", "ball"), surfaces=(surface, ball), **law)
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": BALL}, joints={"f": FREE}, contacts={"floor": floor}, gravity=gravity
+        )
+    )
+
+
+def at(robot: lw.Robot, position, rates=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0)) -> lw.State:
+    return robot.state([*position, 1, 0, 0, 0]).with_rates([*rates, *turning])
+
+
+def ran(robot: lw.Robot, state: lw.State, duration: float, **options) -> lw.Run:
+    run = robot.simulate(state, duration=duration, **TIGHT | options)
+    assert run.status is lw.Status.FINISHED, run.message
+    close(run.dataset["energy_balance"].values, np.zeros(len(run.dataset.time)), 1e-8)
+    return run
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_a_ball_bounces_off_a_wall_that_stands_askew(exchanged):
+    """The rate along the normal is turned round times the restitution, the others stay."""
+    wall = lw.Frame(position=(0.3, 0.2, 0), rotation=(0.4, -1.1, 0.3))
+    n = rotation_matrix(wall.rotation)[:, 2]
+    surfaces = (lw.Plane(frame=wall), SPHERE)
+    contact = lw.Contact(
+        connects=("ball", "ground") if exchanged else ("ground", "ball"),
+        surfaces=surfaces[::-1] if exchanged else surfaces,
+        stiffness=1e5,
+        restitution=0.7,
+        impact_rate=2.0,
+    )
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": BALL},
+            joints={"f": FREE},
+            contacts={"wall": contact},
+            gravity=(0.0, 0.0, 0.0),
+        )
+    )
+    along = np.cross(n, [1.0, 2.0, 3.0])
+    start = np.array(wall.position) + (R + 0.2) * n
+    run = ran(robot, at(robot, start, along - 2.0 * n), 0.4)
+    close(run.dataset["joint_rate"].values[-1, :3], along + 1.4 * n, 1e-6)
+    close(run.dataset["joint_rate"].values[-1, 3:], np.zeros(3), 1e-12)
+    assert list(run.coords["event"].values) == ["wall: contact begins", "wall: contact ends"]
+    force = run.dataset["contact_force"].values[:, 0]
+    outwards = -1 if exchanged else 1
+    assert (outwards * force @ n).max() > 10 and (outwards * force @ n).min() > -1e-12
+
+
+def test_a_ball_slides_and_then_rolls():
+    """m v' = -F, I w' = h F with the smoothed Coulomb force F: the slip u goes by the closed form
+    sqrt(u^2 + r^2) - r artanh(r / sqrt(u^2 + r^2)) = that at the start - a t, and the ball rolls on
+    with v_0 / (1 + m h^2 / I), at h above where it touches."""
+    mu, r, v_0, k = 0.2, 1e-6, 2.0, 1e6
+    robot = on_floor(stiffness=k, dissipation=1.0, friction=lw.Sliding(coefficient=mu, rate=r))
+    depth = (m * g / k) ** (1 / 1.5)
+    h = R - depth / 2
+    share = 1 + m * h**2 / I
+    stops = v_0 / share / (mu * g)
+    times = np.array([0.3 * stops, 0.9 * stops, 1.1 * stops, 1.5 * stops])
+    start = at(robot, (0, 0, R - depth), (v_0, 0, 0))
+    run = ran(robot, start, times[-1], save_at=times)
+    v, w = run.dataset["joint_rate"].values[:, 0], run.dataset["joint_rate"].values[:, 4]
+    slip = v - h * w
+    expected = v_0 - share * mu * g * times
+    close(slip[:2], expected[:2], 1e-6)
+    close(v[2:], np.full(2, v_0 * (1 - 1 / share)), 1e-6)
+    close(slip[2:], np.zeros(2), 1e-6)
+    force = run.dataset["contact_force"].values[:, 0]
+    close(force[:2], np.array([[-mu * m * g, 0, m * g]] * 2), 1e-6)
+
+
+def test_a_block_stops_where_friction_has_taken_its_energy():
+    """Stribeck's friction takes all of it: v v' = -g (m_c + (m_s - m_c) exp(-(v / s)^2))."""
+    law = lw.Sliding(coefficient=0.3, static=0.5, stribeck_rate=0.4, rate=1e-6)
+    size, k = (0.2, 0.1, 0.05), 1e6
+    body = lw.Body(mass=m, inertia=lw.Inertia(xx=1e-3, yy=1e-3, zz=1e-3))
+    contact = lw.Contact(
+        connects=("ground", "ball"),
+        surfaces=(lw.Plane(), lw.Box(size=size)),
+        stiffness=k,
+        exponent=1.0,
+        friction=law,
+    )
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": body, "carrier": lw.Body(mass=0.0)},
+            joints={
+                "z": lw.PrismaticJoint(connects=("ground", "carrier")),
+                "xy": lw.PlanarJoint(connects=("carrier", "ball")),
+            },
+            contacts={"sole": contact},
+        )
+    )
+    depth = m * g / (4 * k)
+    state = robot.state([size[2] / 2 - depth, 0, 0, 0]).with_rates([0, 1.0, 0, 0])
+    assert list(robot.names.meetings) == [f"sole.{i}: contact" for i in range(1, 9)]
+    v = np.linspace(0, 1, 20001)
+    way = v / (g * (0.3 + 0.2 * np.exp(-((v / 0.4) ** 2))))
+    stops = np.trapezoid(np.where(v > 0, way / np.where(v > 0, v, 1), 1 / (g * 0.5)), v)
+    run = ran(robot, state, 1.2 * stops, save_at=np.array([0.0, 1.2 * stops]))
+    went = run.dataset["joint_position"].sel(coordinate="xy.x").values[-1]
+    close(went, np.trapezoid(way, v), 2e-6)
+
+
+def test_balls_that_collide():
+    """Momentum is kept, and they part with the restitution of their approach, whatever their
+    masses."""
+    small = lw.Body(mass=0.1, inertia=lw.Inertia(xx=1e-3, yy=1e-3, zz=1e-3))
+    contact = lw.Contact(
+        connects=("ball", "small"),
+        surfaces=(SPHERE, lw.Sphere(radius=0.05)),
+        stiffness=1e5,
+        restitution=0.5,
+        impact_rate=2.4,
+    )
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": BALL, "small": small},
+            joints={"f": FREE, "e": lw.FreeJoint(connects=("ground", "small"))},
+            contacts={"hit": contact},
+            gravity=(0.0, 0.0, 0.0),
+        )
+    )
+    line = np.array([0.6, 0.8, 0.0])
+    begin = 0.3 * line
+    state = robot.state([0, 0, 0, 1, 0, 0, 0, *begin, 1, 0, 0, 0])
+    state = state.with_rates([*(1.0 * line), 0, 0, 0, *(-1.4 * line), 0, 0, 0])
+    w = ran(robot, state, 0.2).dataset["joint_rate"].values[-1]
+    close(m * w[:3] + 0.1 * w[6:9], (m - 0.14) * line, 1e-9)
+    close(w[6:9] - w[:3], 1.2 * line, 1e-6)
+
+
+def gap_of(first, second, place) -> float:
+    contact = lw.Contact(connects=("ground", "ball"), surfaces=(first, second), stiffness=1.0)
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"ball": BALL}, joints={"f": FREE}, contacts={"pair": contact})
+    )
+    return float(robot.observe(robot.state(place)).gap("pair: contact"))
+
+
+@pytest.mark.parametrize("kinds", ["sphere capsule", "capsule sphere", "capsule capsule"])
+def test_gaps_of_round_bodies_are_least_distances(kinds):
+    """Between segments, by least squares over both within their ends."""
+    random = np.random.default_rng(4)
+    for _ in range(6):
+        frames = [
+            lw.Frame(position=tuple(random.normal(size=3)), rotation=tuple(random.normal(size=3)))
+            for _ in range(2)
+        ]
+        shapes = [
+            lw.Sphere(radius=0.1, frame=frame)
+            if kind == "sphere"
+            else lw.Capsule(radius=0.2, length=1.5, frame=frame)
+            for kind, frame in zip(kinds.split(), frames, strict=True)
+        ]
+        q = random.normal(size=4)
+        place = [*random.normal(size=3), *(q / np.linalg.norm(q))]
+        turn = np.array(ca.DM(quaternion_matrix(ca.SX(place[3:]))))
+        ends = []
+        for shape, frame in zip(shapes, frames, strict=True):
+            half = 0.75 if isinstance(shape, lw.Capsule) else 0.0
+            own = rotation_matrix(frame.rotation) @ np.array([0, 0, half])
+            ends.append([np.array(frame.position) - own, np.array(frame.position) + own])
+        ends[1] = [np.array(place[:3]) + turn @ end for end in ends[1]]
+
+        def distance(st, ends=ends):
+            p, q = ((1 - s) * a + s * b for s, (a, b) in zip(st, ends, strict=True))
+            return np.sum((p - q) ** 2)
+
+        best = min(
+            minimize(distance, [s, t], bounds=[(0, 1)] * 2, tol=1e-15).fun
+            for s in (0, 0.5, 1)
+            for t in (0, 0.5, 1)
+        )
+        expected = np.sqrt(best) - sum(shape.radius for shape in shapes)
+        close(gap_of(*shapes, place), expected, 1e-7)
+
+
+def wavy(n: int = 5) -> lw.HeightField:
+    x = np.arange(n) * 0.2
+    heights = 0.05 * np.sin(3 * x[:, None]) * np.cos(2 * x[None, :])
+    return lw.HeightField(
+        heights=tuple(map(tuple, heights.tolist())),
+        spacing=(0.2, 0.2),
+        frame=lw.Frame(position=(-0.4, -0.4, 0.0), rotation=(0.0, 0.0, 0.3)),
+    )
+
+
+def test_a_field_goes_through_its_heights_and_a_level_slope_is_a_plane():
+    field = wavy()
+    x = ca.SX.sym("x", 2)
+    h = ca.Function("h", [x], [height(field, x[0], x[1])])
+    found = [[float(h([0.2 * i, 0.2 * j])) for j in range(5)] for i in range(5)]
+    close(found, field.heights, 1e-14)
+    slope = lw.HeightField(heights=((0.0, 0.0), (0.1, 0.1)), spacing=(1.0, 1.0))
+    angle = np.arctan(0.1)
+    plane = lw.Plane(frame=lw.Frame(rotation=(0.0, -angle, 0.0)))
+    place = [0.4, 0.5, 0.3, 1, 0, 0, 0]
+    close(gap_of(slope, SPHERE, place) * np.cos(angle), gap_of(plane, SPHERE, place), 1e-14)
+
+
+def test_a_ball_runs_over_a_field_and_keeps_its_energy():
+    robot = on_floor(wavy(), stiffness=1e5)
+    run = ran(robot, at(robot, (0.0, 0.0, 0.25), (0.3, 0.1, 0)), 1.0)
+    assert len(run.coords["event"].values) > 3
+    assert "contact_power" not in run.variables
+
+
+@pytest.mark.parametrize("surface", [lw.Plane(frame=lw.Frame(rotation=(0.3, 0.1, 0))), wavy()])
+def test_forces_at_rest_are_the_slope_of_the_energy(surface):
+    """Q = -dU/dq along every rate, for a capsule that presses with both ends or one."""
+    robot = on_floor(surface, ball=lw.Capsule(radius=R, length=0.3), gravity=(0.0, 0.0, 0.0))
+    of, random = robot.equations, np.random.default_rng(1)
+    energy, terms = functions.energy(of), functions.terms(of)
+    for _ in range(3):
+        q = np.array([0.1, 0.05, 0.03, 1, 0.5, 0.3, 0.1]) + 0.05 * random.normal(size=7)
+        q[3:] /= np.linalg.norm(q[3:])
+        v = random.normal(size=6)
+        moved = np.array(
+            ca.DM(ca.Function("n", [of.tree.q], [of.tree.derivative_map])(q)).full() @ v
+        )
+
+        def stored(e, q=q, moved=moved):
+            return values(energy, q + e * moved, np.zeros(6))["potential"][0]
+
+        slope = (stored(-2e-4) - 8 * stored(-1e-4) + 8 * stored(1e-4) - stored(2e-4)) / 12e-4
+        assert abs(slope) > 1.0
+        close(values(terms, q, 0 * v)["f"] @ v, -slope, 1e-6)
+
+
+def test_friction_and_stiffness_may_be_free():
+    law = lw.Sliding(coefficient=0.2, rate=1e-2)
+    free = lw.Robot(
+        on_floor(friction=law, stiffness=1e5, dissipation=0.5).mechanism,
+        free=["floor.friction.coefficient", "floor.stiffness", "floor.surfaces.1.radius"],
+    )
+    other = on_floor(
+        friction=lw.Sliding(coefficient=0.4, rate=1e-2),
+        stiffness=3e5,
+        dissipation=0.5,
+        ball=lw.Sphere(radius=0.12),
+    )
+    values_ = {
+        "floor.friction.coefficient": 0.4,
+        "floor.stiffness": 3e5,
+        "floor.surfaces.1.radius": 0.12,
+    }
+    ends = [
+        robot.simulate(at(robot, (0, 0, 0.2), (1.0, 0, 0)), duration=0.3, parameters=given, **TIGHT)
+        .dataset["joint_position"]
+        .values[-1]
+        for robot, given in ((free, values_), (other, {}))
+    ]
+    close(*ends, 1e-8)
+
+
+def test_members_of_an_ensemble_bounce_as_they_do_alone():
+    robot = on_floor(dissipation=0.3)
+    heights = [0.15, 0.2, 0.4]
+    states = robot.state(np.array([[0, 0, z, 1, 0, 0, 0] for z in heights], float))
+    times = np.linspace(0.1, 0.5, 5)
+    together = robot.ensemble(states, duration=0.5, save_at=times)
+    for member in range(3):
+        alone = robot.simulate(states.at(member), duration=0.5, save_at=times)
+        found = together.dataset["joint_position"].values[member]
+        close(found, alone.dataset["joint_position"].values, 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "said"),
+    [
+        ((lw.Plane(), lw.Plane()), "a contact of plane and plane has no place"),
+        ((lw.Plane(), lw.Cylinder(radius=0.1, length=1.0)), "a cylinder has no corners"),
+        ((lw.Box(size=(1, 1, 1)), SPHERE), "box and sphere do not meet here"),
+    ],
+)
+def test_surfaces_that_do_not_meet(surfaces, said):
+    with pytest.raises(lw.MechanismError, match=said):
+        lw.Contact(connects=("ground", "ball"), surfaces=surfaces, stiffness=1.0)
+
+
+def test_contacts_of_no_bodies_and_fields_of_no_grid():
+    contact = lw.Contact(connects=("ground", "bal"), surfaces=(lw.Plane(), SPHERE), stiffness=1.0)
+    with pytest.raises(
+        lw.MechanismError, match=r"contacts\.floor\.connects: there is no body 'bal'"
+    ):
+        lw.Mechanism(bodies={"ball": BALL}, joints={"f": FREE}, contacts={"floor": contact})
+    with pytest.raises(lw.MechanismError, match="the heights are no grid"):
+        lw.HeightField(heights=((0.0, 1.0), (0.0,)), spacing=(1.0, 1.0))
+
+
+def test_files_hold_contacts(tmp_path):
+    for surface in (lw.Plane(), wavy()):
+        mechanism = on_floor(surface, friction=lw.Sliding(coefficient=0.3, static=0.4)).mechanism
+        mechanism.save(tmp_path / "x.yaml")
+        assert lw.Mechanism.load(tmp_path / "x.yaml") == mechanism
