@@ -7,6 +7,7 @@ robot that follows.
 
 from linkwork.motions._fastest import ActuatorLimits, fastest
 from linkwork.motions._follow import follow
+from linkwork.motions._gcode import gcode
 from linkwork.motions.laws import (
     LAWS,
     AxisLimits,
@@ -37,6 +38,7 @@ __all__ = [
     "cycloidal",
     "fastest",
     "follow",
+    "gcode",
     "pick_and_place",
     "point_to_point",
     "polynomial",

@@ -110,8 +110,8 @@ def fastest(
         The same path with the law that takes the least time; s'' is constant between two points.
 
     Raises:
-        LinkworkError: a place on the path that the actuators cannot keep, by its s; a path on which
-            nothing limits the speed; actuators that do not drive all freedoms.
+        LinkworkError: a path with corners; a place on it that the actuators cannot keep, by its s;
+            a path on which nothing limits the speed; actuators that do not drive all freedoms.
 
     Source: Pham & Pham, IEEE Trans. Robotics 34 (2018) 645; Verscheure et al., IEEE Trans.
     Automatic Control 54 (2009) 2318.
@@ -123,6 +123,10 @@ def fastest(
     if checks.count(points, "the number of points") < 3:
         raise LinkworkError("the grid of a path needs at least 3 points")
     timed = path if isinstance(path, TimedPath) else TimedPath(path, 1.0)
+    if timed.corners:
+        raise LinkworkError(
+            f"the path has a corner at s = {timed.corners[0]:.4g}; give its smooth parts one by one"
+        )
     shape = TimedPath(Path(timed.path.curve, uniform), 1.0, timed.names)
     motion = follow(robot, shape, samples=int(points), guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)

@@ -38,6 +38,7 @@ class TimedPath:
     names: of the joint coordinates in the path's order, none of the tool's pose
     passed: when the points that it was made of are passed, or passed by (points,) [s]
     profile: the same as polynomials of time, where it is made of these
+    corners: s at which the path has a corner, where it rests
     """
 
     path: Path
@@ -45,6 +46,7 @@ class TimedPath:
     names: tuple[str, ...] = ()
     passed: tuple[float, ...] = ()
     profile: Profile | None = None
+    corners: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         checks.positive(self.duration, "the duration")

@@ -1,0 +1,337 @@
+"""Lists of moves as machine tools take them: lines and arcs, one after the other, with a feed.
+
+A line of the list has words of a letter and a number. Known are G0 (as fast as the limits allow),
+G1 (straight, with the feed F), G2 and G3 (arcs in the xy plane, clockwise and counter-clockwise, to
+X, Y with the centre at I, J from the start or with the radius R; with Z a helix), G17, G20, G21
+(inches, millimetres; these at first), G61, G90, G91 (absolute, relative; absolute at first), F per
+minute, N, M2 and M30 (the end). Text in parentheses or after a semicolon is a comment.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import inf, isfinite, sqrt
+
+import numpy as np
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.motions.laws import KINDS, AxisLimits, MotionLaw, law_of
+from linkwork.motions.profiles import Profile
+from linkwork.motions.timed_paths import TimedPath, limits_of
+from linkwork.paths import Path, Triple, finite
+
+AXES = ("X", "Y", "Z")
+UNITS = {20: 0.0254, 21: 1e-3}
+SILENT = (17, 61)  # codes that say what holds anyway
+MINUTE = 60.0
+WORD = re.compile(r"([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*")
+COMMENT = re.compile(r"\([^)]*\)|;.*")
+ON_CIRCLE = 2e-3
+"""How far both ends of an arc may be from its radius, over it, for the rounding of lists."""
+SMOOTH = 1e-6
+"""Angle between two moves up to which the second goes on without a stop [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class FedMove:
+    """Hold a line, or an arc about a vertical axis, run through at a feed.
+
+    start, end: (3,) [m]; feed: [m/s]; centre: (2,) [m], and sweep [rad] of an arc; number: of its
+        line in the list
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    feed: float
+    number: int
+    centre: np.ndarray | None = None
+    sweep: float = 0.0
+
+    @property
+    def radius(self) -> float:
+        """Return the radius of an arc [m], infinite of a line."""
+        return inf if self.centre is None else float(np.hypot(*(self.start[:2] - self.centre)))
+
+    @property
+    def length(self) -> float:
+        """Return the way along it [m]."""
+        if self.centre is None:
+            return float(np.linalg.norm(self.end - self.start))
+        return sqrt((self.radius * self.sweep) ** 2 + (self.end[2] - self.start[2]) ** 2)
+
+    @property
+    def bend(self) -> float:
+        """Return the curvature [1/m], that of a helix with its climb."""
+        return 0.0 if self.centre is None else self.radius * (self.sweep / self.length) ** 2
+
+    def at(self, way: np.ndarray) -> Triple:
+        """Return positions (K, 3) and their first and second derivative at ways along it [m]."""
+        part = (way / self.length)[:, None]
+        change = self.end - self.start
+        x, d = self.start + part * change, np.ones_like(part) * change / self.length
+        if self.centre is None:
+            return x, d, 0 * d
+        a = self.start[:2] - self.centre
+        b, rate = np.array([-a[1], a[0]]), self.sweep / self.length
+        c, n, dd = np.cos(part * self.sweep), np.sin(part * self.sweep), 0 * d
+        x[:, :2] = self.centre + c * a + n * b
+        d[:, :2] = rate * (c * b - n * a)
+        dd[:, :2] = -(rate**2) * (c * a + n * b)
+        return x, d, dd
+
+
+def gcode(
+    text: str,
+    limits: AxisLimits,
+    *,
+    start: Sequence[float] | None = None,
+    orientation: float | Sequence[float] | None = None,
+    law: str | MotionLaw = "s_curve",
+    planar: bool = False,
+) -> TimedPath:
+    """Make a timed path of a G-code-like list of moves.
+
+    Moves that go on in one direction at one feed are run through without a stop, at corners the
+    tool stops. An arc is run through so slowly that the acceleration towards its centre keeps the
+    limit, too.
+
+    Args:
+        text: the list: G0 to G3 with X, Y, Z, I, J, R; F in mm/min; G20, G21, G90, G91; N, M2, M30.
+        limits: of the speed along the way [m/s], which feeds are kept below and G0 takes, and of
+            the acceleration and jerk along it.
+        start: where the tool is at first, (x, y) or (x, y, z) [m]; left out: where the first move
+            leads to.
+        orientation: constant angle, or rotation vector in space [rad]; left out: not prescribed.
+        law: of each stretch between two stops, as for `point_to_point`.
+        planar: for a robot in the plane: without Z.
+
+    Raises:
+        LinkworkError: what is not understood, with the number of its line.
+    """
+    if not isinstance(text, str):
+        raise LinkworkError(f"the list is {checks.shown(text)}; give its text")
+    size = 2 if planar else 3
+    # What is fixed, and where the tool is at first.
+    fixed = np.atleast_1d(() if orientation is None else orientation).tolist()
+    turn = finite("the orientation", fixed, (0, 2 * size - 3))
+    bounds = limits_of(limits).of((), 1)[:, 0]
+    begun = None if start is None else np.resize(finite("the start", start, (size,)), 3)
+    if begun is not None and planar:
+        begun[2] = 0.0
+    # Line after line, then the way over time and the curve over the way.
+    moves = [*read(text, begun, float(bounds[0]), planar)]
+    if not moves:
+        raise LinkworkError("the list has no move; give two points at least")
+    profile, corners = run_through(moves, bounds, law_of(law))
+    edges = np.cumsum([0.0, *(one.length for one in moves)])
+    total = edges[-1]
+
+    def curve(s: np.ndarray) -> Triple:
+        way = np.asarray(s, float) * total
+        place = np.clip(np.searchsorted(edges, way, side="right") - 1, 0, len(moves) - 1)
+        parts = np.zeros((3, way.size, size + turn.size))
+        parts[0, :, size:] = turn
+        for k in np.unique(place):
+            mine = place == k
+            for order, value in enumerate(moves[k].at(way[mine] - edges[k])):
+                parts[order, mine, :size] = value[:, :size] * total**order
+        return parts[0], parts[1], parts[2]
+
+    passed = np.interp(edges, profile(profile.knots)[:, 0], profile.knots).tolist()
+    path = Path(curve, profile.law)
+    return TimedPath(path, profile.duration, (), tuple(passed), corners=tuple(corners / total))
+
+
+def run_through(
+    moves: Sequence[FedMove], bounds: np.ndarray, law: MotionLaw
+) -> tuple[Profile, np.ndarray]:
+    """Return the way over time, at rest at corners and where the feed changes, and the ways at
+    which it rests (corners,)."""
+    # Chains of moves between two stops.
+    chains = [[moves[0]]]
+    for before, after in pairwise(moves):
+        if goes_on(before, after):
+            chains[-1].append(after)
+        else:
+            chains.append([after])
+    # Each chain by one law, within its feed and what its arcs allow.
+    knots, rows, way, ends = [np.zeros(1)], [], 0.0, []
+    for chain in chains:
+        V, A, J = bounds
+        if isfinite(A):
+            V = min([V, *(sqrt(A / one.bend) for one in chain if one.bend > 0)])
+        given = dict(zip(KINDS, (min(V, chain[0].feed), A, J), strict=True))
+        length = sum(one.length for one in chain)
+        with checks.at(f"line {chain[0].number}: "):
+            part = law(length, **{k: bound for k, bound in given.items() if isfinite(bound)})
+        moved = part.along(np.array([way]), np.ones(1))
+        rows.append(moved.coefficients)
+        knots.append(knots[-1][-1] + moved.knots[1:])
+        way += length
+        ends.append(way)
+    powers = max(row.shape[1] for row in rows)
+    filled = [np.pad(row, ((0, 0), (0, powers - row.shape[1]), (0, 0))) for row in rows]
+    return Profile(np.concatenate(knots), np.concatenate(filled)), np.array(ends[:-1])
+
+
+def goes_on(before: FedMove, after: FedMove) -> bool:
+    """Tell whether the way goes on in one direction at one feed."""
+    if before.feed != after.feed:
+        return False
+    last, first = before.at(np.array([before.length]))[1][0], after.at(np.zeros(1))[1][0]
+    return bool(np.linalg.norm(last - first) < SMOOTH)
+
+
+@dataclass(frozen=True)
+class ModalState:
+    """Hold what a list has said until now.
+
+    move: 0 to 3; scale: [m] of a unit; relative; feed: units per minute
+    """
+
+    move: int | None = None
+    scale: float = UNITS[21]
+    relative: bool = False
+    feed: float | None = None
+
+
+def read(text: str, at: np.ndarray | None, fastest: float, planar: bool) -> Iterator[FedMove]:
+    """Yield the moves of a list; at: where the tool is (3,), None: where the first move leads."""
+    modes = ModalState()
+    for number, line in enumerate(text.splitlines(), 1):
+        with checks.at(f"line {number}: "):
+            codes, words = words_of(line)
+            modes, ended = said(modes, codes, words)
+            if ended:
+                return
+            if not {*words} & {*AXES, "I", "J", "R"}:
+                continue
+            if planar and "Z" in words:
+                raise LinkworkError("a planar list has no Z; leave it out")
+            if at is None:
+                at = first_point(modes, words, planar)
+                continue
+            one = fed_move(modes, words, at, fastest, number)
+            if one is not None:
+                yield one
+                at = one.end
+
+
+def words_of(line: str) -> tuple[list[tuple[str, float]], dict[str, float]]:
+    """Return the G and M codes of a line, and its other words by letter."""
+    left = COMMENT.sub("", line).strip().strip("%")
+    codes, words, place = [], {}, 0
+    while place < len(left):
+        if not (found := WORD.match(left, place)):
+            raise LinkworkError(
+                f"{checks.shown(left[place:])} is not understood; give words of a letter and a "
+                "number, such as X10.5"
+            )
+        letter, value = found[1].upper(), float(found[2])
+        place = found.end()
+        if letter in "GM":
+            codes.append((letter, value))
+        elif letter not in (*AXES, "I", "J", "R", "F", "N"):
+            raise LinkworkError(f"the word {found[0].strip()!r} is not known; leave it out")
+        elif letter in words:
+            raise LinkworkError(f"{letter} is given twice; give it once")
+        else:
+            words[letter] = value
+    return codes, words
+
+
+def said(
+    modes: ModalState, codes: Sequence[tuple[str, float]], words: dict[str, float]
+) -> tuple[ModalState, bool]:
+    """Return what holds after the codes of a line, and whether they end the list."""
+    ended = False
+    for letter, value in codes:
+        if letter == "M" and value in (2, 30):
+            ended = True
+        elif letter == "G" and value in (0, 1, 2, 3):
+            modes = replace(modes, move=int(value))
+        elif letter == "G" and value in UNITS:
+            modes = replace(modes, scale=UNITS[int(value)])
+        elif letter == "G" and value in (90, 91):
+            modes = replace(modes, relative=value == 91)
+        elif letter == "M" or value not in SILENT:
+            raise LinkworkError(
+                f"{letter}{value:g} is not known; there are G0 to G3, G17, G20, G21, G61, G90, "
+                "G91, M2 and M30"
+            )
+    if "F" in words:
+        modes = replace(modes, feed=checks.positive(words["F"], "the feed F"))
+    return modes, ended
+
+
+def first_point(modes: ModalState, words: dict[str, float], planar: bool) -> np.ndarray:
+    """Return where the first move leads to, which is where the tool is."""
+    needed = AXES[:2] if planar else AXES
+    lacking = [axis for axis in needed if axis not in words]
+    if lacking or modes.relative:
+        raise LinkworkError(
+            f"where the tool is at first is not known; give {', '.join(needed)} of the first move, "
+            "or start="
+        )
+    return modes.scale * np.array([words.get(axis, 0.0) for axis in AXES])
+
+
+def fed_move(
+    modes: ModalState, words: dict[str, float], at: np.ndarray, fastest: float, number: int
+) -> FedMove | None:
+    """Return the move that a line asks for, None where it leads nowhere."""
+    if modes.move is None:
+        raise LinkworkError("no move is chosen; give G0, G1, G2 or G3")
+    given = np.array([modes.scale * words.get(axis, np.nan) for axis in AXES])
+    end = np.where(np.isnan(given), at, at + given if modes.relative else given)
+    feed = fastest
+    if modes.move:
+        if modes.feed is None:
+            raise LinkworkError(f"G{modes.move} has no feed; give F in units per minute")
+        feed = modes.scale * modes.feed / MINUTE
+    elif not isfinite(fastest):
+        raise LinkworkError("G0 is as fast as the limit of the speed; give one")
+    if modes.move < 2:
+        if extra := sorted({*words} & {"I", "J", "R"}):
+            raise LinkworkError(f"{extra[0]} belongs to arcs; give G2 or G3")
+        return FedMove(at, end, feed, number) if (end != at).any() else None
+    return arc(modes, words, FedMove(at, end, feed, number))
+
+
+def arc(modes: ModalState, words: dict[str, float], line: FedMove) -> FedMove:
+    """Return the arc from the start of a line to its end."""
+    sense = 1.0 if modes.move == 3 else -1.0
+    a, chord = line.start[:2], (line.end - line.start)[:2]
+    way = float(np.hypot(*chord))
+    if ("R" in words) == bool({"I", "J"} & {*words}):
+        raise LinkworkError("an arc has a centre I, J or a radius R; give one of the two")
+    across = np.array([-chord[1], chord[0]]) / way if way else np.zeros(2)
+    if "R" in words:
+        r = modes.scale * words["R"]
+        if not way > 0 or abs(r) < way / 2 * (1 - ON_CIRCLE):
+            raise LinkworkError(
+                f"no arc of the radius R = {words['R']:g} leads from the start to an end "
+                f"{way / modes.scale:g} away; give a larger one, or I, J"
+            )
+        # Of the two centres the one to the left where the shorter arc turns left.
+        side = sense * np.sign(r) * sqrt(max(0.0, r**2 - way**2 / 4))
+        centre = a + chord / 2 + side * across
+    else:
+        offset = modes.scale * np.array([words.get("I", 0.0), words.get("J", 0.0)])
+        radii = np.hypot(*offset), np.hypot(*(a + offset - line.end[:2]))
+        if not min(radii) > 0 or abs(radii[1] - radii[0]) > ON_CIRCLE * max(radii):
+            raise LinkworkError(
+                f"the start is {radii[0] / modes.scale:g} from the centre and the end "
+                f"{radii[1] / modes.scale:g}; give a centre between them"
+            )
+        # Numbers of lists are rounded: the nearest centre as far from both.
+        off = (offset - chord / 2) @ chord / way**2 if way else 0.0
+        centre = a + offset - off * chord
+    u, w = a - centre, line.end[:2] - centre
+    angle = np.arctan2(u[0] * w[1] - u[1] * w[0], u @ w)
+    sweep = sense * ((sense * angle) % (2 * np.pi)) if way else 0.0
+    return replace(line, centre=centre, sweep=sweep or sense * 2 * np.pi)
