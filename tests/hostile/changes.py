@@ -97,8 +97,8 @@ def scaled(mechanism: Mechanism, length: float = 1.0, mass: float = 1.0) -> Mech
         if isinstance(one, RodJoint):
             update["length"] = one.length * length
         parts = {
-            f: effects(f in SLIDES, friction, spring, rotor)
-            for f, (friction, spring, _, rotor) in one.effects().items()
+            f: effects(f in SLIDES, own.friction, own.spring, own.rotor)
+            for f, own in one.effects().items()
         }
         if one.freedoms and hasattr(one, "rotor_inertia"):
             if isinstance(one.rotor_inertia, float):

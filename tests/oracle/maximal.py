@@ -387,7 +387,8 @@ class MaximalOracle:
         """Yield every freedom with its effects; q is measured from the spring's rest."""
         shown, done = dict(zip(self.mechanism.coordinates, self.coordinates(poses), strict=True)), 0
         for name, joint in self.mechanism.pairs.items():
-            for freedom, (friction, spring, _, rotor) in joint.effects().items():  # pyright: ignore
+            for freedom, own in joint.effects().items():
+                friction, spring, rotor = own.friction, own.spring, own.rotor
                 if freedom == "turn":
                     q, width = pairs.logarithm(self._relative(joint, poses, self._rest).R), 3
                 else:

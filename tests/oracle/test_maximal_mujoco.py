@@ -107,7 +107,7 @@ def document(mechanism: Mechanism) -> str:
             f'<joint type="{kind}" axis="{numbers(axis)}" stiffness="{spring.stiffness!r}" '
             f'springref="{spring.rest!r}" '
             f'damping="{friction.viscous + spring.damping!r}" armature="{rotor!r}"/>'
-            for (kind, axis), (friction, spring, _, rotor) in zip(
+            for (kind, axis), (friction, spring, _, rotor, *_) in zip(
                 parts(joint), joint.effects().values(), strict=True
             )  # pyright: ignore
         )
