@@ -25,12 +25,12 @@ from linkwork.control import (
     Saturated,
 )
 from linkwork.control.controllers import Controller, Form
+from linkwork.control.described_drives import drive
 from linkwork.control.plant import Plant
 from linkwork.control.records import described, number, settled
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.record import Positive
 from linkwork.sweeps.controllers import RECORDS, record
-from linkwork.sweeps.drives import drive
 
 from tests.control.plants import cart
 
@@ -62,6 +62,9 @@ def test_the_names_in_study_files_are_those_that_the_classes_say():
         "dc_motor": "DCMotor",
         "hydraulic_cylinder": "HydraulicCylinder",
         "pneumatic_cylinder": "PneumaticCylinder",
+        "servo": "Servo",
+        "lagging_servo": "LaggingServo",
+        "integrating_servo": "IntegratingServo",
     }
     types = [each.model_fields["type"].default for each in RECORDS]
     assert types == ["pd", "pd_with_gravity", "pid", "computed_torque", "sliding_mode", "lqr"]
@@ -71,7 +74,7 @@ def test_the_names_in_study_files_are_those_that_the_classes_say():
 def test_every_number_of_a_drive_is_described(kind):
     hints = get_type_hints(kind)
     assert set(described(kind)) == {
-        entry.name for entry in fields(kind) if hints[entry.name] is float
+        entry.name for entry in fields(kind) if hints[entry.name] in (float, float | None)
     }
     assert all(told.unit for told in described(kind).values())
 

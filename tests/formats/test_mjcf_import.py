@@ -357,21 +357,12 @@ LEFT_OUT = {
         "<tendon><spatial name='t'><site site='s'/></spatial></tendon>"
     ): "<spatial 't'> is left out: only straight tendons",
     (
-        "<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>"
-    ): "<fixed 't'> is left out: no equality holds it",
+        "<tendon><fixed name='t' range='0 1'><joint joint='j' coef='1'/></fixed></tendon>"
+    ): "<fixed 't'> has a range, which is left out",
     (
-        "<actuator><motor name='m' site='s'/></actuator>"
-    ): "<motor 'm'> is left out: only actuators of joints are read",
-    (
-        "<actuator><motor name='m' joint='j' gear='5'/></actuator>"
-    ): "<motor 'm'> has a gear of 5, which is left out",
-    "<actuator><position joint='j' kp='3'/></actuator>": "<position> is taken as a plain actuator",
-    (
-        "<actuator><motor joint='j'/><velocity name='d' joint='j'/></actuator>"
-    ): "<velocity 'd'> drives 'j' as another",
-    (
-        "<actuator><motor joint='j' ctrlrange='-1 1'/></actuator>"
-    ): "<motor> says ctrlrange, which is left out",
+        "<actuator><motor name='m' site='s' refsite='s'/></actuator>"
+    ): "<motor 'm'> is left out: what acts on a refsite is no actuator here",
+    "<actuator><muscle joint='j'/></actuator>": "<muscle> is taken as a plain actuator",
 }
 
 

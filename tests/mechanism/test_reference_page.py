@@ -8,7 +8,16 @@ from typing import get_args
 import pytest
 from pydantic import TypeAdapter
 
-from linkwork.mechanism import Body, Contact, Joint, Mechanism, MechanismError, PointSpring, Shape
+from linkwork.mechanism import (
+    Body,
+    Contact,
+    Joint,
+    Mechanism,
+    MechanismError,
+    PointSpring,
+    Shape,
+    Transmission,
+)
 from linkwork.mechanism.document import MAX_DEPTH, MAX_ENTRIES, read_document
 from linkwork.mechanism.files import MAX_BYTES
 from linkwork.mechanism.joints import EFFECTS
@@ -17,7 +26,14 @@ from linkwork.mechanism.refusal import records_in
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mechanism-file.md").read_text(encoding="utf-8")
 ROWS = [re.split(r"(?<!\\)\|", line)[1:-1] for line in PAGE.splitlines() if line.startswith("|")]
-KINDS = {"bodies": Body, "joints": Joint, "springs": PointSpring, "contacts": Contact}
+KINDS = {
+    "bodies": Body,
+    "joints": Joint,
+    "springs": PointSpring,
+    "contacts": Contact,
+    "transmissions": Transmission,
+    "drives": Mapping[str, float | str],
+}
 SHAPES = {record.model_fields["type"].default: record for record in records_in(get_args(Shape)[0])}
 JOINTS = {record.model_fields["type"].default: record for record in records_in(get_args(Joint)[0])}
 
@@ -105,7 +121,8 @@ def test_snippets(text):
 
 
 def test_snippets_show_every_type_of_joint_and_shape():
-    assert set(re.findall(r"type: (\w+)", PAGE)) >= {*JOINTS, *SHAPES}
+    transmissions = {record.model_fields["type"].default for record in records_in(Transmission)}
+    assert set(re.findall(r"type: (\w+)", PAGE)) >= {*JOINTS, *SHAPES, *transmissions}
 
 
 def test_limits():

@@ -16,10 +16,14 @@ from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.control.lqr import LQR
 from linkwork.control.observation import Observation
 from linkwork.control.sampler import Sampler
+from linkwork.control.servos import IntegratingServo, LaggingServo, Servo
 from linkwork.control.wrenches import Wrench
 
 LAWS = (PD, PID, ComputedTorque, SlidingMode, LQR)
-DRIVES = (Ideal, Saturated, Lag, DCMotor, HydraulicCylinder, PneumaticCylinder)
+DRIVES = (
+    *(Ideal, Saturated, Lag, DCMotor, HydraulicCylinder, PneumaticCylinder),
+    *(Servo, LaggingServo, IntegratingServo),
+)
 
 __all__ = [
     "LQR",
@@ -31,11 +35,14 @@ __all__ = [
     "Event",
     "HydraulicCylinder",
     "Ideal",
+    "IntegratingServo",
     "Lag",
+    "LaggingServo",
     "Observation",
     "PneumaticCylinder",
     "Sampler",
     "Saturated",
+    "Servo",
     "SlidingMode",
     "Wrench",
     "limit_events",

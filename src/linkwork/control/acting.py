@@ -261,7 +261,7 @@ def require_law(names: Names, law: Law | Sampler | None) -> None:
 
 def require_drives(names: Names, drives: Mapping[str, Drive]) -> None:
     """Refuse drives of what is no actuated coordinate, and what is no drive."""
-    able = [actuator for actuator in names.actuators if actuator in names.coordinates]
+    able = [actuator for actuator in names.actuators if actuator in names.measured]
     for name, drive in drives.items():
         checks.known([name], able, "actuator", " for a drive")
         if not isinstance(drive, Drive):

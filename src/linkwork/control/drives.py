@@ -41,7 +41,7 @@ class Drive(ActingPart, ABC):
     def __post_init__(self) -> None:
         bounded = {name for name, told in described(type(self)).items() if told.kind is Positive}
         for name, value in vars(self).items():
-            if not math.symbolic(value):
+            if value is not None and not math.symbolic(value):
                 positive = name in bounded or name in self.positive
                 check = checks.positive if positive else checks.number
                 check(value, f"{name} of {type(self).__name__}")

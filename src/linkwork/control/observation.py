@@ -40,8 +40,8 @@ class Quantity(NamedTuple):
 
 @dataclass(frozen=True)
 class Names:
-    """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies and
-    extra states.
+    """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies, extra
+    states and transmissions.
 
     pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet
     """
@@ -53,6 +53,7 @@ class Names:
     pose: int
     extras: tuple[str, ...] = ()
     meetings: tuple[str, ...] = ()
+    transmissions: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
@@ -66,7 +67,13 @@ class Names:
             pose,
             tuple(extras),
             meetings(mechanism),
+            tuple(mechanism.transmissions),
         )
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """What may be read: coordinates, and lengths of transmissions."""
+        return (*self.coordinates, *self.transmissions)
 
     def size(self, quantity: Quantity) -> int:
         """Return how many numbers a quantity has."""
@@ -117,13 +124,14 @@ class Observation:
     source: Readings
 
     def __getitem__(self, coordinate: str) -> Any:
-        """Return one joint coordinate [m, rad; 1 of a quaternion's part]."""
-        known([coordinate], self.names.coordinates, "joint coordinate")
+        """Return one joint coordinate [m, rad; 1 of a quaternion's part], or a transmission's
+        length."""
+        known([coordinate], self.names.measured, "joint coordinate")
         return self.source.quantity(Quantity("position", coordinate))[0]
 
     def rate(self, name: str) -> Any:
-        """Return one joint rate [m/s, rad/s]."""
-        known([name], self.names.rates, "joint rate")
+        """Return one joint rate, or that of a transmission's length [m/s, rad/s]."""
+        known([name], (*self.names.rates, *self.names.transmissions), "joint rate")
         return self.source.quantity(Quantity("rate", name))[0]
 
     def gap(self, name: str) -> Any:

@@ -12,26 +12,11 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, vector, zero
-from linkwork.equations.closure import moving
+from linkwork.equations.jacobians import jacobian
 from linkwork.equations.joint_map import derivative
 from linkwork.equations.orientation import Orientation
 from linkwork.equations.tree import Node, Tree, near_offset, offset
 from linkwork.mechanism import GROUND, Mechanism, Tool
-
-
-def jacobian(tree: Tree, node: Node, d: ca.SX) -> ca.SX:
-    """Return the 6 x nv map from rates to [omega; v of a point of the node's body], in the ground's
-    axes.
-
-    d: the vector from the node's origin to the point, in the node's axes
-    """
-    J = SX(6, len(tree.rates))
-    for inner, reach in tree.reaches(node, d):
-        for column in inner.columns:
-            A = inner.column_axes.matrix
-            turn = ca.mtimes(A, column.z) if inner.turns else zero()
-            J[:, column.rate] = ca.vertcat(turn, ca.mtimes(A, moving(column, inner, reach)))
-    return J
 
 
 def body_jacobians(mechanism: Mechanism, tree: Tree) -> ca.SX:

@@ -38,7 +38,7 @@ from linkwork.equations.reference import (
     unit,
 )
 from linkwork.equations.reflections import reflect
-from linkwork.equations.topology import Topology, counting, ended, span
+from linkwork.equations.topology import Topology, counting, driven_rates, ended, span
 from linkwork.equations.tree import Tree, grow
 from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.mechanism.numbers import free_numbers, replaced
@@ -114,7 +114,7 @@ def derive(
     # Independent rates and an elimination for L.
     preferred = [
         tree.rates.index(label)
-        for label in (*independent, *mechanism.actuators)
+        for label in (*independent, *driven_rates(mechanism))
         if label in tree.rates
     ]
     chosen = choose_independent(samples[0][list(kept)], preferred)

@@ -13,6 +13,8 @@ both in F1's axes:
     stop       force and potential of `impact` past an end, against it; that of a free turn bounds
                |x|, which grows with  x . w / |x|
 
+The same acts along transmissions, whose springs may have a range of lengths without force.
+
 A spring between points at the distance l pulls with the tension  k (l - l_0) + d l'. Surfaces that
 meet press and rub (`contact`).
 """
@@ -29,7 +31,7 @@ from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, 
 from linkwork.equations.impact import Pressing
 from linkwork.equations.joint_map import JointMap, derivative
 from linkwork.equations.tree import Node, Tree, near_offset
-from linkwork.mechanism import Friction, Mechanism, PointSpring, Spring
+from linkwork.mechanism import Friction, LoadedLength, Mechanism, PointSpring, SlackSpring, Spring
 from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.limits import end_names
 
@@ -52,10 +54,10 @@ class StopEnd:
 
 @dataclass(frozen=True)
 class Freedom:
-    """Hold a freedom in which something acts: displacement x, rows J (rates x nv) with w = J
-    w_tree, and what acts.
+    """Hold a freedom, or a transmission, in which something acts: displacement x, rows J (rates x
+    nv) with w = J w_tree, and what acts.
 
-    rates: names of w; ends: of its stop
+    rates: names of w, or the one of a transmission; ends: of its stop
     """
 
     rates: tuple[str, ...]
@@ -73,8 +75,16 @@ class Freedom:
     @property
     def pull(self) -> ca.SX:
         """The force of spring and stops at rest."""
-        pull = -self.spring.stiffness * (self.x - self.spring.rest)
+        pull = -self.spring.stiffness * self.stretch
         return sum((-end.outward * end.pressing.elastic for end in self.ends), pull)
+
+    @property
+    def stretch(self) -> ca.SX:
+        """How far the spring is from where it rests."""
+        beyond = self.x - self.spring.rest
+        if not isinstance(self.spring, SlackSpring) or not present(self.spring.slack):
+            return beyond
+        return ca.fmax(beyond - self.spring.slack, 0) + ca.fmin(beyond, 0)
 
     def drag(self, w: ca.SX) -> ca.SX:
         """Return the force of friction, damper and what stops take on the freedom."""
@@ -94,7 +104,7 @@ class Freedom:
 
     @property
     def potential(self) -> ca.SX:
-        stored = self.spring.stiffness * ca.sumsqr(self.x - self.spring.rest) / 2
+        stored = self.spring.stiffness * ca.sumsqr(self.stretch) / 2
         return sum((end.pressing.potential for end in self.ends), stored)
 
 
@@ -112,7 +122,7 @@ def ends(part: JointFreedom, x: ca.SX) -> Iterator[StopEnd]:
 
 
 def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
-    """Return the freedoms in which something acts, or every freedom."""
+    """Return the freedoms of joints in which something acts, or every freedom."""
     found = []
     for name, joint in joints.mechanism.joints.items():
         for part in joint.parts(name):
@@ -123,6 +133,16 @@ def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
                 J = joints.rate_rows(part.rates)
                 stop = tuple(ends(part, x))
                 found.append(Freedom(part.rates, x, J, friction, spring, rotor, stop))
+    return tuple(found)
+
+
+def lines(joints: JointMap) -> tuple[Freedom, ...]:
+    """Return the transmissions along which something acts beside an actuator."""
+    found = []
+    for name, line in joints.mechanism.transmissions.items():
+        if isinstance(line, LoadedLength) and any(map(present, line.loads)):
+            x, J = joints.position(name), joints.rate_row(name)
+            found.append(Freedom((name,), x, J, line.friction, line.spring, line.inertia))
     return tuple(found)
 
 

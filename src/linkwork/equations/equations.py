@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import articulated, contact, dynamics, effects
-from linkwork.equations.algebra import SX, vector
+from linkwork.equations.algebra import SX, present, vector
 from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy
 from linkwork.equations.closure import Cut
 from linkwork.equations.elimination import solve, weakest
@@ -241,8 +241,9 @@ class Equations:
 
     @cached_property
     def freedoms(self) -> tuple[effects.Freedom, ...]:
-        """Freedoms of joints in which friction, a spring, a stop or a rotor acts."""
-        return effects.freedoms(self.joints)
+        """Freedoms of joints, and transmissions, in which friction, a spring, a stop or a rotor
+        acts."""
+        return (*effects.freedoms(self.joints), *effects.lines(self.joints))
 
     @cached_property
     def gaps(self) -> dict[str, ca.SX]:
@@ -304,10 +305,12 @@ class Equations:
     @cached_property
     def recursive(self) -> bool:
         """Tell whether articulated inertias take fewer operations than M: in open trees, from about
-        ten rates of a chain on.
+        ten rates of a chain on, where no inertia couples rates beside the bodies'.
         """
         n = self.mobility
-        return not self.rows.names and PAIR * self.tree.pairs + n**3 / 3 + 2 * n**2 > MORE * n
+        if self.rows.names or any(present(line.rotor) for line in effects.lines(self.joints)):
+            return False
+        return PAIR * self.tree.pairs + n**3 / 3 + 2 * n**2 > MORE * n
 
     @cached_property
     def actuation(self) -> ca.SX:

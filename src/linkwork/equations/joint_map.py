@@ -6,8 +6,9 @@ the poses (`cut_coordinates`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,14 +16,15 @@ import numpy as np
 from linkwork.equations import cut_coordinates
 from linkwork.equations.algebra import SX
 from linkwork.equations.closure import Cut
+from linkwork.equations.transmissions import Along, along
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
 class JointMap:
-    """Give the coordinates of all joints, and the rows (1 x nv) that give their rates from the
-    tree's, by name.
+    """Give the coordinates of all joints and the lengths of transmissions, and the rows (1 x nv)
+    that give their rates from the tree's, by name.
 
     What a cut joint needs is derived when it is first asked for.
 
@@ -33,10 +35,12 @@ class JointMap:
     tree: Tree
     cuts: tuple[Cut, ...]
     turns: Mapping[str, float] = field(default_factory=dict)
-    _cache: dict[str, dict[str, ca.SX]] = field(default_factory=dict, repr=False, compare=False)
+    _cache: dict[str, dict[str, Any]] = field(default_factory=dict, repr=False, compare=False)
 
     def position(self, label: str) -> ca.SX:
-        """Return a joint coordinate [rad, m; 1 of a quaternion]."""
+        """Return a joint coordinate [rad, m; 1 of a quaternion], or a transmission's length."""
+        if label in self.mechanism.transmissions:
+            return self.along(label).x
         if label in self.tree.coordinates:
             return self.tree.q[self.tree.coordinates.index(label)]
         cut = self._cut(label)
@@ -47,7 +51,12 @@ class JointMap:
         )[label] + self.turns.get(label, 0.0)
 
     def rate_row(self, label: str) -> ca.SX:
-        """Return the row (1 x nv) of a joint rate."""
+        """Return the row (1 x nv) of a joint rate, or of that of a transmission's length."""
+        if label in self.mechanism.transmissions:
+            line = self.along(label)
+            return self._read(
+                f"{label}: row", lambda: [(label, line.row(self.tree, self.rate_row))]
+            )[label]
         if label in self.tree.rates:
             row = SX(1, len(self.tree.rates))
             row[self.tree.rates.index(label)] = 1
@@ -61,6 +70,12 @@ class JointMap:
             ),
         )
         return rows[label]
+
+    def along(self, name: str) -> Along:
+        """Return a transmission by name."""
+        line = self.mechanism.transmissions[name]
+        key = f"{name}: along, {tuple(self.turns.items())}"
+        return self._read(key, lambda: [(name, along(line, self.tree, self.position))])[name]
 
     def positions(self) -> ca.SX:
         """Return the coordinates of all joints, in the order of `mechanism.coordinates`."""
@@ -80,10 +95,9 @@ class JointMap:
         joint = label if label in self.mechanism.joints else label.rpartition(".")[0]
         return next(cut for cut in self.cuts if cut.joint == joint)
 
-    def _read(self, key: str, derive) -> Mapping[str, ca.SX]:
+    def _read(self, key: str, derive: Callable[[], Iterable[tuple[str, Any]]]) -> dict[str, Any]:
         if key not in self._cache:
-            pairs: Iterator[tuple[str, ca.SX]] = derive()
-            self._cache[key] = dict(pairs)
+            self._cache[key] = dict(derive())
         return self._cache[key]
 
 

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from linkwork.equations.joints import held_length
-from linkwork.mechanism import Mechanism
+from linkwork.mechanism import Combination, Mechanism, Thrust
 from linkwork.mechanism.joints import SLIDES, PairJoint
 
 ROUNDING = 1e-9
@@ -74,11 +74,17 @@ def radius_of_gyration(mechanism: Mechanism) -> float:
 
 
 def slides(mechanism: Mechanism) -> dict[str, bool]:
-    """Tell of every joint coordinate and rate, by name, whether it is a length; else it is an angle
-    or a quaternion's."""
-    return {
+    """Tell of every joint coordinate, rate and transmission, by name, whether it is a length; else
+    it is an angle or a quaternion's."""
+    found = {
         label: part.name in SLIDES
         for name, joint in mechanism.pairs.items()
         for part in joint.parts(name)
         for label in (*part.coordinates, *part.rates)
     }
+    for name, line in mechanism.transmissions.items():
+        if isinstance(line, Combination):
+            found[name] = any(found[label] for label, ratio in line.ratios.items() if ratio)
+        else:
+            found[name] = not isinstance(line, Thrust) or any(line.force)
+    return found

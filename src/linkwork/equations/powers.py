@@ -17,16 +17,20 @@ from linkwork.equations.functions import function
 
 def powers(equations: Equations) -> ca.Function:
     """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m), of the
-    damper of each spring between points, of what dissipates in each place of contact [W], and the
+    damper of each spring between points and of what resists each transmission, of what dissipates
+    in each place of contact [W], and the
     weakest relative pivot.
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
     friction = SX.zeros(len(mechanism.rates))
+    lines = dict.fromkeys(mechanism.transmissions, SX(0))
     for freedom in equations.freedoms:
         own = ca.mtimes(freedom.J, w)
-        friction[[mechanism.rates.index(label) for label in freedom.rates]] = (
-            freedom.drag(own) * own
-        )
+        power = freedom.drag(own) * own
+        if freedom.rates[0] in lines:
+            lines[freedom.rates[0]] = power
+        else:
+            friction[[mechanism.rates.index(label) for label in freedom.rates]] = power
     dampers = []
     for pull in effects.pulls(mechanism, tree):
         damped = present(pull.spring.damping)
@@ -35,7 +39,7 @@ def powers(equations: Equations) -> ca.Function:
     outputs = {
         "actuated": ca.mtimes(equations.actuation, equations.v),
         "friction": friction,
-        "dampers": ca.vertcat(SX(0, 1), *dampers),
+        "dampers": ca.vertcat(SX(0, 1), *dampers, *lines.values()),
         "contacts": ca.vertcat(SX(0, 1), *(of.power for of in touching(mechanism, tree, w))),
         "pivot": equations.elimination.pivot,
     }

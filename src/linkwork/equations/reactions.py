@@ -9,14 +9,16 @@ Newton and Euler for each body about its mass centre, in the ground's axes; the 
 and along its own freedoms a joint brings a known force for each rate w: that of friction, spring
 and rotor J,
 
-    f = -k (x - rest) - d w - friction - J w'        beside the actuator's and those of gears.
+    f = -k (x - rest) - d w - friction - J w' + u    beside those of gears,
+
+and what acts along transmissions adds to the forces on joint rates and on bodies.
 
 A unit rate of a joint moves F2 in F1 by the twist s = [z; u], u at the origin of F2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import casadi as ca
 import numpy as np
@@ -33,17 +35,19 @@ from linkwork.mechanism import PairJoint
 
 
 def joint_loads(equations: Equations) -> ca.Function:
-    """Return (q, v, v') -> what the joints have to bring, where they are, and the weakest relative
-    pivot.
+    """Return (q, v, v', u) -> what the joints have to bring, where they are, and the weakest
+    relative pivot, under forces u of the actuators.
 
     Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body
     (6r), `centres` (3r); of every joint that connects two bodies the `origins` of F1 and F2 (6J);
     of every rate the `twists` s (6m) and the known forces f (m).
     """
     dv = SX.sym("dv", equations.mobility)
+    u = SX.sym("u", len(equations.mechanism.actuators))
     L, b, pivot = equations.elimination
     accelerations = ca.mtimes(L, dv) + b
-    needed, centres = bodies_need(equations, accelerations)
+    tensions = line_tensions(equations, accelerations, u)
+    needed, centres = bodies_need(equations, accelerations, tensions)
     pairs = equations.mechanism.pairs
     sides = {name: frames(equations, joint) for name, joint in pairs.items()}
     twists = [twist for name, joint in pairs.items() for twist in joint_twists(joint, *sides[name])]
@@ -52,10 +56,33 @@ def joint_loads(equations: Equations) -> ca.Function:
         "centres": ca.vertcat(SX(0, 1), *centres),
         "origins": ca.vertcat(SX(0, 1), *[frame.P for pair in sides.values() for frame in pair]),
         "twists": ca.vertcat(SX(0, 1), *twists),
-        "f": known_forces(equations, accelerations),
+        "f": known_forces(equations, accelerations, u, tensions),
         "pivot": pivot,
     }
-    return function("joint_loads", equations, outputs, v=equations.v, dv=dv)
+    return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u)
+
+
+def line_tensions(equations: Equations, accelerations: ca.SX, u: ca.SX) -> dict[str, ca.SX]:
+    """Return the force along each transmission: the actuator's, and that of what acts there."""
+    mechanism, w = equations.mechanism, equations.rates
+    found = dict.fromkeys(mechanism.transmissions, SX(0))
+    for freedom in equations.freedoms:
+        if (name := freedom.rates[0]) in found:
+            found[name] = own_force(equations, freedom, w, accelerations)
+    for name, force in zip(mechanism.actuators, ca.vertsplit(u) if u.numel() else [], strict=True):
+        if name in found:
+            found[name] += force
+    return found
+
+
+def own_force(
+    equations: Equations, freedom: effects.Freedom, w: ca.SX, accelerations: ca.SX
+) -> ca.SX:
+    """Return the force of spring, friction and rotor in a freedom, or along a transmission."""
+    force = freedom.force(ca.mtimes(freedom.J, w))
+    if present(freedom.rotor):
+        force -= freedom.rotor * freedom.acceleration(equations.tree, w, accelerations)
+    return force
 
 
 def joint_axes(equations: Equations) -> ca.Function:
@@ -68,9 +95,14 @@ def joint_axes(equations: Equations) -> ca.Function:
     return function("joint_axes", equations, {"axes": axes})
 
 
-def bodies_need(equations: Equations, accelerations: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+def bodies_need(
+    equations: Equations, accelerations: ca.SX, tensions: Mapping[str, ca.SX]
+) -> tuple[list[ca.SX], list[ca.SX]]:
     """Return [moment about the mass centre; force] that the joints bring to each body, and the mass
-    centres."""
+    centres.
+
+    tensions: forces along transmissions, by name
+    """
     tree, w, mechanism = equations.tree, equations.rates, equations.mechanism
     omega = tree.angular_velocities(w)
     alpha, a = tree.accelerations(omega, w, accelerations, -equations.gravity)
@@ -84,7 +116,14 @@ def bodies_need(equations: Equations, accelerations: ca.SX) -> tuple[list[ca.SX]
         force = body.mass * (a[i] + cross(alpha[i], d) + spin(omega[i], d)) - pulled[1]
         moment = ca.mtimes(inertia, alpha[i]) + cross(omega[i], ca.mtimes(inertia, omega[i]))
         moment -= pulled[0] - cross(d, pulled[1])
-        needed += [ca.mtimes(node.axes.matrix, moment), ca.mtimes(node.axes.matrix, force)]
+        moment, force = (ca.mtimes(node.axes.matrix, part) for part in (moment, force))
+        for line, tension in tensions.items():
+            for other, arm, wrench in equations.joints.along(line).wrenches:
+                if other == name:
+                    lever = ca.mtimes(node.axes.matrix, arm - d)
+                    moment -= tension * (wrench[:3] + cross(lever, wrench[3:]))
+                    force -= tension * wrench[3:]
+        needed += [moment, force]
         centres.append(tree.point(node, c))
     return needed, centres
 
@@ -111,14 +150,20 @@ def joint_twists(joint: PairJoint, first: Side, second: Side) -> Iterator[ca.SX]
             yield ca.vertcat(in_base(R, motion.turn), in_base(R, motion.slide))
 
 
-def known_forces(equations: Equations, accelerations: ca.SX) -> ca.SX:
-    """Return f (m) of friction, springs and rotors for the rates of all joints, in the mechanism's
-    order."""
-    labels, w = equations.mechanism.rates, equations.rates
+def known_forces(
+    equations: Equations, accelerations: ca.SX, u: ca.SX, tensions: Mapping[str, ca.SX]
+) -> ca.SX:
+    """Return f (m) of friction, springs, rotors, actuators and combinations for the rates of all
+    joints, in the mechanism's order."""
+    mechanism, labels, w = equations.mechanism, equations.mechanism.rates, equations.rates
     f = SX.zeros(len(labels))
-    for freedom in equations.freedoms:
-        force = freedom.force(ca.mtimes(freedom.J, w))
-        if present(freedom.rotor):
-            force -= freedom.rotor * freedom.acceleration(equations.tree, w, accelerations)
+    for freedom in effects.freedoms(equations.joints):
+        force = own_force(equations, freedom, w, accelerations)
         f[[labels.index(label) for label in freedom.rates]] += force
+    for place, name in enumerate(mechanism.actuators):
+        if name not in tensions:
+            f[labels.index(name)] += u[place]
+    for name, tension in tensions.items():
+        for label, ratio in equations.joints.along(name).ratios.items():
+            f[labels.index(label)] += ratio * tension
     return f

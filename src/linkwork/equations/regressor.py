@@ -1,11 +1,11 @@
 """Regressor: inverse dynamics as a linear function of masses, moments, friction and rotors.
 
-    M v' + C v + G - f = Y(q, v, v') pi + r(q, v)
+    M v' + C v + G - f = Y(q, v, v') pi + r(q, v, v')
 
 pi are, of every body, m, m c and the inertia I_O about the origin of its frame, in its axes, and of
 every freedom of a joint the coefficients of viscous friction (a damper's included), Coulomb
-friction and rotor inertia; r is what springs and stops take. In a body's axes, with the
-acceleration a of its origin less gravity, and [x] the matrix of x cross,
+friction and rotor inertia; r is what springs, stops and transmissions take. In a body's axes, with
+the acceleration a of its origin less gravity, and [x] the matrix of x cross,
 
     F = m a + ([alpha] + [omega][omega]) m c,      N = m c x a + I_O alpha + omega x I_O omega.
 
@@ -87,9 +87,8 @@ def regressor(equations: Equations, dv: ca.SX) -> tuple[ca.SX, ca.SX]:
     L, b, _ = equations.elimination
     tree, w, dw = equations.tree, equations.rates, ca.mtimes(L, dv) + b
     columns = [body_columns(equations, w, dw), freedom_columns(equations, w, dw)]
-    return ca.mtimes(L.T, ca.horzcat(SX(len(tree.rates), 0), *columns)), ca.mtimes(
-        L.T, spring_forces(equations)
-    )
+    rest = spring_forces(equations) + line_forces(equations, w, dw)
+    return ca.mtimes(L.T, ca.horzcat(SX(len(tree.rates), 0), *columns)), ca.mtimes(L.T, rest)
 
 
 def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
@@ -149,4 +148,16 @@ def spring_forces(equations: Equations) -> ca.SX:
         node = tree.nodes[index]
         moment, force = (ca.mtimes(node.axes.matrix, part) for part in wrench)
         total -= ca.mtimes(body_motion.jacobian(tree, node, zero()).T, ca.vertcat(moment, force))
+    return total
+
+
+def line_forces(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
+    """Return the forces (nv) on the tree's rates that friction and inertia along transmissions
+    take, for the tree's rates and their derivatives."""
+    total = SX.zeros(len(equations.tree.rates))
+    for line in effects.lines(equations.joints):
+        taken = line.rotor * line.acceleration(equations.tree, w, dw) - line.drag(
+            ca.mtimes(line.J, w)
+        )
+        total += ca.mtimes(line.J.T, taken)
     return total

@@ -157,7 +157,8 @@ def loaded_rows(joints: JointMap) -> ca.SX:
     velocities over the mechanism's own length where bodies may touch.
     """
     tree = joints.tree
-    labels = [rate for freedom in effects.freedoms(joints) for rate in freedom.rates]
+    loaded = (*effects.freedoms(joints), *effects.lines(joints))
+    labels = [rate for freedom in loaded for rate in freedom.rates]
     lengths = [ca.log(pull.length) for pull in effects.pulls(joints.mechanism, tree)]
     changes = ca.mtimes(ca.jacobian(ca.vertcat(SX(0, 1), *lengths), tree.q), tree.derivative_map)
     rates = SX.sym("rates", len(tree.rates))

@@ -25,7 +25,15 @@ from typing import Any
 
 from linkwork.equations.algebra import present
 from linkwork.equations.joints import complete, pattern, rows_of
-from linkwork.mechanism import GROUND, FixedJoint, Frame, FreeJoint, Mechanism, PairJoint
+from linkwork.mechanism import (
+    GROUND,
+    Combination,
+    FixedJoint,
+    Frame,
+    FreeJoint,
+    Mechanism,
+    PairJoint,
+)
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ def span(mechanism: Mechanism) -> Topology:
     added: dict[str, PairJoint] = {}
     waiting: dict[str, PairJoint] = dict(mechanism.pairs)
     order = {name: index for index, name in enumerate(waiting)}
-    driven = {name.partition(".")[0] for name in mechanism.actuators}
+    driven = {label.partition(".")[0] for label in driven_rates(mechanism)}
     needed = counting(mechanism) | {name for name, joint in waiting.items() if has_effects(joint)}
 
     def cost(name: str, near: int) -> tuple[bool, bool, int, int, int]:
@@ -137,9 +145,14 @@ def entering(
 
 
 def counting(mechanism: Mechanism) -> set[str]:
-    """Return the joints whose whole turns count: those of gears, of threads, and those with
-    springs or stops."""
-    geared = {label.partition(".")[0] for gear in mechanism.gears.values() for label in gear.ratios}
+    """Return the joints whose whole turns count: those of gears and combinations, of threads, and
+    those with springs or stops."""
+    combined = [line for line in mechanism.transmissions.values() if isinstance(line, Combination)]
+    geared = {
+        label.partition(".")[0]
+        for line in (*mechanism.gears.values(), *combined)
+        for label in line.ratios
+    }
     sprung = {
         name
         for name, joint in mechanism.pairs.items()
@@ -147,6 +160,15 @@ def counting(mechanism: Mechanism) -> set[str]:
         or any(own.stop or present(own.spring.stiffness) for own in joint.effects().values())
     }
     return geared | sprung
+
+
+def driven_rates(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the joint rates that actuators act on, those of combined joints behind the others."""
+    lines = mechanism.transmissions
+    combined = (lines[name] for name in mechanism.actuators if name in lines)
+    own = [name for name in mechanism.actuators if name not in lines]
+    of_lines = [label for line in combined for label in getattr(line, "ratios", ())]
+    return tuple(dict.fromkeys([*own, *of_lines]))
 
 
 def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Topology:

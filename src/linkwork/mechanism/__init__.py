@@ -1,6 +1,6 @@
 """Stage 1, describe: a mechanism as frozen data, and its file format. No mathematics."""
 
-from linkwork.mechanism import joints, shapes
+from linkwork.mechanism import joints, shapes, transmissions
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
 from linkwork.mechanism.effects import Effects, Friction, Limits, PointSpring, Spring
@@ -12,6 +12,7 @@ from linkwork.mechanism.mechanism import GROUND, Mechanism, Tool
 from linkwork.mechanism.record import MechanismError
 from linkwork.mechanism.shapes import *  # noqa: F403 - all shapes
 from linkwork.mechanism.task import DistanceTo, TurnAbout
+from linkwork.mechanism.transmissions import *  # noqa: F403 - all transmissions
 
 __all__ = [
     "GROUND",
@@ -38,3 +39,4 @@ __all__ = [
 ]
 __all__ += joints.__all__
 __all__ += shapes.__all__
+__all__ += transmissions.__all__

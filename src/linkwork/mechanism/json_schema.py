@@ -13,6 +13,7 @@ from linkwork.mechanism.joints import EFFECTS, Joint, ManyFreedoms
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.refusal import records_in
 from linkwork.mechanism.shapes import Shape
+from linkwork.mechanism.transmissions import Transmission
 
 FORMAT_VERSION = 1
 
@@ -21,7 +22,8 @@ def schema() -> dict[str, Any]:
     """Return the JSON schema (draft 7) of the mechanism file as a dict, ready for `json.dump`."""
     made = Mechanism.model_json_schema(ref_template="#/definitions/{model}")
     definitions = made.pop("$defs")
-    for record in dict.fromkeys((*records_in(Joint), *records_in(Shape), *records_in(Surface))):
+    kinds = Joint, Shape, Surface, Transmission
+    for record in dict.fromkeys(record for kind in kinds for record in records_in(kind)):
         _say_type(definitions[record.__name__])
         if issubclass(record, ManyFreedoms):
             _name_freedoms(definitions[record.__name__], record.freedoms)
@@ -48,7 +50,7 @@ def schema() -> dict[str, Any]:
 
 
 def _say_type(record: dict[str, Any]) -> None:
-    """Require the type of a joint or a shape, and put it first."""
+    """Require the type of a joint, a shape or a transmission, and put it first."""
     kind = record["properties"].pop("type")
     record["properties"] = {
         "type": {"const": kind["const"], "title": "Type"},

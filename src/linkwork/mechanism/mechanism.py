@@ -23,6 +23,7 @@ from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
 from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
+from linkwork.mechanism.transmissions import Combination, Thrust, Transmission
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -79,10 +80,13 @@ class Mechanism(Record):
     tools.
 
     An actuator is named by the rate it drives: the joint's name, or joint.freedom where a joint has
-    several. `reference` holds approximate joint coordinates [m, rad] of a typical configuration;
-    those it leaves out are at zero (quaternions at 1, 0, 0, 0). The loops are closed from there,
-    and every choice that needs numbers is made there. `caveats` are sentences on how the motion
-    differs from that of the model that this was read from (`linkwork.formats`).
+    several; or by the transmission that it acts along. `drives` say what stands between a command
+    and an actuator's force: a type of `linkwork.control` and its numbers, by actuator;
+    `Robot.drives` are these, and act where they are handed to a run. `reference` holds approximate
+    joint coordinates [m, rad] of a typical configuration; those it leaves out are at zero
+    (quaternions at 1, 0, 0, 0). The loops are closed from there, and every choice that needs
+    numbers is made there. `caveats` are sentences on how the motion differs from that of the model
+    that this was read from (`linkwork.formats`).
 
     Raises:
         MechanismError: one sentence that names the element, the value and what would be accepted.
@@ -101,7 +105,17 @@ class Mechanism(Record):
     contacts: Mapping[Name, Contact] = Field(
         default_factory=dict, description="surfaces of bodies that may meet, by name"
     )
-    actuators: tuple[PathName, ...] = Field(default=(), description="the actuated joints' rates")
+    transmissions: Mapping[Name, Transmission] = Field(
+        default_factory=dict,
+        description="lengths that springs, friction and actuators act along, by name",
+    )
+    actuators: tuple[PathName, ...] = Field(
+        default=(), description="the actuated joints' rates, and actuated transmissions"
+    )
+    drives: Mapping[PathName, Mapping[Name, Real | str]] = Field(
+        default_factory=dict,
+        description="by actuator: the type of a drive, and its numbers",
+    )
     tools: Mapping[Name, Tool] = Field(
         default_factory=dict, description="the tools by name; the first is the default"
     )
@@ -157,16 +171,10 @@ class Mechanism(Record):
                 raise MechanismError(
                     f"connects {pair.connects[0]!r} to itself; name two bodies", where
                 )
-        # What refers to coordinates: gears, actuators, the reference.
+        # What refers to coordinates: gears, transmissions, actuators, the reference.
         for name, gear in self.gears.items():
-            for label in gear.ratios:
-                require(label, coordinates, "coordinate", ("joints", name, "ratios"))
-                if label.rpartition(".")[2] in QUATERNION and label not in self.joints:
-                    raise MechanismError(
-                        f"{label!r} is part of a quaternion and cannot be geared; name an angle "
-                        "or a slide",
-                        ("joints", name, "ratios"),
-                    )
+            self._check_ratios(gear.ratios, coordinates, ("joints", name, "ratios"), "be geared")
+        self._check_transmissions(coordinates)
         self._check_actuators()
         for name, tool in self.tools.items():
             require(tool.body, self.bodies, "body", ("tools", name, "body"))
@@ -207,8 +215,40 @@ class Mechanism(Record):
                 beyond += beside.get(body, ())
         return reached
 
+    def _check_ratios(
+        self,
+        ratios: Mapping[str, float],
+        coordinates: Mapping[str, None],
+        where: tuple[str, ...],
+        what: str,
+    ) -> None:
+        """Refuse ratios of what is no coordinate, or a part of a quaternion."""
+        for label in ratios:
+            require(label, coordinates, "coordinate", where)
+            if label.rpartition(".")[2] in QUATERNION and label not in self.joints:
+                raise MechanismError(
+                    f"{label!r} is part of a quaternion and cannot {what}; name an angle or a "
+                    "slide",
+                    where,
+                )
+
+    def _check_transmissions(self, coordinates: Mapping[str, None]) -> None:
+        if not self.transmissions:
+            return
+        taken = {*coordinates, *self.rates, *self.joints}
+        for name, line in self.transmissions.items():
+            where = ("transmissions", name)
+            if name in taken:
+                raise MechanismError(
+                    f"{name!r} is the name of a joint; give the transmission another", where
+                )
+            if isinstance(line, Combination):
+                self._check_ratios(line.ratios, coordinates, (*where, "ratios"), "be combined")
+            elif isinstance(line, Thrust):
+                require(line.body, self.bodies, "body", (*where, "body"))
+
     def _check_actuators(self) -> None:
-        rates, seen = dict.fromkeys(self.rates), set()
+        rates, seen = dict.fromkeys((*self.rates, *self.transmissions)), set()
         for name in self.actuators:
             joint = self.joints.get(name)
             if joint is not None and name not in rates:
@@ -226,6 +266,13 @@ class Mechanism(Record):
                     f"{name!r} is named twice; name each actuated joint once", ("actuators",)
                 )
             seen.add(name)
+        for name, drive in self.drives.items():
+            require(name, self.actuators, "actuator", ("drives",))
+            if not isinstance(drive.get("type"), str):
+                raise MechanismError(
+                    "is missing; give the type of a drive of linkwork.control, such as servo",
+                    ("drives", name, "type"),
+                )
 
     def with_payload(
         self,

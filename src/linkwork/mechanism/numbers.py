@@ -1,9 +1,9 @@
 """The numbers of a description, by path: "platform.mass", "link_1.com.x",
 "pivot_1.frames.0.position.y", "gravity.z".
 
-A path names a body, joint, spring or tool and then fields as they stand in a mechanism file; `com`
-is short for `centre_of_mass`, and the entries of a list are 0, 1, ... (x, y, z in a vector). Where
-a body and a joint, say, share a name, the section goes before it:
+A path names a body, joint, spring, transmission or tool and then fields as they stand in a
+mechanism file; `com` is short for `centre_of_mass`, and the entries of a list are 0, 1, ... (x, y,
+z in a vector). Where a body and a joint, say, share a name, the section goes before it:
 "joints.platform.friction.viscous".
 
 A number that enters the equations of motion may be free, that is, a symbol whose value is chosen
@@ -23,11 +23,11 @@ from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown, suggestion
 
-SECTIONS = ("bodies", "joints", "springs", "contacts", "tools")
+SECTIONS = ("bodies", "joints", "springs", "contacts", "transmissions", "tools")
 SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
 DIRECTIONS = ("rotation", "axis", "axes")
-OUTSIDE = ("limits", "reference", "shapes", "task")
+OUTSIDE = ("limits", "reference", "shapes", "task", "drives")
 FORMS = ("exponent", "restitution")
 
 Where = tuple[str, ...]

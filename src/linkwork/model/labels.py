@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations, cut_coordinates
+from linkwork.equations.lengths import slides
 from linkwork.equations.topology import counting
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.joints import SLIDES, TURN
@@ -42,8 +43,8 @@ class Labels:
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """Unit by label, those of joints that were added to the tree included: m, rad, or 1 for a
-        part of a quaternion."""
+        """Unit by label, those of joints that were added to the tree and of transmissions included:
+        m, rad, or 1 for a part of a quaternion."""
         units: dict[str, str] = {}
         for name, joint in {
             **self.equations.topology.joints,
@@ -57,7 +58,10 @@ class Labels:
                 for label, part in zip(joint.coordinates(name), parts, strict=True)
             }
             units |= {label: "rad" for label in joint.rates(name) if label not in units}
-        return units
+        slide = slides(self.equations.mechanism)
+        return units | {
+            name: "m" if slide[name] else "rad" for name in self.equations.mechanism.transmissions
+        }
 
     def unit(self, label: str) -> str:
         """Return the unit of a coordinate or rate (of a rate: per second)."""

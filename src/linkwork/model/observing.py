@@ -47,7 +47,7 @@ def observation(
 
     @cache
     def quantity(key: Quantity) -> np.ndarray:
-        if key.kind in JOINTS:
+        if key.name in labels.get(key.kind, ()):
             place = labels[key.kind].index(key.name)
             return joints()[key.kind][place : place + 1]
         kernel = chart.compiled(

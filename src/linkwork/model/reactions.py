@@ -160,9 +160,9 @@ def balanced_part(
         samples.q,
         samples.v,
         samples.v_dot,
+        samples.u,
     )
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
-    f[:, [robot.rates.index(name) for name in robot.actuators]] += samples.u
     needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)
     if samples.applied is not None:
         needed = needed - samples.applied
@@ -210,7 +210,9 @@ def spread(robot: Model) -> float:
     """Return the root mean square distance of the joints from their middle at home [m], or 1 m if
     that is zero."""
     home = robot.home
-    origins = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates)[2].reshape(-1, 3)
+    still = np.zeros(len(robot.actuators))
+    found = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates, still)
+    origins = found[2].reshape(-1, 3)
     if not len(origins):
         return 1.0
     return float(np.sqrt(np.mean(np.sum((origins - origins.mean(axis=0)) ** 2, axis=1)))) or 1.0

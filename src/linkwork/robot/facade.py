@@ -104,6 +104,18 @@ class Robot(Model):
 
         return pickled.again, (type(self), pickled.made_of(self))
 
+    @property
+    def drives(self) -> dict[str, Drive]:
+        """The drives that the description gives for actuators, by name: `simulate(state, commands,
+        drives=robot.drives, duration=...)` runs with them.
+
+        Raises:
+            MechanismError: a type or a number that no drive of `linkwork.control` has.
+        """
+        from linkwork.control.described_drives import drives_of
+
+        return drives_of(self.mechanism)
+
     def __dir__(self) -> list[str]:
         """Return the names that are for users, and none that modules of the library ask for."""
         return sorted({*HELD, *(name for name in vars(Robot) if not name.startswith("_"))})

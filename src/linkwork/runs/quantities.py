@@ -261,15 +261,18 @@ def axes_of(
     robot: Model, extras: Sequence[Extra] = (), wrenches: Sequence[Wrench] = ()
 ) -> dict[str, Axis]:
     """Return all axes of components by name, of a robot on which drives and wrenches act."""
-    springs, tools = robot.mechanism.springs, robot.mechanism.tools
-    damped = any(spring.damping for spring in springs.values())
+    mechanism, tools = robot.mechanism, robot.mechanism.tools
+    resisted = (*mechanism.springs, *mechanism.transmissions)
+    damped = any(spring.damping for spring in mechanism.springs.values()) or any(
+        any(line.resistance) for line in mechanism.transmissions.values()
+    )
     of_each = [robot.unit(label) for label in robot.rates]
     return {
         "coordinate": Axis(robot.coordinates, [robot.unit(label) for label in robot.coordinates]),
         "rate": Axis(robot.rates, [f"{unit}/s" for unit in of_each]),
         "actuator": Axis(robot.actuators),
         "joint": Axis(tuple(robot.mechanism.pairs)),
-        "spring": Axis(tuple(springs) if damped else ()),
+        "spring": Axis(resisted if damped else ()),
         "pose": Axis(POSES[robot.planar] if tools else ()),
         "extra": Axis([extra.name for extra in extras], [extra.unit for extra in extras]),
         "wrench": Axis([f"{i}: {wrench.body}" for i, wrench in enumerate(wrenches)]),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from linkwork.control import Drive
+from linkwork.control.described_drives import drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
 from linkwork.equations.algebra import wrapped
@@ -20,7 +21,6 @@ from linkwork.robot import Motion, Robot, State
 from linkwork.runs.quantities import QUANTITIES, Axis, axes_of, lacks
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Signal, Status
-from linkwork.sweeps.drives import drive
 from linkwork.sweeps.driving_cases import Case, controlled, pushed, reached
 from linkwork.sweeps.home import REFUSED, UNREACHABLE, home, same_start, several_in_an_inertia
 from linkwork.sweeps.outputs import Output

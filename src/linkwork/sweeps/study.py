@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from linkwork import robots
+from linkwork.control.described_drives import drive
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.document import DocumentNode, read_document
@@ -28,7 +29,6 @@ from linkwork.runs.settings import Settings
 from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
-from linkwork.sweeps.drives import drive
 from linkwork.sweeps.outputs import Output, require_quantity
 
 FORMAT_VERSION = 1

@@ -106,14 +106,17 @@ class Actuator:
     turning: bool
 
 
-def actuators_of(robot: Robot) -> tuple[Actuator, ...]:
-    """Return the places and axes of a robot's actuated rates, in the order of `actuators`."""
+def actuators_of(robot: Robot) -> tuple[Actuator | None, ...]:
+    """Return the places and axes of a robot's actuated rates, in the order of `actuators`; None for
+    transmissions."""
     owners = {
         label: (name, joint)
         for name, joint in robot.mechanism.pairs.items()
         for label in joint.rates(name)
     }
-    return tuple(actuator(label, *owners[label]) for label in robot.actuators)
+    return tuple(
+        actuator(label, *owners[label]) if label in owners else None for label in robot.actuators
+    )
 
 
 def actuator(label: str, name: str, joint: PairJoint) -> Actuator:
@@ -136,7 +139,7 @@ class ArrowField:
 
     robot: Robot
     size: float
-    actuators: tuple[Actuator, ...] = field(default=())
+    actuators: tuple[Actuator | None, ...] = field(default=())
 
     @classmethod
     def of(cls, robot: Robot, size: float) -> ArrowField:
@@ -146,11 +149,14 @@ class ArrowField:
         return {GROUND: (np.zeros(3), np.eye(3)), **self.robot.body_poses(state)}
 
     def forces(self, state: State, u: np.ndarray) -> Arrows:
-        """Return the actuators' forces and moments u (actuators) [N, N m] on the outer bodies."""
+        """Return the forces and moments u (actuators) [N, N m] of actuators of joints on the outer
+        bodies."""
         poses = self.poses(state)
 
         def rows():
             for acting, value in zip(self.actuators, u, strict=True):
+                if acting is None:
+                    continue
                 origin, R = poses[acting.body]
                 yield (
                     origin + R @ acting.point,

@@ -1,4 +1,4 @@
-"""The equality constraints and tendons of an MJCF model as joints.
+"""The equality constraints of an MJCF model as joints; those of tendons: `mjcf.tendons`.
 
     connect, alone                   a spherical joint; a revolute one where the tree between the
                                      two bodies moves in a plane anyway (hinges of one direction,
@@ -6,8 +6,6 @@
     connects of the same two bodies  on one line: a revolute joint about it; else a fixed joint
     weld                             a fixed joint; without torque (torquescale 0) a connect
     joint, linear                    a gear, a locked joint where only one is named
-    tendon of two sites, held        a rod; with stiffness or damping a spring between two points
-    tendon of joints, held           a gear
 
 Where body names and an anchor are given, the two bodies fit together at qpos0; sites fit where they
 are.
@@ -15,7 +13,6 @@ are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -36,9 +33,7 @@ from linkwork.mechanism import (
     GearJoint,
     Joint,
     PairJoint,
-    PointSpring,
     RevoluteJoint,
-    RodJoint,
     SphericalJoint,
 )
 
@@ -82,7 +77,7 @@ class Ties:
 
 
 class LoopReader:
-    """Read the sections <equality> and <tendon> of a document whose tree is known."""
+    """Read the section <equality> of a document whose tree is known."""
 
     def __init__(self, document: Document, tree: ModelTree, notes: Notes):
         self.document, self.tree, self.notes = document, tree, notes
@@ -319,135 +314,6 @@ class LoopReader:
         motion = poses.pose(*displacement(joint, np.array([value])))
         first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
-
-    def tendons(
-        self, ties: Ties, joints: Joints, names: FreeNames
-    ) -> tuple[dict[str, Joint], dict[str, PointSpring], set[str]]:
-        """Return rods and gears, springs between points, and the sites that tendons use."""
-        rods: dict[str, Joint] = {}
-        springs: dict[str, PointSpring] = {}
-        used: set[str] = set()
-        held = self._held(ties.tendons)
-        for raw in self.document.each("tendon"):
-            element = self.document.resolved(raw, "tendon")
-            label = element.attributes.get("name", "")
-            holds = held.pop(label, None)
-            if element.tag == "fixed":
-                self._fixed_tendon(element, holds, joints, names, rods)
-            elif element.tag == "spatial" and [part.tag for part in element.children] == [
-                "site",
-                "site",
-            ]:
-                used |= {part.text("site") for part in element.children}
-                self._straight_tendon(element, holds, names, rods, springs)
-            else:
-                remark = "is left out: only straight tendons of two sites are rods or springs"
-                self.notes.on(element, remark, alters=bool(holds) or _pulls(element))
-        for element in (equality for equality, _ in held.values()):
-            self.notes.on(element, "is left out: there is no tendon of that name", alters=True)
-        return rods, springs, used
-
-    def _held(self, equalities: Iterable[Element]) -> dict[str, tuple[Element, float]]:
-        """Return the tendons that are held at a length: the equality, and the difference to the
-        length at qpos0."""
-        held = {}
-        for element in equalities:
-            offset, ratio, *higher = (
-                *element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL),
-                0.0,
-            )
-            if "tendon2" in element.attributes and (ratio or any(higher)):
-                self.notes.on(
-                    element, "is left out: a tendon that follows another is no joint", alters=True
-                )
-            else:
-                held[element.text("tendon1")] = element, offset
-        return held
-
-    def _straight_tendon(
-        self,
-        element: Element,
-        holds: tuple[Element, float] | None,
-        names: FreeNames,
-        rods: dict[str, Joint],
-        springs: dict[str, PointSpring],
-    ) -> None:
-        # Its two ends, and what it does between them.
-        ends = [self.site(element, part.text("site")) for part in element.children]
-        bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
-        stiffness, damping = (
-            element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")
-        )
-        name = element.attributes.get("name", "tendon")
-        # Held at a length it is a rod.
-        if holds:
-            frames = tuple(Frame(position=poses.triple(point)) for point in points)
-            fields = {
-                "connects": bodies,
-                "frames": frames,
-                "length": self._length(bodies, points, self.at_zero) + holds[1],
-            }
-            rods[names.give(holds[0].attributes.get("name", name))] = element.make(
-                RodJoint, **fields
-            )
-        # Pulling it is a spring between two points.
-        if stiffness or damping:
-            low, *high = element.numbers("springlength", (1, 2), (-1.0,))
-            if high and high[0] != low:
-                remark = (
-                    "has a spring without force over a range of lengths; it is taken to rest at "
-                    "the lower end"
-                )
-                self.notes.on(element, remark, alters=True)
-            springs[name] = element.make(
-                PointSpring,
-                connects=bodies,
-                points=tuple(map(poses.triple, points)),
-                stiffness=stiffness,
-                rest_length=self._length(bodies, points, self.at_rest) if low < 0 else low,
-                damping=damping,
-            )
-        if not holds and not stiffness and not damping:
-            self.notes.on(element, "is left out: it neither holds nor pulls")
-
-    def _length(
-        self,
-        bodies: tuple[str, str],
-        points: tuple[np.ndarray, np.ndarray],
-        placed: dict[str, np.ndarray],
-    ) -> float:
-        ends = [poses.point(placed[body], p) for body, p in zip(bodies, points, strict=True)]
-        return float(np.linalg.norm(ends[1] - ends[0]))
-
-    def _fixed_tendon(
-        self,
-        element: Element,
-        holds: tuple[Element, float] | None,
-        joints: Joints,
-        names: FreeNames,
-        rods: dict[str, Joint],
-    ) -> None:
-        if _pulls(element):
-            self.notes.on(
-                element, "has stiffness or damping across joints, which is left out", alters=True
-            )
-        if not holds:
-            self.notes.on(element, "is left out: no equality holds it, so it is no gear")
-            return
-        ratios, offset = {}, holds[1]
-        for part in element.each("joint"):
-            name, factor = part.text("joint"), part.number("coef")
-            if name not in joints.coordinates:
-                raise part.refusal(f"there is no hinge or slide {name!r} that can be geared")
-            ratios[joints.coordinates[name]] = factor
-            offset += factor * self.pieces[name].ref
-        label = holds[0].attributes.get("name", element.attributes.get("name", "gear"))
-        rods[names.give(label)] = element.make(GearJoint, ratios=ratios, offset=offset)
-
-
-def _pulls(tendon: Element) -> bool:
-    """Tell whether a tendon has stiffness or damping."""
-    return any(any(tendon.numbers(key, (1, 2, 3), (0.0,))) for key in ("stiffness", "damping"))
 
 
 def tie_name(tie: Equality) -> str:

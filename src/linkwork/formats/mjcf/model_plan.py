@@ -28,7 +28,14 @@ from linkwork.equations.joints import complete, held_length, motions_of, pattern
 from linkwork.equations.topology import entering
 from linkwork.formats import poses
 from linkwork.formats.mjcf.tree import Kind, plane_normal
-from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
+from linkwork.mechanism import (
+    GROUND,
+    Combination,
+    Mechanism,
+    MechanismError,
+    PairJoint,
+    Thrust,
+)
 from linkwork.mechanism.effects import Effects
 
 ADVANCE = "advance"  # name of a screw's slide
@@ -161,7 +168,10 @@ class _Planner:
     def __init__(self, mechanism: Mechanism, home: Home, kept: Collection[str]):
         self.mechanism, self.home, self.arm = mechanism, home, ARM * home.size(mechanism)
         self.seats: dict[str, Seat] = {}
-        geared = {label for gear in mechanism.gears.values() for label in gear.ratios}
+        combined = [
+            line for line in mechanism.transmissions.values() if isinstance(line, Combination)
+        ]
+        geared = {label for line in (*mechanism.gears.values(), *combined) for label in line.ratios}
         self.needed = {*kept} | {
             name
             for name, joint in mechanism.pairs.items()
@@ -351,6 +361,8 @@ class _Planner:
             tool.body for tool in self.mechanism.tools.values()
         }
         kept |= {body for spring in springs for body in spring.connects}
+        lines = self.mechanism.transmissions.values()
+        kept |= {line.body for line in lines if isinstance(line, Thrust)}
         for name in list(self.seats):
             seat = self.seats[name]
             children = [child for child in self.seats.values() if child.parent == name]

@@ -1,8 +1,8 @@
 """MJCF, the model format of MuJoCo, read as a mechanism.
 
 The bodies' tree becomes bodies and joints, equality constraints and tendons become the joints that
-they are (`mjcf_loops`), actuators name rates, sites become tools. The reference is the keyframe
-"home", or qpos0.
+they are (`mjcf.loops`, `mjcf.tendons`), actuators name rates or transmissions and become drives
+(`mjcf.actuators`), sites become tools. The reference is the keyframe "home", or qpos0.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from scipy.spatial.transform import Rotation
 from linkwork.equations.joints import motions_of
 from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
-from linkwork.formats.mjcf.document import ACTUATORS, Document
-from linkwork.formats.mjcf.joints import Coupling, DrivenBall, Joints, read_joints
+from linkwork.formats.mjcf.actuators import ActuatorReader, ball_drives, driven_sites
+from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.survey import survey
+from linkwork.formats.mjcf.tendons import TendonReader
 from linkwork.formats.mjcf.tree import COORDINATES, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
@@ -36,9 +38,6 @@ from linkwork.mechanism import (
 from linkwork.solids.solid import together
 
 EARTH = (0.0, 0.0, -9.81)
-NEAR = 1e-9  # axes that agree [1]
-PLAIN = ("motor", "general")  # actuators that are forces and nothing else, as they may be
-ANGULAR_VELOCITY = {"wx": 0, "wy": 1, "wz": 2}
 HOME = "home"
 
 
@@ -58,20 +57,21 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     # Joints of the tree, and the bodies between several joints of one body.
     names, body_names = FreeNames(notes), FreeNames(notes, (GROUND, *tree.nodes))
     joints = read_joints(
-        tree, _free_couplings(document, ties), _ball_drives(document), names, body_names
+        tree, _free_couplings(document, ties), ball_drives(document), names, body_names
     )
     bodies = {
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
         for name, node in tree.nodes.items()
     } | joints.bodies
     # What closes loops: tendons, connects and welds, joint equalities.
-    tendons, springs, tendon_sites = loops.tendons(ties, joints, names)
-    _join_parts(tree, ties, joints, bodies, tendon_sites)
+    tendons = TendonReader(document, loops, joints, names, notes).read(ties.tendons)
+    _join_parts(tree, ties, joints, bodies, tendons.used)
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
-    everything: dict[str, Joint] = joints.joints | closing | tendons | gears  # pyright: ignore
-    used = ties.sites | tendon_sites | _driven_sites(document)
+    everything: dict[str, Joint] = joints.joints | closing | tendons.joints | gears  # pyright: ignore
+    actuation = ActuatorReader(document, tree, joints, tendons.lines, names, notes).read()
+    used = ties.sites | tendons.used | driven_sites(document)
     tools = {
         name: (body, X)
         for name, (body, X) in tree.sites.items()
@@ -83,8 +83,10 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         "gravity": _gravity(document),
         "bodies": bodies,
         "joints": everything,
-        "springs": springs,
-        "actuators": _actuators(document, joints, notes),
+        "springs": tendons.springs,
+        "transmissions": actuation.transmissions,
+        "actuators": tuple(actuation.names),
+        "drives": actuation.drives,
         "tools": {
             tool_names.give(name): Tool(body=body, frame=poses.frame_of(X))
             for name, (body, X) in tools.items()
@@ -172,104 +174,6 @@ def _is_part(tree: ModelTree, weld: Equality, body: str) -> bool:
     whole = weld.bodies[0] if weld.bodies[1] == body else weld.bodies[1]
     names = [tree.nodes[name].raw if name in tree.nodes else None for name in (whole, body)]
     return None not in names and str(names[1]).startswith(f"{names[0]}.")
-
-
-# ---------------------------------------------------------------------------------------- actuators
-
-
-def _driven_sites(document: Document) -> set[str]:
-    keys = ("site", "refsite", "slidersite", "cranksite")
-    return {
-        element.attributes[key]
-        for element in document.each("actuator")
-        for key in keys
-        if key in element.attributes
-    }
-
-
-def _actuators(document: Document, joints: Joints, notes: Notes) -> tuple[str, ...]:
-    """Return the rates that actuators drive, each once."""
-    rates: dict[str, None] = {}
-    for raw in document.each("actuator", *ACTUATORS):
-        element = document.resolved(raw, "actuator")
-        rate = _driven(element, joints, notes)
-        if rate is None:
-            continue
-        if rate in rates:
-            notes.on(element, f"drives {rate!r} as another actuator does; it is one actuator here")
-            continue
-        rates[rate] = None
-        if element.tag not in PLAIN or element.attributes.get("biastype", "none") != "none":
-            notes.on(
-                element,
-                "is taken as a plain actuator: its control law is left out, the force is yours",
-            )
-    return tuple(rates)
-
-
-def _ball_drives(document: Document) -> dict[str, DrivenBall]:
-    """Return how balls are driven, by name of the ball, where actuators are named "ball.wx" and so
-    on."""
-    wanted: dict[tuple[str, bool], dict[int, np.ndarray]] = {}
-    for element in document.each("actuator"):
-        index = ANGULAR_VELOCITY.get(element.attributes.get("name", "").rpartition(".")[2])
-        gear = np.array(element.numbers("gear", (1, 2, 3, 4, 5, 6), (1.0,)))
-        for key, from_body in (("jointinparent", False), ("joint", True)):
-            if key in element.attributes and index is not None and len(gear) == 3:
-                columns = wanted.setdefault((element.attributes[key], from_body), {})
-                columns[index] = -gear if from_body else gear
-    drives = {}
-    for (name, from_body), columns in wanted.items():
-        R = poses.completed(columns)
-        if R is not None:
-            drives[name] = DrivenBall(R, from_body)
-    return drives
-
-
-def _driven(element: Element, joints: Joints, notes: Notes) -> str | None:
-    """Return the rate that an actuator drives, or None with a note."""
-    # Actuators of joints only.
-    in_parent = "jointinparent" in element.attributes
-    name = element.attributes.get("jointinparent") or element.attributes.get("joint")
-    if name is None:
-        notes.on(element, "is left out: only actuators of joints are read")
-        return None
-    gear = np.zeros(6)
-    numbers = element.numbers("gear", (1, 2, 3, 4, 5, 6), (1.0,))
-    gear[: len(numbers)] = numbers
-    # Of one freedom: the force is told at the joint.
-    if name in joints.coordinates:
-        if gear[0] != 1:
-            notes.on(
-                element,
-                (
-                    f"has a gear of {gear[0]:g}, which is left out: the force here is the one at "
-                    "the joint"
-                ),
-            )
-        return joints.coordinates[name]
-    # Balls and free joints: the gear is an axis, which has to be one of the joint's own.
-    whole = name in joints.floats
-    if not whole and name not in joints.balls:
-        raise element.refusal(f"there is no joint {name!r} to drive")
-    owner = joints.floats[name] if whole else joints.balls[name]
-    group = joints.groups[owner]
-    along = gear if whole else group.axes.T @ gear[:3] * (-1 if group.backwards else 1)
-    rates = joints.joints[owner].rates(owner)[-len(along) :]
-    # Turns here have their rates in the first body's axes, where the actuator's axis has to be,
-    # too.
-    axis = int(np.argmax(along))
-    one = np.linalg.norm(along - np.eye(len(along))[axis]) < NEAR
-    if not one or not (in_parent != group.backwards or (whole and axis < 3)):
-        notes.on(
-            element,
-            (
-                f"is left out: its axis is none of the axes of {owner!r} (jointinparent and a "
-                "gear of length 1 are read)"
-            ),
-        )
-        return None
-    return rates[axis]
 
 
 # ---------------------------------------------------------------------------------------- reference

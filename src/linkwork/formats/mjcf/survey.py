@@ -55,7 +55,7 @@ SOLVING = {
 }
 JOINT = {
     "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping",
-    "frictionloss", "armature",
+    "frictionloss", "armature", "actuatorfrcrange", "actuatorfrclimited",
 }  # fmt: skip
 GEOM = {
     "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype",
@@ -65,6 +65,7 @@ GEOM = {
 DRIVE = {
     "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite",
     "gear", "ctrllimited", "forcelimited", "actlimited", "lengthrange", "cranklength", "interp",
+    "ctrlrange", "forcerange", "actrange", "inheritrange", "area", "diameter", "bias",
 }  # fmt: skip
 
 ATTRIBUTES: dict[str, set[str]] = {
@@ -94,7 +95,10 @@ ATTRIBUTES: dict[str, set[str]] = {
     "weld": SOLVING
     | {"active", "body1", "body2", "anchor", "relpose", "torquescale", "site1", "site2"},
     "spatial": {"stiffness", "damping", "springlength", "width", "limited"} | SOLVING,
-    "fixed": {"stiffness", "damping", "springlength", "limited"} | SOLVING,
+    "fixed": {
+        *("stiffness", "damping", "springlength", "limited", "range", "frictionloss", "armature"),
+        *SOLVING,
+    },
     "key": {"time", "qpos", "qvel", "act", "ctrl", "mpos", "mquat"},
     "default": set(),
 }  # fmt: skip

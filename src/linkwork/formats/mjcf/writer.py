@@ -21,16 +21,20 @@ import numpy as np
 from linkwork.equations.joints import motions_of
 from linkwork.formats import poses, xml
 from linkwork.formats.mjcf.geoms import BETWEEN, size_of
+from linkwork.formats.mjcf.laws import law_of, number, numbers
 from linkwork.formats.mjcf.model_plan import ADVANCE, Home, ModelPlan, ModelTie, Move, Seat, plan
 from linkwork.formats.mjcf.tree import UNLIMITED, WORLD
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import (
     GROUND,
     Body,
+    Combination,
     Limits,
+    LoadedLength,
     Mechanism,
     MechanismError,
     Shape,
+    Thrust,
 )
 from linkwork.mechanism.body import rigid
 
@@ -138,8 +142,9 @@ class _Writer:
         self._springs()
         self._screws()
         self._gears()
-        for rate in self.mechanism.actuators:
-            self._actuator(rate)
+        self._combinations()
+        for name in self.mechanism.actuators:
+            self._actuator(name)
         self._key()
         self._say()
         self.root.extend(section for section in self.sections.values() if len(section))
@@ -371,7 +376,7 @@ class _Writer:
         for name, gear in self.mechanism.gears.items():
             ratios = {label: ratio for label, ratio in gear.ratios.items() if ratio}
             for label in ratios:
-                if label not in self.moves or self.moves[label].kind not in ("hinge", "slide"):
+                if not self._is_hinge_or_slide(label):
                     raise MechanismError(
                         f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and "
                         "cannot be geared"
@@ -400,10 +405,64 @@ class _Writer:
 
     # ------------------------------------------------------------------------------------ actuators
 
-    def _actuator(self, rate: str) -> None:
-        if rate in self.moves and self.moves[rate].kind in ("hinge", "slide"):
-            self._add("actuator", "motor", name=rate, joint=rate)
-            return
+    def _combinations(self) -> None:
+        """Write combinations of coordinates as tendons of joints, with what acts along them."""
+        for name, line in self.mechanism.transmissions.items():
+            if not isinstance(line, Combination):
+                continue
+            for label, ratio in line.ratios.items():
+                if ratio and not self._is_hinge_or_slide(label):
+                    raise MechanismError(
+                        f"transmissions.{name}.ratios: {label!r} is no hinge or slide in MJCF and "
+                        "cannot be combined"
+                    )
+            tendon = self._add("tendon", "fixed", name=self._line(name))
+            for label, ratio in line.ratios.items():
+                if ratio:
+                    ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
+            self._along(tendon, line, line.offset)
+
+    def _along(self, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
+        """Write what acts along a tendon, whose length is ahead of MuJoCo's by an offset."""
+        spring = line.spring
+        put(tendon, "stiffness", spring.stiffness)
+        put(tendon, "damping", spring.damping + line.friction.viscous)
+        put(tendon, "frictionloss", line.friction.coulomb)
+        put(tendon, "armature", line.inertia)
+        if spring.stiffness:
+            rest = spring.rest - offset
+            tendon.set("springlength", numbers((rest, rest + spring.slack)))
+
+    def _line(self, name: str) -> str:
+        """Return the name of a transmission's tendon, which may not be that of another tendon."""
+        taken = {*self.mechanism.joints, *self.mechanism.springs}
+        return name if name not in taken else f"{name}.line"
+
+    def _is_hinge_or_slide(self, label: str) -> bool:
+        return label in self.moves and self.moves[label].kind in ("hinge", "slide")
+
+    def _actuator(self, name: str) -> None:
+        line = self.mechanism.transmissions.get(name)
+        tag, gear, shown = law_of(self.mechanism, name, self.notes)
+        if isinstance(line, Thrust):
+            self._site(
+                f"{name}.site",
+                line.body,
+                self.home.poses[line.body] @ poses.shift(line.point),
+            )
+            wrench = [gear * float(x) for x in (*line.force, *line.moment)]
+            given = {"site": f"{name}.site", "gear": numbers(wrench)}
+            self._add("actuator", tag, name=name, **given, **shown)
+        elif line is not None:
+            given = {"tendon": self._line(name), "gear": number(gear)}
+            self._add("actuator", tag, name=name, **given, **shown)
+        elif self._is_hinge_or_slide(name):
+            given = {} if gear == 1 else {"gear": number(gear)}
+            self._add("actuator", tag, name=name, joint=name, **given, **shown)
+        else:
+            self._of_ball(name, tag, gear, shown)
+
+    def _of_ball(self, rate: str, tag: str, gear: float, law: dict[str, str]) -> None:
         name, _, freedom = rate.partition(".")
         joint = self.mechanism.pairs[name]
         near, _ = self.home.frames(joint)
@@ -414,11 +473,11 @@ class _Writer:
             for seat in self.plan.seats.values()
             if any(move.name == ball for move in seat.moves)
         )
-        gear = self.home.poses[owner.body][:3, :3].T @ axis
+        along = gear * (self.home.poses[owner.body][:3, :3].T @ axis)
         if self.moves[ball].backwards:
-            self._add("actuator", "motor", name=rate, joint=ball, gear=numbers(-gear))
+            self._add("actuator", tag, name=rate, joint=ball, gear=numbers(-along), **law)
         else:
-            self._add("actuator", "motor", name=rate, jointinparent=ball, gear=numbers(gear))
+            self._add("actuator", tag, name=rate, jointinparent=ball, gear=numbers(along), **law)
 
     def _key(self) -> None:
         """Write qpos at home; it is also where MuJoCo starts."""
@@ -513,18 +572,6 @@ def put(element: ET.Element, name: str, value: float) -> None:
     """Write an attribute that is not zero."""
     if value:
         element.set(name, number(value))
-
-
-def number(value: float) -> str:
-    """Return a number with all its digits; what rounding left of a zero is zero."""
-    value = float(value)
-    if abs(value) < poses.TINY:
-        return "0"
-    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-
-
-def numbers(values: Iterable[float]) -> str:
-    return " ".join(number(value) for value in values)
 
 
 def placed(X: np.ndarray) -> dict[str, str]:

@@ -76,8 +76,13 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
     joints enter last, in this order. Among equals the chain nearest to ground grows.
 
     Raises:
-        EngineError: nothing but rods reaches a body.
+        EngineError: nothing but rods reaches a body; transmissions, which engines are not given.
     """
+    if mechanism.transmissions:
+        raise EngineError(
+            f"{mechanism.name} has the transmission {next(iter(mechanism.transmissions))!r}, which "
+            "the engines are not given; compare without it, or write the mechanism as MJCF"
+        )
     # What should enter soon, lest it has to be tied.
     edges = {name: edge(name, joint) for name, joint in mechanism.pairs.items()}
     first, second = coupled(mechanism), loaded(mechanism)

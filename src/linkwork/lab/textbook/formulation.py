@@ -55,6 +55,11 @@ class Textbook:
     @cached_property
     def tree(self) -> SpanningTree:
         """Return the spanning tree whose paths K and phi follow."""
+        if self.mechanism.transmissions:
+            raise LinkworkError(
+                f"{self.mechanism.name} has transmissions, which the paper's equations do not; "
+                "take them out of the description"
+            )
         return spanning_tree(self.mechanism)
 
     @property

@@ -1,4 +1,5 @@
-"""Drives of a study: each a type and its numbers, as the drive itself describes them."""
+"""Drives as data, in mechanism files and studies: each a type and its numbers, as the drive itself
+describes them."""
 
 from __future__ import annotations
 
@@ -8,12 +9,21 @@ from typing import Any
 
 from linkwork import control
 from linkwork.control.records import described
-from linkwork.mechanism.record import MechanismError
+from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.mechanism.refusal import suggestion
 
 DRIVES: Mapping[str, type[control.Drive]] = {
     kind.type: kind for kind in control.DRIVES if kind.type
 }
+
+
+def drives_of(mechanism: Mechanism) -> dict[str, control.Drive]:
+    """Return the drives that a mechanism describes, by actuator.
+
+    Raises:
+        MechanismError: a type or a number that no drive has, with its place.
+    """
+    return {name: drive(given, ("drives", name)) for name, given in mechanism.drives.items()}
 
 
 def drive(given: Mapping[str, Any], where: tuple[str, ...]) -> control.Drive:

@@ -1,0 +1,54 @@
+"""Transmissions as expressions: the length x, and what a unit force along it does.
+
+    combination    x = offset + sum ratio_i q_i       ratio_i on the rate of coordinate i
+    thrust         no length (x = 0)                  a wrench that moves with its body
+
+The row J (1 x nv) of the rate x' = J w follows from the forces, by their power: J = sum ratio_i J_i
++ sum_k W_k' J_k, with the wrenches W_k on bodies, whose twists are J_k w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from linkwork.equations.algebra import SX, vector
+from linkwork.equations.jacobians import jacobian
+from linkwork.equations.tree import Tree, near_offset
+from linkwork.mechanism import Combination, Thrust
+
+
+@dataclass(frozen=True)
+class Along:
+    """Hold a transmission: its length x, and what a unit force along it is.
+
+    ratios: on joint rates, by name
+    wrenches: [moment about the point; force] in the ground's axes, at a vector from the body's
+        node in its axes, by body
+    """
+
+    x: ca.SX
+    ratios: Mapping[str, float] = field(default_factory=dict)
+    wrenches: tuple[tuple[str, ca.SX, ca.SX], ...] = ()
+
+    def row(self, tree: Tree, rate_row: Callable[[str], ca.SX]) -> ca.SX:
+        """Return J (1 x nv); rate_row: gives that of a joint's rate."""
+        J = SX(1, len(tree.rates))
+        for label, ratio in self.ratios.items():
+            J += ratio * rate_row(label)
+        for body, arm, wrench in self.wrenches:
+            J += ca.mtimes(wrench.T, jacobian(tree, tree.node(body), arm))
+        return J
+
+
+def along(line: Combination | Thrust, tree: Tree, position: Callable[[str], ca.SX]) -> Along:
+    """Return a transmission in a tree; position: gives a joint coordinate by name."""
+    if isinstance(line, Combination):
+        terms = (ratio * position(label) for label, ratio in line.ratios.items())
+        return Along(sum(terms, SX(line.offset)), line.ratios)
+    node = tree.node(line.body)
+    R = node.R.matrix
+    wrench = ca.vertcat(*(ca.mtimes(R, vector(part)) for part in (line.moment, line.force)))
+    return Along(SX(0), wrenches=((line.body, near_offset(node, vector(line.point)), wrench),))

@@ -1,0 +1,268 @@
+"""The tendons of an MJCF model, and the equality constraints that hold them.
+
+tendon of two sites    held: a rod; with stiffness or damping: a spring between two points
+tendon of joints       held: a gear; a combination of coordinates with what acts along it, or
+                       that an actuator pulls
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.joints import Joints
+from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader
+from linkwork.formats.names import FreeNames
+from linkwork.formats.notes import Notes
+from linkwork.formats.xml import Element
+from linkwork.mechanism import (
+    Combination,
+    Frame,
+    Friction,
+    GearJoint,
+    Joint,
+    PointSpring,
+    RodJoint,
+    SlackSpring,
+)
+
+Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
+LIMITED = "has a range, which is left out: the lengths of tendons are not watched"
+
+
+@dataclass
+class Tendons:
+    """Gather what tendons are.
+
+    joints: rods and gears; lines: combinations of all tendons of joints, by name in the file
+    used: the sites that they use
+    """
+
+    joints: dict[str, Joint] = field(default_factory=dict)
+    springs: dict[str, PointSpring] = field(default_factory=dict)
+    lines: dict[str, Combination] = field(default_factory=dict)
+    used: set[str] = field(default_factory=set)
+
+
+@dataclass
+class TendonReader:
+    """Read the section <tendon> of a document; names: give names to joints."""
+
+    document: Document
+    loops: LoopReader
+    joints: Joints
+    names: FreeNames
+    notes: Notes
+
+    def __post_init__(self) -> None:
+        self.found = Tendons()
+
+    def read(self, equalities: Iterable[Element]) -> Tendons:
+        """Return what all tendons are, those held by some equalities included."""
+        held, following = self._held(equalities)
+        for raw in self.document.each("tendon"):
+            element = self.document.resolved(raw, "tendon")
+            holds = held.pop(element.attributes.get("name", ""), None)
+            if element.tag == "fixed":
+                self._fixed(element, holds)
+            elif element.tag == "spatial" and [part.tag for part in element.children] == [
+                "site",
+                "site",
+            ]:
+                self.found.used |= {part.text("site") for part in element.children}
+                self._straight(element, holds)
+            else:
+                remark = "is left out: only straight tendons of two sites are rods or springs"
+                self.notes.on(element, remark, alters=bool(holds) or _acts(element))
+        for element in (equality for equality, _ in held.values()):
+            self.notes.on(element, "is left out: there is no tendon of that name", alters=True)
+        for element in following:
+            self._follow(element)
+        return self.found
+
+    def _held(self, equalities: Iterable[Element]) -> tuple[dict[str, Held], list[Element]]:
+        """Return the tendons that are held at a length, and the equalities by which one follows
+        another."""
+        held, following = {}, []
+        for element in equalities:
+            offset, ratio, *higher = (
+                *element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL),
+                0.0,
+            )
+            if "tendon2" in element.attributes and any(higher):
+                self.notes.on(
+                    element,
+                    "is left out: its polynomial is not linear, and a gear's is",
+                    alters=True,
+                )
+            elif "tendon2" in element.attributes and ratio:
+                following.append(element)
+            else:
+                held[element.text("tendon1")] = element, offset
+        return held, following
+
+    def _follow(self, element: Element) -> None:
+        """Add the gear by which a tendon of joints follows another one: l1 - l1_0 = a0 + a1
+        (l2 - l2_0)."""
+        offset, ratio = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)[:2]
+        names = element.text("tendon1"), element.text("tendon2")
+        if not set(names) <= self.found.lines.keys():
+            self.notes.on(
+                element, "is left out: only tendons of joints follow one another", alters=True
+            )
+            return
+        one, two = (self.found.lines[name].ratios for name in names)
+        ratios = {
+            label: one.get(label, 0.0) - ratio * two.get(label, 0.0)
+            for label in dict.fromkeys((*one, *two))
+        }
+        at_zero = [self._at(line, springs=False) for line in (one, two)]
+        label = self.names.give(element.attributes.get("name", "_".join(names)))
+        self.found.joints[label] = element.make(
+            GearJoint, ratios=ratios, offset=offset + at_zero[0] - ratio * at_zero[1]
+        )
+
+    # --------------------------------------------------------------------------------- of two sites
+
+    def _straight(self, element: Element, holds: Held | None) -> None:
+        # Its two ends, and what it does between them.
+        ends = [self.loops.site(element, part.text("site")) for part in element.children]
+        bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
+        stiffness, damping = (
+            element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")
+        )
+        name = element.attributes.get("name", "tendon")
+        # Held at a length it is a rod.
+        if holds:
+            frames = tuple(Frame(position=poses.triple(point)) for point in points)
+            fields = {
+                "connects": bodies,
+                "frames": frames,
+                "length": self._length(bodies, points, self.loops.at_zero) + holds[1],
+            }
+            self.found.joints[self.names.give(holds[0].attributes.get("name", name))] = (
+                element.make(RodJoint, **fields)
+            )
+        # Pulling it is a spring between two points.
+        if stiffness or damping:
+            low, *high = element.numbers("springlength", (1, 2), (-1.0,))
+            if high and high[0] != low:
+                remark = (
+                    "has a spring without force over a range of lengths; it is taken to rest at "
+                    "the lower end"
+                )
+                self.notes.on(element, remark, alters=True)
+            self.found.springs[name] = element.make(
+                PointSpring,
+                connects=bodies,
+                points=tuple(map(poses.triple, points)),
+                stiffness=stiffness,
+                rest_length=self._length(bodies, points, self.loops.at_rest) if low < 0 else low,
+                damping=damping,
+            )
+        if not holds and not stiffness and not damping:
+            self.notes.on(element, "is left out: it neither holds nor pulls")
+
+    def _length(
+        self,
+        bodies: tuple[str, str],
+        points: tuple[np.ndarray, np.ndarray],
+        placed: dict[str, np.ndarray],
+    ) -> float:
+        ends = [poses.point(placed[body], p) for body, p in zip(bodies, points, strict=True)]
+        return float(np.linalg.norm(ends[1] - ends[0]))
+
+    # ----------------------------------------------------------------------------------- of joints
+
+    def _fixed(self, element: Element, holds: Held | None) -> None:
+        ratios: dict[str, float] = {}
+        for part in element.each("joint"):
+            name, factor = part.text("joint"), part.number("coef")
+            if name not in self.joints.coordinates:
+                raise part.refusal(f"there is no hinge or slide {name!r} that can be geared")
+            label = self.joints.coordinates[name]
+            ratios[label] = ratios.get(label, 0.0) + factor
+        # Held at a length it is a gear.
+        if holds:
+            label = holds[0].attributes.get("name", element.attributes.get("name", "gear"))
+            self.found.joints[self.names.give(label)] = element.make(
+                GearJoint, ratios=ratios, offset=holds[1] + self._at(ratios, springs=False)
+            )
+        # What acts along it.
+        if is_limited(element, self.document):
+            self.notes.on(element, LIMITED)
+        if not any(ratios.values()):
+            self.notes.on(element, "is left out: it moves with no joint")
+            return
+        friction = element.number("frictionloss", 0.0)
+        if friction:
+            self.notes.on(
+                element,
+                "has dry friction, which is smoothed here: frictionloss is the Coulomb force, "
+                f"reached at rates well above {Friction().coulomb_rate:g} rad/s or m/s",
+                alters=True,
+            )
+        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        self.found.lines[name] = element.make(
+            Combination,
+            ratios=ratios,
+            spring=self._spring(element, self._at(ratios, springs=True)),
+            friction=element.make(Friction, coulomb=friction),
+            inertia=element.number("armature", 0.0),
+        )
+
+    def _spring(self, element: Element, at_rest: float) -> SlackSpring:
+        """Return the spring and damper along a tendon whose length where joints' springs rest is
+        given."""
+        stiffness, damping = (linear(self.notes, element, key) for key in ("stiffness", "damping"))
+        if not stiffness and not damping:
+            return SlackSpring()
+        low, *high = element.numbers("springlength", (1, 2), (-1.0,))
+        rest = at_rest if low < 0 else low
+        slack = high[0] - low if high and low >= 0 else 0.0
+        return element.make(
+            SlackSpring, stiffness=stiffness, damping=damping, rest=rest, slack=slack
+        )
+
+    def _at(self, ratios: Mapping[str, float], springs: bool) -> float:
+        """Return a combination at qpos0, or where the joints' springs rest."""
+        pieces = {
+            self.joints.coordinates[name]: piece
+            for name, piece in self.loops.pieces.items()
+            if name in self.joints.coordinates
+        }
+        own = (
+            ratio * (pieces[label].springref if springs else pieces[label].ref)
+            for label, ratio in ratios.items()
+        )
+        return sum(own)
+
+
+def is_limited(element: Element, document: Document) -> bool:
+    """Tell whether a tendon has limits."""
+    limited = element.attributes.get("limited", "auto")
+    return "range" in element.attributes and (
+        limited == "true" or (limited == "auto" and document.compiler.autolimits)
+    )
+
+
+def linear(notes: Notes, element: Element, name: str) -> float:
+    """Return a coefficient of a tendon; higher powers are left out."""
+    value, *higher = element.numbers(name, (1, 2, 3), (0.0,))
+    if any(higher):
+        notes.on(
+            element,
+            f"has a {name} that is not linear; its higher powers are left out",
+            alters=True,
+        )
+    return value
+
+
+def _acts(tendon: Element) -> bool:
+    """Tell whether something acts along a tendon beside actuators."""
+    keys = ("stiffness", "damping", "frictionloss", "armature")
+    return any(any(tendon.numbers(key, (1, 2, 3), (0.0,))) for key in keys)

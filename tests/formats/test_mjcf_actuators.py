@@ -1,0 +1,136 @@
+"""Actuators and tendons of joints: under the same controls the file moves as MuJoCo has it move."""
+
+import mujoco as mj
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.formats import load, save
+
+from tests.formats import mujoco_side as side
+
+ARM = """<mujoco>
+<compiler angle="radian"/><default><geom contype="0" conaffinity="0"/></default>
+<worldbody>
+ <body name="a" pos="0 0 1">
+  <joint name="j1" axis="0 1 0" damping="0.1" range="-2 2" {joint}/>
+  <geom type="capsule" size="0.03" fromto="0 0 0 0.5 0 0"/>
+  <site name="s" pos="0.2 0.1 0" euler="0.1 0.2 0.3"/>
+  <body name="b" pos="0.5 0 0">
+   <joint name="j2" axis="0 1 0.3" ref="0.2" armature="0.01"/>
+   <geom type="capsule" size="0.03" fromto="0 0 0 0.4 0 0.1"/>
+   <body name="c" pos="0.4 0 0.1">
+    <joint name="j3" type="slide" axis="0.3 0 1"/><geom type="box" size="0.05 0.06 0.07"/>
+   </body>
+   <body name="d" pos="0.4 0 0.1">
+    <joint name="j4" axis="1 0 1"/><geom type="box" size="0.05 0.06 0.07" pos="0.1 0 0"/>
+   </body>
+  </body>
+ </body>
+</worldbody>
+<tendon>
+ <fixed name="split" stiffness="30" damping="0.7" springlength="0.05 0.2" armature="0.03">
+  <joint joint="j1" coef="0.5"/><joint joint="j2" coef="-0.8"/>
+ </fixed>
+ <fixed name="plain" stiffness="11">
+  <joint joint="j3" coef="1.5"/><joint joint="j4" coef="0.2"/>
+ </fixed>
+</tendon>
+<actuator>{actuators}</actuator>
+</mujoco>"""
+ACTUATORS = """
+<motor name="m1" joint="j1" gear="2.5" ctrlrange="-1 1"/>
+<position name="p2" joint="j2" kp="20" kv="1.5" ctrlrange="-1 1" forcerange="-5 5" gear="1.2"/>
+<velocity name="v2" joint="j2" kv="2" forcerange="-4 4"/>
+<general name="t" tendon="split" gaintype="affine" gainprm="3 0.5 0.1" biastype="affine"
+ biasprm="0.3 -5 -0.2" gear="1.7" forcerange="-6 6"/>
+<position name="dr" joint="j4" kp="7" dampratio="0.9"/>
+<damper name="da" joint="j3" kv="3" ctrlrange="0 2"/>
+<motor name="th" site="s" gear="0.3 0.2 1 0.1 0 0.4"/>
+<position name="tl" tendon="plain" kp="9" dampratio="1.1" gear="0.7"/>
+<cylinder name="cy" joint="j3" timeconst="0.3" area="2" bias="0.1 -3 -0.2"/>
+<intvelocity name="iv" joint="j4" kp="5" actrange="-0.5 0.5"/>
+<position name="lag" joint="j1" kp="4" timeconst="0.2"/>"""
+
+
+def compared(path, tmp_path, seed=1):
+    """Return the largest difference of accelerations under the same controls, over the largest of
+    them, at some states."""
+    robot = lw.Robot(load(path).mechanism)
+    model, data = side.compiled(path)
+    random, drives, worst = np.random.default_rng(seed), robot.drives, 0.0
+    for _ in range(3):
+        q = dict(zip(robot.coordinates, random.uniform(-1, 1, len(robot.coordinates)), strict=True))
+        w = dict(zip(robot.rates, random.normal(size=len(robot.rates)), strict=True))
+        control, activation = random.uniform(-2, 2, model.nu), random.uniform(-0.5, 0.5, model.na)
+        data.act[:] = activation
+        side.set_state(model, data, q, w, control)
+        expected = side.accelerations(model, data)
+        state, z = robot.state(q, w), iter(activation)
+        seen, u = robot.observe(state), []
+        for name, command in zip(robot.actuators, control, strict=True):
+            drive = drives.get(name, lw.control.Ideal())
+            own = [next(z) for _ in drive.extras]
+            u.append(drive.equations(command, seen[name], seen.rate(name), own)[0])
+        found = robot.forward_dynamics(state, u)
+        wanted = np.array([expected[name] for name in robot.independent])
+        worst = max(worst, np.abs(found - wanted).max() / np.abs(wanted).max())
+    return worst
+
+
+@pytest.fixture
+def arm(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(joint="", actuators=ACTUATORS))
+    return path
+
+
+def test_controls_do_what_they_do_in_mujoco(arm, tmp_path):
+    imported = load(arm)
+    expected = ("j1", "j2", "v2", "split", "j4", "j3", "th", "plain", "cy", "iv", "lag")
+    assert imported.mechanism.actuators == expected
+    assert not imported.mechanism.caveats
+    assert compared(arm, tmp_path) < 1e-12
+
+
+def test_what_is_written_moves_as_what_was_read(arm, tmp_path):
+    path = tmp_path / "again.xml"
+    save(load(arm).mechanism, path)
+    assert compared(path, tmp_path) < 1e-12
+
+
+def test_a_joint_bounds_what_its_one_actuator_does(tmp_path):
+    path = tmp_path / "arm.xml"
+    motor = '<position joint="j1" kp="20" gear="-1.5" forcerange="-9 4"/>'
+    path.write_text(ARM.format(joint='actuatorfrcrange="-3 2"', actuators=motor))
+    law = load(path).mechanism.drives["j1"]
+    assert (law["least_force"], law["largest_force"]) == pytest.approx((-2 / 1.5, 2))
+    assert compared(path, tmp_path) < 1e-12
+
+
+def test_a_tendon_that_follows_another_is_a_gear(tmp_path):
+    path = tmp_path / "arm.xml"
+    text = ARM.format(joint="", actuators='<motor joint="j1"/>')
+    held = '<equality><tendon tendon1="split" tendon2="plain" polycoef="0.1 2"/></equality>'
+    path.write_text(text.replace("<actuator>", f"{held}<actuator>"))
+    gear = load(path).mechanism.joints["split_plain"]
+    assert gear.ratios == pytest.approx({"j1": 0.5, "j2": -0.8, "j3": -3.0, "j4": -0.4})
+    assert gear.offset == pytest.approx(0.1 - 0.8 * 0.2)
+
+
+def test_a_run_is_led_by_the_files_own_servos(tmp_path):
+    """The energy balance closes with the work of servos, dampers and slack springs."""
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(joint="", actuators=ACTUATORS))
+    robot = lw.Robot(load(path).mechanism)
+    control = np.full(len(robot.actuators), 0.3)
+    run = robot.simulate(robot.home, control, duration=0.3, drives=robot.drives, rtol=1e-11)
+    assert run.success
+    assert np.abs(run.dataset["energy_balance"]).max() < 1e-8 * np.abs(run.dataset["work"]).max()
+    model, data = side.compiled(path)
+    model.opt.timestep, model.opt.integrator = 1e-4, mj.mjtIntegrator.mjINT_RK4
+    data.ctrl[:] = 0.3
+    while data.time < 0.3 - 1e-9:
+        mj.mj_step(model, data)
+    own = dict(zip(robot.coordinates, run.dataset["joint_position"].values[-1], strict=True))
+    assert data.qpos == pytest.approx([own[f"j{k}"] for k in (1, 2, 3, 4)], abs=1e-5)
