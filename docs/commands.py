@@ -12,6 +12,9 @@ HEAD = """# Command line
 `linkwork COMMAND --help` tells the same. A command that cannot do what it is asked says so in one
 sentence and exits with 2; a run that ends early exits with 1 and keeps what it has. ROBOT is a
 robot of the [catalogue](catalogue.md) or a [mechanism file](mechanism-file.md).
+
+With `--json` a command prints plain data instead of tables. `linkwork --install-completion` lets
+the shell complete commands, options, robots and files.
 """
 
 

@@ -6,6 +6,16 @@ from typing import Annotated
 
 import typer
 
+from linkwork.cli.options import (
+    Floating,
+    Forces,
+    Joints,
+    Json,
+    PackagePath,
+    Reference,
+    RobotName,
+    ToolPose,
+)
 from linkwork.cli.source import Source
 
 analyse = typer.Typer(
@@ -13,59 +23,13 @@ analyse = typer.Typer(
     help="Study a robot: branches, singularities, workspace, small motions, statics.",
 )
 
-Joints = Annotated[
-    str | None,
-    typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad."),
-]
-ToolPose = Annotated[
-    str | None,
-    typer.Option(
-        "--tool",
-        metavar="POSE",
-        help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad.",
-    ),
-]
-Forces = Annotated[
-    str | None,
-    typer.Option(
-        metavar="VALUES", help="Actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero)."
-    ),
-]
-Reference = Annotated[
-    str | None,
-    typer.Option(
-        metavar="VALUES",
-        help=(
-            "Close the loops from 'slide_1=0.2,...', m or rad or with units ('crank=40deg'), "
-            "or from a .yaml or .json file of them, in place of the model's own reference."
-        ),
-    ),
-]
-Floating = Annotated[
-    bool,
-    typer.Option("--floating", help="Let the root, which is fixed to ground, move freely."),
-]
-PackagePath = Annotated[
-    str | None,
-    typer.Option(
-        "--package-path",
-        metavar="FOLDERS",
-        help="Where package:// and model:// are looked for, as in ROS_PACKAGE_PATH.",
-    ),
-]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
 
 @analyse.callback()
 def robot(
     context: typer.Context,
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT",
-            help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.",
-        ),
-    ],
+    robot: RobotName,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -80,20 +44,26 @@ def modes(
     tool: ToolPose = None,
     starts: Annotated[int, typer.Option(help="Most random starts to try.")] = 400_000,
     seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
+    json: Json = False,
 ) -> None:
     """Find all assembly modes (for --joints; the actuated ones at home if left out), or all working
     modes (for --tool)."""
     from linkwork.cli import studies
 
-    studies.modes(context.obj, joints, tool, starts, seed)
+    studies.modes(context.obj, joints, tool, starts, seed, json)
 
 
 @analyse.command()
-def singularities(context: typer.Context, joints: Joints = None, tool: ToolPose = None) -> None:
+def singularities(
+    context: typer.Context,
+    joints: Joints = None,
+    tool: ToolPose = None,
+    json: Json = False,
+) -> None:
     """Tell of which kinds a configuration is singular, and how far it is from being so."""
     from linkwork.cli import studies
 
-    studies.singularities(context.obj, joints, tool)
+    studies.singularities(context.obj, joints, tool, json)
 
 
 @analyse.command()
@@ -130,18 +100,23 @@ def workspace(
         Path | None, typer.Option(metavar="FILE", help="Draw the map: .svg, .pdf or .png.")
     ] = None,
     overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Map what the tool reaches, and how well, on the working mode of --tool or --joints
     (home if left out)."""
     from linkwork.cli import studies
 
     asked = studies.Map(grid, limits, rates, forces, quantity, out, picture, overwrite)
-    studies.workspace(context.obj, joints, tool, asked)
+    studies.workspace(context.obj, joints, tool, asked, json)
 
 
 @analyse.command()
 def linearise(
-    context: typer.Context, joints: Joints = None, tool: ToolPose = None, forces: Forces = None
+    context: typer.Context,
+    joints: Joints = None,
+    tool: ToolPose = None,
+    forces: Forces = None,
+    json: Json = False,
 ) -> None:
     """Show how the robot moves near a configuration at rest: poles, natural frequencies and shapes,
     controllability.
@@ -150,7 +125,7 @@ def linearise(
     """
     from linkwork.cli import studies
 
-    studies.linearise(context.obj, joints, tool, forces)
+    studies.linearise(context.obj, joints, tool, forces, json)
 
 
 @analyse.command()
@@ -164,11 +139,12 @@ def stiffness(
     ],
     joints: Joints = None,
     tool: ToolPose = None,
+    json: Json = False,
 ) -> None:
     """Show the stiffness at the tool that the stiffnesses of joints give."""
     from linkwork.cli import studies
 
-    studies.stiffness(context.obj, joints, tool, joint_stiffness)
+    studies.stiffness(context.obj, joints, tool, joint_stiffness, json)
 
 
 @analyse.command()
@@ -180,12 +156,13 @@ def equilibrium(
     every: Annotated[
         bool, typer.Option("--all", help="Look for all equilibria, from random configurations.")
     ] = False,
+    json: Json = False,
 ) -> None:
     """Find where the robot rests under its weight, springs and constant actuator forces
     (none if left out)."""
     from linkwork.cli import studies
 
-    studies.equilibrium(context.obj, joints, tool, forces, every)
+    studies.equilibrium(context.obj, joints, tool, forces, every, json)
 
 
 @analyse.command()
@@ -205,8 +182,9 @@ def parameters(
             help="Identify them from this run; left out: show the described values.",
         ),
     ] = None,
+    json: Json = False,
 ) -> None:
     """List the base parameters: the combinations of masses and friction that motions can tell."""
     from linkwork.cli import studies
 
-    studies.parameters(context.obj, effects, run)
+    studies.parameters(context.obj, effects, run, json)

@@ -1,12 +1,13 @@
 """Robots by name: the catalogue and mechanism files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from linkwork import formats, robots
 from linkwork.cli.caveats import tell
 from linkwork.cli.entries import by_name
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, table
+from linkwork.cli.terminal import console, show_json, table
 from linkwork.errors import LinkworkError
 from linkwork.formats.models import warn
 from linkwork.formats.named import named as find_named
@@ -56,10 +57,13 @@ def named(name: str, reading: Reading = PLAIN) -> Mechanism:
     return imported.mechanism
 
 
-def show() -> None:
+def show(as_json: bool) -> None:
     """Print the catalogue: each robot's name and what its function describes, by the first line of
     its docstring."""
     rows = [(name, subject(getattr(robots, name).__doc__)) for name in robots.__all__]
+    if as_json:
+        show_json([{"name": name, "description": text} for name, text in rows])
+        return
     console().print(table(("robot", "description"), rows))
 
 
@@ -71,14 +75,23 @@ def subject(text: str | None) -> str:
     return line[:1].upper() + line[1:]
 
 
-def export(source: Source, file: Path, overwrite: bool) -> None:
+def export(source: Source, file: Path, overwrite: bool, as_json: bool) -> None:
     """Write a robot as a mechanism file."""
     mechanism = find(source)
     if file.suffix.lower() not in formats.NATIVE:
         raise LinkworkError(f"{file}: a mechanism file ends in .yaml, not {file.suffix!r}")
     refuse_existing(file, overwrite)
     mechanism.save(file)
-    console().print(f"{file} written", soft_wrap=True)
+    tell_written([file], as_json)
+
+
+def tell_written(files: Sequence[Path], as_json: bool) -> None:
+    """Print which files were written."""
+    if as_json:
+        show_json({"written": files})
+        return
+    for file in files:
+        console().print(f"{file} written", soft_wrap=True)
 
 
 def refuse_existing(file: Path, overwrite: bool) -> None:

@@ -5,68 +5,28 @@ Exit status: 0 done; 1 a run that ended early; 2 a refused input, in one sentenc
 interrupted.
 """
 
-import sys
-import traceback
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
-from linkwork.cli.analyse import Floating, PackagePath, Reference, analyse
-from linkwork.cli.caveats import STRICT, told
-from linkwork.cli.source import Source
-from linkwork.errors import LinkworkError
-
-REFUSED = 2
-DEBUG = "--debug"
-MEANT = {
-    **dict.fromkeys(("list", "ls", "catalogue", "catalog"), "robots"),
-    **dict.fromkeys(("run", "sim"), "simulate"),
-    **dict.fromkeys(("analyze", "analysis", "study"), "analyse"),
-    **dict.fromkeys(("show", "open", "viewer"), "view"),
-    **dict.fromkeys(("import", "load"), "convert"),
-}
-
-
-class CommandGroup(TyperGroup):
-    """Turn refusals into one sentence, and let `--debug` and `--strict` stand anywhere."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        anywhere = [flag for flag in (DEBUG, STRICT) if flag in args]
-        return super().parse_args(ctx, [*anywhere, *(arg for arg in args if arg not in anywhere)])
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args[0] in MEANT:
-            raise LinkworkError(f"there is no command {args[0]!r}; use 'linkwork {MEANT[args[0]]}'")
-        return super().resolve_command(ctx, args)
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            with told(ctx.params["strict"]):
-                return super().invoke(ctx)
-        except BrokenPipeError:
-            raise
-        except (LinkworkError, OSError) as error:
-            if ctx.params["debug"]:
-                traceback.print_exc()
-            else:
-                print(f"linkwork: {sentence(error)}", file=sys.stderr)
-            raise typer.Exit(REFUSED) from None
-
-
-def sentence(error: Exception) -> str:
-    """Return a refusal as one line."""
-    if isinstance(error, OSError) and error.strerror:
-        place = f"{error.filename}: " if error.filename else ""
-        return f"{place}{error.strerror.lower()}"
-    return " ".join(str(error).split())
-
-
-app = typer.Typer(
-    cls=CommandGroup, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False
+from linkwork.cli.analyse import analyse
+from linkwork.cli.caveats import STRICT
+from linkwork.cli.group import DEBUG, CommandGroup
+from linkwork.cli.options import (
+    Floating,
+    Forces,
+    Json,
+    PackagePath,
+    Reference,
+    RobotName,
+    runs_like,
+    shown_like,
 )
+from linkwork.cli.source import Source
+
+app = typer.Typer(cls=CommandGroup, no_args_is_help=True, pretty_exceptions_enable=False)
 
 app.add_typer(analyse, name="analyse")
 
@@ -77,18 +37,22 @@ class Interpolation(StrEnum):
     hold = "hold"
 
 
+class MethodOption(StrEnum):
+    """The methods of `linkwork.simulation.methods`, which need not be imported for help."""
+
+    sharp_smart = "sharp_smart"
+    dormand_prince = "dormand_prince"
+    dop853 = "dop853"
+    rodas = "rodas"
+    rk4 = "rk4"
+    symplectic_euler = "symplectic_euler"
+
+
 class OnSingular(StrEnum):
     stop = "stop"
     step_over = "step_over"
 
 
-RobotName = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT",
-        help="A robot of the catalogue (see 'linkwork robots') or a mechanism file.",
-    ),
-]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")]
 
 
@@ -124,10 +88,10 @@ def root(
 @app.command()
 def info(
     robot: RobotName,
-    json: Annotated[bool, typer.Option("--json", help="Print the facts as JSON.")] = False,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    json: Json = False,
 ) -> None:
     """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
     functions."""
@@ -137,11 +101,11 @@ def info(
 
 
 @app.command()
-def robots() -> None:
+def robots(json: Json = False) -> None:
     """List the robots of the catalogue."""
     from linkwork.cli.catalogue import show
 
-    show()
+    show(json)
 
 
 @app.command()
@@ -152,11 +116,12 @@ def export(
     floating: Floating = False,
     packages: PackagePath = None,
     overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT."""
     from linkwork.cli.catalogue import export
 
-    export(Source(robot, reference, floating, packages), file, overwrite)
+    export(Source(robot, reference, floating, packages), file, overwrite, json)
 
 
 @app.command()
@@ -175,6 +140,7 @@ def convert(
     floating: Floating = False,
     packages: PackagePath = None,
     overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into MJCF.
 
@@ -182,7 +148,7 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    convert(Source(source, reference, floating, packages), target, overwrite)
+    convert(Source(source, reference, floating, packages), target, overwrite, json)
 
 
 @app.command()
@@ -233,6 +199,34 @@ def simulate(
             ),
         ),
     ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WORDS",
+            help=(
+                "A controller as in study files: 'pd kp=400 kd=40', 'computed_torque kp=400 kd=40',"
+                " 'lqr position=1e4 force=1' ..."
+            ),
+        ),
+    ] = None,
+    goal: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WORDS",
+            help=(
+                "Where it leads: 'pose tool=0.5,0.3,1.2', a path as for 'follow', or its table "
+                "(.csv); left out, where the run starts."
+            ),
+        ),
+    ] = None,
+    method: Annotated[
+        MethodOption | None,
+        typer.Option(help="Of integration; left out, chosen by inputs and tolerance."),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(metavar="H", help="Of the methods with a fixed step (rk4 ...), s."),
+    ] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the local error.")] = 1e-8,
     atol: Annotated[
         float,
@@ -255,22 +249,118 @@ def simulate(
         Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")
     ] = None,
     overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
-    """Integrate the equations of motion from a pose under actuator forces.
+    """Integrate the equations of motion from a pose under actuator forces or a controller.
 
     The run starts at the robot's reference pose, at rest, without forces, where nothing else is
-    said.
+    said; with a path as --goal it starts at the path's beginning.
     """
     from linkwork.cli import simulate as command
 
     # Where it starts, what acts, what is written, and how it is integrated.
     start = command.StartOptions(tool, joints, rates)
     load = command.Load(forces, forces_csv, kind.value)
+    lead = command.Lead(controller, goal)
     target = command.Target(out, overwrite)
     target.check()
-    how = command.settings(duration, rtol, atol, samples, on_singular.value)
-    if not command.simulate(Source(robot, reference, floating, packages), start, load, how, target):
+    options = {"rtol": rtol, "atol": atol, "on_singular": on_singular.value}
+    options |= {"method": method and method.value, "step": step}
+    how = command.settings(duration, samples, **options)
+    source = Source(robot, reference, floating, packages)
+    if not command.simulate(source, start, load, lead, how, target, json):
         raise typer.Exit(1)
+
+
+@app.command()
+def follow(
+    robot: RobotName,
+    path: Annotated[
+        str,
+        typer.Option(
+            metavar="PATH",
+            help=(
+                "'circle centre=0.45,0.29 radius=0.05 orientation=1.2', 'line start=... end=...', "
+                "'through poses=...;...' (m and rad), or a table of a motion (.csv)."
+            ),
+        ),
+    ],
+    duration: Annotated[
+        float | None,
+        typer.Option(metavar="T", help="From rest to rest, s; a table has times of its own."),
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Number of equally spaced times.")] = 101,
+    tool: Annotated[
+        str | None, typer.Option(metavar="POSE", help="Look for the start near this tool pose.")
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(metavar="VALUES", help="Look near 'slide_1=0.2,...': they choose the branch."),
+    ] = None,
+    reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Write the motion of all joints, and the forces."),
+    ] = None,
+    forces_out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv", help="Write the forces as 'simulate --forces-csv' reads them."
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Lead the tool along a path: motion of all joints, and the forces that it takes (inverse
+    dynamics)."""
+    from linkwork.cli.follow import Files, follow
+    from linkwork.cli.start import StartOptions
+
+    start, files = StartOptions(tool, joints, None), Files(out, forces_out, overwrite)
+    source = Source(robot, reference, floating, packages)
+    follow(source, path, duration, samples, start, files, json)
+
+
+@app.command()
+def dynamics(
+    robot: RobotName,
+    tool: Annotated[
+        str | None,
+        typer.Option(metavar="POSE", help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz')."),
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUES",
+            help="Joint coordinates 'slide_1=0.2,...'; with --tool they choose the branch.",
+        ),
+    ] = None,
+    rates: Annotated[
+        str | None,
+        typer.Option(metavar="VALUES", help="Rates 'slide_1=0.1' (others zero), m/s or rad/s."),
+    ] = None,
+    accelerations: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUES",
+            help="Tell the forces for 'slide_1=2' of independent rates (others zero).",
+        ),
+    ] = None,
+    forces: Forces = None,
+    reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
+    json: Json = False,
+) -> None:
+    """Show the equations of motion at one state: M, C v, G, f, and accelerations under --forces
+    (none if left out), or the forces for --accelerations (inverse dynamics)."""
+    from linkwork.cli.dynamics import dynamics
+    from linkwork.cli.start import StartOptions
+
+    source = Source(robot, reference, floating, packages)
+    dynamics(source, StartOptions(tool, joints, rates), accelerations, forces, json)
 
 
 @app.command()
@@ -278,6 +368,7 @@ def reproduce(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for the report, its figures and its data.")
     ],
+    json: Json = False,
 ) -> None:
     """Reproduce the paper's study of the 3-PRR robot, checked by independent engines.
 
@@ -286,14 +377,18 @@ def reproduce(
     """
     from linkwork.cli.reproduce import reproduce
 
-    reproduce(out)
+    reproduce(out, json)
 
 
 @app.command()
 def report(
     run: Annotated[
         str,
-        typer.Argument(metavar="RUN", help="A saved run (.nc), of 'simulate --out' or Run.save."),
+        typer.Argument(
+            metavar="RUN",
+            help="A saved run (.nc), of 'simulate --out' or Run.save.",
+            autocompletion=runs_like,
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="The page to write, ending in .html.")],
     of: Annotated[
@@ -306,12 +401,13 @@ def report(
     floating: Floating = False,
     packages: PackagePath = None,
     overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write the report of a run: one page with pictures, a film, peaks, energy and closure, that
     needs no network."""
     from linkwork.cli.report import report
 
-    report(run, out, Source(of or "", reference, floating, packages), overwrite)
+    report(run, out, Source(of or "", reference, floating, packages), overwrite, json)
 
 
 @app.command()
@@ -334,6 +430,7 @@ def sweep(
     threads: Annotated[
         int | None, typer.Option(help="Threads to use here; left out, all processors.")
     ] = None,
+    json: Json = False,
 ) -> None:
     """Simulate a robot over a design of parameters, starts and controllers: DIR/results.zarr,
     table.csv, plots.svg.
@@ -342,7 +439,7 @@ def sweep(
     """
     from linkwork.cli.sweep import sweep
 
-    sweep(study, out, scheduler, threads)
+    sweep(study, out, scheduler, threads, json)
 
 
 @app.command()
@@ -352,6 +449,7 @@ def view(
         typer.Argument(
             metavar="ROBOT|RUN",
             help="A robot of the catalogue, a mechanism file, or a saved run (.nc).",
+            autocompletion=shown_like,
         ),
     ],
     of: Annotated[
@@ -368,11 +466,12 @@ def view(
         typer.Option(help="Port to listen on; left out, the first free one from 8080 on."),
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    json: Json = False,
 ) -> None:
     """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
     from linkwork.cli.view import view
 
-    view(Source(robot, reference, floating, packages), of, host, port, browser)
+    view(Source(robot, reference, floating, packages), of, host, port, browser, json)
 
 
 def main() -> None:

@@ -7,17 +7,21 @@ from pathlib import Path
 from linkwork import formats
 from linkwork.cli.catalogue import about, named, refuse_existing
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, facts, patience
+from linkwork.cli.terminal import console, facts, patience, show_json
 from linkwork.mechanism import Mechanism
 
 
-def convert(source: Source, target: Path, overwrite: bool) -> None:
+def convert(source: Source, target: Path, overwrite: bool, as_json: bool) -> None:
     """Read a robot of the catalogue or a model file, write it in another format, and say what was
     left out."""
     refuse_existing(target, overwrite)
     imported = read(source)
     with patience("closing the loops"):
         written = formats.save(imported.mechanism, target)
+    if as_json:
+        found = {"notes": imported.notes, "left_out": written, "written": [target]}
+        show_json(dict(summary(imported.mechanism)) | found)
+        return
     out = console()
     out.print(facts(summary(imported.mechanism)))
     for file, notes in ((source.name, imported.notes), (str(target), written)):

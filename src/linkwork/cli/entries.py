@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 from math import isfinite
 from pathlib import Path
 
@@ -159,3 +159,43 @@ def _entries(path: Path, line: int, row: list[str], header: list[str]) -> list[f
         number(entry, f"{path}, line {line}, column {title!r}")
         for entry, title in zip(row, header, strict=True)
     ]
+
+
+def axes(text: str) -> dict[str, np.ndarray | float]:
+    """Return the axes of "x=0:1:101,y=0.2"."""
+    found: dict[str, np.ndarray | float] = {}
+    for name, value in pairs(text, "--grid"):
+        parts = [number(part, f"--grid: {name}") for part in value.split(":")]
+        if len(parts) == 1:
+            found[name] = parts[0]
+        elif len(parts) == 3 and parts[2] == int(parts[2]) >= 1:
+            found[name] = np.linspace(parts[0], parts[1], int(parts[2]))
+        else:
+            raise LinkworkError(
+                f"--grid: {name}={value} is no axis; give from:to:count, or one number"
+            )
+    return found
+
+
+def ranges(text: str) -> dict[str, tuple[float, float]]:
+    """Return the bounds of "slide_1=0:0.5"."""
+    found = {}
+    for name, value in pairs(text, "--limits"):
+        parts = [number(part, f"--limits: {name}") for part in value.split(":")]
+        if len(parts) != 2:
+            raise LinkworkError(f"--limits: {name}={value} is no range; give lower:upper")
+        found[name] = (parts[0], parts[1])
+    return found
+
+
+def pairs(text: str, option: str) -> Iterable[tuple[str, str]]:
+    """Yield the names and values of "a=1,b=2"."""
+    seen: set[str] = set()
+    for part in text.split(","):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals:
+            raise LinkworkError(f"{option}: {part.strip()!r} has no name; write name=value")
+        if name in seen:
+            raise LinkworkError(f"{option}: {name!r} is given twice; keep one of them")
+        seen.add(name)
+        yield name, value

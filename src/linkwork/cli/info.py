@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
 from linkwork.cli.catalogue import built
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, facts, patience, table
+from linkwork.cli.terminal import console, facts, patience, show_json, table
 from linkwork.mechanism import GROUND, GearJoint, Joint, Limits
 from linkwork.mechanism.joints import SLIDES, TYPES, OneFreedom
 from linkwork.robot import Robot
@@ -21,7 +20,7 @@ def show(source: Source, as_json: bool) -> None:
     with patience("deriving and compiling the equations of motion"):
         found = gather(built(source))
     if as_json:
-        print(json.dumps(found, indent=2, ensure_ascii=False))
+        show_json(found)
     else:
         print_tables(found)
 

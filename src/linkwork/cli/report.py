@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from linkwork.cli.catalogue import refuse_existing
+from linkwork.cli.catalogue import refuse_existing, tell_written
 from linkwork.cli.runs import read, robot_of
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, patience
+from linkwork.cli.terminal import patience
 from linkwork.errors import LinkworkError
 
 
-def report(file: str, out: Path, of: Source, overwrite: bool) -> None:
+def report(file: str, out: Path, of: Source, overwrite: bool, as_json: bool) -> None:
     """Write the report of a run as a page, and print where it is."""
     if out.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"--out {out}: a report is written as .html, not {out.suffix!r}")
@@ -25,4 +25,4 @@ def report(file: str, out: Path, of: Source, overwrite: bool) -> None:
         from linkwork.views import write_report
 
         write_report(robot, run, out)
-    console().print(f"{out} written", soft_wrap=True)
+    tell_written([out], as_json)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from linkwork.cli.terminal import console, patience, table
+from linkwork.cli.terminal import console, patience, show_json, table
 from linkwork.errors import LinkworkError
 
 
-def reproduce(folder: Path) -> None:
+def reproduce(folder: Path, as_json: bool) -> None:
     """Carry out the study, write it into a folder, print a summary and where the files are."""
     refuse_file(folder)
     with patience("loading"):
@@ -18,6 +18,11 @@ def reproduce(folder: Path) -> None:
     with patience("drawing and writing"):
         written = reproduction.write(comparison, folder)
     header, rows = reproduction.summary(comparison)
+    if as_json:
+        differences = [dict(zip(header, row, strict=True)) for row in rows]
+        told = {"absent": reproduction.absent(comparison), "written": written}
+        show_json({"differences": differences} | told)
+        return
     out = console()
     out.print("Largest differences from Linkwork's forward dynamics over the run\n")
     out.print(table(header, rows, numbers=range(1, len(header))))

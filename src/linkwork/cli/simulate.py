@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.entries import by_name, numbers, read_columns
+from linkwork.cli.entries import by_name, read_columns
+from linkwork.cli.led import Lead, off_goal
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, facts, patience
+from linkwork.cli.start import StartOptions
+from linkwork.cli.terminal import console, facts, named, patience, show_json, tidy
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State
+from linkwork.model.labels import POSES
+from linkwork.robot import Motion, Robot
 from linkwork.runs import running
 from linkwork.runs.recording import passed_limits
 from linkwork.runs.settings import Settings
@@ -23,36 +26,7 @@ from linkwork.simulation import Run, Sampled
 
 FORMATS = (".nc", ".csv")
 FEW = 12  # joint coordinates that are all printed; of more those of the actuated joints
-
-
-@dataclass(frozen=True)
-class StartOptions:
-    """Say where a run starts: a tool pose, joint coordinates (the branch, where both are given),
-    rates of joints."""
-
-    tool: str | None
-    joints: str | None
-    rates: str | None
-
-    def state(self, robot: Robot) -> State:
-        """Return the state [m, rad, m/s, rad/s]; the robot's reference pose at rest where nothing
-        is said."""
-        state = robot.home
-        if self.joints is not None:
-            state = robot.assemble(by_name(self.joints, robot.coordinates, "--joints"))
-        if self.tool is not None:
-            state = robot.assemble(tool=numbers(self.tool, "--tool"), guess=state)
-        if self.rates is not None:
-            state = robot.state(state.positions, self.started(robot, self.rates))
-        return state
-
-    def started(self, robot: Robot, text: str) -> dict[str, float]:
-        """Return rates by name: the independent ones, those left out at zero, or as many of other
-        joints."""
-        names = robot.rates if "=" in text else robot.independent
-        rates = by_name(text, names, "--rates")
-        rest = dict.fromkeys(robot.independent, 0.0)
-        return rest | rates if set(rates) <= set(rest) else rates
+SAMPLES = 201  # of a path that a controller follows
 
 
 @dataclass(frozen=True)
@@ -63,6 +37,11 @@ class Load:
     constant: str | None
     file: Path | None
     kind: Literal["spline", "linear", "hold"]
+
+    @property
+    def given(self) -> bool:
+        """Whether there is anything."""
+        return self.constant is not None or self.file is not None
 
     def forces(self, robot: Robot) -> dict[str, float] | Sampled | None:
         """Return the actuator forces [N, N m]; none where nothing is said."""
@@ -108,61 +87,111 @@ class Target:
             ) from None
 
 
-def settings(duration: float, rtol: float, atol: float, samples: int, on_singular: str) -> Settings:
+def settings(duration: float, samples: int, **options: Any) -> Settings:
     """Return how a run is computed; refuse what makes none in the options' own names."""
     if not 0 < duration < np.inf:
         raise LinkworkError(f"--duration {duration:g}: give a positive, finite number of seconds")
     if samples < 2:
         raise LinkworkError(f"--samples {samples}: give at least 2")
-    times = np.linspace(0, duration, samples)
-    return Settings(duration=duration, rtol=rtol, atol=atol, save_at=times, on_singular=on_singular)
+    return Settings(duration=duration, samples=samples, **options)
 
 
 def simulate(
-    source: Source, start: StartOptions, load: Load, how: Settings, target: Target
+    source: Source,
+    start: StartOptions,
+    load: Load,
+    lead: Lead,
+    how: Settings,
+    target: Target,
+    as_json: bool,
 ) -> bool:
     """Simulate, print how it went, write what was computed; return whether the run reached its
     end."""
+    # The start, and what acts: a path that is followed from its beginning says where that is.
+    lead.check(load.given)
     with patience("preparing the run"):
         robot = built(source)
-        state, forces = start.state(robot), load.forces(robot)
+        state, forces, goal = start.state(robot), load.forces(robot), None
+        if lead.controller is not None:
+            goal = lead.reached(robot, state, how.duration, SAMPLES)
+            if isinstance(goal, Motion) and not start.given:
+                state = goal.state.at(0)
+            forces = lead.law(robot, goal)
     with patience("simulating"):
         run = running.simulate(robot, state, forces, how)
-    print_ending(robot, run)
+        data = ending(robot, run, goal)
+    # How it went, and where it is.
     if target.file is not None:
         run.save(target.file)
+        data["written"] = [target.file]
+    if as_json:
+        show_json(data)
+        return run.success
+    print_ending(robot, data)
+    if target.file is not None:
         console().print(f"{target.file} written", soft_wrap=True)
     return run.success
 
 
-def print_ending(robot: Robot, run: Run) -> None:
-    """Print how a run ended and where, in which charts it went, and which limits it passed."""
-    statistics = run.statistics
+def ending(robot: Robot, run: Run, goal: Any) -> dict[str, Any]:
+    """Return how a run ended and where, in which charts it went, and which limits it passed, as
+    plain data; goal: what a controller led to, if one did."""
+    statistics, attrs = run.statistics, run.attrs
+    found: dict[str, Any] = {
+        "status": run.status,
+        "message": run.message,
+        "method": attrs["method"],
+        "steps": run.steps,
+        "rejected": run.rejected,
+        "evaluations": run.nfev,
+        "projections": statistics.projections,
+        "independent": attrs["charts"],
+        "closure_error": run.closure_error,
+        "pivot": statistics.pivot,
+        "pivot_time": statistics.pivot_time,
+        "error_estimate": run.error_estimate,
+        "limits_passed": passed_limits(robot, run),
+        "time": float(attrs["final_time"]),
+        "joints": dict(zip(robot.coordinates, run.final.positions.tolist(), strict=True)),
+        "rates": dict(zip(run.final.independent, run.final.rates.tolist(), strict=True)),
+    }
+    if robot.mechanism.tools:
+        pose = tidy(robot.tool_pose(run.final), robot.equations.tree.length)
+        found["tool"] = dict(zip(POSES[robot.planar], pose.tolist(), strict=True))
+    if goal is not None and len(run.time):
+        off = np.abs(off_goal(robot, run, goal))
+        found["off_goal"] = {
+            name: {"most": most, "last": last}
+            for name, most, last in zip(robot.actuators, off.max(axis=0), off[-1], strict=True)
+        }
+    return found
+
+
+def print_ending(robot: Robot, data: Mapping[str, Any]) -> None:
+    """Print how a run ended."""
     rows = [
-        ("status", f"{run.status.name.lower()}: {run.message}"),
-        ("steps", f"{run.steps} accepted, {run.rejected} rejected"),
+        ("status", f"{data['status'].name.lower()}: {data['message']}"),
+        ("method", str(data["method"])),
+        ("steps", f"{data['steps']} accepted, {data['rejected']} rejected"),
         (
             "evaluations",
-            f"{run.nfev} of the equations of motion, {statistics.projections} projections",
+            f"{data['evaluations']} of the equations of motion, {data['projections']} projections",
         ),
-        ("independent", str(run.attrs["charts"])),
-        ("closure error", f"{run.closure_error:.2g} (own lengths, rad)"),
-        ("smallest pivot", f"{statistics.pivot:.3g} at {statistics.pivot_time:.4g} s"),
-        ("limits passed", "; ".join(passed_limits(robot, run)) or "none"),
+        ("independent", str(data["independent"])),
+        ("closure error", f"{data['closure_error']:.2g} (own lengths, rad)"),
+        ("smallest pivot", f"{data['pivot']:.3g} at {data['pivot_time']:.4g} s"),
+        ("limits passed", "; ".join(data["limits_passed"]) or "none"),
     ]
-    variables, time = run.variables, run.coords["time"].values
-    if len(time):
-        place = f"at {time[-1]:.6g} s"
-        shown = robot.coordinates if len(robot.coordinates) <= FEW else robot.actuators
-        rows.append((f"joints {place}", last(run, "joint_position", "coordinate", shown)))
-        if "tool_pose" in variables:
-            rows.append((f"tool {place}", last(run, "tool_pose", "pose")))
+    place = f"at {data['time']:.6g} s"
+    few = len(robot.coordinates) <= FEW
+    shown = [name for name in data["joints"] if few or name in robot.actuators]
+    rows.append((f"joints {place}", named(shown, [data["joints"][name] for name in shown])))
+    if "tool" in data:
+        rows.append((f"tool {place}", named([*data["tool"]], [*data["tool"].values()])))
+    if "off_goal" in data:
+        parts = (
+            f"{name} {off['most']:.3g} at most, {off['last']:.3g} at the end"
+            for name, off in data["off_goal"].items()
+        )
+        rows.append(("off the goal", "; ".join(parts)))
     console().print(facts(rows))
-
-
-def last(run: Run, quantity: str, dim: str, shown: Collection[str] | None = None) -> str:
-    """Return the last values of a quantity by name, of all components or of those shown."""
-    values = zip(run.coords[dim].values, run.variables[quantity].values[-1], strict=True)
-    return ", ".join(
-        f"{name} {value:.6g}" for name, value in values if shown is None or name in shown
-    )

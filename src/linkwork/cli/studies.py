@@ -3,18 +3,27 @@ that fit 80 columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from linkwork import analysis
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.entries import by_name, number, numbers
-from linkwork.cli.simulate import StartOptions
+from linkwork.cli.entries import axes, by_name, number, numbers, ranges
+from linkwork.cli.poses import (
+    FEW,
+    equilibrium_told,
+    joints_told,
+    pose_of,
+    pose_told,
+    states_told,
+    tidy_pose,
+)
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, facts, patience, table
+from linkwork.cli.start import StartOptions
+from linkwork.cli.terminal import console, facts, patience, show_json, table
 from linkwork.equations.body_motion import pose_places
 from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
@@ -22,7 +31,13 @@ from linkwork.model.task import task_if_any
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 
-FEW = 6  # columns of joint coordinates that are shown
+if TYPE_CHECKING:
+    import xarray
+
+MODES_TOLD = ("sure", "missing", "starts", "converged", "what", "asked", "hits", "within_limits")
+LINEAR_TOLD = ("states", "inputs", "outputs", "A", "B", "C", "D", "poles", "controllable")
+NATURAL_TOLD = ("frequencies", "shapes", "stable", "independent")
+IDENTIFIED_TOLD = ("names", "values", "deviations", "described", "condition")
 PICTURES = (".svg", ".pdf", ".png")
 
 
@@ -57,7 +72,14 @@ class Map:
             refuse_existing(file, self.overwrite)
 
 
-def modes(source: Source, joints: str | None, tool: str | None, starts: int, seed: int) -> None:
+def modes(
+    source: Source,
+    joints: str | None,
+    tool: str | None,
+    starts: int,
+    seed: int,
+    as_json: bool,
+) -> None:
     """Print all assembly modes or working modes, and how sure their number is."""
     # Which of the two is asked for, and its answer.
     if joints is not None and tool is not None:
@@ -72,6 +94,10 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
         else:
             asked = None if joints is None else by_name(joints, robot.coordinates, "--joints")
             found = analysis.assembly_modes(robot, asked, starts=starts, seed=seed)
+    if as_json:
+        told = {name: getattr(found, name) for name in MODES_TOLD}
+        show_json({"count": len(found)} | told | {"modes": states_told(robot, found.states)})
+        return
     # How many there are, and how sure that is.
     kind = "working" if tool is not None else "assembly"
     values = zip(found.what, found.asked, strict=True)
@@ -98,7 +124,7 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
         :, [robot.coordinates.index(label) for label in shown if label in robot.coordinates]
     ]
     if tool is None and robot.mechanism.tools:
-        numbers_of = robot.tool_pose(found.states)
+        numbers_of = tidy_pose(robot, robot.tool_pose(found.states))
     lines = [
         (str(k), *(f"{value:.5g}" for value in row), str(hits), "yes" if inside else "no")
         for k, (row, hits, inside) in enumerate(
@@ -109,12 +135,21 @@ def modes(source: Source, joints: str | None, tool: str | None, starts: int, see
     out.print(table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2)))
 
 
-def singularities(source: Source, joints: str | None, tool: str | None) -> None:
+def singularities(source: Source, joints: str | None, tool: str | None, as_json: bool) -> None:
     """Print of which kinds a configuration is singular."""
     # Which kinds the configuration is of.
     robot = made(source)
     state = configuration(robot, joints, tool)
     told = analysis.singularity(robot, state)
+    near = None
+    if not (told.tool or told.kinds) and task_if_any(robot, near=False):
+        stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
+        near = analysis.along(robot, stack).isel(sample=0)
+    if as_json:
+        ways = {} if near is None else {str(name): near[name].values for name in near.data_vars}
+        found = vars(told) | {"message": told.message, "near": ways or None}
+        show_json({"joints": joints_told(robot, state), "pose": pose_told(robot, state)} | found)
+        return
     rows = [
         ("configuration", pose_of(robot, state)),
         ("singular", f"{', '.join(told.kinds) or 'no'}: {told.message}"),
@@ -127,9 +162,7 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
         rows.append(
             ("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items()))
         )
-    elif not told.kinds and task_if_any(robot, near=False):
-        stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
-        near = analysis.along(robot, stack).isel(sample=0)
+    elif near is not None:
         rows += [
             (
                 "det A, det B",
@@ -154,7 +187,9 @@ def singularities(source: Source, joints: str | None, tool: str | None) -> None:
     console().print(facts(rows))
 
 
-def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) -> None:
+def workspace(
+    source: Source, joints: str | None, tool: str | None, asked: Map, as_json: bool
+) -> None:
     """Print what a map of the workspace holds; write and draw it."""
     # What is asked for fits before anything is computed.
     asked.check()
@@ -169,6 +204,14 @@ def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) 
         mapped = analysis.workspace(
             robot, axes(asked.grid), guess=guess, limits=limits, rates=rates, forces=forces
         )
+    written = files_of(mapped, asked)
+    if as_json:
+        told = (str(name) for name in mapped if name not in ("reachable", "actuator_position"))
+        quantities = {name: range_of(mapped, name) for name in told}
+        show_json(
+            {"message": mapped.attrs["message"], "quantities": quantities, "written": written}
+        )
+        return
     # The spread of each quantity, and the largest ball without holes.
     rows = [("reached", str(mapped.attrs["message"]))]
     rows += [
@@ -182,20 +225,26 @@ def workspace(source: Source, joints: str | None, tool: str | None, asked: Map) 
         else []
     )
     console().print(facts(rows))
-    # The map itself, as a file and as a picture.
+    for file in written:
+        console().print(f"{file} written", soft_wrap=True)
+
+
+def files_of(mapped: xarray.Dataset, asked: Map) -> list[Path]:
+    """Write a map as a file and as a picture, as far as that is asked for; return the files."""
     if asked.out is not None:
         mapped.to_netcdf(asked.out, engine="scipy")
-        console().print(f"{asked.out} written", soft_wrap=True)
     if asked.picture is not None:
         from linkwork.views.maps import plot_workspace
 
         figure = plot_workspace(mapped, asked.quantity).get_figure(root=True)
         if figure is not None:
             figure.savefig(asked.picture)
-        console().print(f"{asked.picture} written", soft_wrap=True)
+    return [file for file in (asked.out, asked.picture) if file is not None]
 
 
-def linearise(source: Source, joints: str | None, tool: str | None, forces: str | None) -> None:
+def linearise(
+    source: Source, joints: str | None, tool: str | None, forces: str | None, as_json: bool
+) -> None:
     """Print poles, natural modes and controllability."""
     # About the forces that hold the pose, or those given; modes only where it stays at rest.
     robot = made(source)
@@ -213,6 +262,11 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
             if np.abs(acceleration).max(initial=0) < 1e-6
             else None
         )
+    if as_json:
+        told = {name: getattr(model, name) for name in LINEAR_TOLD}
+        own = {} if modes is None else {name: getattr(modes, name) for name in NATURAL_TOLD}
+        show_json({"joints": joints_told(robot, state)} | told | {"modes": own or None})
+        return
     # The state, and how it is held.
     out = console()
     out.print(
@@ -246,14 +300,16 @@ def linearise(source: Source, joints: str | None, tool: str | None, forces: str 
         shown = robot.independent[:FEW]
         shapes = modes.shapes[: len(shown)] / np.abs(modes.shapes).max(axis=0)
         rows = [
-            (f"{frequency:.6g}", *(f"{value:.4f}" for value in shape))
+            (f"{frequency:.6g}", *(f"{round(value, 4) + 0.0:.4f}" for value in shape))
             for frequency, shape in zip(modes.frequencies, shapes.T, strict=True)
         ]
         out.print()
         out.print(table(("frequency [Hz]", *shown), rows, numbers=range(len(shown) + 1)))
 
 
-def stiffness(source: Source, joints: str | None, tool: str | None, given: str) -> None:
+def stiffness(
+    source: Source, joints: str | None, tool: str | None, given: str, as_json: bool
+) -> None:
     """Print the stiffness at the tool."""
     robot = made(source)
     state = configuration(robot, joints, tool)
@@ -266,6 +322,11 @@ def stiffness(source: Source, joints: str | None, tool: str | None, given: str) 
     K, _ = analysis.tool_stiffness(robot, state, named)
     labels = ("rx", "ry", "rz", "x", "y", "z")
     shown = pose_places(robot.planar)
+    if as_json:
+        names = [labels[i] for i in shown]
+        told = {"components": names, "stiffness": K[np.ix_(shown, shown)]}
+        show_json({"joints": joints_told(robot, state)} | told)
+        return
     rows = [(labels[i], *(f"{K[i, j]:.4g}" for j in shown)) for i in shown]
     out = console()
     out.print(
@@ -281,7 +342,12 @@ def stiffness(source: Source, joints: str | None, tool: str | None, given: str) 
 
 
 def equilibrium(
-    source: Source, joints: str | None, tool: str | None, forces: str | None, every: bool
+    source: Source,
+    joints: str | None,
+    tool: str | None,
+    forces: str | None,
+    every: bool,
+    as_json: bool,
 ) -> None:
     """Print where a robot rests."""
     robot = made(source)
@@ -295,6 +361,9 @@ def equilibrium(
         )
     if not found:
         raise LinkworkError("no equilibrium is found; give other forces")
+    if as_json:
+        show_json([equilibrium_told(robot, one) for one in found])
+        return
     out = console()
     for one in found:
         energy = float(robot.energy(one.state)[1])
@@ -313,7 +382,7 @@ def equilibrium(
         out.print()
 
 
-def parameters(source: Source, effects: str | None, run: Path | None) -> None:
+def parameters(source: Source, effects: str | None, run: Path | None, as_json: bool) -> None:
     """Print the base parameters, described or identified."""
     # Without a run the numbers of the description are all there is.
     robot = made(source)
@@ -322,6 +391,9 @@ def parameters(source: Source, effects: str | None, run: Path | None) -> None:
     with patience("looking for the base parameters"):
         if run is None:
             base = analysis.base_parameters(robot, wanted)
+            if as_json:
+                show_json(dict(zip(base.names, base.described, strict=True)))
+                return
             rows = [
                 (f"{value:.6g}", label)
                 for value, label in zip(base.described, base.names, strict=True)
@@ -329,6 +401,10 @@ def parameters(source: Source, effects: str | None, run: Path | None) -> None:
             out.print(table(("described", f"{len(base)} base parameters"), rows, numbers=(0,)))
             return
         found = analysis.identify(robot, Run.load(run), wanted)
+    if as_json:
+        told = {name: getattr(found, name) for name in IDENTIFIED_TOLD}
+        show_json(told | {"residual": dict(zip(robot.independent, found.residual, strict=True))})
+        return
     # Each beside what was described, and how far off it may be.
     lines = zip(found.values, found.deviations, found.described, found.names, strict=True)
     rows = [
@@ -365,46 +441,6 @@ def configuration(robot: Robot, joints: str | None, tool: str | None) -> State:
         return StartOptions(tool, joints, None).state(robot)
 
 
-def axes(text: str) -> dict[str, np.ndarray | float]:
-    """Return the axes of "x=0:1:101,y=0.2"."""
-    found: dict[str, np.ndarray | float] = {}
-    for name, value in pairs(text, "--grid"):
-        parts = [number(part, f"--grid: {name}") for part in value.split(":")]
-        if len(parts) == 1:
-            found[name] = parts[0]
-        elif len(parts) == 3 and parts[2] == int(parts[2]) >= 1:
-            found[name] = np.linspace(parts[0], parts[1], int(parts[2]))
-        else:
-            raise LinkworkError(
-                f"--grid: {name}={value} is no axis; give from:to:count, or one number"
-            )
-    return found
-
-
-def ranges(text: str) -> dict[str, tuple[float, float]]:
-    """Return the bounds of "slide_1=0:0.5"."""
-    found = {}
-    for name, value in pairs(text, "--limits"):
-        parts = [number(part, f"--limits: {name}") for part in value.split(":")]
-        if len(parts) != 2:
-            raise LinkworkError(f"--limits: {name}={value} is no range; give lower:upper")
-        found[name] = (parts[0], parts[1])
-    return found
-
-
-def pairs(text: str, option: str) -> Iterable[tuple[str, str]]:
-    """Yield the names and values of "a=1,b=2"."""
-    seen: set[str] = set()
-    for part in text.split(","):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals:
-            raise LinkworkError(f"{option}: {part.strip()!r} has no name; write name=value")
-        if name in seen:
-            raise LinkworkError(f"{option}: {name!r} is given twice; keep one of them")
-        seen.add(name)
-        yield name, value
-
-
 def spread(robot: Robot, text: str, option: str) -> float | dict[str, float]:
     """Return one number for all actuators, or one each."""
     return (
@@ -414,15 +450,19 @@ def spread(robot: Robot, text: str, option: str) -> float | dict[str, float]:
     )
 
 
-def spread_of(mapped, name: str) -> str:
-    """Return the range of a quantity where it is reached."""
+def range_of(mapped: xarray.Dataset, name: str) -> dict[str, Any]:
+    """Return the least and the largest value of a quantity where it is reached, and its unit."""
     values = mapped[name].values[np.isfinite(mapped[name].values)]
-    unit = mapped[name].attrs.get("units", "")
-    return (
-        f"from {values.min():.4g} to {values.max():.4g} {'' if unit == '1' else unit}".strip()
-        if values.size
-        else "none"
-    )
+    least, largest = (values.min(), values.max()) if values.size else (None, None)
+    return {"from": least, "to": largest, "unit": mapped[name].attrs.get("units", "")}
+
+
+def spread_of(mapped: xarray.Dataset, name: str) -> str:
+    """Return the range of a quantity in words."""
+    least, largest, unit = range_of(mapped, name).values()
+    if least is None:
+        return "none"
+    return f"from {least:.4g} to {largest:.4g} {'' if unit == '1' else unit}".strip()
 
 
 def ball(mapped) -> str:
@@ -435,13 +475,3 @@ def ball(mapped) -> str:
         f"radius {radius:.4g} m about "
         f"{', '.join(f'{label} {value:.4g}' for label, value in centre.items())}"
     )
-
-
-def pose_of(robot: Robot, state: State) -> str:
-    """Return a configuration in words: the tool's pose where there is a tool, else joint
-    coordinates."""
-    labels: Sequence[str] = (
-        POSES[robot.planar] if robot.mechanism.tools else robot.coordinates[:FEW]
-    )
-    values = robot.tool_pose(state) if robot.mechanism.tools else state.positions[: len(labels)]
-    return ", ".join(f"{label} {value:.5g}" for label, value in zip(labels, values, strict=True))

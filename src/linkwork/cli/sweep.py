@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from linkwork.cli.terminal import console, patience, table
+from linkwork.cli.terminal import console, patience, show_json, table
 from linkwork.errors import LinkworkError
 
 if TYPE_CHECKING:
@@ -19,7 +20,9 @@ NEEDED = ("zarr", "distributed")
 HEADER = ("output", "unit", "mean", "deviation", "least", "largest")
 
 
-def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int | None) -> None:
+def sweep(
+    file: Path, folder: Path | None, scheduler: str | None, threads: int | None, as_json: bool
+) -> None:
     """Carry out a study, print what it comes to and where the files are."""
     # What is asked for can be done, here and with this.
     for package in NEEDED if scheduler else NEEDED[:1]:
@@ -58,8 +61,14 @@ def sweep(file: Path, folder: Path | None, scheduler: str | None, threads: int |
     with patience("reading the results"):
         found = sweeps.summary(outcome.store)
         written = sweeps.write(outcome.store, found, folder)
+    files = [outcome.store.path, *written]
+    if as_json:
+        told = {"before": outcome.before, "corrupted": outcome.corrupted, "written": files}
+        rows = [asdict(row) for row in found.rows]
+        show_json({"members": study.members, "statuses": found.statuses, "outputs": rows} | told)
+        return
     show(study.name, study.members, outcome.before, outcome.corrupted, found)
-    for path in (outcome.store.path, *written):
+    for path in files:
         console().print(str(path), soft_wrap=True)
 
 

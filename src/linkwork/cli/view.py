@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 import webbrowser
 from dataclasses import replace
 from pathlib import Path
 
+from rich.console import Console
+
 from linkwork.cli.catalogue import built
 from linkwork.cli.runs import SUFFIX, robot_of
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, patience
+from linkwork.cli.terminal import console, patience, show_json
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Run
 
 LOCAL = ("127.0.0.1", "::1", "localhost")
 
 
-def view(source: Source, of: str | None, host: str, port: int | None, browser: bool) -> None:
+def view(
+    source: Source, of: str | None, host: str, port: int | None, browser: bool, as_json: bool
+) -> None:
     """Serve a robot, or a run of one, until interrupted."""
     name = source.name
     run = Run.load(name) if Path(name).suffix.lower() == SUFFIX else None
@@ -32,7 +37,10 @@ def view(source: Source, of: str | None, host: str, port: int | None, browser: b
         )
         viewer = Viewer(robot, run, host=host, port=port)
     with viewer:
-        out = console()
+        if as_json:
+            show_json({"robot": robot.mechanism.name, "url": viewer.url})
+            sys.stdout.flush()
+        out = Console(stderr=True, markup=False, highlight=False) if as_json else console()
         out.print(f"{robot.mechanism.name}: {viewer.url} (Ctrl-C ends it)", soft_wrap=True)
         if host not in LOCAL:
             out.print(

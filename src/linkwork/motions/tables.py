@@ -156,7 +156,8 @@ def read_columns(path: FilePath) -> Mapping[str, np.ndarray]:
     try:
         rows = [*csv.reader(path.read_text(encoding="utf-8-sig").splitlines())]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LinkworkError(f"'{path}' cannot be read as a table: {error}") from None
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise LinkworkError(f"'{path}' cannot be read as a table: {reason}") from None
     header = [name.strip() for name in rows[0]] if rows else []
     if TIME not in header or len({*header}) < len(header):
         raise LinkworkError(

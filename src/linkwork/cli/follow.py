@@ -1,0 +1,143 @@
+"""A path from the command line: the motion of all joints along it, and the forces that it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linkwork.cli.catalogue import built, refuse_existing
+from linkwork.cli.led import along
+from linkwork.cli.source import Source
+from linkwork.cli.start import StartOptions
+from linkwork.cli.terminal import console, facts, patience, show_json, table
+from linkwork.errors import LinkworkError
+from linkwork.model.limits import passed
+from linkwork.motions import write_csv
+from linkwork.robot import Motion, Robot
+from linkwork.simulation import Sampled
+
+FEW = 12  # joint coordinates that are all printed; of more those of the actuated joints
+SUFFIX = ".csv"
+
+
+@dataclass(frozen=True)
+class Files:
+    """Say where the motion, and the forces alone, are written, if anywhere."""
+
+    motion: Path | None
+    forces: Path | None
+    overwrite: bool
+
+    def check(self) -> None:
+        """Refuse what cannot be written before anything is computed."""
+        for option, file in (("--out", self.motion), ("--forces-out", self.forces)):
+            if file is None:
+                continue
+            if file.suffix.lower() != SUFFIX:
+                raise LinkworkError(f"{option} {file}: a table is written as {SUFFIX}")
+            if not file.parent.is_dir():
+                raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
+            refuse_existing(file, self.overwrite)
+
+    def write(self, robot: Robot, motion: Motion, forces: Sampled | None) -> list[Path]:
+        """Write what is asked for, and return the files."""
+        written = []
+        if self.motion is not None:
+            written.append(write_csv(self.motion, motion, robot, forces=forces))
+        if self.forces is not None:
+            assert forces is not None
+            head = ",".join(["time", *robot.actuators])
+            rows = np.column_stack([forces.times, forces.values])
+            np.savetxt(self.forces, rows, "%.17g", ",", header=head, comments="")
+            written.append(self.forces)
+        return written
+
+
+def follow(
+    source: Source,
+    path: str,
+    duration: float | None,
+    samples: int,
+    start: StartOptions,
+    files: Files,
+    as_json: bool,
+) -> None:
+    """Lead the tool along a path; print how far and how fast joints go and what they need."""
+    # The motion, and the forces that it takes where the actuators can give them.
+    files.check()
+    if samples < 2:
+        raise LinkworkError(f"--samples {samples}: give at least 2")
+    with patience("deriving the equations of motion"):
+        robot = built(source)
+    with patience("following the path"):
+        motion = along(robot, path, "--path", duration, samples, start.state(robot))
+        forces, reason = needed(robot, motion, files.forces is not None)
+    written = files.write(robot, motion, forces)
+    beyond = passed(robot, motion.positions, motion.time)
+    # What it comes to, as plain data or as tables.
+    data = extremes(robot, motion, forces)
+    if as_json:
+        whole = {"duration": motion.time[-1], "samples": len(motion.time)}
+        told = {"limits_passed": beyond, "without_forces": reason or None, "written": written}
+        show_json(whole | data | told)
+        return
+    out = console()
+    rows = [
+        ("motion", f"{motion.time[-1]:.6g} s, {len(motion.time)} samples"),
+        ("limits passed", "; ".join(beyond) or "none"),
+    ]
+    out.print(facts(rows + [("forces", reason)] * bool(reason)))
+    few = len(robot.coordinates) <= FEW
+    for title, found in data.items():
+        names = [name for name in found if few or name in robot.actuators or title != "joints"]
+        if names:
+            header = [title.replace("_", " "), *found[names[0]]]
+            lines = [
+                (name, *(f"{number:.6g}" for number in found[name].values())) for name in names
+            ]
+            out.print()
+            out.print(table(header, lines, numbers=range(1, len(header))))
+    out.print()
+    for file in written:
+        out.print(f"{file} written", soft_wrap=True)
+
+
+def needed(robot: Robot, motion: Motion, asked: bool) -> tuple[Sampled | None, str]:
+    """Return the forces of the actuators, or why there are none; a refusal where they are asked
+    for."""
+    try:
+        return robot.inverse_dynamics(motion), ""
+    except LinkworkError as error:
+        if asked:
+            raise
+        return None, f"none: {error}"
+
+
+def extremes(
+    robot: Robot, motion: Motion, forces: Sampled | None
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Return ranges of the joints' coordinates, their largest rates and accelerations, and forces
+    and powers of the actuators [SI], by name."""
+    joints = {}
+    for k, label in enumerate(robot.coordinates):
+        joints[label] = {"from": motion.positions[:, k].min(), "to": motion.positions[:, k].max()}
+    rates = {}
+    for k, label in enumerate(robot.rates):
+        rates[label] = {
+            "rate": np.abs(motion.joint_rates[:, k]).max(),
+            "acceleration": np.abs(motion.joint_accelerations[:, k]).max(),
+        }
+    if set(rates) == set(joints):
+        joints, rates = {label: joints[label] | rates[label] for label in joints}, {}
+    found = {"joints": joints, "rates": rates}
+    if forces is not None and robot.actuators:
+        places = [robot.rates.index(name) for name in robot.actuators]
+        power = forces.values * motion.joint_rates[:, places]
+        columns = zip(robot.actuators, forces.values.T, power.T, strict=True)
+        found["actuators"] = {
+            name: {"least force": u.min(), "largest force": u.max(), "power": np.abs(P).max()}
+            for name, u, P in columns
+        }
+    return found

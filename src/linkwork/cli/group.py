@@ -1,0 +1,58 @@
+"""How commands are found and refuse: words of other tools lead to ours, and a refusal is one
+sentence."""
+
+import sys
+import traceback
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from linkwork.cli.caveats import STRICT, told
+from linkwork.errors import LinkworkError
+
+REFUSED = 2
+DEBUG = "--debug"
+MEANT = {
+    **dict.fromkeys(("list", "ls", "catalogue", "catalog"), "robots"),
+    **dict.fromkeys(("run", "sim"), "simulate"),
+    **dict.fromkeys(("analyze", "analysis", "study"), "analyse"),
+    **dict.fromkeys(("show", "open", "viewer"), "view"),
+    **dict.fromkeys(("import", "load"), "convert"),
+    **dict.fromkeys(("path", "trajectory"), "follow"),
+    **dict.fromkeys(("inverse", "inverse-dynamics", "forward", "terms"), "dynamics"),
+}
+
+
+class CommandGroup(TyperGroup):
+    """Turn refusals into one sentence, and let `--debug` and `--strict` stand anywhere."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        anywhere = [flag for flag in (DEBUG, STRICT) if flag in args]
+        return super().parse_args(ctx, [*anywhere, *(arg for arg in args if arg not in anywhere)])
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[0] in MEANT:
+            raise LinkworkError(f"there is no command {args[0]!r}; use 'linkwork {MEANT[args[0]]}'")
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            with told(ctx.params["strict"]):
+                return super().invoke(ctx)
+        except BrokenPipeError:
+            raise
+        except (LinkworkError, OSError) as error:
+            if ctx.params["debug"]:
+                traceback.print_exc()
+            else:
+                print(f"linkwork: {sentence(error)}", file=sys.stderr)
+            raise typer.Exit(REFUSED) from None
+
+
+def sentence(error: Exception) -> str:
+    """Return a refusal as one line."""
+    if isinstance(error, OSError) and error.strerror:
+        place = f"{error.filename}: " if error.filename else ""
+        return f"{place}{error.strerror.lower()}"
+    return " ".join(str(error).split())

@@ -1,0 +1,96 @@
+"""Options and arguments that commands share, and how the shell completes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ROBOT_HELP = "A robot of the catalogue (see 'linkwork robots') or a mechanism file."
+
+
+def robots_like(incomplete: str) -> list[str]:
+    """Return the robots of the catalogue, and the model files and folders, that begin like what was
+    typed."""
+    from linkwork import formats, robots
+
+    return [
+        *(name for name in robots.__all__ if name.startswith(incomplete)),
+        *files_like(incomplete, formats.READ),
+    ]
+
+
+def runs_like(incomplete: str) -> list[str]:
+    """Return the saved runs, and folders, that begin like what was typed."""
+    return files_like(incomplete, (".nc",))
+
+
+def shown_like(incomplete: str) -> list[str]:
+    """Return the robots and the saved runs that begin like what was typed."""
+    return [*dict.fromkeys([*robots_like(incomplete), *runs_like(incomplete)])]
+
+
+def files_like(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
+    """Return the files of some suffixes, and the folders, that begin like what was typed."""
+    folder, _, begun = incomplete.rpartition("/")
+    place = Path(folder or ("/" if incomplete.startswith("/") else "."))
+    if not place.is_dir():
+        return []
+    found = []
+    for file in sorted(place.iterdir()):
+        if file.name.startswith(begun) and (begun or not file.name.startswith(".")):
+            path = incomplete[: len(incomplete) - len(begun)] + file.name
+            if file.is_dir():
+                found.append(f"{path}/")
+            elif file.suffix.lower() in suffixes:
+                found.append(path)
+    return found
+
+
+RobotName = Annotated[
+    str, typer.Argument(metavar="ROBOT", help=ROBOT_HELP, autocompletion=robots_like)
+]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print plain data, as JSON: SI units, nothing rounded.")
+]
+ToolPose = Annotated[
+    str | None,
+    typer.Option(
+        "--tool",
+        metavar="POSE",
+        help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad.",
+    ),
+]
+Joints = Annotated[
+    str | None,
+    typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad."),
+]
+Forces = Annotated[
+    str | None,
+    typer.Option(
+        metavar="VALUES", help="Actuator forces, N or N m: '5,0,0' or 'slide_1=5' (others zero)."
+    ),
+]
+Reference = Annotated[
+    str | None,
+    typer.Option(
+        metavar="VALUES",
+        help=(
+            "Close the loops from 'slide_1=0.2,...', m or rad or with units ('crank=40deg'), "
+            "or from a .yaml or .json file of them, in place of the model's own reference."
+        ),
+    ),
+]
+Floating = Annotated[
+    bool,
+    typer.Option("--floating", help="Let the root, which is fixed to ground, move freely."),
+]
+PackagePath = Annotated[
+    str | None,
+    typer.Option(
+        "--package-path",
+        metavar="FOLDERS",
+        help="Where package:// and model:// are looked for, as in ROS_PACKAGE_PATH.",
+    ),
+]

@@ -1,0 +1,145 @@
+"""Paths, controllers and the equations at one state, from the command line: the same numbers as the
+library's, and refusals in one sentence."""
+
+import json
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.cli.led import CONTROLLERS, GOALS
+from linkwork.cli.words import fields
+from linkwork.motions.tables import read_columns
+
+from tests.catalogue import built
+from tests.cli.calls import call, refused
+
+pytestmark = pytest.mark.usefixtures("compiled")
+
+CIRCLE = "circle centre=0.5,0.29 radius=0.04 orientation=1.2"
+
+
+def told(*words):
+    """Return what a command prints as JSON."""
+    result = call(*words, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    path = lw.paths.circle([0.5, 0.29], 0.04, 1.2)
+    return built("prr3").follow(path, 1.0, samples=101)
+
+
+def test_a_path_is_followed_and_its_forces_drive_the_robot_along_it(motion, tmp_path):
+    robot, table, forces = built("prr3"), tmp_path / "motion.csv", tmp_path / "forces.csv"
+    words = ("follow", "prr3", "--path", CIRCLE, "--duration", 1)
+    found = told(*words, "--out", table, "--forces-out", forces)
+    u = robot.inverse_dynamics(motion).values
+    assert found["actuators"]["slide_1"]["largest force"] == pytest.approx(u[:, 0].max())
+    assert found["joints"]["slide_2"]["rate"] == pytest.approx(
+        np.abs(motion.joint_rates[:, 1]).max()
+    )
+    assert found["written"] == [str(table), str(forces)]
+    assert np.allclose(read_columns(table)["u slide_3"], u[:, 2])
+    pose = ",".join(map(str, motion.tool[0]))
+    run = told("simulate", "prr3", "--duration", 1, "--forces-csv", forces, "--tool", pose)
+    assert np.allclose([*run["tool"].values()], motion.tool[-1], rtol=0, atol=1e-5)
+    text = call(*words).stdout
+    assert "largest force" in text and max(map(len, text.splitlines())) <= 80
+
+
+def test_a_table_is_followed_on_the_branch_that_it_tells(motion, tmp_path):
+    """Home lies on another one: the same slides hold the platform at another angle there."""
+    lw.motions.write_csv(tmp_path / "motion.csv", motion, built("prr3"))
+    found = told("follow", "prr3", "--path", tmp_path / "motion.csv")
+    last = {name: 1 for name in ("pivot_1", "wrist_3")}
+    for name in last:
+        column = motion.positions[:, built("prr3").coordinates.index(name)]
+        assert found["joints"][name]["to"] == pytest.approx(column.max(), abs=1e-6)
+
+
+def test_a_controller_leads_a_run_along_a_path_from_its_beginning(motion):
+    words = ("simulate", "prr3", "--duration", 1, "--goal", CIRCLE)
+    exact = told(*words, "--controller", "computed_torque kp=400 kd=40")
+    assert np.allclose([*exact["tool"].values()], motion.tool[-1], rtol=0, atol=1e-6)
+    assert max(off["most"] for off in exact["off_goal"].values()) < 1e-6
+    heavy = "computed_torque kp=400 kd=40 model.platform.mass=2 sampled.rate=500"
+    wrong = told(*words, "--controller", heavy)
+    assert max(off["most"] for off in wrong["off_goal"].values()) > 1e-4
+
+
+def test_a_controller_leads_to_a_pose_as_the_library_does():
+    found = told("simulate", "prr3", "--duration", 0.3, "--controller", "pd kp=400 kd.slide_1=40 "
+                 "kd.slide_2=40 kd.slide_3=50", "--goal", "pose tool=0.5,0.29,1.2")  # fmt: skip
+    robot = built("prr3")
+    gains = dict(zip(robot.actuators, (40.0, 40.0, 50.0), strict=True))
+    law = lw.control.PD(robot.assemble(tool=[0.5, 0.29, 1.2]), kp=400.0, kd=gains)
+    run = robot.simulate(robot.home, law, duration=0.3)
+    assert np.allclose([*found["joints"].values()], run.final.positions, rtol=0, atol=1e-9)
+    held = told("simulate", "prr3", "--duration", 0.1, "--controller", "lqr position=1e4 force=1")
+    assert max(off["most"] for off in held["off_goal"].values()) < 1e-12
+
+
+def test_methods_and_steps_are_chosen():
+    found = told("simulate", "prr3", "--duration", 0.1, "--method", "rk4", "--step", 0.001)
+    assert found["steps"] == 100 and found["method"] == "Runge-Kutta 4"
+    assert "Rodas" in told("simulate", "prr3", "--duration", 0.1, "--method", "rodas")["method"]
+
+
+def test_the_equations_are_told_at_one_state():
+    robot = built("prr3")
+    state = robot.state(robot.home.positions, {"slide_2": 0.3})
+    inverse = told("dynamics", "prr3", "--rates", "slide_2=0.3", "--accelerations", "slide_1=2")
+    u = robot.inverse_dynamics(state, [2.0, 0.0, 0.0])
+    assert np.allclose([*inverse["forces"].values()], u, rtol=1e-12)
+    assert np.allclose([*inverse["C v"].values()], robot.coriolis(state), rtol=1e-12)
+    M = [[*row.values()] for row in inverse["M"].values()]
+    assert np.allclose(M, robot.mass_matrix(state), rtol=1e-12)
+    text = ",".join(map(repr, u.tolist()))
+    forward = told("dynamics", "prr3", "--rates", "slide_2=0.3", "--forces", text)
+    assert np.allclose([*forward["accelerations"].values()], [2.0, 0.0, 0.0], atol=1e-12)
+    assert "acceleration" in call("dynamics", "stewart").stdout
+
+
+def test_words_are_the_fields_of_records():
+    assert fields(["a=1", "b=1,2", "c=1,2;3,4", "d.x=5", "d.y.z=6", "e=word"], "--goal") == {
+        "a": 1.0, "b": [1.0, 2.0], "c": [[1.0, 2.0], [3.0, 4.0]], "d": {"x": 5.0, "y.z": 6.0},
+        "e": "word",
+    }  # fmt: skip
+    assert {"pose", "circle", "line", "through"} == {*GOALS}
+    assert {"pd", "computed_torque", "lqr"} <= {*CONTROLLERS}
+
+
+RUN = ("simulate", "prr3", "--duration", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ((*RUN, "--controller", "pdd kp=1"), "there is no 'pdd' (did you mean pd?); give one of"),
+        ((*RUN, "--controller", "pd kp=1"), "--controller: pd: kd: is missing"),
+        ((*RUN, "--controller", "pd kp=1 kd=x"), "kd: 'x' is not a number"),
+        ((*RUN, "--controller", "pd kp 1"), "'kp' has no name; write name=value"),
+        ((*RUN, "--controller", "pd kp=1 kp=2 kd=1"), "'kp' is given twice"),
+        ((*RUN, "--controller", ""), "--controller: there is no ''; give one of pd"),
+        ((*RUN, "--goal", "pose"), "give --controller, too"),
+        ((*RUN, "--controller", "pd kp=1 kd=1", "--forces", "1,2,3"), "both given; keep one"),
+        ((*RUN, "--controller", "lqr position=1 force=1", "--goal", CIRCLE), "follows no path"),
+        ((*RUN, "--method", "rk4"), "rk4 needs a step"),
+        ((*RUN, "--step", "0.1"), "needs a method that keeps to it"),
+        (("follow", "prr3", "--path", CIRCLE), "give --duration, too"),
+        (("follow", "prr3", "--path", "circle", "--duration", 1), "circle: centre: is missing"),
+        (("follow", "prr3", "--path", "spiral", "--duration", 1), "there is no 'spiral'"),
+        (("follow", "prr3", "--path", "none.csv"), "cannot be read as a table: no such file"),
+        (("follow", "prr3", "--path", CIRCLE, "--duration", 1, "--samples", 1), "at least 2"),
+        (("follow", "prr3", "--path", CIRCLE, "--duration", 1, "--out", "a.nc"), "written as .csv"),
+        (("follow", "prr3", "--path", CIRCLE, "--duration", 1, "--out", "no/a.csv"), "no folder"),
+        (("dynamics", "prr3", "--forces", "1,2,3", "--accelerations", "1,2,3"), "both given"),
+        (("inverse", "prr3"), "use 'linkwork dynamics'"),
+        (("trajectory", "prr3"), "use 'linkwork follow'"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_refused(words, sentence):
+    assert sentence in refused(*words)
