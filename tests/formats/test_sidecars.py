@@ -3,6 +3,7 @@ moves like it."""
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.formats import load
@@ -92,6 +93,62 @@ def test_a_loop_without_a_word_on_the_actuators(tmp_path):
 def test_loops_of_other_types(kind, tmp_path):
     mechanism = read(five_bar(LOOP.replace('"revolute"', f'"{kind}"')), tmp_path).mechanism
     assert mechanism.joints["tip"].type == kind
+
+
+CONSTRAINT = (
+    '<constraint name="tip" type="{}"><parent link="distal_1"/><parent_origin xyz="0.35 0 0"/>'
+    '<parent_axis xyz="{}"/><child link="distal_2"/><child_origin xyz="0.35 0 0"/>'
+    '<child_axis xyz="{}"/></constraint>'
+)
+
+
+@pytest.mark.parametrize("axes", ["0 0 1", "0 0 -1"])
+def test_a_constraint_of_urdfdoms_proposal(axes, tmp_path):
+    text = five_bar(CONSTRAINT.format("revolute", axes, axes), independent=True)
+    assert_moves_like_the_five_bar(read(text, tmp_path).mechanism)
+
+
+def test_axes_of_constraints_are_where_the_file_puts_them(tmp_path):
+    """A hinge's axes agree on either side, those of a universal joint are square to each other."""
+    one, two = np.array([0.6, 0, 0.8]), np.array([0, 0.8, -0.6])
+    text = CONSTRAINT.format("{}", "0.6 0 0.8", "0 0.8 -0.6")
+    for kind, own in (("revolute", "zz"), ("prismatic", "zz"), ("universal", "xy")):
+        joint = read(five_bar(text.format(kind)), tmp_path).mechanism.joints["tip"]
+        assert joint.type == kind
+        for letter, frame, axis in zip(own, joint.frames, (one, two), strict=True):
+            turn = Rotation.from_rotvec(frame.rotation).as_matrix()
+            np.testing.assert_allclose(turn[:, "xyz".index(letter)], axis, atol=1e-15)
+            assert frame.position == (0.35, 0, 0)
+    for kind in ("fixed", "ball", "planar"):
+        read(five_bar(text.format(kind)), tmp_path)
+
+
+def test_a_joint_inside_gazebo_closes_a_loop_as_all_joints_are_at_zero(tmp_path):
+    """The tips are at 0.6 and 0.9 m then."""
+    inside = (
+        '<gazebo><joint name="tip" type="{}"><parent>distal_1</parent><child>distal_2</child>'
+        "<pose>0.35 0 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></joint></gazebo>"
+    )
+    loop = LOOP.replace('"0.35 0 0"', '"0.65 0 0"', 1)
+    found, expected = (
+        read(five_bar(text), tmp_path).mechanism.joints["tip"]
+        for text in (inside.format("revolute"), loop)
+    )
+    assert found.type == "revolute" and found.connects == expected.connects
+    assert found.frames[0].position == pytest.approx(expected.frames[0].position)
+    assert found.frames[1] == expected.frames[1] and found.axis == expected.axis
+    assert read(five_bar(inside.format("ball")), tmp_path).mechanism.joints["tip"].type == (
+        "spherical"
+    )
+
+
+def test_motors_that_the_model_does_not_have_are_noted(tmp_path):
+    sidecar = "closed_loop: [[end_1, end_2]]\ntype: [3d]\nname_mot: [motor_1, motor_9, motor_2]\n"
+    imported = read(five_bar(FRAMES), tmp_path, sidecar)
+    assert imported.mechanism.actuators == ("motor_1", "motor_2")
+    assert "robot.yaml: the motor 'motor_9' is left out: robot.urdf has no such joint" in (
+        imported.notes
+    )
 
 
 def test_a_coupling_is_a_gear_along_both_chains(tmp_path):
@@ -242,7 +299,6 @@ REFUSED = {
         "closed_loop: [[end_1, end_2]]\ntype: [6d, 6d]"
     ): "closed_loop: is not a list of pairs of frames with one type each",
     "closed_loop: 3": "closed_loop: is not a list of pairs of frames",
-    "name_mot: [motor_9]": "name_mot.0: there is no joint 'motor_9' in robot.urdf",
     "name_mot: [[motor_1]]": "name_mot: is not a list of names",
     (
         "joint_name: [elbow_1]\njoint_type: [UJOINT_XX]"

@@ -290,10 +290,6 @@ REFUSED = {
     arm(second='<origin xyz="0 0"/>').replace(
         '<origin xyz="0 0 1"/>', ""
     ): "<origin>: xyz holds 2 numbers; give 3",
-    arm(second='<mimic joint="m"/>'): "<mimic>: there is no hinge or slide 'm'",
-    arm(
-        extra='<transmission><joint name="m"/></transmission>'
-    ): "<joint 'm'>: is driven by a transmission and is not there",
     arm().replace('<mass value="1"/>', "", 1): "<inertial>: holds no <mass>; add one",
     arm().replace('value="1"', 'value="-1"', 1): "<link 'a'>: mass: ",
     arm().replace('name="k"', 'name="j"'): "<joint 'j'>: has the name of another joint",
@@ -324,3 +320,47 @@ def test_a_circle_of_links_is_refused(tmp_path):
         MechanismError, match="hangs in a circle of joints that does not reach the root link"
     ):
         read(text, tmp_path)
+
+
+def test_joints_that_are_not_there_refuse_nothing(tmp_path):
+    """Pinocchio reads such files as well."""
+    drive = '<transmission><joint name="m"/></transmission><transmission><joint name="j"/>'
+    imported = read(arm(drive + "</transmission>"), tmp_path)
+    assert imported.mechanism.actuators == ("j",) and not imported.mechanism.caveats
+    assert any("<joint 'm'> is driven by a transmission, which is" in n for n in imported.notes)
+    with pytest.warns(ModelWarning, match="there is none 'm'; it moves freely here"):
+        imported = read(arm(second='<mimic joint="m"/>'), tmp_path)
+    assert not imported.mechanism.gears
+
+
+def test_negative_moments_are_kept_and_warned_of(tmp_path):
+    text = arm(first='<axis xyz="0.6 0 0.8"/>').replace(
+        'izz="0.1"/>', 'izz="0.1" ixy="0.12" ixz="0" iyz="0" />', 1
+    )
+    with pytest.warns(
+        ModelWarning, match="<link 'a'> has a principal moment of inertia below zero"
+    ):
+        ours, theirs = accelerations(text, tmp_path, [0.3, -0.7], [1.2, 2.0], [0.1, -0.2])
+    np.testing.assert_allclose(ours, theirs, rtol=1e-11)
+
+
+def test_what_other_programs_read_of_a_link_changes_nothing(tmp_path):
+    for words, alters in (("<contact/>", False), ("<self_filter/>", False), ("<mass/>", True)):
+        text = arm().replace('<link name="a">', f'<link name="a">{words}')
+        assert bool(read(text, tmp_path).mechanism.caveats) == alters
+
+
+def test_springs_of_gazebo_and_what_it_says_of_the_motion(tmp_path):
+    spring = (
+        '<gazebo reference="j"><springStiffness>4</springStiffness><springReference>0.2'
+        "</springReference></gazebo>"
+    )
+    imported = read(arm(spring), tmp_path)
+    assert imported.mechanism.joints["j"].spring == lw.Spring(stiffness=4, rest=0.2)
+    assert not imported.mechanism.caveats
+    text = arm('<gazebo reference="a"><turnGravityOff>{}</turnGravityOff></gazebo>')
+    assert not read(text.format("false"), tmp_path).mechanism.caveats
+    with pytest.warns(
+        ModelWarning, match="<turnGravityOff> in a <gazebo> is left out: weight acts"
+    ):
+        read(text.format("true"), tmp_path)

@@ -20,9 +20,9 @@ class Inertia(Record):
     """Hold the inertia tensor about the mass centre, in the body's axes [kg m^2]; `zz` alone for
     planar bodies.
 
-    No principal moment of a rigid body exceeds the sum of the others. `moments: any` keeps a tensor
-    that breaks this rule, as model files of others may: the equations of motion need no more than
-    moments that are not negative.
+    No principal moment of a rigid body exceeds the sum of the others, and none is negative.
+    `moments: any` keeps a tensor that breaks this rule, as model files of others may: the equations
+    of motion need no more than a generalised inertia that is positive.
     """
 
     zz: Amount = Field(description="moment of inertia about z [kg m^2]")
@@ -61,7 +61,7 @@ class Inertia(Record):
                 )
             return self
         a, b, c = np.linalg.eigvalsh(self.tensor())
-        if a < -1e-12 * c:
+        if self.moments == "rigid" and a < -1e-12 * c:
             raise MechanismError(
                 f"principal moments {a:.6g}, {b:.6g}, {c:.6g} kg m^2: none may be negative"
             )

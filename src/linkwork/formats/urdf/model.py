@@ -82,6 +82,13 @@ class UrdfModel:
         """Return the body that a link is, or is fixed to, and the link's pose in it."""
         return self.frames.get(link, (self.bodies[link], np.eye(4)))
 
+    def at_zero(self, link: str) -> np.ndarray:
+        """Return the pose of a link in the root link where all joints are at zero."""
+        X = np.eye(4)
+        for joint in self.chain(link):
+            X = joint.origin @ X
+        return X
+
     def put(self, joint: UrdfJoint) -> None:
         """Take a joint in the place of the one of its name."""
         self.joints[joint.name] = self.carriers[joint.child] = joint
@@ -187,18 +194,18 @@ def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
     return UrdfJoint(element, element.text("name"), kind, ends[0], ends[1], origin(element), axis)
 
 
-def origin(element: Element) -> np.ndarray:
+def origin(element: Element, tag: str = "origin") -> np.ndarray:
     """Return the pose that <origin xyz rpy> inside an element gives."""
-    inner = element.first("origin")
+    inner = element.first(tag)
     if inner is None:
         return np.eye(4)
     zero = (0.0, 0.0, 0.0)
     return poses.pose(inner.vector("xyz", zero), poses.from_rpy(*inner.vector("rpy", zero)))
 
 
-def axis_of(element: Element) -> np.ndarray:
+def axis_of(element: Element, tag: str = "axis") -> np.ndarray:
     """Return the unit <axis xyz> inside an element."""
-    inner = element.first("axis")
+    inner = element.first(tag)
     axis = np.array(inner.vector("xyz", (1.0, 0.0, 0.0)) if inner else (1.0, 0.0, 0.0))
     if np.linalg.norm(axis) < 1e-12:
         raise (inner or element).refusal("axis has no length; give a direction such as '0 0 1'")

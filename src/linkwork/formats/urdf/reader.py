@@ -14,6 +14,7 @@ from math import inf
 import numpy as np
 
 from linkwork.formats import poses, xml
+from linkwork.formats.masses import NOISE as RELATIVE
 from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
@@ -46,6 +47,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Shape,
     SphericalJoint,
+    Spring,
     Tool,
     UniversalJoint,
 )
@@ -54,8 +56,18 @@ from linkwork.solids.solid import Solid, together
 
 NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared size
 
+MASSES = {"mass", "inertia", "density"}  # in a link itself, where they are not read
+GAZEBO_READ = ("joint", "springStiffness", "springReference")
+GAZEBO_MOTION = {
+    "turnGravityOff": "weight acts on all bodies",
+    "kinematic": "bodies move by forces alone",
+    "dampingFactor": "nothing slows bodies down but joints",
+    "link": "links are those of the file itself",
+    "model": "models inside are not read",
+}
+OFF = ("false", "0", "0.0")
 SILENT = {
-    "robot": {"material", "link", "joint", "loop", "coupling", "transmission"},
+    "robot": {"material", "link", "joint", "loop", "coupling", "constraint", "transmission"},
     "link": {"visual", "collision", "material", "inertial", "origin"},
     "joint": {
         "origin",
@@ -150,13 +162,24 @@ def _survey(root: Element, notes: Notes) -> None:
     for element in root.children:
         if element.tag.startswith("xacro:"):
             raise element.refusal("is a macro; expand the file with xacro first")
-        if element.tag not in SILENT["robot"]:
+        if element.tag == "gazebo":
+            _survey_gazebo(element, notes)
+        if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
             notes.on(element, "is left out: it is no part of a mechanism known here")
         for child in element.children if element.tag in ("link", "joint") else ():
             if child.tag not in SILENT[element.tag] and not _says_nothing(child):
                 notes.on(
-                    child, f"in a <{element.tag}> is left out: it is not known here", alters=True
+                    child,
+                    f"in a <{element.tag}> is left out: it is not known here",
+                    alters=element.tag == "joint" or child.tag in MASSES,
                 )
+
+
+def _survey_gazebo(element: Element, notes: Notes) -> None:
+    """Note what <gazebo> says of the motion that is not read."""
+    for child in element.each(*GAZEBO_MOTION):
+        if child.content.lower() not in OFF:
+            notes.on(child, f"in a <gazebo> is left out: {GAZEBO_MOTION[child.tag]}", alters=True)
 
 
 def _says_nothing(element: Element) -> bool:
@@ -195,14 +218,22 @@ def _solid(link: Element, size: float, notes: Notes) -> Solid:
     if inertial is None:
         return Solid(0.0, np.zeros(3), np.zeros((3, 3)))
     mass, tensor = inertial.named("mass").number("value"), np.zeros((3, 3))
-    moments = inertial.first("inertia")
-    if moments is not None:
+    given = inertial.first("inertia")
+    if given is not None:
         xx, yy, zz, xy, xz, yz = (
-            moments.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+            given.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         tensor = without_noise(tensor, NOISE * abs(mass) * size**2)
-    if not rigid(*np.linalg.eigvalsh(tensor)):
+    moments = np.linalg.eigvalsh(tensor)
+    if moments[0] < -RELATIVE * moments[2]:
+        notes.on(
+            link,
+            "has a principal moment of inertia below zero; it is kept, as the file says, and "
+            "motions in which it prevails gain speed against their forces",
+            alters=True,
+        )
+    elif not rigid(*moments):
         notes.on(
             link,
             (
@@ -250,7 +281,7 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
             return PlanarJoint(
                 connects=connects, frames=(poses.frame_of(first @ turn), poses.frame_of(turn))
             )
-    # Hinges and slides, with theirs.
+    # Hinges and slides, with theirs, and a spring of Gazebo's.
     dynamics = element.first("dynamics")
     friction = Friction()
     if dynamics is not None:
@@ -265,9 +296,23 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
         "frames": frames,
         "axis": axis,
         "friction": friction,
+        "spring": _spring(model, joint),
         "limits": _limits(joint),
     }
     return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
+
+
+def _spring(model: UrdfModel, joint: UrdfJoint) -> Spring:
+    """Return the spring that <gazebo reference="joint"> gives a joint."""
+    found = Spring()
+    for element in model.root.each("gazebo"):
+        if element.attributes.get("reference") == joint.name:
+            found = element.make(
+                Spring,
+                stiffness=element.inner_number("springStiffness", found.stiffness),
+                rest=element.inner_number("springReference", found.rest),
+            )
+    return found
 
 
 def _limits(joint: UrdfJoint) -> Limits:
@@ -281,6 +326,7 @@ def _limits(joint: UrdfJoint) -> Limits:
 def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
     """Return a gear for every <mimic>: q - multiplier q_other = offset."""
     gears: dict[str, Joint] = {}
+    # Both are hinges or slides; one that is fixed, or not there, follows or leads nothing.
     for joint in model.joints.values():
         mimic = joint.element.first("mimic")
         if mimic is None:
@@ -294,14 +340,20 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
             (name for name, kind in kinds.items() if kind not in (*ONE_FREEDOM, "fixed")), None
         )
         if strange is not None:
-            raise mimic.refusal(f"there is no hinge or slide {xml.shortened(strange)}")
-        if kinds[joint.name] == "fixed":
+            notes.on(
+                joint.element,
+                f"mimics or is no hinge or slide: there is none {xml.shortened(strange)}; it "
+                "moves freely here",
+                alters=True,
+            )
+        elif kinds[joint.name] == "fixed":
             notes.on(joint.element, "is fixed, so that it mimics no other")
         elif kinds[other] == "fixed":
             notes.on(
                 joint.element, "mimics a joint that is fixed; it moves freely here", alters=True
             )
         else:
+            # The gear between those that are both there.
             ratios = {
                 model.labels[joint.name]: 1.0,
                 model.labels[other]: -mimic.number("multiplier", 1.0),
@@ -324,8 +376,8 @@ def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     for element in driven:
         name = element.text("name")
         if name not in model.joints:
-            raise element.refusal("is driven by a transmission and is not there")
-        if model.joints[name].type in ONE_FREEDOM:
+            notes.on(element, "is driven by a transmission, which is left out: it is not there")
+        elif model.joints[name].type in ONE_FREEDOM:
             named[name] = None
         else:
             notes.on(

@@ -1,4 +1,4 @@
-"""Loops that URDF itself cannot hold, in the two conventions in use.
+"""Loops that URDF itself cannot hold, in the conventions in use.
 
 URDF+ (generalized_rbda): inside the file itself,
 
@@ -8,6 +8,15 @@ URDF+ (generalized_rbda): inside the file itself,
 
 A coupling holds ratio * (sum of the joints from the nearest common link to the predecessor) - (the
 same to the successor) = 0. Independent joints are the actuators; a joint that does not say is one.
+
+urdfdom's proposal: inside the file itself, with a frame and an axis on either side,
+
+    <constraint name type><parent link/><parent_origin/><parent_axis/><child link/><child_origin/>
+    <child_axis/></constraint>
+
+The axes meet; those of a universal joint are square to each other.
+
+Gazebo: inside <gazebo>, an SDF <joint> between two links, at zero where all joints of the URDF are.
 
 LAAS (example-parallel-robots): a file robot.yaml, or of the model's own name, beside it,
 
@@ -19,7 +28,8 @@ spherical one; a joint that is SPHERICAL, FIXED or UJOINT_ab is of that type wha
 Three hinges through one point with nothing but massless links between are a spherical joint.
 
 Source: https://github.com/ROAM-Lab-ND/generalized_rbda,
-https://github.com/Gepetto/example-parallel-robots (readers).
+https://github.com/Gepetto/example-parallel-robots (readers),
+https://github.com/ros/urdfdom/pull/264 (proposal), http://sdformat.org/spec (joint).
 """
 
 from __future__ import annotations
@@ -45,6 +55,7 @@ from linkwork.mechanism import (
     PrismaticJoint,
     RevoluteJoint,
     SphericalJoint,
+    UniversalJoint,
 )
 from linkwork.mechanism.document import DocumentNode, read_document
 
@@ -52,6 +63,8 @@ KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 LAAS = re.compile(r"^(closed_loop|name_mot|joint_name)\s*:", re.MULTILINE)
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "planar")
+CONSTRAINTS = (*LOOPS, "universal")
+GAZEBO = ("revolute", "continuous", "prismatic", "fixed", "ball")
 LIGHT, NEAR = (
     1e-6,
     5e-4,
@@ -114,14 +127,19 @@ def read_closures(model: UrdfModel, notes: Notes) -> Closures:
 
 def _read_urdf_plus(model: UrdfModel, found: Closures) -> None:
     names = set(model.joints)
-    for element in model.root.each("loop", "coupling"):
+    inside = [
+        *model.root.each("loop", "coupling", "constraint"),
+        *(joint for gazebo in model.root.each("gazebo") for joint in gazebo.each("joint")),
+    ]
+    read = {"loop": _loop, "constraint": _constraint, "joint": _gazebo_joint}
+    for element in inside:
         name = element.text("name")
         if name in names:
             raise element.refusal("has the name of another joint; names are given once")
         names.add(name)
         label = model.names.give(name, element)
-        if element.tag == "loop":
-            found.closures.append(_loop(label, element, model))
+        if element.tag in read:
+            found.closures.append(read[element.tag](label, element, model))
         else:
             found.gears[label] = _coupling(element, model)
     said = {
@@ -159,6 +177,65 @@ def _loop(name: str, element: Element, model: UrdfModel) -> Closure:
         frames = frames[0] @ turn, frames[1] @ turn
     joint = {"fixed": FixedJoint, "planar": PlanarJoint}.get(kind, SphericalJoint)
     return Closure(name, joint, links, frames)
+
+
+def _constraint(name: str, element: Element, model: UrdfModel) -> Closure:
+    """Return the loop that a <constraint> closes: its axes are z, or x and y of a universal one."""
+    kind = element.choice("type", CONSTRAINTS, "")
+    links = tuple(_link(element.named(end), model) for end in ("parent", "child"))
+    origins = [origin(element, f"{end}_origin") for end in ("parent", "child")]
+    axes = [axis_of(element, f"{end}_axis") for end in ("parent", "child")]
+    made: dict[str, type] = {
+        "prismatic": PrismaticJoint,
+        "planar": PlanarJoint,
+        "fixed": FixedJoint,
+        "spherical": SphericalJoint,
+        "ball": SphericalJoint,
+        "universal": UniversalJoint,
+    }
+    if kind in ("fixed", "spherical", "ball"):
+        frames, axis = origins, None
+    elif kind == "universal":
+        turns = [poses.completed({k: along}) for k, along in enumerate(axes)]
+        frames, axis = (
+            [X @ poses.pose(rotation=R) for X, R in zip(origins, turns, strict=True)],
+            None,
+        )
+    else:
+        turns = [poses.from_z(along) for along in axes]
+        frames = [X @ poses.pose(rotation=R) for X, R in zip(origins, turns, strict=True)]
+        axis = None if kind == "planar" else np.array([0.0, 0.0, 1.0])
+    first, second = links
+    return Closure(
+        name, made.get(kind, RevoluteJoint), (first, second), (frames[0], frames[1]), axis
+    )
+
+
+def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
+    """Return the loop that an SDF joint inside <gazebo> closes."""
+    kind = element.choice("type", GAZEBO, "")
+    ends = []
+    for end in ("parent", "child"):
+        link = element.named(end).content
+        if link not in model.links:
+            raise element.refusal(f"there is no link {xml.shortened(link)}")
+        ends.append(link)
+    pose, axis = element.inner("pose"), element.first("axis")
+    own = np.eye(4)
+    if pose is not None:
+        numbers = pose.numbers("pose", (6,))
+        own = poses.pose(numbers[:3], poses.from_rpy(*numbers[3:]))
+    X = model.at_zero(ends[1]) @ own
+    frames = poses.inverse(model.at_zero(ends[0])) @ X, own
+    made = {"prismatic": PrismaticJoint, "fixed": FixedJoint, "ball": SphericalJoint}
+    along = None
+    if kind not in ("fixed", "ball"):
+        inner = axis and axis.inner("xyz")
+        along = np.array((0.0, 0.0, 1.0) if not inner else inner.vector("xyz"))
+        if np.linalg.norm(along) < 1e-12:
+            raise element.refusal("xyz has no length; give a direction such as '0 0 1'")
+        along = poses.unit(along)
+    return Closure(name, made.get(kind, RevoluteJoint), (ends[0], ends[1]), frames, along)
 
 
 def _coupling(element: Element, model: UrdfModel) -> Joint:
@@ -212,8 +289,14 @@ class _Laas:
                 self.notes.say(f"{self.path.name}: {key} is left out: it is not known here")
         self._change_types()
         names = self._texts("name_mot")
-        for index, name in enumerate(names):
-            self._joint(name, ("name_mot", str(index)))
+        for name in list(names):
+            if name not in self.model.joints:
+                file = self.model.root.file.name
+                self.notes.say(
+                    f"{self.path.name}: the motor {xml.shortened(name)} is left out: {file} has no "
+                    "such joint"
+                )
+                names.remove(name)
         self._merge_spherical(set(names))
         found.actuators = tuple(names)
         loops = self.node.data.get("closed_loop") or []
@@ -339,13 +422,6 @@ class _Laas:
         together = all(np.linalg.norm(p - points[0]) < NEAR * model.size for p in points)
         apart = all(np.linalg.norm(np.cross(a, b)) > 1e-6 for a, b in combinations(axes, 2))
         return (trio[0], trio[1], trio[2]) if together and apart else None
-
-    def _joint(self, name: str, where: tuple[str, ...]) -> UrdfJoint:
-        if name not in self.model.joints:
-            raise self._refusal(
-                where, f"there is no joint {xml.shortened(name)} in {self.model.root.file.name}"
-            )
-        return self.model.joints[name]
 
     def _texts(self, key: str) -> list[str]:
         items = self.node.data.get(key) or []
