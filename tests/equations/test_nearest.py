@@ -22,8 +22,8 @@ def home(equations: Equations) -> np.ndarray:
 
 
 def nearest_five_bar(mechanism: Mechanism, base: float = 0.3, proximal: float = 0.25) -> np.ndarray:
-    """The closed angles of a five-bar nearest to those of its reference, by sequential quadratic
-    programming."""
+    """The closed angles of a five-bar nearest to those of its reference, with its motors where they
+    are given, by sequential quadratic programming."""
     named = np.array([label in mechanism.reference for label in FIVE])
     given = np.array([mechanism.reference.get(label, 0.0) for label in FIVE])
 
@@ -33,7 +33,8 @@ def nearest_five_bar(mechanism: Mechanism, base: float = 0.3, proximal: float = 
 
     def gaps(x):
         apart = tip(0.0, x[0], x[2]) - tip(base, x[1], x[3])
-        return np.array([apart.real, apart.imag, x[1] + x[3] - x[0] - x[2] - x[4]])
+        held = (x - given)[:2][named[:2]]
+        return np.append([apart.real, apart.imag, x[1] + x[3] - x[0] - x[2] - x[4]], held)
 
     start = given + np.array([0, 0, 0, 0, 0.2])
     found = minimize(
@@ -60,6 +61,7 @@ def test_angles_that_the_reference_names_are_kept_where_the_others_can_follow():
     found = home(derive(mechanism))
     expected = nearest_five_bar(mechanism)
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-7)
+    np.testing.assert_allclose(found[:2], [2.2, 0.94], atol=1e-12)
     whole = mechanism.model_copy(update={"reference": {"motor_1": 2.2, "motor_2": 0.94}})
     np.testing.assert_allclose(home(derive(whole))[:2], [2.2, 0.94], atol=1e-12)
 
@@ -138,3 +140,39 @@ def test_other_parameters_have_the_home_of_the_edited_description():
     changed = robot.with_parameters(values)
     expected = nearest_five_bar(edited(robot.mechanism, values), proximal=0.26)
     np.testing.assert_allclose(changed.home.positions, expected, atol=1e-7)
+
+
+def test_actuated_coordinates_are_held_and_what_moves_is_told():
+    """One motor is changed in a reference that was closed: it stays where it is put."""
+    for name, actuator, value in (("rrr3", "motor_1", 0.9), ("slider_crank", "crank", 0.6)):
+        mechanism = getattr(robots, name)()
+        robot = lw.Robot(mechanism.with_reference({actuator: value}))
+        given = {**mechanism.reference, actuator: value}
+        for label in robot.actuators:
+            assert robot.home[label] == pytest.approx(given[label], abs=1e-12)
+        (note,) = robot.notes
+        assert "has moved" in note and f"{actuator} from" not in note
+    assert "pin from -1.02 to" in note
+
+
+def test_actuated_coordinates_out_of_reach_give_way_and_this_is_told():
+    mechanism = robots.five_bar().with_reference({"motor_1": 2.6, "motor_2": 0.6})
+    robot = lw.Robot(mechanism)
+    assert "motor_1 from 2.6 to 2." in robot.notes[0] and "motor_2 from 0.6" in robot.notes[0]
+    assert robot.closure_error(robot.home) < 1e-12
+
+
+@pytest.mark.parametrize("aside", [0.0, 1e-9, -1e-9, -1e-6])
+def test_motors_in_a_singular_pose_are_moved_to_the_regular_side(aside):
+    """The distal links lie in one line: the tip could move with the motors locked."""
+    turn = np.arccos(0.8) + aside
+    values = {"motor_1": np.pi - turn, "motor_2": turn}
+    robot = lw.Robot(robots.five_bar().with_reference(values))
+    assert lw.analysis.singularity(robot, robot.home).actuator > 0.1
+    assert "motor_1 from 2.5 to 2.1" in robot.notes[0]
+
+
+def test_a_reference_closed_but_for_rounding_moves_nothing_worth_telling():
+    mechanism = robots.five_bar()
+    rounded = {label: round(value, 2) for label, value in mechanism.reference.items()}
+    assert lw.Robot(mechanism.with_reference(rounded)).notes == ()

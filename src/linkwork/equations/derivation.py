@@ -23,7 +23,7 @@ from linkwork.equations.equations import ClosureRows, Equations, scaled, sizes, 
 from linkwork.equations.independence import choose_independent, independent_rows, largest_rows
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import loop_length, own_length
-from linkwork.equations.nearest import nearest
+from linkwork.equations.nearest import moved, nearest
 from linkwork.equations.reference import (
     OPEN,
     ROUNDED_DAMPING,
@@ -55,6 +55,10 @@ NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
     "branches of motion meet at the given reference, as where a linkage lies in a line; home is "
     "bent to {}; give a reference on the branch that is meant"
+)
+ASIDE = (
+    "the loops do not close at the coordinates of the reference; home is near them, with its "
+    "actuated ones where these can be met, and has moved {}"
 )
 UNHELD = (
     "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and "
@@ -267,7 +271,7 @@ def closed_samples(
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
     rank = len(independent_rows(samples[1]))
     if len(independent_rows(samples[1][:1])) == rank:
-        return ClosedSamples(rows, *samples, rounded)
+        return ClosedSamples(rows, *samples, (*moved_notes(joints, reference), *rounded))
     beside = bent(tree, rows, reference, rank)
     if beside is None:
         return ClosedSamples(rows, samples[0][:1], samples[1][:1], rounded)
@@ -278,6 +282,15 @@ def closed_samples(
     samples = about(tree, rows, beside)
     notes = BENT.format(where), *unheld_notes(tree, rows, samples[0])
     return ClosedSamples(rows, *samples, notes)
+
+
+def moved_notes(joints: JointMap, q: np.ndarray) -> tuple[str, ...]:
+    """Return a note on the coordinates that home cannot have as the reference gives them, if there
+    are any."""
+    given = joints.mechanism.reference
+    found = [f"{x} from {given[x]:.3g} to {value:.3g}" for x, value in moved(joints, q).items()]
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return (ASIDE.format(", ".join(found[:SHOWN]) + more),) if found else ()
 
 
 def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> ClosureRows | None:

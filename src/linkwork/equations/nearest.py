@@ -12,6 +12,10 @@ closure rows
 
     g(q) = J' r + Phi' l = 0,    phi(q) = 0.
 
+From there the actuated coordinates that the reference names are led to their values; where these
+can be met, and not in a singular configuration, they are held and only the others give way: home is
+then the nearest of the configurations that have them.
+
 Newton's steps are taken in the basis Z of what Phi leaves free,  Z' (dg/dq N) Z s = -Z' g  at fixed
 l, and closed. Where that leaves freedoms undetermined, the coordinates that the reference leaves
 out decide them, as they are at zero. A start from which no step leads nearer is kept.
@@ -39,6 +43,8 @@ STEPS, HALVINGS = 50, 12
 LONGEST = 0.5  # step, in own units
 SMALLEST = 1e-11  # step that is none
 APART = 1e-5  # of configurations between which g is compared
+MOVED = 0.05  # of a coordinate, in own units, that is told
+SINGULAR = 1e-3  # strength of what is held, over that where it is not, from which it is held
 FLAT = 1e-6  # curvature that determines nothing, over the largest
 
 Reading = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -68,13 +74,62 @@ def nearest(
     far = shortest(tree.evaluated("differences", [r], p)(closed)[0], periodic)[named]
     if not rough and np.abs(far).max(initial=0.0) <= OPEN:
         return closed
-    q, read = closed, readings(joints, r, periodic, p)
-    for part in (named, ~named):
+    read = readings(joints, r, periodic, p)
+    q = settled(system, read, tree, closed, (named, ~named))
+    driven = of_part(read, named & actuated(joints))
+    if np.abs(driven(q)[0]).max(initial=0.0) <= OPEN:
+        return q
+    try:
+        met = close(holding(system, driven, 0.0), tree, q)
+    except OpenLoopsError:
+        return q
+    if not strength(system, driven, met) > SINGULAR * strength(system, driven, q):
+        return q
+    return settled(system, read, tree, met, (named & actuated(joints), named, ~named))
+
+
+def settled(
+    system: System, read: Reading, tree: Tree, q: np.ndarray, parts: tuple[np.ndarray, ...]
+) -> np.ndarray:
+    """Return the closed q of least r . r of a part of the coordinates, of the next part as far as
+    that leaves freedoms, and so on."""
+    for part in parts:
         q, determined = approached(system, of_part(read, part), tree, q)
         if determined:
             break
-        system = holding(system, of_part(read, part), q)
+        own = of_part(read, part)
+        system = holding(system, own, own(q)[0])
     return q
+
+
+def strength(system: System, read: Reading, q: np.ndarray) -> float:
+    """Return the least singular value of what is read on the motions that the loops allow: 0 where
+    it does not determine as many of them as it could."""
+    values = np.linalg.svd(read(q)[1] @ free_motions(dense(ca.DM(system(q)[1]))), compute_uv=False)
+    return float(values[-1]) if values.size else 1.0
+
+
+def actuated(joints: JointMap) -> np.ndarray:
+    """Tell of each joint rate whether it is driven, and that of a coordinate."""
+    mechanism = joints.mechanism
+    driven = {*mechanism.actuators} & {*mechanism.coordinates}
+    pairs = mechanism.pairs.items()
+    return np.array([label in driven for name, joint in pairs for label in joint.rates(name)], bool)
+
+
+def moved(joints: JointMap, q: np.ndarray, p: np.ndarray | None = None) -> dict[str, float]:
+    """Return the coordinates that the reference names and that a closed q (nq) has farther off than
+    rough numbers explain, by name, with what they are there [m, rad]."""
+    mechanism, (r, periodic) = joints.mechanism, differences(joints)
+    off = shortest(joints.tree.evaluated("differences", [r], p)(q)[0], periodic)
+    positions = np.array(joints.tree.evaluated("x", [joints.positions()], p)(q)[0]).ravel()
+    values = dict(zip(mechanism.coordinates, positions.tolist(), strict=True))
+    rates = [label for name, joint in mechanism.pairs.items() for label in joint.rates(name)]
+    return {
+        label: values[label]
+        for label, far in zip(rates, off, strict=True)
+        if label in mechanism.reference and label in values and abs(far) > MOVED
+    }
 
 
 def given(joints: JointMap) -> np.ndarray:
@@ -147,9 +202,8 @@ def of_part(read: Reading, part: np.ndarray) -> Reading:
     return some
 
 
-def holding(system: System, read: Reading, q: np.ndarray) -> System:
-    """Return the system that keeps what is read at q, too."""
-    kept = read(q)[0]
+def holding(system: System, read: Reading, kept: np.ndarray | float) -> System:
+    """Return the system that keeps what is read, too."""
 
     def held(q: np.ndarray) -> tuple[np.ndarray, ca.DM, ca.DM]:
         phi, Phi, N = system(q)

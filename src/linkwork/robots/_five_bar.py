@@ -56,5 +56,11 @@ def five_bar(
         joints=joints,
         actuators=("motor_1", "motor_2"),
         tools={"tip": Tool(body="distal_1", frame=Frame.planar(distal))},
-        reference={"motor_1": 2.2, "motor_2": 0.94, "elbow_1": -1.4, "elbow_2": 1.4, "tip": 1.54},
+        reference={
+            "motor_1": 2.06319780954,
+            "motor_2": 1.07713218105,
+            "elbow_1": -1.36627557076,
+            "elbow_2": 1.36698142936,
+            "tip": 1.74719137163,
+        },
     )

@@ -57,10 +57,10 @@ def four_bar(
         actuators=("crank_pivot",),
         tools={"coupler_point": Tool(body="coupler", frame=Frame.planar(coupler / 2))},
         reference={
-            "crank_pivot": 1.67,
-            "crank_pin": -1.46,
-            "rocker_pivot": 1.54,
-            "rocker_pin": 1.33,
+            "crank_pivot": 1.67132743315,
+            "crank_pin": -1.4596067104,
+            "rocker_pivot": 1.5400928489,
+            "rocker_pin": 1.32837212614,
         },
     )
 
