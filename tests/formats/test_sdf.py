@@ -369,6 +369,7 @@ def test_limits_efforts_and_shapes(tmp_path):
     )
     mechanism = read(text, tmp_path).mechanism
     assert mechanism.actuators == ("j",)
+    assert mechanism.drives == {"j": {"type": "saturated", "limit": 5}}
     assert mechanism.joints["j"].limits == Limits(upper=2)
     (shape,) = mechanism.bodies["a"].shapes
     assert shape.length == 1 and shape.frame.position == (0, 0, 0.5)

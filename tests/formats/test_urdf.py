@@ -86,7 +86,9 @@ def test_what_an_arm_says_of_itself(tmp_path):
     assert mechanism.joints["elbow"].limits == Limits()
     assert mechanism.tools["tool0"].body == "pod"
     assert "pod" in mechanism.bodies and "tool0" not in mechanism.bodies
-    first, second = imported.notes
+    first, second, third = imported.notes
+    assert third.startswith("arm.urdf: limits of effort and reductions are the mechanism's drives")
+    assert mechanism.drives["shoulder"] == {"type": "saturated", "limit": 10}
     assert first == (
         "arm.urdf: the root link 'stand' is taken as ground and stands still, so that its "
         "mass plays no part"
@@ -364,3 +366,62 @@ def test_springs_of_gazebo_and_what_it_says_of_the_motion(tmp_path):
         ModelWarning, match="<turnGravityOff> in a <gazebo> is left out: weight acts"
     ):
         read(text.format("true"), tmp_path)
+
+
+def test_reductions_and_limits_of_effort_are_drives(tmp_path):
+    """The command is the motor's torque; the joint's is 50 x 0.5 times that within its effort."""
+    drive = (
+        '<transmission name="t"><type>transmission_interface/SimpleTransmission</type>'
+        '<joint name="j"><mechanicalReduction>0.5</mechanicalReduction></joint>'
+        '<actuator name="m"><mechanicalReduction>50</mechanicalReduction></actuator></transmission>'
+    )
+    limit = '<limit effort="20" velocity="1"/>'
+    robot = lw.Robot(read(arm(drive, first='<axis xyz="0 0 1"/>' + limit), tmp_path).mechanism)
+    assert robot.actuators == ("j",)
+    servo = {"type": "servo", "gain": 25, "least_force": -20, "largest_force": 20}
+    assert robot.mechanism.drives == {"j": servo}
+    for command, force in ((0.1, 2.5), (3.0, 20.0)):
+        runs = [
+            robot.simulate(robot.home, [u], drives=drives, duration=0.01).final
+            for u, drives in ((command, robot.drives), (force, None))
+        ]
+        assert runs[0]["j"] == pytest.approx(runs[1]["j"], rel=1e-9)
+
+
+@pytest.mark.parametrize("effort", ["0", "inf", "1e60", "much", "-3"])
+def test_limits_of_effort_that_bound_nothing_are_none(effort, tmp_path):
+    text = arm(first=f'<limit effort="{effort}" velocity="1"/>')
+    assert not read(text, tmp_path).mechanism.drives
+
+
+PAIR = (
+    "<transmission name='t'><type>transmission_interface/{}Transmission</type>"
+    "<actuator name='m2'><role>actuator2</role><mechanicalReduction>7</mechanicalReduction>"
+    "</actuator><actuator name='m1'><role>actuator1</role><mechanicalReduction>5"
+    "</mechanicalReduction></actuator>"
+    "<joint name='{}'><role>joint1</role><mechanicalReduction>2</mechanicalReduction></joint>"
+    "<joint name='k'><role>joint2</role><mechanicalReduction>3</mechanicalReduction></joint>"
+    "</transmission>"
+)
+
+
+@pytest.mark.parametrize(
+    ("kind", "torques"),
+    [
+        ("Differential", [[2 * 5, 3 * 5], [2 * 7, -3 * 7]]),
+        ("FourBarLinkage", [[2 * 5, -3 * 2 * 5], [0, 3 * 7]]),
+    ],
+)
+def test_transmissions_of_two_motors_act_on_both_joints(kind, torques, tmp_path):
+    """Rows: torques on j and k by one newton metre of either motor, the first one first."""
+    robot = lw.Robot(read(arm(PAIR.format(kind, "j")), tmp_path).mechanism)
+    assert robot.actuators == ("m1", "m2")
+    S = robot.actuation(robot.home)
+    order = [robot.independent.index(name) for name in ("j", "k")]
+    np.testing.assert_allclose(S[:, order], torques)
+
+
+def test_a_pair_that_is_not_whole_drives_what_is_there(tmp_path):
+    imported = read(arm(PAIR.format("Differential", "m")), tmp_path)
+    assert imported.mechanism.actuators == ("k",)
+    assert any("does not lead from two motors to two hinges" in note for note in imported.notes)

@@ -59,6 +59,7 @@ class SdfJoint:
 
     labels: the coordinates that its axes are, by `axis` and `axis2`
     driven: whether the file lets an actuator act; None where it does not say
+    efforts: the greatest force about or along an axis, where the file bounds it
     """
 
     scope: Scope
@@ -66,6 +67,7 @@ class SdfJoint:
     name: str
     labels: dict[str, str] = field(default_factory=dict)
     driven: dict[str, bool | None] = field(default_factory=dict)
+    efforts: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
@@ -194,6 +196,7 @@ class JointReader:
         joint.driven[tag] = None
         if axis is None:
             return {}
+        # What resists and pulls.
         dynamics, limit, found = axis.first("dynamics"), axis.first("limit"), {}
         if dynamics is not None:
             viscous, coulomb, stiffness, rest = (
@@ -208,6 +211,7 @@ class JointReader:
                 )
             found["friction"] = dynamics.make(Friction, viscous=viscous, coulomb=coulomb)
             found["spring"] = dynamics.make(Spring, stiffness=stiffness, rest=rest)
+        # What bounds the coordinate, and the force of an actuator.
         if limit is not None:
             lower, upper = (
                 limit.inner_number(name, default, most=inf)
@@ -218,7 +222,10 @@ class JointReader:
             if bounded and lower < upper:
                 found["limits"] = limit.make(Limits, **known)
             if limit.first("effort") is not None:
-                joint.driven[tag] = limit.inner_number("effort", -1.0, most=inf) != 0
+                effort = limit.inner_number("effort", -1.0, most=inf)
+                joint.driven[tag] = effort != 0
+                if 0 < effort < NO_LIMIT:
+                    joint.efforts[tag] = effort
         return found
 
     def _pitch(self, element: Element) -> float:

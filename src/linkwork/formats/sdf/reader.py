@@ -75,13 +75,15 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     joints: dict[str, Joint] = {**_free(scopes, keys, reader), **reader.joints}
     bodies |= reader.between
     loops = sum(isinstance(joint, PairJoint) for joint in joints.values()) > len(bodies)
+    actuators = _driven(reader, loops, root, notes)
     try:
         return Mechanism(
             name=_name(root, top),
             gravity=_gravity(top),
             bodies=bodies,
             joints=joints,
-            actuators=_driven(reader, loops, root, notes),
+            actuators=actuators,
+            drives=_drives(reader, actuators, root, notes),
             tools=_tools(scopes, keys, notes),
         )
     except MechanismError as error:
@@ -182,6 +184,24 @@ def _driven(reader: JointReader, loops: bool, root: Element, notes: Notes) -> tu
     if axes:
         notes.say(f"{where}: nothing says which joints are driven; all hinges and slides are")
     return tuple(label for label, _ in axes)
+
+
+def _drives(
+    reader: JointReader, actuators: tuple[str, ...], root: Element, notes: Notes
+) -> dict[str, dict[str, float | str]]:
+    """Return the limits of effort as drives that bound the forces."""
+    drives = {
+        joint.labels[tag]: {"type": "saturated", "limit": effort}
+        for joint in reader.read
+        for tag, effort in joint.efforts.items()
+        if joint.labels.get(tag) in actuators
+    }
+    if drives:
+        notes.say(
+            f"{root.file.name}: limits of effort are the mechanism's drives; they act in runs that "
+            "are given them (drives=robot.drives)"
+        )
+    return drives
 
 
 def _tools(scopes: list[Scope], keys: dict[str, str], notes: Notes) -> dict[str, Tool]:

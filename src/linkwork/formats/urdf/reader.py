@@ -19,6 +19,7 @@ from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
+from linkwork.formats.urdf.actuators import read_actuation
 from linkwork.formats.urdf.model import (
     ONE_FREEDOM,
     UrdfJoint,
@@ -122,17 +123,15 @@ def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     # What couples joints, and which of them are driven.
     gears, loops = _mimics(model, notes), closures.joints(model)
     used, tool_names = closures.frames(), FreeNames(notes)
-    actuators = (
-        closures.actuators
-        if closures.actuators is not None
-        else _actuators(model, bool(loops), notes)
-    )
+    actuation = read_actuation(model, closures.actuators, bool(loops), notes)
     try:
         return Mechanism(
             name=root.attributes.get("name") or root.file.stem,
             bodies=bodies,
             joints=joints | gears | loops,
-            actuators=tuple(model.labels[name] for name in actuators),
+            transmissions=actuation.transmissions,
+            actuators=tuple(actuation.names),
+            drives=actuation.drives,
             tools={
                 tool_names.give(link, model.links[link]): Tool(body=body, frame=poses.frame_of(X))
                 for link, (body, X) in model.frames.items()
@@ -361,45 +360,3 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
             gear = mimic.make(GearJoint, ratios=ratios, offset=mimic.number("offset", 0.0))
             gears[model.names.give(f"{joint.name}_mimic")] = gear
     return gears
-
-
-def _actuators(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
-    """Return the joints of the transmissions; without any, all hinges and slides of a tree that
-    mimic none."""
-    # What transmissions name.
-    driven = [
-        part
-        for transmission in model.root.each("transmission")
-        for part in transmission.each("joint")
-    ]
-    named: dict[str, None] = {}
-    for element in driven:
-        name = element.text("name")
-        if name not in model.joints:
-            notes.on(element, "is driven by a transmission, which is left out: it is not there")
-        elif model.joints[name].type in ONE_FREEDOM:
-            named[name] = None
-        else:
-            notes.on(
-                element, "is driven by a transmission, which is left out: it is no hinge or slide"
-            )
-    if driven:
-        return tuple(named)
-    # Without any: what moves by itself in a tree, nothing in a loop, where it would be too many.
-    where = model.root.file.name
-    if loops:
-        notes.say(f"{where}: nothing says which joints are driven; name the actuators")
-        return ()
-    moving = tuple(
-        joint.name
-        for joint in model.joints.values()
-        if joint.type in ONE_FREEDOM
-        and joint.element.first("mimic") is None
-        and joint.child not in model.frames
-    )
-    if moving:
-        notes.say(
-            f"{where}: nothing says which joints are driven; all hinges and slides that mimic no "
-            "other are actuators"
-        )
-    return moving
