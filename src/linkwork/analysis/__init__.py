@@ -1,6 +1,7 @@
 """Study a robot: its branches, singularities and workspace, small motions, parameters from
 measurements, statics."""
 
+from linkwork.analysis._actuation import ActuationModel, actuation
 from linkwork.analysis._assembly_modes import Modes, assembly_modes, working_modes
 from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
@@ -20,6 +21,7 @@ from linkwork.analysis.singularities import Singularity, along, loci, singularit
 from linkwork.model.linear import holding
 
 __all__ = [
+    "ActuationModel",
     "Base",
     "Equilibrium",
     "Excitation",
@@ -30,6 +32,7 @@ __all__ = [
     "Modes",
     "NaturalModes",
     "Singularity",
+    "actuation",
     "along",
     "assembly_modes",
     "base_parameters",
