@@ -323,6 +323,14 @@ class Equations:
         return SX(vector(self.mechanism.gravity))
 
 
+def conditions(equations: Equations) -> ca.SX:
+    """Return the largest |phi| in own units, of rows that are not held what rounded numbers do not
+    explain, and how far quaternions are from length 1."""
+    rows = equations.rows
+    every = ca.vertcat(rows.phi * ca.DM(1 / rows.units), *equations.tree.norms(), rows.excess)
+    return ca.mmax(ca.fabs(every)) if equations.constrained else SX(0)
+
+
 def sizes(samples: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the lengths of Phi's columns, and those of its rows over these.
 

@@ -13,7 +13,7 @@ from linkwork.equations import body_motion, dynamics, effects
 from linkwork.equations import regressor as linear
 from linkwork.equations.algebra import SX, dot, vector
 from linkwork.equations.elimination import solve
-from linkwork.equations.equations import Equations
+from linkwork.equations.equations import Equations, conditions
 from linkwork.equations.joint_map import derivative
 
 
@@ -87,14 +87,9 @@ def closure_step(equations: Equations) -> ca.Function:
     """
     tree, phi = equations.tree, equations.rows.phi
     step, _ = solve(equations.chart, equations.rows.Phi, -phi)
-    q = tree.q + tree.derivatives(equations.scatter(step, SX.zeros(equations.mobility, 1)))
-    for places, _ in tree.quaternions:
-        q[list(places)] *= (3 - ca.sumsqr(tree.q[list(places)])) / 2
-    conditions = ca.vertcat(
-        phi * ca.DM(1 / equations.rows.units), *tree.norms(), equations.rows.excess
-    )
-    largest = ca.mmax(ca.fabs(conditions)) if equations.constrained else SX(0)
-    return function("closure_step", equations, {"q_next": q, "residual": largest})
+    step = equations.scatter(step, SX.zeros(equations.mobility, 1))
+    q = tree.normed(tree.q + tree.derivatives(step))
+    return function("closure_step", equations, {"q_next": q, "residual": conditions(equations)})
 
 
 def unheld_gap(equations: Equations) -> ca.Function:

@@ -267,6 +267,12 @@ class Tree:
         """Return q' for the rates w."""
         return ca.mtimes(self.derivative_map, rates)
 
+    def normed(self, q: ca.SX) -> ca.SX:
+        """Return q with the quaternions scaled by what brings those of the tree's q to length 1."""
+        for places, _ in self.quaternions:
+            q[list(places)] *= (3 - ca.sumsqr(self.q[list(places)])) / 2
+        return q
+
     def norms(self) -> list[ca.SX]:
         """Return (p . p - 1) / 2 of every quaternion, which stays zero."""
         return [(ca.sumsqr(self.q[list(places)]) - 1) / 2 for places, _ in self.quaternions]

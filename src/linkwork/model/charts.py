@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from threading import RLock
 from typing import Any, TypeVar
 
@@ -28,7 +28,9 @@ from linkwork.equations.chart import Chart, faced
 from linkwork.equations.chart_choice import DETERMINED, strengths
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels.bound import BoundFunction
 from linkwork.model.derivations import kept
+from linkwork.model.tabled import tabled
 
 KERNELS = (
     "motion",
@@ -51,18 +53,25 @@ KERNELS = (
     "regressor",
 )
 Found = TypeVar("Found")
+LARGE = 5000  # instructions of a motion that takes longer to compile than a run should wait for
+OWN = 100_000  # evaluations of a chart by its table that take as long as compiling it does
 BUILDING = RLock()  # expressions are built by one thread at a time
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledChart:
     """Hold the equations in one chart, the values p (np) of their free parameters, and their
-    kernels by name."""
+    kernels by name.
+
+    home: the chart that keeps what all charts share; None of a chart that runs start in
+    """
 
     equations: Equations
     p: np.ndarray
     _kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
     _kept: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    home: CompiledChart | None = field(default=None, repr=False)
+    _counted: list[int] = field(default_factory=lambda: [0], repr=False)
 
     def with_parameters(self, p: np.ndarray) -> CompiledChart:
         """Return the chart with other values of the free parameters; both share their kernels."""
@@ -91,6 +100,34 @@ class CompiledChart:
             if key not in self._kernels:
                 self._kernels[key] = compile_function(make(self.equations))
             return self._kernels[key]
+
+    def single(self, name: str) -> Kernel | BoundFunction:
+        """Return what evaluates one state of a run: motion, closure_step or tree_rates.
+
+        That is the kernel; but in charts that a run of a large mechanism came upon a table is told
+        to code that is there already (`tabled`), until the chart has been used for so long that
+        code of its own pays.
+        """
+        tabled = self.home is not None and self.home.large and self._counted[0] < OWN
+        return self._tabled(name) if tabled else self.kernel(name)
+
+    def count(self, evaluations: int) -> None:
+        """Count how often the chart was evaluated one by one."""
+        self._counted[0] += evaluations
+
+    @cached_property
+    def _tabled(self) -> Callable[[str], BoundFunction]:
+        shared = self.home or self
+        return lru_cache(maxsize=None)(partial(tabled, shared.compiled, self.equations))
+
+    @cached_property
+    def large(self) -> bool:
+        """Whether compiling the motion takes longer than a run should wait for."""
+
+        def instructions() -> np.ndarray:
+            return np.array(functions.motion(self.equations).n_instructions())
+
+        return self.kept("instructions", instructions).item() > LARGE
 
     def kept(self, key: str, find: Callable[[], np.ndarray]) -> np.ndarray:
         """Return what was found of these equations under a key, found once for all charts that
@@ -160,7 +197,7 @@ class CompiledChart:
 
     def pivot(self, q: np.ndarray) -> float:
         """Return the weakest relative pivot at one configuration."""
-        return self.kernel("tree_rates").flat(q, np.zeros(len(self.independent)), self.p).item(-1)
+        return self.single("tree_rates").flat(q, np.zeros(len(self.independent)), self.p).item(-1)
 
     def tree_rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return w = L v (..., nv), the rates of the whole tree."""
@@ -169,11 +206,10 @@ class CompiledChart:
     def weighed(self, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return w = L v (..., nv) and the weakest relative pivot (...); one state takes the
         shortest way."""
-        kernel = self.kernel("tree_rates")
         if q.ndim == v.ndim == p.ndim == 1:
-            w = kernel.flat(q, v, p)
+            w = self.single("tree_rates").flat(q, v, p)
             return w[:-1], w[-1]
-        w, pivot = kernel(q, v, p)
+        w, pivot = self.kernel("tree_rates")(q, v, p)
         return w, pivot[..., 0]
 
     def from_tree(self, w: np.ndarray) -> np.ndarray:
@@ -230,7 +266,7 @@ class CompiledChart:
 
     def in_chart(self, chart: Chart) -> CompiledChart:
         """Return the same equations in another chart."""
-        return CompiledChart(self.equations.in_chart(chart), self.p)
+        return CompiledChart(self.equations.in_chart(chart), self.p, home=self.home or self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ doors."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from os import PathLike
 from typing import Any
@@ -128,7 +129,7 @@ class Model:
             return self.origin.run_chart.with_parameters(self.p)
         home, equations = self.chart, self.equations
         found = kept(lambda: shorter(home, equations.reference).key, "run chart", equations.key)
-        chart = home if found == home.key else home.in_chart(found)
+        chart = home if found == home.key else replace(home.in_chart(found), home=None)
         return self.charts.setdefault(chart.independent, chart)
 
     @cached_property

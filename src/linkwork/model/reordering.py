@@ -33,7 +33,7 @@ def ordered(
     p: values of the robot's free parameters (np), its own if left out
     """
     given = robot.p if p is None else p
-    weakest = chart.kernel("tree_rates").flat(q, np.zeros(len(chart.independent)), given).item(-1)
+    weakest = chart.single("tree_rates").flat(q, np.zeros(len(chart.independent)), given).item(-1)
     if abs(weakest) > checks.PIVOT_BOUND or not np.isfinite(q).all():
         return chart
     with BUILDING:

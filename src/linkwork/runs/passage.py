@@ -193,6 +193,7 @@ class Passage:
             yield Segment(
                 stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again
             )
+            stand.chart.count(trajectory.nfev)
             stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory) -> Stand | None:
@@ -299,8 +300,8 @@ class Passage:
         system, settings, robot = self.system, self.settings, self.robot
         size = robot.equations.nq + robot.mobility + len(system.states)
         return Problem(
-            system.kernel(chart, "motion").address,
-            chart.kernel("closure_step").address if robot.equations.constrained else 0,
+            system.motion(chart),
+            chart.single("closure_step").address if robot.equations.constrained else 0,
             self.with_jacobian.jacobian(chart) if method.stiff else 0,
             system.p(chart),
             inputs,

@@ -130,6 +130,12 @@ class System:
             f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)()
         )
 
+    def motion(self, chart: CompiledChart) -> int:
+        """Return the address of void(const double *in, double *out): y' and the pivot."""
+        if self.acting is None:
+            return chart.single("motion").address
+        return self.kernel(chart, "motion").address
+
     def jacobian(self, chart: CompiledChart) -> int:
         """Return the address of void(const double *in, double *out): df/dy and df/dr by columns."""
         if self.joined(chart).large:

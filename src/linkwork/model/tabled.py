@@ -1,0 +1,94 @@
+"""Charts as tables: a large mechanism's charts that runs come upon, evaluated without code of their
+own.
+
+What depends on no chart is compiled once (`equations.uncharted`); a table names the independent
+rates and the order of elimination to the code that all charts of all mechanisms share
+(`simulation.partitioned`). Results are those of a chart's own kernels but for rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations, uncharted
+from linkwork.equations.chart import Chart
+from linkwork.kernels import Kernel
+from linkwork.kernels.bound import BoundFunction
+
+Compiled = Callable[[str, Callable[[Equations], ca.Function]], Kernel]
+
+KERNELS = {"closure": uncharted.closure, "forces": uncharted.forces, "moved": uncharted.moved}
+
+
+def tabled(compiled: Compiled, equations: Equations, name: str) -> BoundFunction:
+    """Return motion, closure_step or tree_rates of equations in a chart, for one state.
+
+    compiled: returns the kernel of a function of these equations, under a key for all charts
+    """
+    from linkwork.simulation import partitioned  # Numba is opened when a run needs it
+
+    kernels = [compiled(f"uncharted {key}", make) for key, make in KERNELS.items()]
+    table = np.array(
+        [
+            *sizes(equations),
+            *(kernel.address for kernel in kernels),
+            *elimination(equations.chart, equations.rows.pattern),
+        ],
+        float,
+    )
+    nq, nv, n, *_, inputs, parameters, _ = sizes(equations)
+    shapes = {
+        "motion": (nq + n + inputs + parameters, nq + n + 1),
+        "closure_step": (nq + parameters, nq + 1),
+        "tree_rates": (nq + n + parameters, nv + 1),
+    }
+    return BoundFunction(partitioned.entry(name), table, *shapes[name], *kernels)
+
+
+def sizes(equations: Equations) -> tuple[int, ...]:
+    """Return nq, nv, n, dependent rates, rows, inputs, parameters and blocks."""
+    inputs, parameters = len(equations.mechanism.actuators), equations.p.numel()
+    rows, blocks = len(equations.rows.names), len(equations.chart.blocks)
+    dependent, n = len(equations.chart.dependent), equations.mobility
+    return equations.nq, equations.nv, n, dependent, rows, inputs, parameters, blocks
+
+
+def elimination(chart: Chart, pattern: Mapping[int, Mapping[int, bool]]) -> list[float]:
+    """Return the chart's rates and rows, and each block's size, scale and whether it varies."""
+    order = list(
+        zip(chart.blocks, [s for stage in chart.stages for s in stage.scales], strict=True)
+    )
+    columns = [c for block, _ in order for c in block.columns]
+    kept = [r for block, _ in order for r in block.rows]
+    vary = varying(chart, pattern)
+    blocks = [
+        number
+        for (block, scale), varies in zip(order, vary, strict=True)
+        for number in (len(block.rows), scale, varies)
+    ]
+    return [*chart.independent, *columns, *kept, *blocks]
+
+
+def varying(chart: Chart, pattern: Mapping[int, Mapping[int, bool]]) -> list[bool]:
+    """Tell of each block of the elimination whether its determinant depends on the configuration.
+
+    pattern: the elements of Phi that are not zero, and whether they are constant
+    """
+    found = []
+    for stage in chart.stages:
+        own = set(stage.columns)
+        constant = {r: {c: x for c, x in pattern[r].items() if c in own} for r in stage.rows}
+        for block in stage.blocks:
+            taken = {r: constant.pop(r) for r in block.rows}
+            found.append(
+                not all(x for row in taken.values() for c, x in row.items() if c in block.columns)
+            )
+            for row in constant.values():
+                if any(row.pop(c, None) is not None for c in block.columns):
+                    row |= {
+                        c: False for old in taken.values() for c in old if c not in block.columns
+                    }
+    return found

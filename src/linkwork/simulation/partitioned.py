@@ -1,0 +1,293 @@
+"""Equations in the rates of a whole tree, evaluated in independent ones that a table names.
+
+    Phi_u w_u = -Phi_a v                      w = L v = (v, L_d v),   L_d = -Phi_u^-1 Phi_a
+    M = L' H L,   r = L' (forces - H b),      b_d = -Phi_u^-1 gamma
+    M v' = r
+
+by Gauss and Jordan's elimination in the order that the table holds, so that one machine code serves
+all charts of a mechanism: slower than code of a chart's own, and there at once. The results are the
+same but for rounding.
+
+The table holds, as doubles: the sizes nq, nv, n, d (dependent rates), rows, inputs, parameters and
+blocks; the addresses of three kernels (`equations.uncharted`): closure, forces, moved; the
+independent rates (n); the dependent ones and the kept rows (d each) in the order of elimination;
+and for each block of it how many they are, the scale of its determinant, and whether that varies.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numba import cfunc, njit, types
+
+from linkwork.simulation.pointers import POINTER, call, pointer
+
+HIDDEN = 1e-13  # part of a product that rounding hides
+SIZES, ADDRESSES = 8, 3
+INVERSE = 9  # numbers of the largest block's inverse
+
+OPTIONS = {"error_model": "numpy", "nogil": True}
+ENTRY = types.void(POINTER, POINTER, POINTER)
+
+
+@njit(**OPTIONS)
+def sized(t):
+    """Return nq, nv, n, d, rows, inputs, parameters, blocks."""
+    return (
+        int(t[0]),
+        int(t[1]),
+        int(t[2]),
+        int(t[3]),
+        int(t[4]),
+        int(t[5]),
+        int(t[6]),
+        int(t[7]),
+    )
+
+
+@njit(**OPTIONS)
+def inverted(W, width, k, size, inverse):
+    """Invert a block of up to three rows and columns by cofactors; return its determinant."""
+    a = W[k * width + k]
+    if size == 1:
+        inverse[0] = 1 / a
+        return a
+    b, c, e = W[k * width + k + 1], W[(k + 1) * width + k], W[(k + 1) * width + k + 1]
+    if size == 2:
+        det = a * e - b * c
+        inverse[0], inverse[1], inverse[2], inverse[3] = e / det, -b / det, -c / det, a / det
+        return det
+    g, h = W[k * width + k + 2], W[(k + 1) * width + k + 2]
+    i, j, m = W[(k + 2) * width + k], W[(k + 2) * width + k + 1], W[(k + 2) * width + k + 2]
+    inverse[0], inverse[1], inverse[2] = e * m - h * j, g * j - b * m, b * h - g * e
+    inverse[3], inverse[4], inverse[5] = h * i - c * m, a * m - g * i, g * c - a * h
+    inverse[6], inverse[7], inverse[8] = c * j - e * i, b * i - a * j, a * e - b * c
+    det = a * inverse[0] + b * inverse[3] + g * inverse[6]
+    for index in range(INVERSE):
+        inverse[index] /= det
+    return det
+
+
+@njit(**OPTIONS)
+def eliminated(t, Phi, W):
+    """Fill W (d x (d + n + d)) with [1, L_d, Phi_u^-1] in the order of elimination; return the
+    weakest relative pivot.
+
+    Phi: rows x nv, by columns.
+    """
+    # [Phi_u, -Phi_a, 1] in the order of the table.
+    _, _, n, d, rows, _, _, blocks = sized(t)
+    independent = t + (SIZES + ADDRESSES)
+    columns, kept, order = independent + n, independent + n + d, independent + n + 2 * d
+    width = n + 2 * d
+    for i in range(d):
+        row = int(kept[i])
+        for j in range(d):
+            W[i * width + j] = Phi[int(columns[j]) * rows + row]
+            W[i * width + d + n + j] = 1.0 if i == j else 0.0
+        for j in range(n):
+            W[i * width + d + j] = -Phi[int(independent[j]) * rows + row]
+    # Block by block: its rows are solved, and taken out of all others.
+    room = np.empty(INVERSE + 3)
+    inverse = pointer(room)
+    solved = inverse + INVERSE
+    weakest, first = 0.0, True
+    k = 0
+    for block in range(blocks):
+        size, scale = int(order[3 * block]), order[3 * block + 1]
+        pivot = inverted(W, width, k, size, inverse) / scale
+        if order[3 * block + 2] != 0:
+            if first:
+                weakest, first = pivot, False
+            else:
+                least = min(abs(weakest), abs(pivot))
+                weakest = math.copysign(least, min(weakest, pivot))
+        for j in range(k + size, width):
+            for a in range(size):
+                solved[a] = 0.0
+                for b in range(size):
+                    solved[a] += inverse[a * size + b] * W[(k + b) * width + j]
+            for a in range(size):
+                W[(k + a) * width + j] = solved[a]
+        for i in range(d):
+            if i < k or i >= k + size:
+                for a in range(size):
+                    factor = W[i * width + k + a]
+                    if factor != 0:
+                        for j in range(k + size, width):
+                            W[i * width + j] -= factor * W[(k + a) * width + j]
+        k += size
+    return 1.0 if first else weakest
+
+
+@njit(**OPTIONS)
+def opened(t, q, p, W, work):
+    """Evaluate phi, Phi and the largest gap into the work, from its number nq + parameters on, and
+    eliminate; return the weakest relative pivot.
+    """
+    nq, _, _, _, rows, _, parameters, _ = sized(t)
+    for i in range(nq):
+        work[i] = q[i]
+    for i in range(parameters):
+        work[nq + i] = p[i]
+    found = work + (nq + parameters)
+    call(int(t[SIZES]), work, found)
+    return eliminated(t, found + rows, W)
+
+
+@njit(**OPTIONS)
+def whole(t, W, v, w):
+    """Fill w = L v (nv)."""
+    _, _, n, d, _, _, _, _ = sized(t)
+    independent = t + (SIZES + ADDRESSES)
+    columns, width = independent + n, n + 2 * d
+    for j in range(n):
+        w[int(independent[j])] = v[j]
+    for i in range(d):
+        total = 0.0
+        for j in range(n):
+            total += W[i * width + d + j] * v[j]
+        w[int(columns[i])] = total
+
+
+@njit(**OPTIONS)
+def solved_positive(M, n, b):
+    """Replace b by the solution of M x = b for a symmetric positive M (n x n), by M = L D L'; not
+    finite where M is singular but for rounding."""
+    lost = 0.0
+    for j in range(n):
+        largest = M[j * n + j]
+        for i in range(j):
+            M[j * n + j] -= M[i * n + j] * M[j * n + i]
+        inverse = 1 / M[j * n + j]
+        if j > 0:
+            lost += (largest * inverse) ** 2
+        for k in range(j + 1, n):
+            for i in range(j):
+                M[j * n + k] -= M[i * n + k] * M[j * n + i]
+            M[k * n + j] = M[j * n + k] * inverse
+    for j in range(n):
+        for i in range(j):
+            b[j] -= M[j * n + i] * b[i]
+    for j in range(n):
+        b[j] /= M[j * n + j]
+    for j in range(n - 1, -1, -1):
+        for k in range(j + 1, n):
+            b[j] -= M[k * n + j] * b[k]
+    if not lost < HIDDEN**-2:
+        b[0] = math.inf
+
+
+def motion(x, out, t):
+    """Compute (q, v, u, p) -> q', v' and the weakest relative pivot."""
+    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
+    independent = t + (SIZES + ADDRESSES)
+    columns, kept, width = independent + n, independent + n + d, n + 2 * d
+    given = nq + nv + inputs + parameters
+    found = nq + nv * nv + nv + rows
+    room = np.empty(d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d)
+    W = pointer(room)
+    work = W + d * width
+    pivot = opened(t, x, x + (nq + n + inputs), W, work)
+    # Forces on the tree's rates.
+    for i in range(nq):
+        work[i] = x[i]
+    whole(t, W, x + nq, work + nq)
+    for i in range(inputs + parameters):
+        work[nq + nv + i] = x[nq + n + i]
+    terms = work + given
+    call(int(t[SIZES + 1]), work, terms)
+    H, forces = terms + nq, terms + (nq + nv * nv)
+    gamma = forces + nv
+    b, HL, M = gamma + rows, gamma + (rows + d), gamma + (rows + d + d * n)
+    # b_d, and forces less H b.
+    for i in range(d):
+        b[i] = 0.0
+        for j in range(d):
+            b[i] -= W[i * width + d + n + j] * gamma[int(kept[j])]
+    for j in range(d):
+        column = int(columns[j])
+        for i in range(nv):
+            forces[i] -= H[column * nv + i] * b[j]
+    # H_dd L_d + H_da, and M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).
+    for i in range(d):
+        row = int(columns[i])
+        for j in range(n):
+            HL[i * n + j] = H[int(independent[j]) * nv + row]
+        for k in range(d):
+            factor = H[int(columns[k]) * nv + row]
+            if factor != 0:
+                for j in range(n):
+                    HL[i * n + j] += factor * W[k * width + d + j]
+    for i in range(n):
+        row = int(independent[i])
+        for j in range(n):
+            M[i * n + j] = H[int(independent[j]) * nv + row]
+        for k in range(d):
+            factor, coupled = H[int(columns[k]) * nv + row], W[k * width + d + i]
+            for j in range(i, n):
+                M[i * n + j] += factor * W[k * width + d + j] + coupled * HL[k * n + j]
+    # v'.
+    result = out + nq
+    for i in range(nq):
+        out[i] = terms[i]
+    for i in range(n):
+        result[i] = forces[int(independent[i])]
+        for k in range(d):
+            result[i] += W[k * width + d + i] * forces[int(columns[k])]
+    solved_positive(M, n, result)
+    result[n] = pivot
+
+
+def closure_step(x, out, t):
+    """Compute (q, p) -> q after one Newton step of the dependent coordinates, and the largest |phi|
+    before it."""
+    nq, nv, n, d, rows, _, parameters, _ = sized(t)
+    columns, width = t + (SIZES + ADDRESSES + n), n + 2 * d
+    kept = columns + d
+    room = np.zeros(d * width + nq + nv + parameters + rows * (nv + 1) + 1)
+    W = pointer(room)
+    work = W + d * width
+    opened(t, x, x + nq, W, work)
+    phi = work + (nq + parameters)
+    out[nq] = phi[rows * (nv + 1)]
+    step = np.zeros(nq + nv + parameters)
+    s = pointer(step)
+    for i in range(nq):
+        s[i] = x[i]
+    for i in range(d):
+        place = nq + int(columns[i])
+        for j in range(d):
+            s[place] -= W[i * width + d + n + j] * phi[int(kept[j])]
+    for i in range(parameters):
+        s[nq + nv + i] = x[nq + i]
+    call(int(t[SIZES + 2]), s, out)
+
+
+def tree_rates(x, out, t):
+    """Compute (q, v, p) -> w = L v and the weakest relative pivot."""
+    nq, nv, n, d, rows, _, parameters, _ = sized(t)
+    room = np.empty(d * (n + 2 * d) + nq + parameters + rows * (nv + 1) + 1)
+    W = pointer(room)
+    pivot = opened(t, x, x + (nq + n), W, W + d * (n + 2 * d))
+    whole(t, W, x + nq, out)
+    out[nv] = pivot
+
+
+@cache
+def entry(name: str) -> int:
+    """Return the address of void(const double *in, double *out, const double *table): motion,
+    closure_step or tree_rates; compiled once on a machine where Numba can keep it."""
+    function = {"motion": motion, "closure_step": closure_step, "tree_rates": tree_rates}[name]
+    try:
+        compiled = cfunc(ENTRY, cache=True, **OPTIONS)(function)
+    except RuntimeError:  # Numba found no folder that it may write to
+        compiled = cfunc(ENTRY, **OPTIONS)(function)
+    KEPT.append(compiled)
+    assert compiled.address is not None
+    return compiled.address
+
+
+KEPT: list[object] = []  # code lives as long as what Numba returned for it
