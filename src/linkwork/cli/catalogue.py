@@ -52,8 +52,8 @@ def named(name: str, reading: Reading = PLAIN) -> Mechanism:
         LinkworkError: there is neither, or the file is refused.
     """
     imported = find_named(name, reading)
-    tell(note for note in imported.notes if note not in imported.mechanism.caveats)
     warn(imported.mechanism, stacklevel=2)
+    tell(note for note in imported.notes if note not in imported.mechanism.caveats)
     return imported.mechanism
 
 
