@@ -20,7 +20,7 @@ import linkwork as lw
 from tests.house import SOURCE, modules
 
 STAGES = (
-    "errors moved",
+    "errors moved notebooks",
     "checks",
     "solids",
     "math paths mechanism kernels",
@@ -43,9 +43,10 @@ LATER = {
     ("linkwork.mechanism.mechanism", "linkwork.mechanism.files"),
     ("linkwork.simulation.run", "linkwork.views.plots"),
     ("linkwork.simulation.run", "linkwork.model.state"),
+    ("linkwork.notebooks", "linkwork.views.notebook"),
 }
 """What may ask a later module, in a function: a class its own file format; a run its plot, and the
-state in its file."""
+state in its file; objects their pictures in notebooks."""
 
 
 def name_of(path: Path) -> str:

@@ -16,7 +16,7 @@ classes).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -28,6 +28,7 @@ from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import checks, limits
+from linkwork.notebooks import Portrayed
 from linkwork.robot import Robot, State
 
 ROUND = 8192
@@ -38,7 +39,7 @@ MOST = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Portrayed):
     """Hold the real solutions of a direct or inverse kinematic problem, and how sure their number
     is.
 
@@ -48,7 +49,7 @@ class Modes:
     hits: how many starts ended in each; first: the number of the start that found it first
     starts: how many there were; converged: how many of them ended in a solution
     signs: (modes, stages) of the determinants of the system's stages, relative to the reference
-    within_limits: whether all joints are within their limits
+    within_limits: whether all joints are within their limits; robot: whose they are
     """
 
     what: tuple[str, ...]
@@ -60,6 +61,7 @@ class Modes:
     converged: int
     signs: np.ndarray
     within_limits: np.ndarray
+    robot: Robot | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.hits)
@@ -226,7 +228,8 @@ def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int
     inside = np.array([not limits.passed(robot, row) for row in states.positions], bool)
     hits, first = gathered.hits[order], gathered.first[order]
     asked = square.asked.told(asked) if square.asked else asked
-    return Modes(square.what, asked, states, hits, first, tried, int(hits.sum()), signs, inside)
+    count = int(hits.sum())
+    return Modes(square.what, asked, states, hits, first, tried, count, signs, inside, robot)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,10 +28,12 @@ from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
+from linkwork.notebooks import Portrayed
 from linkwork.robot import Robot, State, UnreachableError
 from linkwork.simulation import Run
 
 REWEIGHTED = 3
+SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ class Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Portrayed):
     """Hold identified base parameters.
 
     base: what they stand for; values, deviations: beta and its standard deviation (r), in the unit
@@ -61,6 +63,13 @@ class Identification:
     deviations: np.ndarray
     condition: float
     residual: np.ndarray
+
+    def __repr__(self) -> str:
+        pairs = zip(self.values, self.deviations, self.names, strict=True)
+        lines = [f"{value:.6g} +- {deviation:.2g}  {name}" for value, deviation, name in pairs]
+        rest = [f"... and {len(lines) - SHOWN} more"] if len(lines) > SHOWN else []
+        head = f"Identification({len(lines)} base parameters, condition {self.condition:.4g})"
+        return "\n  ".join([head, *(line[:WIDE] for line in lines[:SHOWN]), *rest])
 
     @property
     def names(self) -> tuple[str, ...]:

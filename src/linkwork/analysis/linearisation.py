@@ -37,6 +37,7 @@ from linkwork.robot import Robot, State
 if TYPE_CHECKING:
     import xarray
 
+SHOWN = 8  # names and numbers in a repr
 AT_REST = 1e-9  # rate, relative to those of the motions that weight and stiffness cause
 BALANCED = 1e-6  # acceleration, relative to those of weight and stiffness
 INDIFFERENT = 1e-12  # square of a frequency, relative to the largest, and to that of weight
@@ -60,6 +61,10 @@ class LinearModel:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[np.ndarray, np.ndarray]
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"LinearModel({sizes}; inputs: {', '.join(self.inputs[:SHOWN]) or 'none'})"
 
     @property
     def poles(self) -> np.ndarray:
@@ -161,6 +166,11 @@ class NaturalModes:
     K: np.ndarray
     independent: tuple[str, ...]
     rates: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        lowest = ", ".join(f"{value:.5g}" for value in self.frequencies[:SHOWN])
+        more = " ..." * (len(self.frequencies) > SHOWN)
+        return f"NaturalModes({len(self.frequencies)} modes: {lowest} Hz{more})"
 
     @property
     def stable(self) -> bool:

@@ -24,12 +24,14 @@ from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Reco
 from linkwork.mechanism.refusal import shown
 from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
 from linkwork.mechanism.transmissions import Combination, Thrust, Transmission
+from linkwork.notebooks import Portrayed
 
 if TYPE_CHECKING:
     import networkx as nx
 
 GROUND = "ground"
 SHOWN = 100  # names in one sentence
+NAMED = 6  # actuators in a repr
 
 
 class Tool(Record):
@@ -75,7 +77,7 @@ class Tool(Record):
         return self
 
 
-class Mechanism(Record):
+class Mechanism(Record, Portrayed):
     """Describe a mechanism: bodies, joints between them, point springs, contacts, actuated joints,
     tools.
 
@@ -128,6 +130,15 @@ class Mechanism(Record):
             "what the model that this was read from has and this has not, and changes the motion"
         ),
     )
+
+    def __repr__(self) -> str:
+        actuators = ", ".join(self.actuators[:NAMED]) + ", ..." * (len(self.actuators) > NAMED)
+        parts = [f"{len(self.bodies)} bodies", f"{len(self.joints)} joints"]
+        parts += [f"driven: {actuators}"] if actuators else []
+        return f"Mechanism({self.name!r}, {', '.join(parts)})"
+
+    def __str__(self) -> str:
+        return repr(self)
 
     @property
     def pairs(self) -> dict[str, PairJoint]:

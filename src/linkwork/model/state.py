@@ -12,7 +12,10 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
 from linkwork.errors import LinkworkError
+from linkwork.notebooks import Portrayed
 from linkwork.simulation.variables import LazyAttribute
+
+SHOWN = 6  # names in a repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +128,7 @@ class Reached(State):
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Portrayed):
     """Hold a motion of the whole mechanism over time (K samples).
 
     time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n)
@@ -140,6 +143,12 @@ class Motion:
     joint_accelerations: np.ndarray
     tool: np.ndarray
     what: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        count, names = len(self.time), self.state.coordinates
+        joints = ", ".join(names[:SHOWN]) + f", ... ({len(names)})" * (len(names) > SHOWN)
+        span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s" if count else ""
+        return f"Motion({count} samples{span}, joints: {joints})"
 
     @property
     def positions(self) -> np.ndarray:

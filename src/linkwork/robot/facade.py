@@ -17,6 +17,7 @@ from linkwork.model import checks, evaluation, limits, linear, posing, task
 from linkwork.model.assembly import OPEN_LOOPS
 from linkwork.model.model import Model
 from linkwork.model.state import Motion, State
+from linkwork.notebooks import Portrayed
 from linkwork.paths import Path
 from linkwork.runs.settings import settings_of
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 Weights = ArrayLike | Mapping[str, float] | None
 
 
-class Robot(Model):
+class Robot(Model, Portrayed):
     """Derive, compile and evaluate the exact equations of motion of a mechanism in independent
     rates v.
 

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.model.state import Reached, State
+from linkwork.notebooks import Portrayed
 from linkwork.runs import following
 from linkwork.runs.accuracy import compared, repeatable, tightened
 from linkwork.runs.measuring import measured
@@ -63,7 +64,7 @@ class Happened(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ensemble:
+class Ensemble(Portrayed):
     """Hold the results of N runs.
 
     status: how each member ended (N,), as `Status`; end_time: when (N,) [s]

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import count, file_path, finite, shown, suggestion
 from linkwork.errors import LinkworkError
+from linkwork.notebooks import Portrayed
 from linkwork.simulation.status import Status
 from linkwork.simulation.variables import LazyAttribute, Variable, dataset_of
 
@@ -26,7 +27,12 @@ if TYPE_CHECKING:
 
     from linkwork.model.state import State
 
-TIME, DESCRIPTION, SINGULAR_TIMES = "time", "description", "singular_times"
+NAME, TIME, DESCRIPTION, SINGULAR_TIMES = (
+    "mechanism",
+    "time",
+    "description",
+    "singular_times",
+)
 FINAL = "final_state"  # attributes of a file that begin so: positions, rates, q, names of rates
 SMOOTH = 501  # samples that draw as smooth curves
 EMPTY = "without_elements"  # attribute of a file: what has no element, which NetCDF 3 cannot hold
@@ -85,7 +91,7 @@ class Deferred(Mapping[str, Value]):
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Portrayed):
     """Hold the result of a simulation: arrays over named axes, how it ended, and what it took.
 
     `variables`: quantities by name, for instance "position" over ("time", "joint"); `coords`: the
@@ -128,6 +134,13 @@ class Run:
         if self.ended is not None or "final" in vars(self):
             known["final"] = self.final
         return known | {each.name: each.default for each in fields(self) if each.name not in known}
+
+    def __repr__(self) -> str:
+        of = f"{self.attrs[NAME]!r}, " if NAME in self.attrs else ""
+        end = f" at t = {self.time[-1]:.6g} s" if len(self.time) else ""
+        samples = f"{self.steps:,} steps, {len(self.time):,} samples"
+        error = f", error={self.error!r}" if self.error is not None else ""
+        return f"Run({of}{self.status.name}{end}, {samples}{error})"
 
     @property
     def success(self) -> bool:
