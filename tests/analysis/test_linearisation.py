@@ -18,6 +18,7 @@ from linkwork.analysis import (
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
+from tests.robot.mixed_freedoms import three_legs
 
 G = 9.81
 
@@ -209,6 +210,39 @@ def test_outputs_are_joints_and_their_rates():
     np.testing.assert_allclose(model.C[1, 3:], robot.rate_map(state)[k], atol=1e-12)
 
 
+@pytest.mark.parametrize(("name", "what"), [("prr3", "xy angle"), ("legs", "z tilt_x ry torsion")])
+def test_outputs_and_forces_of_the_tool_are_those_of_its_task(name, what):
+    robot = lw.Robot(three_legs("RRS")) if name == "legs" else built("prr3")
+    state = robot.assemble(tool=robot.task_values(robot.home) + 0.05)
+    state, names = state.with_rates([0.3, -0.2, 0.1]), tuple(what.replace("xy", "x y").split())
+    outputs = [f"tool {x}{rate}" for rate in ("", " rate") for x in names]
+    model = linearise(robot, state, outputs=outputs, inputs=("tool " + names[0], *robot.actuators))
+    xi, h, k = np.array([0.3, -0.5, 0.7]), 1e-6, len(names)
+    ends = [nudged(robot, state, sign * h * xi) for sign in (1, -1)]
+    slopes = [
+        np.subtract(*[read(one, names) for one in ends]) / (2 * h)
+        for read in (robot.task_values, robot.task_rates)
+    ]
+    found = model.C @ np.append(xi, np.zeros(3))
+    np.testing.assert_allclose(found, np.concatenate(slopes), atol=1e-6)
+    np.testing.assert_allclose(model.C[k:, 3:], model.C[:k, :3], atol=1e-12)
+    # A force on a task coordinate does what the actuators' forces do that it is worth, J' f.
+    asked = names[:3] if name == "prr3" else ("z", "rx", "ry")
+    with_forces = linearise(robot, state, inputs=[f"tool {x}" for x in asked])
+    J = jacobians(robot, asked)(state.q)[1]
+    np.testing.assert_allclose(with_forces.B, model.B[:, 1:] @ J.T, atol=1e-9)
+    np.testing.assert_allclose(with_forces.B[:, 0], model.B[:, 0], atol=1e-12)
+    assert model.inputs == ("tool " + names[0], *robot.actuators) and model.outputs == (*outputs,)
+
+
+def test_a_mass_on_a_spring_answers_forces_of_all_frequencies():
+    m, k, d = 2.0, 50.0, 3.0
+    model = linearise(cart(m, k, d), cart(m, k, d).home, outputs=("slide",))
+    omega = 2 * np.pi * np.array([[0.0, 0.3, 0.8], [1.0, 5.0, 20.0]])
+    expected = 1 / (k - m * omega**2 + 1j * d * omega)
+    np.testing.assert_allclose(model.response(omega / (2 * np.pi))[..., 0, 0], expected, rtol=1e-10)
+
+
 def test_what_no_actuator_drives_is_not_controllable():
     described = lw.robots.pendulum((1.0, 1.0), (1.0, 1.0))
     for actuators, expected in ((("hinge_1",), True), ((), False)):
@@ -234,6 +268,9 @@ def test_it_becomes_a_system_of_python_control():
         (lambda: linearise(arm(), arm().home, [1.0]), "2 numbers"),
         (lambda: linearise(arm(), arm().home, {"hinge_7": 1.0}), "there is no actuator 'hinge_7'"),
         (lambda: linearise(arm(), arm().home, outputs=("elbow",)), "there is no output 'elbow'"),
+        (lambda: linearise(arm(), arm().home, outputs=("tool w",)), "coordinate of the tool 'w'"),
+        (lambda: linearise(arm(), arm().home, inputs=("slide",)), "there is no input 'slide'"),
+        (lambda: linearise(arm(), arm().home).response("low"), "the frequencies"),
         (lambda: natural_modes(arm(), arm().home, [0.0, 0.0]), "no equilibrium under these forces"),
         (lambda: natural_modes(arm(), arm().home.with_rates([1.0, 0.0])), "the state moves"),
         (lambda: tool_stiffness(arm(), arm().home, {"hinge_1": 1.0}), "leave the robot loose"),

@@ -59,6 +59,18 @@ def derivatives(equations: Equations) -> ca.Function:
     return functions.function("derivatives", equations, outputs, v=v, u=u)
 
 
+def row_derivatives(equations: Equations, J: ca.SX) -> ca.Function:
+    """Return (q, v, p) -> J L (k x n) and d(J L v)/d xi (k x n), for rows J (k x nv) of what moves
+    by x' = J w."""
+    L, v = equations.elimination.L, equations.v
+    moved = ca.mtimes(J, L)
+    along = ca.jtimes(
+        ca.mtimes(moved, v), equations.tree.q, ca.mtimes(equations.tree.derivative_map, L)
+    )
+    outputs = {"J": moved, "J_xi": along}
+    return functions.function("row_derivatives", equations, outputs, v=v)
+
+
 def shifted(matrix: ca.SX, q: ca.SX, dq: ca.SX) -> ca.SX:
     """Return the derivative of a matrix of q along dq."""
     return ca.reshape(ca.jtimes(ca.vec(ca.densify(matrix)), q, dq), *matrix.shape)
