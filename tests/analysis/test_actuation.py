@@ -177,15 +177,19 @@ def test_the_exported_c_gives_the_same_numbers(tmp_path):
         assert getattr(loaded, name)(*lists, counts, counts, 0) == 0
         return results
 
-    J, _ = call("jacobian", state.q, sizes=(4, 1))
+    J, *_ = call("jacobian", state.q, sizes=(4, 1, 1))
     assert J.reshape(2, 2) == pytest.approx(model.jacobian(state), abs=1e-13)
     v = model._rates(state)
-    assert call("jacobian_rate", state.q, v, sizes=(4,))[0].reshape(2, 2) == pytest.approx(
+    assert call("jacobian_rate", state.q, v, sizes=(4, 1, 1))[0].reshape(2, 2) == pytest.approx(
         model.jacobian_rate(state), abs=1e-12
     )
-    M, h = call("dynamics", state.q, v, sizes=(4, 2))
+    M, *_ = call("joint_inertia", state.q, sizes=(4, 1, 1))
+    h, *_ = call("joint_bias", state.q, v, sizes=(2, 1, 1))
     assert M.reshape(2, 2) == pytest.approx(model.inertia(state), abs=1e-13)
     assert h == pytest.approx(model.bias(state), abs=1e-12)
+    u = np.array([3.0, -1.0])
+    torques, *_ = call("motor_torques", state.q, u, sizes=(2, 1, 1))
+    assert torques == pytest.approx(model.motor_torques(state, u), abs=1e-12)
     q = state.q + 1e-3  # opened, and closed again step by step at the joints that it has
     for _ in range(5):
         q, gap = call("closure_step", q, sizes=(len(q), 1))

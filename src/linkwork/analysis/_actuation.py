@@ -12,9 +12,10 @@ count. In the motors' coordinates they are  J^-T M J^-1  and  J^-T (h - M J^-1 J
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -23,8 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork import checks
-from linkwork.equations import Equations, functions
-from linkwork.equations.joint_map import derivative
+from linkwork.analysis import loop_map as maps
+from linkwork.analysis.loop_map import LoopMap
+from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.model.charts import CompiledChart
@@ -36,8 +38,8 @@ Side = Literal["joints", "motors"]
 APART = 1e-9
 """Motor rate by a joint that is not named, over the largest by one that is, in own units."""
 SIDEWAYS = 1e-7
-"""Smallest singular value of J from which it is inverted, over its largest there or where the
-equations are arranged, in own units."""
+"""Least determinant of a block of J from which it is inverted, over that where the equations are
+arranged."""
 
 
 class TransferredLimits(NamedTuple):
@@ -121,47 +123,38 @@ class ActuationModel:
         Raises:
             SingularError: where the joints do not determine the motors.
         """
-        q, k = self.robot.own(state).q, len(self.joints)
-        if q.ndim == 1:
-            y = self._jacobian.flat(q, self.robot.p)
-            if not abs(y.item(-1)) > PIVOT_BOUND:
-                raise self._singular()
-            return y[:-1].reshape(k, k)
-        J, pivot = self._jacobian(q, self.robot.p)
-        if not np.abs(pivot).min(initial=np.inf) > PIVOT_BOUND:
-            raise self._singular()
-        return J.reshape(*q.shape[:-1], k, k)
+        return self._square(self._found("jacobian", state))
 
     def jacobian_rate(self, state: State) -> np.ndarray:
         """Return J' (..., k, k) for the rates of the state."""
-        q, k = self.robot.own(state).q, len(self.joints)
-        found = self._jacobian_rate(q, self._rates(state), self.robot.p)[0]
-        return found.reshape(*q.shape[:-1], k, k)
+        return self._square(self._found("jacobian_rate", state, self._rates(state)))
 
     def motor_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the motors for rates of the joints, J w."""
-        return applied(self.jacobian(state), self._given(rates, "rates", "joints"))
+        return self._found("motor_rates", state, self._given(rates, "rates", "joints"))
 
     def joint_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the joints for rates of the motors, J^-1 w_m."""
-        return applied(self._inverse(state), self._given(rates, "rates", "motors"))
+        return self._found("joint_rates", state, self._given(rates, "rates", "motors"))
 
     def joint_torques(self, state: State, torques: ArrayLike) -> np.ndarray:
         """Return the torques (..., k) that those of the motors make in the joints, J^T u."""
-        J = np.swapaxes(self.jacobian(state), -1, -2)
-        return applied(J, self._given(torques, "torques", "motors"))
+        return self._found("joint_torques", state, self._given(torques, "torques", "motors"))
 
     def motor_torques(self, state: State, torques: ArrayLike) -> np.ndarray:
-        """Return the torques (..., k) of the motors that make those in the joints, J^-T u_j."""
-        J = np.swapaxes(self._inverse(state), -1, -2)
-        return applied(J, self._given(torques, "torques", "joints"))
+        """Return the torques (..., k) of the motors that make those in the joints, J^-T u_j.
+
+        Raises:
+            SingularError: where the motors do not hold the joints.
+        """
+        return self._found("motor_torques", state, self._given(torques, "torques", "joints"))
 
     # Dynamics
 
     def inertia(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return the apparent inertia (..., k, k) at the joints, or at the motors: that of the
         whole mechanism, the other independent rates held."""
-        M = self._terms(state)[0]
+        M = self._square(self._found("joint_inertia", state))
         if self._named(side) is self.joints:
             return M
         inverse = self._inverse(state)
@@ -170,11 +163,12 @@ class ActuationModel:
     def bias(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return h (..., k), C v + G - f: the torques at the joints, or at the motors, without
         accelerations of these."""
-        M, h, rates = self._terms(state)
+        v = self._rates(state)
+        h = self._found("joint_bias", state, v)
         if self._named(side) is self.joints:
             return h
-        inverse = self._inverse(state)
-        turning = applied(self.jacobian_rate(state), rates)
+        inverse, M = self._inverse(state), self.inertia(state)
+        turning = applied(self.jacobian_rate(state), v[..., self._places])
         return applied(np.swapaxes(inverse, -1, -2), h - applied(M @ inverse, turning))
 
     # Limits and gains
@@ -239,17 +233,12 @@ class ActuationModel:
         and others, in the order of `chart.equations`.
 
         closure_step: q -> q after a Newton step that closes the loops at the same joints, and the
-        gap before it; jacobian: q -> J, and the weakest pivot; jacobian_rate: (q, v) -> J';
-        dynamics: (q, v) -> M, C v + G - f of all independent rates.
+        gap before it; jacobian: q -> J' row by row; jacobian_rate: (q, v) -> J', row by row;
+        joint_torques, motor_torques: (q, torques of the other side); joint_inertia: q -> M;
+        joint_bias: (q, v) -> h. After these outputs each gives the weakest relative pivot.
         """
-        equations = self.chart.equations
-        M, h = equations.inertia[0], equations.bias_forces(equations.gravity)
-        return (
-            functions.closure_step(equations),
-            jacobian_function(equations, self.joints, self.motors),
-            rate_function(equations, self.joints, self.motors),
-            functions.function("dynamics", equations, {"M": M, "h": h}, v=equations.v),
-        )
+        made = (maps.function(self.map, name) for name in maps.OUTPUTS)
+        return (functions.closure_step(self.chart.equations), *made)
 
     def write_c(self, path: str | Path) -> Path:
         """Write the functions of `functions` as one C file without dependencies; matrices are
@@ -275,18 +264,57 @@ class ActuationModel:
         return self.joints if side == "joints" else self.motors
 
     @cached_property
-    def _jacobian(self) -> Kernel:
-        return self.chart.compiled(
-            f"jacobian of {self.motors} by {self.joints}",
-            lambda equations: jacobian_function(equations, self.joints, self.motors),
-        )
+    def map(self) -> LoopMap:
+        """The same as expressions."""
+        return LoopMap(self.chart.equations, self.joints, self.motors)
 
     @cached_property
-    def _jacobian_rate(self) -> Kernel:
-        return self.chart.compiled(
-            f"jacobian rate of {self.motors} by {self.joints}",
-            lambda equations: rate_function(equations, self.joints, self.motors),
+    def _kernels(self) -> Mapping[str, Kernel]:
+        """What was asked of the map, compiled: by name and by what it is of."""
+        return {
+            name: self.chart.compiled(
+                f"{name} of {self.motors} by {self.joints}",
+                lambda _, name=name: maps.function(self.map, name),
+            )
+            for name in maps.OUTPUTS
+        }
+
+    def _found(self, name: str, state: State, *given: np.ndarray) -> np.ndarray:
+        """Return what a kernel gives (..., size) at states, refused where it is not defined; one
+        state takes the shortest way."""
+        kernel, q = self._kernels[name], self.robot.own(state).q
+        least = SIDEWAYS * self._usual if name in maps.INVERTED else 0.0
+        if q.ndim == 1 and (not given or given[0].ndim == 1):
+            y = kernel.flat(q, *given, self.robot.p)
+            *_, pivot, side = numbers = y.tolist()
+            if isfinite(sum(numbers)) and abs(pivot) > PIVOT_BOUND and abs(side) > least:
+                return y[:-2]
+        found, pivots, sides = kernel(q, *given, self.robot.p)
+        for part in given:
+            checks.finite(part, "what is given")
+        if not np.abs(pivots).min(initial=np.inf) > PIVOT_BOUND:
+            raise SingularError(
+                f"the joints {', '.join(self.joints)} do not determine the motors "
+                f"{', '.join(self.motors)} here: the loops are singular; take another pose"
+            )
+        if not np.abs(sides).min(initial=np.inf) > least:
+            raise SingularError(
+                f"the motors {', '.join(self.motors)} do not hold {', '.join(self.joints)} in this "
+                "pose: their Jacobian is singular; take another pose"
+            )
+        return found
+
+    def _square(self, found: np.ndarray) -> np.ndarray:
+        k = len(self.joints)
+        return found.reshape(*found.shape[:-1], k, k)
+
+    @cached_property
+    def _usual(self) -> float:
+        """The least determinant of a block of J, in own units, where the equations are arranged."""
+        y = self._kernels["joint_rates"].flat(
+            self.about.q, np.zeros(len(self.joints)), self.robot.p
         )
+        return abs(y.item(-1))
 
     @cached_property
     def _places(self) -> list[int]:
@@ -296,49 +324,14 @@ class ActuationModel:
     def _rates(self, state: State) -> np.ndarray:
         """Return the rates of a state in the model's chart, those of others as they are."""
         given = self.robot.chart_of(self.robot.own(state))
-        return self.chart.from_tree(given.tree_rates(state.q, state.rates))
-
-    def _terms(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return M (..., k, k), h and w (..., k)."""
-        v, n, at = self._rates(state), self.robot.mobility, self._places
-        M, Cv, G, f, pivot = self.chart.kernel("terms")(state.q, v, self.robot.p)
-        if not np.abs(pivot).min(initial=np.inf) > PIVOT_BOUND:
-            raise self._singular()
-        M = M.reshape(*state.batch, n, n)[..., at, :][..., at]
-        return M, (Cv + G - f)[..., at], v[..., at]
-
-    @cached_property
-    def _units(self) -> tuple[np.ndarray, np.ndarray]:
-        """Own units of motors' and joints' rates."""
-        length = self.robot.equations.tree.length
-        kinds = (
-            np.array([length if self.robot.unit(name) == "m" else 1.0 for name in part])
-            for part in (self.motors, self.joints)
-        )
-        return next(kinds), next(kinds)
-
-    def _singular_values(self, J: np.ndarray) -> np.ndarray:
-        """Return the singular values (..., k) of J in own units."""
-        motors, joints = self._units
-        return np.linalg.svd(J * joints / motors[:, None], compute_uv=False)
-
-    @cached_property
-    def _usual(self) -> float:
-        """The largest singular value of J where the equations are arranged."""
-        return float(self._singular_values(self.jacobian(self.about))[0])
+        if given.independent == self.chart.independent:
+            return state.rates
+        w = given.weighed(state.q, state.rates, self.robot.p)[0]
+        return w.take(self.chart.equations.chart.independent, axis=-1)
 
     def _inverse(self, state: State) -> np.ndarray:
-        """Return J^-1; refuse poses where the motors do not hold the joints."""
-        J = self.jacobian(state)
-        values = self._singular_values(J)
-        weak = np.atleast_1d(values[..., -1] <= SIDEWAYS * np.maximum(values[..., 0], self._usual))
-        if weak.any():
-            which = f" of state {int(np.argmax(weak.ravel()))}" if state.batch else ""
-            raise SingularError(
-                f"the motors {', '.join(self.motors)} do not hold {', '.join(self.joints)} in this "
-                f"pose{which}: their Jacobian is singular; take another pose"
-            )
-        return np.linalg.inv(J)
+        """Return J^-1 (..., k, k), refused where the motors do not hold the joints."""
+        return self._square(self._found("inverse", state))
 
     def _bent(self, state: State, torques: ArrayLike | None) -> np.ndarray:
         """Return G (..., k, k), the derivative of J^T u along each joint: J' is linear in the
@@ -348,12 +341,12 @@ class ActuationModel:
             return np.zeros((*state.batch, k, k))
         u, columns = self._given(torques, "torques", "motors"), []
         for place in self._places:
-            dJ = self._jacobian_rate(q, np.eye(n)[place], self.robot.p)[0]
-            columns.append(applied(np.swapaxes(dJ.reshape(*state.batch, k, k), -1, -2), u))
+            dJ = self._square(self._kernels["jacobian_rate"](q, np.eye(n)[place], self.robot.p)[0])
+            columns.append(applied(np.swapaxes(dJ, -1, -2), u))
         return np.stack(columns, axis=-1)
 
     def _given(self, values: ArrayLike, what: str, side: Side) -> np.ndarray:
-        array = checks.finite(values, what)
+        array = values if isinstance(values, np.ndarray) else checks.finite(values, what)
         if array.shape[-1:] != (len(self.joints),):
             raise LinkworkError(
                 f"{what} have the shape {array.shape}; give {', '.join(self._named(side))} in the "
@@ -376,12 +369,6 @@ class ActuationModel:
                 f"{what} has the shape {array.shape}; give one number, {k}, or {k} x {k}"
             )
         return array if array.ndim == 2 else np.diag(np.broadcast_to(array, (k,)))
-
-    def _singular(self) -> SingularError:
-        return SingularError(
-            f"the joints {', '.join(self.joints)} do not determine the motors "
-            f"{', '.join(self.motors)} here: the loops are singular; take another pose"
-        )
 
     def __repr__(self) -> str:
         return f"ActuationModel({', '.join(self.joints)} <- {', '.join(self.motors)})"
@@ -470,30 +457,6 @@ def require_apart(model: ActuationModel, q: np.ndarray) -> None:
                 f"the motor {motor!r} moves with {name!r}, too; name it among the joints, with one "
                 "more motor"
             )
-
-
-def jacobian_of(equations: Equations, joints: tuple[str, ...], motors: tuple[str, ...]) -> ca.SX:
-    """Return J as an expression."""
-    rows = ca.mtimes(equations.joints.rate_rows(motors), equations.elimination.L)
-    return rows[:, [equations.independent.index(name) for name in joints]]
-
-
-def jacobian_function(
-    equations: Equations, joints: tuple[str, ...], motors: tuple[str, ...]
-) -> ca.Function:
-    """Return q -> J row by row and the weakest relative pivot."""
-    J = jacobian_of(equations, joints, motors)
-    outputs = {"J": J.T, "pivot": equations.elimination.pivot}
-    return functions.function("jacobian", equations, outputs)
-
-
-def rate_function(
-    equations: Equations, joints: tuple[str, ...], motors: tuple[str, ...]
-) -> ca.Function:
-    """Return (q, v) -> J' row by row."""
-    J = jacobian_of(equations, joints, motors)
-    rate = derivative(J, equations.tree, equations.rates)
-    return functions.function("jacobian_rate", equations, {"dJ": rate.T}, v=equations.v)
 
 
 def applied(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
