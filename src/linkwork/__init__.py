@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from linkwork.mechanism import (
         Body,
         Box,
+        Bristle,
         Capsule,
         Combination,
         Contact,
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Body",
     "Box",
+    "Bristle",
     "Capsule",
     "Combination",
     "Contact",

@@ -43,7 +43,8 @@ class Acting:
     function: (t, references, held, extras, parameters, *quantities) -> `OUTPUTS`
     quantities: what it reads of the robot; timed: whether it reads the time
     references: signals over time, after the commands where no controller gives these; extras: extra
-        states
+        states of drives and the controller, then those of the robot's bristles, whose rates the
+        equations give
     parameters: values by name
     followed: coordinates that have states of their own, behind the extras, which tell their turns
         (`continued`)
@@ -205,12 +206,13 @@ def act(
     require_law(names, law)
     require_drives(names, drives)
     require_bodies(names, wrenches)
-    # One symbolic trace: extra states of drives first, then those of the controller.
+    # One symbolic trace: extra states of drives first, then those of the controller, and bristles.
     of_drives = [
         x._replace(name=f"{name}.{x.name}") for name, drive in drives.items() for x in drive.extras
     ]
     own = states_of(law, names.actuators)
-    tracer = Tracer(replace(names, extras=tuple(extra.name for extra in (*of_drives, *own))))
+    extras = (*of_drives, *own, *bristles(names))
+    tracer = Tracer(replace(names, extras=tuple(extra.name for extra in extras)))
     command = commanded(tracer, law, [extra.name for extra in own])
     force, rates = driven(tracer, command.values, drives)
     parts = [
@@ -238,13 +240,18 @@ def act(
         quantities=quantities,
         timed=timed or sampler is not None,
         references=tuple(tracer.references),
-        extras=(*of_drives, *own),
+        extras=extras,
         parameters={name: value for name, (value, _) in tracer.parameters.items()},
         drives=tuple(drives.get(name, Ideal()) for name in names.actuators),
         wrenches=tuple(wrenches),
         events=tuple(events),
         sampler=sampler,
     )
+
+
+def bristles(names: Names) -> tuple[Extra, ...]:
+    """Return the states of the robot's bristles, which are straight at the start."""
+    return tuple(Extra(name, of.unit, 0.0) for of in names.strains for name in of.names)
 
 
 def require_law(names: Names, law: Law | Sampler | None) -> None:

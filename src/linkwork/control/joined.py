@@ -9,7 +9,7 @@ u, w_i and z' are those of `Acting`, at the quantities of this chart. The integr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -20,6 +20,7 @@ from linkwork.control.continued import continued
 from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
 from linkwork.equations import Equations
+from linkwork.equations.powers import contact_terms, power_terms
 
 WRITTEN_OUT = 50_000
 """Columns of a Jacobian times instructions of the motion up to which it is one straight-line
@@ -33,16 +34,28 @@ class Joined:
     equations: Equations
     acting: Acting
 
+    @classmethod
+    def of(cls, equations: Equations, acting: Acting) -> Joined:
+        """Join equations in one chart with what acts; the states of bristles become symbols."""
+        names = {strain.of: len(strain.names) for strain in acting.names.strains}
+        strains = {of: ca.SX.sym(of, size) for of, size in names.items()}
+        return cls(replace(equations, strains=strains) if strains else equations, acting)
+
     @cached_property
     def inputs(self) -> dict[str, ca.SX]:
         """Symbols of the kernels' inputs: q, v, z, r, p."""
         function = self.acting.function
         p = ca.SX.sym("p", function.numel_in("parameters"))
+        strained = ca.vertcat(ca.SX(0, 1), *self.equations.strains.values())
         count = int(self.acting.timed) + function.numel_in("references") + function.numel_in("held")
         return {
             "q": self.equations.tree.q,
             "v": self.equations.v,
-            "z": ca.SX.sym("z", function.numel_in("extras") + sum(map(len, self.acting.followed))),
+            "z": ca.vertcat(
+                ca.SX.sym("z", function.numel_in("extras") - strained.numel()),
+                strained,
+                ca.SX.sym("followed", sum(map(len, self.acting.followed))),
+            ),
             "r": ca.SX.sym("r", count),
             "p": ca.vertcat(self.equations.p, p),
         }
@@ -56,6 +69,7 @@ class Joined:
             int(self.acting.timed),
             self.inputs.values(),
         )
+        # What acts, for the quantities of this chart.
         held = function.numel_in("held")
         extras = function.numel_in("extras")
         followed = [*continued(self.equations, self.acting.followed, z[extras:])]
@@ -72,13 +86,19 @@ class Joined:
             r[0] if timed else 0, references, r[r.numel() - held :], z[:extras], own, *values
         )
         outputs = dict(zip(OUTPUTS, found, strict=True))
+        # Wrenches in the ground's axes.
         parts = ca.vertsplit(outputs["wrenches"], 6) if self.acting.wrenches else []
         in_ground = [
             w.in_ground(self.equations, part)
             for w, part in zip(self.acting.wrenches, parts, strict=True)
         ]
-        rates = ca.vertcat(outputs["extra_rates"], *(rate for *_, rate in followed))
-        return outputs | {"wrenches": ca.vertcat(ca.SX(0, 1), *in_ground), "extra_rates": rates}
+        # The rates of all states z: of what acts, of bristles, of turns.
+        rates = [outputs["extra_rates"], self.equations.strain_rates]
+        rates += [rate for *_, rate in followed]
+        return outputs | {
+            "wrenches": ca.vertcat(ca.SX(0, 1), *in_ground),
+            "extra_rates": ca.vertcat(*rates),
+        }
 
     @cached_property
     def accelerations(self) -> ca.SX:
@@ -154,6 +174,14 @@ class Joined:
         return self._function(
             "recorded", {"dv": self.accelerations} | {name: self.outputs[name] for name in names}
         )
+
+    def powers(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> what `power_terms` gives."""
+        return self._function("powers", power_terms(self.equations))
+
+    def contacts(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> what `contact_terms` gives."""
+        return self._function("contacts", contact_terms(self.equations))
 
     def _function(self, name: str, outputs: dict[str, ca.SX]) -> ca.Function:
         dense = [ca.densify(value) for value in outputs.values()]

@@ -25,6 +25,7 @@ from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.limits import meetings
+from linkwork.mechanism.sticking import Strain, strains
 
 
 class Quantity(NamedTuple):
@@ -43,7 +44,8 @@ class Names:
     """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies, extra
     states and transmissions.
 
-    pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet
+    pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet;
+        strains: of bristles
     """
 
     coordinates: tuple[str, ...]
@@ -54,6 +56,7 @@ class Names:
     extras: tuple[str, ...] = ()
     meetings: tuple[str, ...] = ()
     transmissions: tuple[str, ...] = ()
+    strains: tuple[Strain, ...] = ()
 
     @classmethod
     def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
@@ -68,6 +71,7 @@ class Names:
             tuple(extras),
             meetings(mechanism),
             tuple(mechanism.transmissions),
+            tuple(strains(mechanism)),
         )
 
     @property

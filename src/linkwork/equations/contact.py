@@ -7,21 +7,26 @@ the relative velocity u of the bodies, of which u_t slides along the surface,
     f = -m(|u_t|) N u_t / sqrt(|u_t|^2 + r^2)
     m(s) = m_c + (m_s - m_c) exp(-(s / s_0)^2),    N = F |G|
 
+or, of a bristle with the force s over the normal force,
+
+    f = -N (s + damping z'),   s' = stiffness z' + omega_1 x s,   z' = u_t - |u_t| s / m(|u_t|)
+
 and the opposite on the first, at the same points: nothing but what dissipates takes energy.
-Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083-1138 (m).
+Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083-1138 (m);
+Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425 (z).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 
-from linkwork.equations.algebra import cross, dot, present, zero
+from linkwork.equations.algebra import Number, cross, dot, present, zero
 from linkwork.equations.impact import Pressing
-from linkwork.equations.surfaces import Meeting, meetings
+from linkwork.equations.surfaces import TINY, Meeting, meetings
 from linkwork.equations.tree import Node, Tree
 from linkwork.mechanism import Mechanism, Sliding
 from linkwork.mechanism.contact import touch_names
@@ -39,18 +44,24 @@ class Touch:
     pressing: Pressing
     friction: Sliding
 
-    def at(self, motions: Sequence[tuple[ca.SX, ca.SX]]) -> ContactForces:
-        """Return what acts for motions (omega, v of the origin) of both nodes, in the ground's
-        axes."""
-        return ContactForces(self, tuple(motions))
+    def at(
+        self, motions: Sequence[tuple[ca.SX, ca.SX]], strain: ca.SX | None = None
+    ) -> ContactForces:
+        """Return what acts for motions (omega, v of the origin) of both nodes, and a bristle's
+        force, in the ground's axes."""
+        return ContactForces(self, tuple(motions), strain)
 
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Tell forces on the second body, in the ground's axes, for motions of both."""
+    """Tell forces on the second body, in the ground's axes, for motions of both.
+
+    strain: the force of its bristle over the normal force, where a run has it
+    """
 
     touch: Touch
     motions: tuple[tuple[ca.SX, ca.SX], ...]
+    strain: ca.SX | None = None
 
     def apart(self, point: ca.SX) -> ca.SX:
         """Return the velocity of the second body against the first at a point."""
@@ -73,8 +84,7 @@ class ContactForces:
     @cached_property
     def sliding(self) -> ca.SX:
         """The velocity along the surface."""
-        u, normal = self.apart(self.touch.meeting.point), self.touch.meeting.normal
-        return u - normal * dot(normal, u)
+        return self.along(self.apart(self.touch.meeting.point))
 
     @cached_property
     def rubbed(self) -> ca.SX:
@@ -84,7 +94,32 @@ class ContactForces:
             return zero()
         normal = self.touch.pressing.force(self.rate) * ca.sqrt(ca.sumsqr(gradient))
         square = ca.sumsqr(self.sliding)
+        if self.strain is not None and law.bristle:
+            return -normal * self.along(self.strain + law.bristle.damping * self.bending)
         return -coefficient(law, square) * normal * self.sliding / ca.sqrt(square + law.rate**2)
+
+    def along(self, vector: ca.SX) -> ca.SX:
+        """Return the part of a vector along the surface."""
+        normal = self.touch.meeting.normal
+        return vector - normal * dot(normal, vector)
+
+    @property
+    def bending(self) -> ca.SX:
+        """The rate z' at which the bristle bends."""
+        u = self.sliding
+        return bending(u, self.strain, coefficient(self.touch.friction, ca.sumsqr(u)))
+
+    @property
+    def strain_rate(self) -> ca.SX:
+        """The rate of the strain, which turns with the first body; apart a damped bristle
+        straightens."""
+        bristle, s = self.touch.friction.bristle, self.strain
+        assert bristle is not None and s is not None
+        bent = bristle.stiffness * self.bending
+        if present(bristle.damping):
+            loose = -bristle.stiffness / bristle.damping * s
+            bent = ca.if_else(self.touch.pressing.depth > 0, bent, loose)
+        return bent + cross(self.motions[0][0], s)
 
     @property
     def power(self) -> ca.SX:
@@ -102,6 +137,13 @@ class ContactForces:
                 if rubs(self.touch.friction):
                     moment += cross(meeting.point - node.O, self.rubbed)
                 yield node, sign * moment, sign * (self.pressed + self.rubbed)
+
+
+def bending(w: ca.SX, strain: ca.SX | None, sliding: Number) -> ca.SX:
+    """Return the rate z' = w - |w| s / D at which a bristle with the force s bends."""
+    assert strain is not None
+    rate = ca.fabs(w) if w.numel() == 1 else ca.sqrt(ca.sumsqr(w) + TINY)
+    return w - rate * strain / sliding
 
 
 def rubs(law: Sliding) -> bool:
@@ -126,8 +168,12 @@ def touches(mechanism: Mechanism, tree: Tree) -> Iterator[Touch]:
             yield Touch(own, (first, second), meeting, pressing, contact.friction)
 
 
-def touching(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> list[ContactForces]:
-    """Return what acts where bodies may touch, for the tree's rates."""
+def touching(
+    mechanism: Mechanism, tree: Tree, rates: ca.SX, strains: Mapping[str, ca.SX] | None = None
+) -> list[ContactForces]:
+    """Return what acts where bodies may touch, for the tree's rates and the strains of bristles, by
+    place."""
+    strains = strains or {}
     found = list(touches(mechanism, tree))
     if not found:
         return []
@@ -138,4 +184,6 @@ def touching(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> list[ContactForc
         A = node.axes.matrix
         return ca.mtimes(A, omega[node.index]), ca.mtimes(A, v[node.index])
 
-    return [touch.at([motion(node) for node in touch.nodes]) for touch in found]
+    return [
+        touch.at([motion(node) for node in touch.nodes], strains.get(touch.name)) for touch in found
+    ]

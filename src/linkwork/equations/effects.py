@@ -7,6 +7,8 @@ both in F1's axes:
 
     force      -k (x - rest) - d w - (viscous + coulomb / sqrt(w . w + r^2)) w
     potential  k (x - rest) . (x - rest) / 2
+    dry        with Stribeck's rise D(w) for coulomb; in a run with a bristle its force s instead:
+               -s - damping z',  s' = stiffness z',  z' = w - |w| s / D(w)
     friction   vanishes with w, and is stiff at rest: d(force)/dw = -(viscous + coulomb / r) there
     rotor      kinetic energy J w . w / 2:  J adds to the tree's inertia, by the rows that give w
                from the tree's rates
@@ -21,7 +23,7 @@ meet press and rub (`contact`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -36,6 +38,7 @@ from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.limits import end_names
 
 TINY = 1e-300  # square of a length that is not divided by zero
+NONE: Mapping[str, ca.SX] = {}
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ class Freedom:
     """Hold a freedom, or a transmission, in which something acts: displacement x, rows J (rates x
     nv) with w = J w_tree, and what acts.
 
-    rates: names of w, or the one of a transmission; ends: of its stop
+    rates: names of w, or the one of a transmission; ends: of its stop; strain: the force of its
+        bristle, where a run has it
     """
 
     rates: tuple[str, ...]
@@ -67,6 +71,7 @@ class Freedom:
     spring: Spring
     rotor: Number
     ends: tuple[StopEnd, ...] = ()
+    strain: ca.SX | None = None
 
     def force(self, w: ca.SX) -> ca.SX:
         """Return the force of spring, friction and stops on the freedom."""
@@ -89,9 +94,30 @@ class Freedom:
     def drag(self, w: ca.SX) -> ca.SX:
         """Return the force of friction, damper and what stops take on the freedom."""
         resistance = self.friction.viscous + self.spring.damping
-        if present(self.friction.coulomb):
-            resistance += self.friction.coulomb / self.softened(w)
-        return sum((end.drag(w) for end in self.ends), -resistance * w)
+        drag = sum((end.drag(w) for end in self.ends), -resistance * w)
+        if self.strain is not None and self.friction.bristle:
+            return drag - self.strain - self.friction.bristle.damping * self.bending(w)
+        if self.dry:
+            drag -= self.sliding(w) / self.softened(w) * w
+        return drag
+
+    @property
+    def dry(self) -> bool:
+        """Whether there is friction that does not vanish with the rate."""
+        return any(present(force) for force in (self.friction.coulomb, self.friction.static or 0.0))
+
+    def sliding(self, w: ca.SX) -> Number:
+        """Return the dry friction of steady sliding, D."""
+        sliding, static = self.friction.coulomb, self.friction.static
+        return sliding if static is None else sliding + (static - sliding) * self.fallen(w)
+
+    def fallen(self, w: ca.SX) -> ca.SX:
+        """Return exp(-|w|^2 / s^2), the part of the way from sliding to static friction."""
+        return ca.exp(-ca.sumsqr(w) / self.friction.stribeck_rate**2)
+
+    def bending(self, w: ca.SX) -> ca.SX:
+        """Return the rate z' at which a bristle bends."""
+        return contact.bending(w, self.strain, self.sliding(w))
 
     def softened(self, w: ca.SX) -> ca.SX:
         """Return sqrt(w . w + r^2), the length of w that Coulomb friction sees."""
@@ -121,8 +147,11 @@ def ends(part: JointFreedom, x: ca.SX) -> Iterator[StopEnd]:
             yield StopEnd(names[side], Pressing(effects.stop, sign * (size - bound)), sign * along)
 
 
-def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
-    """Return the freedoms of joints in which something acts, or every freedom."""
+def freedoms(
+    joints: JointMap, every: bool = False, strains: Mapping[str, ca.SX] = NONE
+) -> tuple[Freedom, ...]:
+    """Return the freedoms of joints in which something acts, or every freedom; strains: forces of
+    bristles, by the freedom's first rate."""
     found = []
     for name, joint in joints.mechanism.joints.items():
         for part in joint.parts(name):
@@ -132,17 +161,20 @@ def freedoms(joints: JointMap, every: bool = False) -> tuple[Freedom, ...]:
                 x = rotation_vector(x) if part.name == TURN else x
                 J = joints.rate_rows(part.rates)
                 stop = tuple(ends(part, x))
-                found.append(Freedom(part.rates, x, J, friction, spring, rotor, stop))
+                strain = strains.get(part.rates[0])
+                found.append(Freedom(part.rates, x, J, friction, spring, rotor, stop, strain))
     return tuple(found)
 
 
-def lines(joints: JointMap) -> tuple[Freedom, ...]:
-    """Return the transmissions along which something acts beside an actuator."""
+def lines(joints: JointMap, strains: Mapping[str, ca.SX] = NONE) -> tuple[Freedom, ...]:
+    """Return the transmissions along which something acts beside an actuator; strains: forces of
+    bristles, by name."""
     found = []
     for name, line in joints.mechanism.transmissions.items():
         if isinstance(line, LoadedLength) and any(map(present, line.loads)):
             x, J = joints.position(name), joints.rate_row(name)
-            found.append(Freedom((name,), x, J, line.friction, line.spring, line.inertia))
+            own = line.friction, line.spring, line.inertia
+            found.append(Freedom((name,), x, J, *own, strain=strains.get(name)))
     return tuple(found)
 
 
@@ -231,7 +263,7 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
 
 
 def point_wrenches(
-    mechanism: Mechanism, tree: Tree, rates: ca.SX
+    mechanism: Mechanism, tree: Tree, rates: ca.SX, strains: Mapping[str, ca.SX] = NONE
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
     """Return the wrenches (moment about the node's origin, force) of springs between points and of
     contacts, by node in its axes."""
@@ -248,7 +280,7 @@ def point_wrenches(
             if node.index >= 0:
                 force = ca.mtimes(node.axes.matrix.T, sign * pulled)
                 add(wrenches, node, cross(arm, force), force)
-    for touch in contact.touching(mechanism, tree, rates):
+    for touch in contact.touching(mechanism, tree, rates, strains):
         for node, moment, force in touch.wrenches():
             add(wrenches, node, *(ca.mtimes(node.axes.matrix.T, part) for part in (moment, force)))
     return wrenches

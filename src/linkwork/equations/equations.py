@@ -14,7 +14,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from math import prod
 from typing import NamedTuple
@@ -129,6 +129,8 @@ class Equations:
     idle: names of those of them that nothing acts on
     notes: sentences on what was decided about the reference that the description does not say
     key: tells equations of different descriptions apart where it is known; the same in all charts
+    strains: the forces of bristles, by what they are of; without them friction is that of steady
+        sliding, smoothed
     """
 
     mechanism: Mechanism
@@ -146,6 +148,7 @@ class Equations:
     chart: Chart
     notes: tuple[str, ...]
     key: str = ""
+    strains: Mapping[str, ca.SX] = field(default_factory=dict)
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -243,7 +246,24 @@ class Equations:
     def freedoms(self) -> tuple[effects.Freedom, ...]:
         """Freedoms of joints, and transmissions, in which friction, a spring, a stop or a rotor
         acts."""
-        return (*effects.freedoms(self.joints), *effects.lines(self.joints))
+        of_joints = effects.freedoms(self.joints, strains=self.strains)
+        return (*of_joints, *effects.lines(self.joints, self.strains))
+
+    @cached_property
+    def touching(self) -> list[contact.ContactForces]:
+        """What acts where bodies may touch."""
+        return contact.touching(self.mechanism, self.tree, self.rates, self.strains)
+
+    @property
+    def strain_rates(self) -> ca.SX:
+        """The rates of the strains, in their order."""
+        found = {}
+        for freedom in self.freedoms:
+            if freedom.friction.bristle and freedom.strain is not None:
+                w = ca.mtimes(freedom.J, self.rates)
+                found[freedom.rates[0]] = freedom.friction.bristle.stiffness * freedom.bending(w)
+        found |= {of.touch.name: of.strain_rate for of in self.touching if of.strain is not None}
+        return ca.vertcat(SX(0, 1), *(found[of] for of in self.strains))
 
     @cached_property
     def gaps(self) -> dict[str, ca.SX]:
@@ -272,10 +292,15 @@ class Equations:
         M = H[a, a] + ca.mtimes(H[a, d], L_d) + ca.mtimes(L_d.T, coupling)
         return ca.triu2symm(ca.triu(ca.densify(M))), coupling
 
+    @property
+    def wrenches(self) -> dict[int, tuple[ca.SX, ca.SX]]:
+        """Wrenches of springs between points and of contacts, by node in its axes."""
+        return effects.point_wrenches(self.mechanism, self.tree, self.rates, self.strains)
+
     def tree_forces(self, accelerations: ca.SX, gravity: ca.SX, passive: bool = True) -> ca.SX:
         """Return h (nv): the forces on the tree's rates that w' and the weight need beside springs
         and friction."""
-        wrenches = effects.point_wrenches(self.mechanism, self.tree, self.rates) if passive else {}
+        wrenches = self.wrenches if passive else {}
         h = dynamics.inertia_forces(self.tree, self.rates, accelerations, gravity, wrenches)
         h += effects.rotor_forces(self.freedoms, self.tree, self.rates, accelerations)
         return h - effects.joint_forces(self.freedoms, self.rates) if passive else h
@@ -296,7 +321,7 @@ class Equations:
         tree, w = self.tree, self.rates
         forces = ca.mtimes(self.elimination.L, applied) + effects.joint_forces(self.freedoms, w)
         rotors = ca.diag(effects.rotor_inertia(self.freedoms, self.nv))
-        wrenches = effects.point_wrenches(self.mechanism, tree, w)
+        wrenches = self.wrenches
         x, D = articulated.accelerations(tree, w, forces, rotors, self.gravity, wrenches)
         lost = ca.sumsqr((articulated.largest(self.mechanism, tree) + rotors) / D)
         x[self.chart.independent[0]] += unless(lost < HIDDEN**-2)

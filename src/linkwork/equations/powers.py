@@ -10,15 +10,14 @@ import casadi as ca
 
 from linkwork.equations import effects
 from linkwork.equations.algebra import SX, present
-from linkwork.equations.contact import touching
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
 
 
-def powers(equations: Equations) -> ca.Function:
-    """Return (q, v) -> the actuated rates S v, the power of friction in each joint rate (m), of the
-    damper of each spring between points and of what resists each transmission, of what dissipates
-    in each place of contact [W], and the
+def power_terms(equations: Equations) -> dict[str, ca.SX]:
+    """Return the actuated rates S v, the power of friction in each joint rate (m), of the damper of
+    each spring between points and of what resists each transmission, of what dissipates in each
+    place of contact [W], and the
     weakest relative pivot.
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
@@ -36,22 +35,30 @@ def powers(equations: Equations) -> ca.Function:
         damped = present(pull.spring.damping)
         stretching = ca.jtimes(pull.length, tree.q, tree.derivatives(w)) if damped else SX(0)
         dampers.append(-pull.spring.damping * stretching**2)
-    outputs = {
+    return {
         "actuated": ca.mtimes(equations.actuation, equations.v),
         "friction": friction,
         "dampers": ca.vertcat(SX(0, 1), *dampers, *lines.values()),
-        "contacts": ca.vertcat(SX(0, 1), *(of.power for of in touching(mechanism, tree, w))),
+        "contacts": ca.vertcat(SX(0, 1), *(of.power for of in equations.touching)),
         "pivot": equations.elimination.pivot,
     }
-    return function("powers", equations, outputs, v=equations.v)
 
 
-def contacts(equations: Equations) -> ca.Function:
-    """Return (q, v) -> the force on the second body (3) [N] in the ground's axes and the gap [m] of
-    each place where bodies may touch."""
-    places = touching(equations.mechanism, equations.tree, equations.rates)
-    outputs = {
+def powers(equations: Equations) -> ca.Function:
+    """Return (q, v) -> what `power_terms` gives."""
+    return function("powers", equations, power_terms(equations), v=equations.v)
+
+
+def contact_terms(equations: Equations) -> dict[str, ca.SX]:
+    """Return the force on the second body (3) [N] in the ground's axes and the gap [m] of each
+    place where bodies may touch."""
+    places = equations.touching
+    return {
         "forces": ca.vertcat(SX(0, 1), *(place.pressed + place.rubbed for place in places)),
         "gaps": ca.vertcat(SX(0, 1), *(place.touch.meeting.gap for place in places)),
     }
-    return function("contacts", equations, outputs, v=equations.v)
+
+
+def contacts(equations: Equations) -> ca.Function:
+    """Return (q, v) -> what `contact_terms` gives."""
+    return function("contacts", equations, contact_terms(equations), v=equations.v)

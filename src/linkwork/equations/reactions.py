@@ -106,7 +106,7 @@ def bodies_need(
     tree, w, mechanism = equations.tree, equations.rates, equations.mechanism
     omega = tree.angular_velocities(w)
     alpha, a = tree.accelerations(omega, w, accelerations, -equations.gravity)
-    pulls = effects.point_wrenches(mechanism, tree, w)
+    pulls = equations.wrenches
     needed, centres = [], []
     for name, body in mechanism.bodies.items():
         node, c = tree.node(name), vector(body.centre_of_mass)

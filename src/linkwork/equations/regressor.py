@@ -4,8 +4,9 @@
 
 pi are, of every body, m, m c and the inertia I_O about the origin of its frame, in its axes, and of
 every freedom of a joint the coefficients of viscous friction (a damper's included), Coulomb
-friction and rotor inertia; r is what springs, stops and transmissions take. In a body's axes, with
-the acceleration a of its origin less gravity, and [x] the matrix of x cross,
+friction and rotor inertia; r is what springs, stops, contacts, transmissions and static friction
+take. In a body's axes, with the acceleration a of its origin less gravity, and [x] the matrix of x
+cross,
 
     F = m a + ([alpha] + [omega][omega]) m c,      N = m c x a + I_O alpha + omega x I_O omega.
 
@@ -131,20 +132,26 @@ def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
     for freedom in effects.freedoms(equations.joints, every=True):
         J, rate = freedom.J, ca.mtimes(freedom.J, w)
         sharp, acceleration = rate / freedom.softened(rate), freedom.acceleration(tree, w, dw)
+        if freedom.friction.static is not None:
+            sharp *= 1 - freedom.fallen(rate)
         blocks.append(ca.mtimes(J.T, ca.horzcat(rate, sharp, acceleration)))
     return ca.horzcat(*blocks)
 
 
 def spring_forces(equations: Equations) -> ca.SX:
-    """Return the forces (nv) on the tree's rates that springs and stops take, dampers between
-    points included."""
-    tree, mechanism = equations.tree, equations.mechanism
+    """Return the forces (nv) on the tree's rates that springs, stops, contacts and static friction
+    take, dampers between points included."""
+    tree = equations.tree
     total = SX.zeros(len(tree.rates))
     for freedom in equations.freedoms:
         own = ca.mtimes(freedom.J, equations.rates)
         held = sum((end.drag(own) for end in freedom.ends), freedom.pull)
+        line = freedom.rates[0] in equations.mechanism.transmissions
+        if freedom.friction.static is not None and not line:
+            rise = freedom.friction.static * freedom.fallen(own)
+            held -= rise / freedom.softened(own) * own
         total -= ca.mtimes(freedom.J.T, held)
-    for index, wrench in effects.point_wrenches(mechanism, tree, equations.rates).items():
+    for index, wrench in equations.wrenches.items():
         node = tree.nodes[index]
         moment, force = (ca.mtimes(node.axes.matrix, part) for part in wrench)
         total -= ca.mtimes(body_motion.jacobian(tree, node, zero()).T, ca.vertcat(moment, force))

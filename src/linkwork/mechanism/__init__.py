@@ -3,7 +3,7 @@
 from linkwork.mechanism import joints, shapes, transmissions
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
-from linkwork.mechanism.effects import Effects, Friction, Limits, PointSpring, Spring
+from linkwork.mechanism.effects import Bristle, Effects, Friction, Limits, PointSpring, Spring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.joints import *  # noqa: F403 - all types of joints
@@ -17,6 +17,7 @@ from linkwork.mechanism.transmissions import *  # noqa: F403 - all transmissions
 __all__ = [
     "GROUND",
     "Body",
+    "Bristle",
     "Contact",
     "DistanceTo",
     "Effects",

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from linkwork.mechanism.effects import Bristle, require_friction
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Impact
 from linkwork.mechanism.record import (
@@ -81,6 +82,8 @@ Surface = Annotated[Plane | HeightField | Points | Shape, Field(discriminator="t
 class Sliding(Record):
     """Rub against a sliding rate v: F = m N v / sqrt(v^2 + rate^2), with the normal force N and
     m = coefficient + (static - coefficient) exp(-(v / stribeck_rate)^2).
+
+    With a bristle runs have its force for that.
     """
 
     coefficient: Amount = Field(default=0.0, description="friction over normal force of sliding")
@@ -93,6 +96,12 @@ class Sliding(Record):
     rate: Positive = Field(
         default=1e-3, description="rate at which smoothed friction has 71 % of its value [m/s]"
     )
+    bristle: Bristle | None = Field(default=None, description="sticks in runs, by a state")
+
+    @model_validator(mode="after")
+    def _rubs(self) -> Self:
+        require_friction(self.coefficient, self.static, self.bristle, "coefficient")
+        return self
 
 
 class Contact(Impact):

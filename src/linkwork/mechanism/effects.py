@@ -15,8 +15,28 @@ from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.record import Amount, MechanismError, Name, Positive, Real, Record, Vector3
 
 
+class Bristle(Record):
+    """Let dry friction stick, as if bristles bent before they slip (LuGre): s' = stiffness z',
+    z' = w - |w| s / D(w), and s + damping z' is the force, with the friction D of steady sliding.
+
+    In a contact both are for a normal force of 1 N.
+    """
+
+    stiffness: Positive = Field(
+        description="force per deflection [N/m, N m/rad]; of contacts per normal force [1/m]"
+    )
+    damping: Amount = Field(
+        default=0.0,
+        description="force per rate of it [N s/m, N m s/rad]; of contacts per normal force [s/m]",
+    )
+
+
 class Friction(Record):
-    """Resist a rate: F = -(viscous + coulomb / sqrt(|w|^2 + coulomb_rate^2)) w."""
+    """Resist a rate: F = -(viscous + D(|w|) / sqrt(|w|^2 + coulomb_rate^2)) w, with
+    D(w) = coulomb + (static - coulomb) exp(-(w / stribeck_rate)^2).
+
+    With a bristle runs have its force for that of D.
+    """
 
     viscous: Amount = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
     coulomb: Amount = Field(
@@ -28,6 +48,36 @@ class Friction(Record):
             "rate at which the smoothed Coulomb force reaches 71 % of its value [m/s, rad/s]"
         ),
     )
+    static: Amount | None = Field(
+        default=None, description="force that breaks loose [N, N m]; coulomb if left out"
+    )
+    stribeck_rate: Positive = Field(
+        default=0.01, description="rate at which it has fallen most of the way [m/s, rad/s]"
+    )
+    bristle: Bristle | None = Field(default=None, description="sticks in runs, by a state")
+
+    @model_validator(mode="after")
+    def _rubs(self):
+        require_friction(self.coulomb, self.static, self.bristle, "coulomb")
+        return self
+
+
+def require_friction(
+    sliding: float, static: float | None, bristle: Bristle | None, name: str
+) -> None:
+    """Refuse friction at rest that is below that of sliding, and bristles without friction."""
+    if static is not None and static < sliding:
+        raise MechanismError(
+            f"static friction {static:g} is below that of sliding, {sliding:g}; give at least "
+            "that, or leave it out",
+            ("static",),
+        )
+    if bristle is not None and not sliding:
+        raise MechanismError(
+            f"a bristle slips at the friction of steady sliding, of which there is none; give "
+            f"{name}",
+            ("bristle",),
+        )
 
 
 class Spring(Record):
@@ -83,6 +133,7 @@ class Effects(NamedTuple):
         """The numbers that are all zero where no force and no rotor acts."""
         friction, spring = self.friction, self.spring
         own = friction.viscous, friction.coulomb, spring.stiffness, spring.damping
+        own = *own, friction.static or 0.0
         return (*own, self.stop.stiffness if self.stop else 0.0, self.rotor)
 
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import casadi as ca
 import numpy as np
 
+from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
+from linkwork.errors import LinkworkError
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
 from linkwork.runs.system import System
@@ -174,8 +177,7 @@ class SavedStates:
     @cached_property
     def powers(self) -> Powers:
         """What goes into the mechanism, and out of it."""
-        kernel = self.chart.compiled("powers", powers)
-        actuated, friction, dampers, touching, _ = kernel(self.q, self.v, self.p_robot)
+        actuated, friction, dampers, touching, _ = self._strained("powers", powers)
         own = [
             np.sum(wrench * self._bodies[2][:, 6 * body : 6 * body + 6], axis=1)
             for body, wrench in self.about_centres()
@@ -192,8 +194,15 @@ class SavedStates:
     def contacts(self) -> tuple[np.ndarray, ...]:
         """Forces on the second bodies (K, touches, 3) [N] in the ground's axes, and gaps (K,
         touches) [m], where bodies may touch."""
-        forces, gaps = self.chart.compiled("contacts", contacts)(self.q, self.v, self.p_robot)
+        forces, gaps = self._strained("contacts", contacts)
         return forces.reshape(len(self.y), gaps.shape[1], 3), gaps
+
+    def _strained(self, name: str, make: Callable[[Equations], ca.Function]) -> tuple[Any, ...]:
+        """Return what a function of q and v gives; with the states of bristles where there are
+        any."""
+        if self.robot.names.strains:
+            return self.system.kernel(self.chart, name)(self.q, self.v, self.z, self.u, self.p)
+        return self.chart.compiled(name, make)(self.q, self.v, self.p_robot)
 
     @cached_property
     def _bodies(self) -> tuple[np.ndarray, ...]:
@@ -215,6 +224,11 @@ class SavedStates:
     @property
     def samples(self) -> Samples:
         """What the joint reactions follow from."""
+        if self.robot.names.strains:
+            raise LinkworkError(
+                "reactions are not known of a run with bristles, whose friction they do not tell; "
+                "leave the bristles out"
+            )
         chart = self.chart.with_parameters(self.p_robot)
         applied = np.zeros((len(self.y), len(self.robot.bodies), 6))
         for body, wrench in self.about_centres():

@@ -180,7 +180,7 @@ class System:
         """Join a chart's equations with what acts."""
         acting = self.acting
         assert acting is not None
-        return lru_cache(maxsize=None)(lambda chart: Joined(chart.equations, acting))
+        return lru_cache(maxsize=None)(lambda chart: Joined.of(chart.equations, acting))
 
     @cached_property
     def _callback(self) -> Callable[[CompiledChart], Callback]:
@@ -278,7 +278,7 @@ def system(
     if not isinstance(wrenches, tuple) or wrenches:
         wrenches = several(wrenches, Wrench, "wrenches")
     acts = isinstance(forces, Sampler) or (callable(forces) and not isinstance(forces, GIVEN))
-    if not (acts or drives or wrenches or events or joined):
+    if not (acts or drives or wrenches or events or joined or robot.names.strains):
         if parameters:
             checks.known(parameters, (), "parameter")
         return plain(robot, forces)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from linkwork.control import Drive
+from linkwork.control.acting import bristles
 from linkwork.control.described_drives import drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
@@ -107,12 +108,13 @@ class Bench:
 
     @cached_property
     def extras(self) -> tuple[Extra, ...]:
-        """The extra states of the drives."""
-        return tuple(
+        """The extra states of the drives, and those of bristles."""
+        of_drives = tuple(
             extra._replace(name=f"{name}.{extra.name}")
             for name, given in self.drives.items()
             for extra in given.extras
         )
+        return of_drives + bristles(self.robot.names)
 
     @cached_property
     def labels(self) -> Mapping[str, tuple[str, ...]]:

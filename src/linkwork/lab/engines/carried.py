@@ -82,10 +82,16 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
     """Rewrite a mechanism for an engine that has no rods.
 
     Raises:
-        EngineError: a body has no mass that its rods could borrow, or a joint has a stop.
+        EngineError: a body has no mass that its rods could borrow, or there are stops,
+            contacts, static friction or bristles.
     """
     for name in meetings(mechanism):
         raise EngineError(f"{name}: engines stop by laws of their own; compare without stops")
+    for name, joint in mechanism.joints.items():
+        if any(own.friction.static or own.friction.bristle for own in joint.effects().values()):
+            raise EngineError(
+                f"joints.{name}: engines have no friction with a rise or bristles; compare without"
+            )
     hanging, hung = with_free_joints(mechanism)
     return Carried(mechanism, hanging, spanning_tree(hanging), hung, with_links(hanging), guess)
 

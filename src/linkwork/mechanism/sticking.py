@@ -1,0 +1,36 @@
+"""Bristles: what sticks in dry friction, and the states that it has in a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from linkwork.mechanism.contact import touch_names
+from linkwork.mechanism.joints import SLIDES
+from linkwork.mechanism.mechanism import Mechanism
+from linkwork.mechanism.transmissions import LoadedLength
+
+
+class Strain(NamedTuple):
+    """Name the states of one bristle: of what (the first rate of a freedom, a transmission,
+    or a place of a contact), their own names, and their unit."""
+
+    of: str
+    names: tuple[str, ...]
+    unit: str
+
+
+def strains(mechanism: Mechanism) -> Iterator[Strain]:
+    """Yield the states of all bristles: the force of each in a joint's freedom, and its share of
+    the normal force, in the ground's axes, in a place of a contact."""
+    for name, joint in mechanism.joints.items():
+        for part in joint.parts(name):
+            if part.effects.friction.bristle:
+                own = tuple(f"{rate}.bristle" for rate in part.rates)
+                yield Strain(part.rates[0], own, "N" if part.name in SLIDES else "N m")
+    for name, line in mechanism.transmissions.items():
+        if isinstance(line, LoadedLength) and line.friction.bristle:
+            yield Strain(name, (f"{name}.bristle",), "N, N m")
+    for name, contact in mechanism.contacts.items():
+        for touch in touch_names(name, contact) if contact.friction.bristle else ():
+            yield Strain(touch, tuple(f"{touch}.bristle_{axis}" for axis in "xyz"), "1")
