@@ -488,3 +488,16 @@ def test_refusals_outside_of_bodies(head, tail, words, tmp_path):
         read(BODY.format(head=head, body='<joint name="j"/>' + INERTIAL, tail=tail), tmp_path)
     assert words in str(refusal.value)
     assert str(refusal.value).count("model.xml: line 1: ") == 1
+
+
+def test_a_keyframe_with_an_empty_quaternion_does_not_turn_the_body(tmp_path):
+    """MuJoCo takes a quaternion without length as no turn."""
+    path = tmp_path / "box.xml"
+    path.write_text(
+        "<mujoco><worldbody><body name='box'><freejoint/><geom size='0.1'/></body></worldbody>"
+        "<keyframe><key name='home' qpos='1 2 3 0 0 0 0'/></keyframe></mujoco>"
+    )
+    robot = lw.Robot(load(path).mechanism)
+    position, turn = robot.body_poses(robot.home)["box"]
+    np.testing.assert_allclose(position, [1, 2, 3])
+    np.testing.assert_allclose(turn, np.eye(3))

@@ -39,6 +39,7 @@ from linkwork.solids.solid import together
 
 EARTH = (0.0, 0.0, -9.81)
 HOME = "home"
+TURNING = ("ball", "free")  # joints whose coordinates end with a quaternion
 
 
 def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
@@ -195,6 +196,10 @@ def _reference(
         counts = [COORDINATES[piece.kind] for _, piece in pieces]
         values = np.array(home.numbers("qpos", (sum(counts),)))
         positions = dict(enumerate(np.split(values, np.cumsum(counts)[:-1])))
+        # A quaternion without length is no turn, as MuJoCo takes it.
+        for index, (_, piece) in enumerate(pieces):
+            if piece.kind in TURNING and not positions[index][-4:].any():
+                positions[index][-4] = 1.0
     # Joints of the tree read their own numbers; quaternions in the axes of their group.
     found: dict[str, float] = {}
     for index, slot in enumerate(joints.slots):

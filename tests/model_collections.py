@@ -1,0 +1,367 @@
+"""Model files of others, a folder at a time: what is read, how it moves beside another engine, and
+whether a second of it runs.
+
+    python -m tests.model_collections FOLDER [--only WORDS] [--seconds 1] [--limit 150] [--out FILE]
+
+Each file is read in a process of its own. MuJoCo or Pinocchio read it too, and both move freely
+from one state for ten microseconds, theirs by its own mass matrix, forces and exact constraints:
+
+    M a + J' lambda = f,   J a = -J' v      (dJ/dt v by differences of fourth order, RK4)
+
+The column `apart` is the greatest difference of the twists of bodies of one name then, over their
+greatest change: of accelerations, in sum. A file counts as right where that is
+below 1e-8, or where the mechanism has caveats: sentences on what was left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import subprocess
+import sys
+import time
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import linkwork as lw
+from linkwork.formats.models import FORMATS, MODELS, read
+
+SPAN, STEPS = 1e-5, 4  # of the motion beside the other engine [s], and of its integrator
+RIGHT = 1e-8  # of which rounding within so short a time takes up to a half
+RANK = 1e-7  # of constraint rows, relative to the greatest
+COLUMNS = ("file", "read", "caveats", "mobility", "other", "apart", "run", "end", "closure", "cpu")
+
+
+class MuJoCoSide:
+    """A model as MuJoCo reads it, without contacts, limits, actuators and its own dry friction."""
+
+    def __init__(self, path: Path):
+        import mujoco as mj
+
+        try:
+            model = mj.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            if "opening file" not in str(error):
+                raise
+            model = without_meshes(mj.MjSpec.from_file(str(path))).compile()
+        self.mj, self.model = mj, model
+        off = ("CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION")
+        for word in off:
+            self.model.opt.disableflags |= int(getattr(mj.mjtDisableBit, f"mjDSBL_{word}"))
+        self.model.opt.jacobian = mj.mjtJacobian.mjJAC_DENSE
+        self.data = mj.MjData(self.model)
+        self.nv, self.start = self.model.nv, self.model.qpos0.copy()
+        self.bodies = {
+            self.model.body(k).name.replace(".", "_"): k for k in range(1, self.model.nbody)
+        }
+
+    def stepped(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        q = q.copy()
+        self.mj.mj_integratePos(self.model, q, dq, 1.0)
+        return q
+
+    def _at(self, q: np.ndarray, v: np.ndarray) -> None:
+        self.data.qpos[:], self.data.qvel[:] = q, v
+
+    def pose(self, q: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return position, rotation and Jacobian (linear, then angular) of a body."""
+        self._at(q, np.zeros(self.nv))
+        self.mj.mj_kinematics(self.model, self.data)
+        self.mj.mj_comPos(self.model, self.data)
+        J, k = np.zeros((6, self.nv)), self.bodies[name]
+        self.mj.mj_jacBody(self.model, self.data, J[:3], J[3:], k)
+        return self.data.xpos[k].copy(), self.data.xmat[k].reshape(3, 3).copy(), J
+
+    def rows(self, q: np.ndarray) -> np.ndarray:
+        self._at(q, np.zeros(self.nv))
+        self.mj.mj_fwdPosition(self.model, self.data)
+        J = np.array(self.data.efc_J).reshape(-1, self.nv)
+        equality = int(self.mj.mjtConstraint.mjCNSTR_EQUALITY)
+        return J[np.array(self.data.efc_type)[: len(J)] == equality]
+
+    def dynamics(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self._at(q, v)
+        self.mj.mj_forward(self.model, self.data)
+        M = np.zeros((self.nv, self.nv))
+        self.mj.mj_fullM(self.model, self.data, M)
+        dry = self.model.dof_frictionloss * v / np.hypot(v, 0.01)
+        return M, self.data.qfrc_passive - self.data.qfrc_bias - dry
+
+
+def without_meshes(spec: Any) -> Any:
+    """Return a model of MuJoCo without what needs files that are not there."""
+    import mujoco as mj
+
+    needing = (mj.mjtGeom.mjGEOM_MESH, mj.mjtGeom.mjGEOM_SDF, mj.mjtGeom.mjGEOM_HFIELD)
+    for part in [*spec.pairs, *spec.excludes, *spec.sensors]:
+        spec.delete(part)
+    for geom in list(spec.geoms):
+        geom.material = ""
+        if geom.type in needing:
+            spec.delete(geom)
+    for site in (*spec.sites, *spec.tendons):
+        site.material = ""
+    for part in [*spec.skins, *spec.meshes, *spec.hfields, *spec.materials, *spec.textures]:
+        spec.delete(part)
+    return spec
+
+
+class PinocchioSide:
+    """A tree as Pinocchio reads it; loops of conventions beside URDF are not known to it."""
+
+    def __init__(self, path: Path):
+        import pinocchio as pin
+
+        self.pin, self.model = pin, pin.buildModelFromUrdf(str(path))
+        self.data, self.nv = self.model.createData(), self.model.nv
+        self.start = pin.neutral(self.model)
+        self.model.armature[:] = 0
+        frames = ((k, frame) for k, frame in enumerate(self.model.frames))
+        self.bodies = {
+            frame.name.replace(".", "_"): k
+            for k, frame in frames
+            if frame.type == pin.FrameType.BODY
+        }
+        self.friction, self.damping = np.zeros(self.nv), np.zeros(self.nv)
+        from linkwork.formats import xml
+
+        self.couplings = []
+        for element in xml.read(path).each("joint"):
+            self._read_joint(element)
+
+    def _read_joint(self, element: Any) -> None:
+        """Take friction and mimics, which Pinocchio's engine leaves to others, from the file."""
+        name, dynamics, mimic = (
+            element.attributes.get("name", ""),
+            element.first("dynamics"),
+            element.first("mimic"),
+        )
+        at = self._index(name)
+        if at is None:
+            return
+        if dynamics is not None:
+            self.damping[at] = dynamics.number("damping", 0.0)
+            self.friction[at] = dynamics.number("friction", 0.0)
+        other = None if mimic is None else self._index(mimic.attributes.get("joint", ""))
+        if mimic is not None and other is not None:
+            row = np.zeros(self.nv)
+            row[at], row[other] = 1.0, -mimic.number("multiplier", 1.0)
+            self.couplings.append(row)
+
+    def _index(self, name: str) -> int | None:
+        if not self.model.existJointName(name):
+            return None
+        joint = self.model.joints[self.model.getJointId(name)]
+        return joint.idx_v if joint.nv == 1 else None
+
+    def stepped(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        return self.pin.integrate(self.model, q, dq)
+
+    def pose(self, q: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self.pin.computeJointJacobians(self.model, self.data, q)
+        self.pin.updateFramePlacements(self.model, self.data)
+        k, world = self.bodies[name], self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        X = self.data.oMf[k]
+        J = self.pin.getFrameJacobian(self.model, self.data, k, world)
+        return X.translation.copy(), X.rotation.copy(), J.copy()
+
+    def rows(self, q: np.ndarray) -> np.ndarray:
+        return np.array(self.couplings).reshape(-1, self.nv)
+
+    def dynamics(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        M = self.pin.crba(self.model, self.data, q)
+        bias = self.pin.rnea(self.model, self.data, q, v, np.zeros(self.nv))
+        return np.triu(M) + np.triu(M, 1).T, (
+            -bias - self.damping * v - self.friction * v / np.hypot(v, 0.01)
+        )
+
+
+def fitted(side: Any, poses: dict, twists: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Return the engine's q and v in which its bodies have given poses and twists."""
+    q, v = side.start, np.zeros(side.nv)
+    for _ in range(100):
+        apart, jacobians, rates = [], [], []
+        for name, (p, R) in poses.items():
+            at, turn, J = side.pose(q, name)
+            apart += [p - at, Rotation.from_matrix(R @ turn.T).as_rotvec()]
+            jacobians.append(J)
+            rates.append(twists[name])
+        J = np.concatenate(jacobians)
+        step = np.linalg.lstsq(J, np.concatenate(apart), rcond=1e-9)[0]
+        v = np.linalg.lstsq(J, np.concatenate(rates), rcond=1e-9)[0]
+        if np.linalg.norm(step) < 1e-13:
+            break
+        q = side.stepped(q, step)
+    return q, v
+
+
+def acceleration(side: Any, q: np.ndarray, v: np.ndarray, freedoms: int) -> np.ndarray:
+    """Return a of  M a + J' lambda = f,  J a = -dJ/dt v,  rows of J that depend on others apart:
+    so many that the freedoms are left, where rounded numbers make them independent."""
+    M, f = side.dynamics(q, v)
+    J = side.rows(q)
+    if not len(J):
+        return np.linalg.solve(M, f)
+    h = 1e-3
+    ahead = {k: side.rows(side.stepped(q, k * h * v)) @ v for k in (-2, -1, 1, 2)}
+    gamma = (8 * (ahead[1] - ahead[-1]) - (ahead[2] - ahead[-2])) / (12 * h)
+    # In coordinates of like inertia, and rows of like size.
+    d = 1 / np.sqrt(np.diag(M))
+    scaled = J * d
+    size = np.linalg.norm(scaled, axis=1)
+    size[size < 1e-9 * size.max(initial=1e-300)] = 1.0
+    U, s, Vt = np.linalg.svd(scaled / size[:, None])
+    rank = min(int((s > RANK * s[0]).sum()), side.nv - freedoms)
+    N, held = Vt[rank:].T, -Vt[:rank].T @ ((U.T @ (gamma / size))[:rank] / s[:rank])
+    inertia = M * d * d[:, None]
+    free = np.linalg.solve(N.T @ inertia @ N, N.T @ (f * d - inertia @ held))
+    return d * (held + N @ free)
+
+
+def moved(side: Any, q: np.ndarray, v: np.ndarray, freedoms: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return q and v after the time SPAN, by the method of Runge and Kutta."""
+    h = SPAN / STEPS
+    for _ in range(STEPS):
+        slopes = [(v, acceleration(side, q, v, freedoms))]
+        for part in (h / 2, h / 2, h):
+            w, a = slopes[-1]
+            there = side.stepped(q, part * w), v + part * a
+            slopes.append((there[1], acceleration(side, *there, freedoms)))
+        weights = (1, 2, 2, 1)
+        q = side.stepped(q, h / 6 * sum(k * w for k, (w, _) in zip(weights, slopes, strict=True)))
+        v = v + h / 6 * sum(k * a for k, (_, a) in zip(weights, slopes, strict=True))
+    return q, v
+
+
+def twists_of(robot: lw.Robot, state: lw.State) -> dict[str, np.ndarray]:
+    """Return velocity of the origin and angular velocity of each body, by name."""
+    found = {}
+    poses = robot.body_poses(state)
+    for name, twist in zip(robot.bodies, robot.twists(state), strict=True):
+        omega, velocity = twist[:3], twist[3:]
+        centre = poses[name][1] @ np.array(robot.mechanism.bodies[name].centre_of_mass)
+        found[name] = np.concatenate([velocity - np.cross(omega, centre), omega])
+    return found
+
+
+def apart(robot: lw.Robot, side: Any) -> float:
+    """Return how far the accelerations of a robot and of the other engine's model are apart."""
+    rates = 0.3 * np.random.default_rng(7).normal(size=robot.mobility)
+    state = robot.home.with_rates(rates)
+    poses = {name: X for name, X in robot.body_poses(state).items() if name in side.bodies}
+    before = twists_of(robot, state)
+    q, v = fitted(side, poses, before)
+    start = {name: side.pose(q, name)[2] @ v for name in poses}
+    q, v = moved(side, q, v, robot.mobility)
+    run = robot.simulate(state, duration=SPAN, rtol=1e-12, atol=1e-13)
+    after = twists_of(robot, run.final)
+    # Changes of twists, which leave out what the fit of the start has left.
+    changes = {name: side.pose(q, name)[2] @ v - start[name] for name in poses}
+    apart = [changes[name] - (after[name] - before[name]) for name in poses]
+    most = max(float(np.max(abs(change))) for change in changes.values())
+    return max(float(np.max(abs(each))) for each in apart) / max(most, 1e-300)
+
+
+def row_of(path: Path, seconds: float) -> dict[str, Any]:
+    """Return what is found of one file."""
+    began, row = time.process_time(), dict.fromkeys(COLUMNS, "")
+    row["file"] = str(path)
+    try:
+        imported = read(path)
+        row |= {"read": "yes", "caveats": len(imported.mechanism.caveats)}
+        robot = lw.Robot(imported.mechanism)
+        row["mobility"] = robot.mobility
+    except lw.LinkworkError as refusal:
+        row["read"] = row["read"] or "refused"
+        row["run"] = " ".join(str(refusal).split())[-160:]
+        robot = None
+    try:
+        side = (PinocchioSide if path.suffix == ".urdf" else MuJoCoSide)(path)
+        row["other"] = "reads"
+    except Exception as error:  # whatever the other engine does not take
+        side, row["other"] = None, f"no: {' '.join(str(error).split())[:60]}"
+    if robot is not None:
+        # Pinocchio knows no loops of the conventions beside URDF.
+        loops = len(robot.mechanism.pairs) > len(robot.bodies)
+        if side is not None and side.bodies and not (loops and path.suffix == ".urdf"):
+            try:
+                row["apart"] = f"{apart(robot, side):.1e}"
+            except (lw.LinkworkError, ValueError, np.linalg.LinAlgError) as error:
+                row["apart"] = " ".join(str(error).split())[:60]
+        run = robot.simulate(robot.home, duration=seconds)
+        row |= {"run": run.status.name, "end": f"{run.time[-1]:g}"}
+        row["closure"] = f"{float(np.max(run['closure_error'])):.1e}"
+    row["cpu"] = f"{time.process_time() - began:.1f}"
+    return row
+
+
+def models_in(folder: Path, only: str) -> list[Path]:
+    """Return the model files of a folder, by suffix and root element."""
+    roots = tuple(f"<{form.root}" for form in FORMATS)
+    return [
+        path
+        for path in sorted(folder.rglob("*"))
+        if path.suffix.lower() in MODELS
+        and only in str(path)
+        and any(root in path.read_text(errors="replace") for root in roots)
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.model_collections")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", default="", help="words that the path holds")
+    parser.add_argument("--seconds", type=float, default=1.0)
+    parser.add_argument("--limit", type=float, default=150.0, help="seconds for one file")
+    parser.add_argument("--out", type=Path, help="a CSV file for the table")
+    parser.add_argument("--one", action="store_true", help="FOLDER is one file; print its row")
+    asked = parser.parse_args()
+    if asked.one:
+        warnings.simplefilter("ignore")
+        print(json.dumps(row_of(asked.folder, asked.seconds)))
+        return
+    rows = []
+    for path in models_in(asked.folder, asked.only):
+        command = [sys.executable, "-m", __spec__.name, str(path), "--one"]
+        command += ["--seconds", str(asked.seconds)]
+        row = dict.fromkeys(COLUMNS, "") | {"file": str(path)}
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=asked.limit, check=False
+            )
+            row = json.loads(done.stdout.splitlines()[-1])
+        except subprocess.TimeoutExpired:
+            row["run"] = f"longer than {asked.limit:g} s"
+        except (IndexError, json.JSONDecodeError):
+            row["run"] = f"crash: {done.stderr.strip().splitlines()[-1:]}"
+        rows.append(row)
+        print("  ".join(str(row[name])[-60:] for name in COLUMNS), flush=True)
+    if asked.out:
+        with asked.out.open("w", newline="") as file:
+            writer = csv.DictWriter(file, COLUMNS)
+            writer.writeheader()
+            writer.writerows(rows)
+    print(summary(rows))
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Return how many files are read, right or warned of, and run."""
+    numbers = [row for row in rows if row["apart"][:1].isdigit()]
+    silent = [row for row in numbers if float(row["apart"]) > RIGHT and not row["caveats"]]
+    lines = [
+        f"{len(rows)} files; read: {dict(Counter(row['read'] for row in rows))}",
+        f"beside another engine: {len(numbers)}, apart without a word: {len(silent)}",
+        *(f"    {row['apart']}  {row['file']}" for row in silent),
+        f"runs: {dict(Counter(row['run'].split(':')[0][:40] for row in rows))}",
+    ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
