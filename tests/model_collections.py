@@ -270,7 +270,8 @@ def apart(robot: lw.Robot, side: Any) -> float:
 
 def row_of(path: Path, seconds: float) -> dict[str, Any]:
     """Return what is found of one file."""
-    began, row = time.process_time(), dict.fromkeys(COLUMNS, "")
+    began = time.process_time()
+    row: dict[str, Any] = dict.fromkeys(COLUMNS, "")
     row["file"] = str(path)
     try:
         imported = read(path)
