@@ -57,8 +57,8 @@ def test_a_file_that_is_read_whole_has_none(tmp_path):
         ({}, "<geom> is a mesh, whose mass is left out"),
         ({"more": ""}, WEIGHT),
         (
-            {"more": INERTIAL, "joint": 'springdamper="1 1"'},
-            "<joint 'a'> says springdamper, which is left out",
+            {"more": INERTIAL, "joint": 'springyield="1 1"'},
+            "<joint 'a'> says springyield, which is left out",
         ),
         (
             {"more": INERTIAL, "joint": 'frictionloss="1"'},

@@ -355,7 +355,7 @@ LEFT_OUT = {
     ): "<joint> is left out: its polynomial is not linear",
     (
         "<tendon><spatial name='t'><site site='s'/></spatial></tendon>"
-    ): "<spatial 't'> is left out: only straight tendons",
+    ): "<spatial 't'> is left out: it neither holds nor pulls",
     (
         "<tendon><fixed name='t' range='0 1'><joint joint='j' coef='1'/></fixed></tendon>"
     ): "<fixed 't'> has a range, which is left out",
@@ -389,8 +389,8 @@ def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
         ),
         ('<joint frictionloss="0.3"/>', "has dry friction, which is smoothed here"),
         (
-            '<joint springdamper="1 1"/>',
-            "says springdamper, which is left out: give stiffness and damping",
+            '<joint springyield="1 1"/>',
+            "says springyield, which is left out: springs do not yield",
         ),
         ('<joint name="a.b"/>', "<joint 'a.b'> is called 'a_b' here"),
         ('<replicate count="4"/>', "<replicate> is left out: it is not known here"),

@@ -12,6 +12,7 @@ from linkwork.mechanism import (
     Body,
     Contact,
     Joint,
+    Lift,
     Mechanism,
     MechanismError,
     PointSpring,
@@ -32,6 +33,7 @@ KINDS = {
     "springs": PointSpring,
     "contacts": Contact,
     "transmissions": Transmission,
+    "lifts": Lift,
     "drives": Mapping[str, float | str],
 }
 SHAPES = {record.model_fields["type"].default: record for record in records_in(get_args(Shape)[0])}

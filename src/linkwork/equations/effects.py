@@ -265,8 +265,8 @@ def pulls(mechanism: Mechanism, tree: Tree) -> Iterator[Pull]:
 def point_wrenches(
     mechanism: Mechanism, tree: Tree, rates: ca.SX, strains: Mapping[str, ca.SX] = NONE
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
-    """Return the wrenches (moment about the node's origin, force) of springs between points and of
-    contacts, by node in its axes."""
+    """Return the wrenches (moment about the node's origin, force) of springs between points, of
+    weights that are carried and of contacts, by node in its axes."""
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     omega = tree.angular_velocities(rates) if mechanism.springs else []
     v = tree.velocities(omega, rates) if mechanism.springs else []
@@ -280,10 +280,25 @@ def point_wrenches(
             if node.index >= 0:
                 force = ca.mtimes(node.axes.matrix.T, sign * pulled)
                 add(wrenches, node, cross(arm, force), force)
+    for node, arm, force in lifted(mechanism, tree):
+        near = ca.mtimes(node.axes.matrix.T, force)
+        add(wrenches, node, cross(arm, near), near)
     for touch in contact.touching(mechanism, tree, rates, strains):
         for node, moment, force in touch.wrenches():
             add(wrenches, node, *(ca.mtimes(node.axes.matrix.T, part) for part in (moment, force)))
     return wrenches
+
+
+def lifted(mechanism: Mechanism, tree: Tree) -> Iterator[tuple[Node, ca.SX, ca.SX]]:
+    """Yield of each weight that is carried the node, the vector from its origin to the point in its
+    axes, and the force in the ground's."""
+    for lift in mechanism.lifts.values():
+        node = tree.node(lift.body)
+        yield (
+            node,
+            near_offset(node, vector(lift.point)),
+            -lift.mass * SX(vector(mechanism.gravity)),
+        )
 
 
 def add(wrenches: dict[int, tuple[ca.SX, ca.SX]], node: Node, moment: ca.SX, force: ca.SX) -> None:
@@ -293,6 +308,10 @@ def add(wrenches: dict[int, tuple[ca.SX, ca.SX]], node: Node, moment: ca.SX, for
 
 
 def stored(mechanism: Mechanism, tree: Tree) -> ca.SX:
-    """Return the potential energy of springs between points and of contacts."""
+    """Return the potential energy of springs between points, of weights that are carried and of
+    contacts."""
     total = sum((pull.potential for pull in pulls(mechanism, tree)), SX(0))
+    for lift in mechanism.lifts.values():
+        place = tree.point(tree.node(lift.body), vector(lift.point))
+        total += lift.mass * dot(SX(vector(mechanism.gravity)), place)
     return sum((of.pressing.potential for of in contact.touches(mechanism, tree)), total)

@@ -17,8 +17,7 @@ from linkwork.equations.functions import function
 def power_terms(equations: Equations) -> dict[str, ca.SX]:
     """Return the actuated rates S v, the power of friction in each joint rate (m), of the damper of
     each spring between points and of what resists each transmission, of what dissipates in each
-    place of contact [W], and the
-    weakest relative pivot.
+    place of contact [W], and the weakest relative pivot.
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
     friction = SX.zeros(len(mechanism.rates))

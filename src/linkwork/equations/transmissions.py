@@ -1,6 +1,7 @@
 """Transmissions as expressions: the length x, and what a unit force along it does.
 
     combination    x = offset + sum ratio_i q_i       ratio_i on the rate of coordinate i
+    cable          its way (`cables`)                 forces along its straight parts
     thrust         no length (x = 0)                  a wrench that moves with its body
 
 The row J (1 x nv) of the rate x' = J w follows from the forces, by their power: J = sum ratio_i J_i
@@ -13,11 +14,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import casadi as ca
+import numpy as np
 
 from linkwork.equations.algebra import SX, vector
+from linkwork.equations.cables import way
 from linkwork.equations.jacobians import jacobian
-from linkwork.equations.tree import Tree, near_offset
-from linkwork.mechanism import Combination, Thrust
+from linkwork.equations.tree import Tree, near_offset, offset
+from linkwork.mechanism import Cable, Combination, Transmission
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,29 @@ class Along:
         return J
 
 
-def along(line: Combination | Thrust, tree: Tree, position: Callable[[str], ca.SX]) -> Along:
+def along(line: Transmission, tree: Tree, position: Callable[[str], ca.SX]) -> Along:
     """Return a transmission in a tree; position: gives a joint coordinate by name."""
     if isinstance(line, Combination):
         terms = (ratio * position(label) for label, ratio in line.ratios.items())
         return Along(sum(terms, SX(line.offset)), line.ratios)
+    if isinstance(line, Cable):
+        return led(line, tree)
     node = tree.node(line.body)
     R = node.R.matrix
     wrench = ca.vertcat(*(ca.mtimes(R, vector(part)) for part in (line.moment, line.force)))
     return Along(SX(0), wrenches=((line.body, near_offset(node, vector(line.point)), wrench),))
+
+
+def led(cable: Cable, tree: Tree) -> Along:
+    """Return a cable in a tree."""
+
+    def place(body: str) -> tuple[ca.SX, ca.SX]:
+        node = tree.node(body)
+        return node.R.matrix, node.O + offset(node, np.zeros(3))
+
+    found = way(cable, place)
+    wrenches = (
+        (body, near_offset(tree.node(body), np.zeros(3)), wrench)
+        for body, wrench in found.wrenches(place)
+    )
+    return Along(found.length, wrenches=tuple(wrenches))

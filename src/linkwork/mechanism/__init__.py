@@ -3,7 +3,7 @@
 from linkwork.mechanism import joints, shapes, transmissions
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
-from linkwork.mechanism.effects import Bristle, Effects, Friction, Limits, PointSpring, Spring
+from linkwork.mechanism.effects import Bristle, Effects, Friction, Lift, Limits, PointSpring, Spring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.joints import *  # noqa: F403 - all types of joints
@@ -25,6 +25,7 @@ __all__ = [
     "Friction",
     "HeightField",
     "Inertia",
+    "Lift",
     "Limits",
     "Mechanism",
     "MechanismError",

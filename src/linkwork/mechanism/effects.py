@@ -148,3 +148,14 @@ class PointSpring(Record):
     stiffness: Amount = Field(default=0.0, description="tension per length [N/m]")
     rest_length: Amount = Field(default=0.0, description="length without tension [m]")
     damping: Amount = Field(default=0.0, description="tension per rate of the length [N s/m]")
+
+
+class Lift(Record):
+    """Carry the weight of a mass at a point of a body: F = -mass gravity. It balances a body's own
+    weight, or is the buoyancy of what a body displaces."""
+
+    body: Name = Field(description="name of the body")
+    point: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="where the force acts, in the body's frame [m]"
+    )
+    mass: Real = Field(description="mass whose weight is carried [kg]")

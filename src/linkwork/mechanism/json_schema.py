@@ -13,7 +13,7 @@ from linkwork.mechanism.joints import EFFECTS, Joint, ManyFreedoms
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.refusal import records_in
 from linkwork.mechanism.shapes import Shape
-from linkwork.mechanism.transmissions import Transmission
+from linkwork.mechanism.transmissions import CablePart, Transmission
 
 FORMAT_VERSION = 1
 
@@ -22,7 +22,7 @@ def schema() -> dict[str, Any]:
     """Return the JSON schema (draft 7) of the mechanism file as a dict, ready for `json.dump`."""
     made = Mechanism.model_json_schema(ref_template="#/definitions/{model}")
     definitions = made.pop("$defs")
-    kinds = Joint, Shape, Surface, Transmission
+    kinds = Joint, Shape, Surface, Transmission, CablePart
     for record in dict.fromkeys(record for kind in kinds for record in records_in(kind)):
         _say_type(definitions[record.__name__])
         if issubclass(record, ManyFreedoms):

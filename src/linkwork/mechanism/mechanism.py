@@ -17,7 +17,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact
-from linkwork.mechanism.effects import PointSpring
+from linkwork.mechanism.effects import Lift, PointSpring
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
@@ -107,6 +107,9 @@ class Mechanism(Record, Portrayed):
     contacts: Mapping[Name, Contact] = Field(
         default_factory=dict, description="surfaces of bodies that may meet, by name"
     )
+    lifts: Mapping[Name, Lift] = Field(
+        default_factory=dict, description="weights that are carried, by name"
+    )
     transmissions: Mapping[Name, Transmission] = Field(
         default_factory=dict,
         description="lengths that springs, friction and actuators act along, by name",
@@ -185,6 +188,8 @@ class Mechanism(Record, Portrayed):
         # What refers to coordinates: gears, transmissions, actuators, the reference.
         for name, gear in self.gears.items():
             self._check_ratios(gear.ratios, coordinates, ("joints", name, "ratios"), "be geared")
+        for name, lift in self.lifts.items():
+            require(lift.body, self.bodies, "body", ("lifts", name, "body"))
         self._check_transmissions(coordinates)
         self._check_actuators()
         for name, tool in self.tools.items():
@@ -257,6 +262,9 @@ class Mechanism(Record, Portrayed):
                 self._check_ratios(line.ratios, coordinates, (*where, "ratios"), "be combined")
             elif isinstance(line, Thrust):
                 require(line.body, self.bodies, "body", (*where, "body"))
+            else:
+                for body in line.bodies:
+                    require(body, dict.fromkeys((GROUND, *self.bodies)), "body", (*where, "path"))
 
     def _check_actuators(self) -> None:
         rates, seen = dict.fromkeys((*self.rates, *self.transmissions)), set()

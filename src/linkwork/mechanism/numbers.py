@@ -23,7 +23,7 @@ from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown, suggestion
 
-SECTIONS = ("bodies", "joints", "springs", "contacts", "transmissions", "tools")
+SECTIONS = ("bodies", "joints", "springs", "contacts", "lifts", "transmissions", "tools")
 SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
 DIRECTIONS = ("rotation", "axis", "axes")

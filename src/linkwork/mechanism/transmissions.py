@@ -8,22 +8,37 @@ f l' on the mechanism: it acts on the rates w as J' f, with l' = J w.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from linkwork.mechanism.effects import Friction, Spring
+from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.record import (
     Amount,
     MechanismError,
     Name,
     PathName,
+    Positive,
     Real,
     Record,
     Vector3,
 )
 
-__all__ = ["Combination", "LoadedLength", "SlackSpring", "Thrust", "Transmission"]
+__all__ = [
+    "Cable",
+    "CablePart",
+    "Combination",
+    "LoadedLength",
+    "OverCylinder",
+    "OverSphere",
+    "PulleyBlock",
+    "SlackSpring",
+    "Thrust",
+    "Transmission",
+    "ViaPoint",
+]
 
 
 class SlackSpring(Spring):
@@ -76,6 +91,76 @@ class Combination(LoadedLength):
         return self
 
 
+class ViaPoint(Record):
+    """Lead a cable through a point of a body."""
+
+    type: Literal["point"] = "point"
+    body: Name = Field(description="name of the body")
+    point: Vector3 = Field(default=(0.0, 0.0, 0.0), description="in the body's frame [m]")
+
+
+class _Over(Record):
+    """Lead a cable round a body's surface, the shorter way, where the straight way between the
+    points before and behind it passes through."""
+
+    body: Name = Field(description="name of the body")
+    frame: Frame = Field(default=Frame(), description="of the surface, in the body's frame")
+    radius: Positive = Field(description="of the surface [m]")
+
+
+class OverSphere(_Over):
+    """Lead a cable round a sphere about the frame's origin."""
+
+    type: Literal["sphere"] = "sphere"
+
+
+class OverCylinder(_Over):
+    """Lead a cable round a cylinder, without ends, about the frame's z axis."""
+
+    type: Literal["cylinder"] = "cylinder"
+
+
+class PulleyBlock(Record):
+    """End a branch of a cable; the next one counts by 1 / divisor of its length."""
+
+    type: Literal["pulley"] = "pulley"
+    divisor: Positive = Field(description="by which the length of what follows is divided")
+
+
+CablePart = Annotated[
+    ViaPoint | OverSphere | OverCylinder | PulleyBlock, Field(discriminator="type")
+]
+
+
+class Cable(LoadedLength):
+    """Measure the way of a cable from point to point and round bodies; tension is a force along
+    it below zero."""
+
+    type: Literal["cable"] = "cable"
+    path: tuple[CablePart, ...] = Field(
+        description="points that it passes, surfaces between them, and pulleys between branches"
+    )
+
+    @model_validator(mode="after")
+    def _leads(self):
+        kinds = [part.type for part in self.path]
+        for branch in " ".join(kinds).split("pulley"):
+            parts = branch.split()
+            apart = all("point" in pair for pair in pairwise(parts))
+            if len(parts) < 2 or parts[0] != "point" or parts[-1] != "point" or not apart:
+                raise MechanismError(
+                    "a branch of a cable begins and ends with a point, has two or more, and none "
+                    f"but single surfaces between them; here it is {', '.join(parts) or 'empty'}",
+                    ("path",),
+                )
+        return self
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that it touches, in its order."""
+        return tuple(part.body for part in self.path if not isinstance(part, PulleyBlock))
+
+
 class Thrust(Record):
     """Act on a body with a force and a moment that move with it: f of the actuator is the wrench
     (f moment, f force)."""
@@ -100,7 +185,7 @@ class Thrust(Record):
         return self
 
 
-Transmission = Annotated[Combination | Thrust, Field(discriminator="type")]
+Transmission = Annotated[Combination | Cable | Thrust, Field(discriminator="type")]
 TYPES: dict[str, type[Record]] = {
     kind.model_fields["type"].default: kind for kind in get_args(get_args(Transmission)[0])
 }

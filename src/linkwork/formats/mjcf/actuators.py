@@ -21,12 +21,21 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import ACTUATORS, Document, flag
+from linkwork.formats.mjcf.inertia import inertia
 from linkwork.formats.mjcf.joints import DrivenBall, Joints
 from linkwork.formats.mjcf.tree import ModelTree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
-from linkwork.mechanism import GROUND, Combination, Thrust, Transmission
+from linkwork.mechanism import (
+    GROUND,
+    Cable,
+    Combination,
+    Friction,
+    SlackSpring,
+    Thrust,
+    Transmission,
+)
 
 NEAR = 1e-9  # axes that agree [1]
 ANGULAR_VELOCITY = {"wx": 0, "wy": 1, "wz": 2}
@@ -91,7 +100,7 @@ class ActuatorReader:
     document: Document
     tree: ModelTree
     joints: Joints
-    tendons: dict[str, Combination]
+    tendons: dict[str, Combination | Cable]
     names: FreeNames
     notes: Notes
 
@@ -146,7 +155,7 @@ class ActuatorReader:
             return [joint]
         tendon = self.tendons.get(attributes.get("tendon", ""))
         labels = {label: name for name, label in self.joints.coordinates.items()}
-        return [labels[label] for label in tendon.ratios] if tendon else []
+        return [labels[label] for label in tendon.ratios] if isinstance(tendon, Combination) else []
 
     def _target(self, element: Element, gear: np.ndarray) -> str | None:
         """Return the rate or the transmission that an actuator acts on, or None with a note."""
@@ -179,13 +188,15 @@ class ActuatorReader:
     def _of_tendon(self, element: Element, tendon: str) -> str | None:
         if tendon not in self.tendons:
             self.notes.on(
-                element, f"is left out: the tendon {tendon!r} is no combination of joints"
+                element,
+                f"is left out: the tendon {tendon!r} is no combination of joints and no cable",
             )
             return None
         line = self.tendons[tendon]
         name = self.found.lines[tendon]
         if name in self.found.names:
-            return self._line(element, Combination(ratios=line.ratios, offset=line.offset))
+            alone = {"spring": SlackSpring(), "friction": Friction(), "inertia": 0.0}
+            return self._line(element, line.model_copy(update=alone))
         self.found.transmissions[name] = line
         return name
 
@@ -369,7 +380,12 @@ class ActuatorReader:
     def _reflected(self, element: Element, gear: float) -> float:
         """Return the inertia that an actuator sees at qpos0 [kg, kg m^2], 1 / (J M^-1 J')."""
         line = self.tendons.get(element.attributes.get("tendon", ""))
+        if isinstance(line, Cable):
+            raise element.refusal("has a dampratio on a spatial tendon; give kv instead")
         own = dict.fromkeys((self.joints.coordinates[name] for name in self._moved(element)), 1.0)
+        if any(line.inertia for line in self.tendons.values() if isinstance(line, Cable)):
+            remark = "has a dampratio, in which the armature of spatial tendons is left out"
+            self.notes.on(element, remark, alters=True)
         J, places = np.zeros(len(self.inertia[0])), self.inertia[1]
         for label, ratio in (line.ratios if line else own).items():
             J[places[label]] = gear * ratio
@@ -379,47 +395,19 @@ class ActuatorReader:
     def inertia(self) -> tuple[np.ndarray, dict[str, int]]:
         """Return the tree's M at qpos0, with what moves along tendons, and the places in it of the
         coordinates of hinges and slides."""
-        M, at = inertia(self.tree)
+        M, rates = inertia(self.tree)
+        at = {
+            piece.name: rate.start
+            for (_, piece), rate in zip(self.tree.pieces(), rates, strict=True)
+        }
         places = {label: at[name] for name, label in self.joints.coordinates.items() if name in at}
-        for line in self.tendons.values():
+        lines = [line for line in self.tendons.values() if isinstance(line, Combination)]
+        for line in lines:
             J = np.zeros(len(M))
             for label, ratio in line.ratios.items():
                 J[places[label]] = ratio
             M = M + line.inertia * np.outer(J, J)
         return M, places
-
-
-def inertia(tree: ModelTree) -> tuple[np.ndarray, dict[str, int]]:
-    """Return the generalised inertia of all bodies at qpos0, loops left open, and the places of
-    the rates of named hinges and slides.
-
-    M = sum_i J_i' diag(I_i, m_i 1) J_i + armatures,    J_i: rates -> [omega; v of the mass centre]
-    """
-    at, columns, places = tree.poses(), {name: [] for name in tree.nodes}, {}
-    rotors: list[float] = []
-    # What each rate moves: everything on its body, about an axis through a point or along one.
-    for name, node in tree.nodes.items():
-        R = at[name][:3, :3]
-        for piece in node.pieces:
-            point = poses.point(at[name], piece.anchor)
-            slides = {"slide": [R @ piece.axis], "free": list(np.eye(3))}.get(piece.kind, [])
-            turns = {"slide": [], "hinge": [R @ piece.axis]}.get(piece.kind, list(R.T))
-            if piece.name and piece.kind in ("hinge", "slide"):
-                places[piece.name] = len(rotors)
-            for axis, turning in [*((s, False) for s in slides), *((t, True) for t in turns)]:
-                columns[name].append((len(rotors), axis, turning, point))
-                rotors.append(piece.rotor)
-    # Each body by the rates of all that it hangs on.
-    M = np.diag(rotors)
-    for name, node in tree.nodes.items():
-        solid = node.solid.seen(at[name])
-        J = np.zeros((6, len(rotors)))
-        for other in tree.chain(name):
-            for place, axis, turning, point in columns[other.name]:
-                moved = np.cross(axis, solid.centre - point) if turning else axis
-                J[:, place] = [*(axis if turning else np.zeros(3)), *moved]
-        M = M + J[:3].T @ solid.inertia @ J[:3] + solid.mass * J[3:].T @ J[3:]
-    return M, places
 
 
 def first(

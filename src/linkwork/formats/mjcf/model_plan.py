@@ -30,6 +30,7 @@ from linkwork.formats import poses
 from linkwork.formats.mjcf.tree import Kind, plane_normal
 from linkwork.mechanism import (
     GROUND,
+    Cable,
     Combination,
     Mechanism,
     MechanismError,
@@ -363,6 +364,8 @@ class _Planner:
         kept |= {body for spring in springs for body in spring.connects}
         lines = self.mechanism.transmissions.values()
         kept |= {line.body for line in lines if isinstance(line, Thrust)}
+        kept |= {lift.body for lift in self.mechanism.lifts.values()}
+        kept |= {body for line in lines if isinstance(line, Cable) for body in line.bodies}
         for name in list(self.seats):
             seat = self.seats[name]
             children = [child for child in self.seats.values() if child.parent == name]

@@ -17,6 +17,7 @@ from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.actuators import ActuatorReader, ball_drives, driven_sites
 from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.inertia import with_spring_dampers
 from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.survey import survey
@@ -30,6 +31,7 @@ from linkwork.mechanism import (
     GROUND,
     Body,
     Joint,
+    Lift,
     Mechanism,
     MechanismError,
     PairJoint,
@@ -52,7 +54,7 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     # The document and its tree of bodies.
     document = Document.read(root)
     survey(document, notes)
-    tree = read_tree(document, notes)
+    tree = with_spring_dampers(document, read_tree(document, notes), notes)
     loops = LoopReader(document, tree, notes)
     ties = loops.ties()
     # Joints of the tree, and the bodies between several joints of one body.
@@ -64,9 +66,10 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
         for name, node in tree.nodes.items()
     } | joints.bodies
+    lifts = _lifts(tree)
     # What closes loops: tendons, connects and welds, joint equalities.
     tendons = TendonReader(document, loops, joints, names, notes).read(ties.tendons)
-    _join_parts(tree, ties, joints, bodies, tendons.used)
+    _join_parts(tree, ties, joints, bodies, tendons.used, lifts)
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
@@ -85,6 +88,7 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         "bodies": bodies,
         "joints": everything,
         "springs": tendons.springs,
+        "lifts": lifts,
         "transmissions": actuation.transmissions,
         "actuators": tuple(actuation.names),
         "drives": actuation.drives,
@@ -109,6 +113,17 @@ def _gravity(document: Document) -> tuple[float, float, float]:
     return gravity
 
 
+def _lifts(tree: ModelTree) -> dict[str, Lift]:
+    """Return the weights that are carried (gravcomp), by body."""
+    found = {}
+    for name, node in tree.nodes.items():
+        part = node.element.number("gravcomp", 0.0)
+        if part and node.solid.mass:
+            centre, mass = poses.triple(node.solid.centre), part * float(node.solid.mass)
+            found[name] = node.element.make(Lift, body=name, point=centre, mass=mass)
+    return found
+
+
 def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
     """Return the joint equalities by the joint that they move, where nothing else drives or couples
     that joint."""
@@ -129,7 +144,12 @@ def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
 
 
 def _join_parts(
-    tree: ModelTree, ties: Ties, joints: Joints, bodies: dict[str, Body], tendon_sites: set[str]
+    tree: ModelTree,
+    ties: Ties,
+    joints: Joints,
+    bodies: dict[str, Body],
+    tendon_sites: set[str],
+    lifts: dict[str, Lift],
 ) -> None:
     """Make one body of the parts that an export made of it.
 
@@ -149,6 +169,7 @@ def _join_parts(
             or part in parents
             or part in standing
             or uses[part] > 1
+            or part in lifts
             or part not in joints.last
         ):
             continue

@@ -55,12 +55,15 @@ SOLVING = {
 }
 JOINT = {
     "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping",
-    "frictionloss", "armature", "actuatorfrcrange", "actuatorfrclimited",
+    "frictionloss", "armature", "actuatorfrcrange", "actuatorfrclimited", "springdamper",
 }  # fmt: skip
 GEOM = {
     "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype",
     "conaffinity", "condim", "priority", "friction", "solmix", "gap", "fitscale", "castshadow",
     "surfacevel", "adhesion",
+}  # fmt: skip
+TENDON = {
+    "stiffness", "damping", "springlength", "limited", "range", "frictionloss", "armature",
 }  # fmt: skip
 DRIVE = {
     "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite",
@@ -83,7 +86,7 @@ ATTRIBUTES: dict[str, set[str]] = {
         "o_friction", "sdf_iterations", "sdf_initpoints",
         "actuatorgroupdisable", "sleep_tolerance",
     },
-    "body": POSE | {"childclass", "fuse", "sleep", "simple"},
+    "body": POSE | {"childclass", "fuse", "sleep", "simple", "gravcomp"},
     "worldbody": POSE | {"childclass"},
     "frame": POSE | {"childclass"},
     "inertial": POSE | {"mass", "diaginertia", "fullinertia"},
@@ -94,11 +97,8 @@ ATTRIBUTES: dict[str, set[str]] = {
     "connect": {"active", "body1", "body2", "anchor", "site1", "site2"} | SOLVING,
     "weld": SOLVING
     | {"active", "body1", "body2", "anchor", "relpose", "torquescale", "site1", "site2"},
-    "spatial": {"stiffness", "damping", "springlength", "width", "limited"} | SOLVING,
-    "fixed": {
-        *("stiffness", "damping", "springlength", "limited", "range", "frictionloss", "armature"),
-        *SOLVING,
-    },
+    "spatial": TENDON | {"width"} | SOLVING,
+    "fixed": TENDON | SOLVING,
     "key": {"time", "qpos", "qvel", "act", "ctrl", "mpos", "mquat"},
     "default": set(),
 }  # fmt: skip
@@ -123,9 +123,7 @@ CONSEQUENCES = {
     ("option", "density"): "there is no air or water here",
     ("option", "viscosity"): "there is no air or water here",
     ("option", "wind"): "there is no air or water here",
-    ("body", "gravcomp"): "weight acts on all bodies",
     ("body", "mocap"): "the body is fixed in the world",
-    ("joint", "springdamper"): "give stiffness and damping",
     ("joint", "springyield"): "springs do not yield",
 }
 NOTHING = {"0", "false", "none", "auto", ""}

@@ -3,33 +3,45 @@
 tendon of two sites    held: a rod; with stiffness or damping: a spring between two points
 tendon of joints       held: a gear; a combination of coordinates with what acts along it, or
                        that an actuator pulls
+other spatial tendons  cables: with pulleys, and round spheres and cylinders the shorter way
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
+import casadi as ca
 import numpy as np
 
+from linkwork.equations.cables import way
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
+    Cable,
+    CablePart,
     Combination,
     Frame,
     Friction,
     GearJoint,
     Joint,
+    OverCylinder,
+    OverSphere,
     PointSpring,
+    PulleyBlock,
     RodJoint,
     SlackSpring,
+    ViaPoint,
 )
 
+Loaded = TypeVar("Loaded", Combination, Cable)
 Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
 LIMITED = "has a range, which is left out: the lengths of tendons are not watched"
 
@@ -38,13 +50,14 @@ LIMITED = "has a range, which is left out: the lengths of tendons are not watche
 class Tendons:
     """Gather what tendons are.
 
-    joints: rods and gears; lines: combinations of all tendons of joints, by name in the file
+    joints: rods and gears; lines: combinations of all tendons of joints, and cables, by name in the
+        file
     used: the sites that they use
     """
 
     joints: dict[str, Joint] = field(default_factory=dict)
     springs: dict[str, PointSpring] = field(default_factory=dict)
-    lines: dict[str, Combination] = field(default_factory=dict)
+    lines: dict[str, Combination | Cable] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
 
 
@@ -60,6 +73,9 @@ class TendonReader:
 
     def __post_init__(self) -> None:
         self.found = Tendons()
+        self.driven = {
+            element.attributes.get("tendon") for element in self.document.each("actuator")
+        }
 
     def read(self, equalities: Iterable[Element]) -> Tendons:
         """Return what all tendons are, those held by some equalities included."""
@@ -69,15 +85,10 @@ class TendonReader:
             holds = held.pop(element.attributes.get("name", ""), None)
             if element.tag == "fixed":
                 self._fixed(element, holds)
-            elif element.tag == "spatial" and [part.tag for part in element.children] == [
-                "site",
-                "site",
-            ]:
-                self.found.used |= {part.text("site") for part in element.children}
-                self._straight(element, holds)
+            elif element.tag == "spatial":
+                self._spatial(element, holds)
             else:
-                remark = "is left out: only straight tendons of two sites are rods or springs"
-                self.notes.on(element, remark, alters=bool(holds) or _acts(element))
+                self.notes.on(element, "is left out: it is not known here", alters=True)
         for element in (equality for equality, _ in held.values()):
             self.notes.on(element, "is left out: there is no tendon of that name", alters=True)
         for element in following:
@@ -110,12 +121,13 @@ class TendonReader:
         (l2 - l2_0)."""
         offset, ratio = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)[:2]
         names = element.text("tendon1"), element.text("tendon2")
-        if not set(names) <= self.found.lines.keys():
+        lines = [self.found.lines.get(name) for name in names]
+        if not all(isinstance(line, Combination) for line in lines):
             self.notes.on(
                 element, "is left out: only tendons of joints follow one another", alters=True
             )
             return
-        one, two = (self.found.lines[name].ratios for name in names)
+        one, two = (line.ratios for line in lines if isinstance(line, Combination))
         ratios = {
             label: one.get(label, 0.0) - ratio * two.get(label, 0.0)
             for label in dict.fromkeys((*one, *two))
@@ -126,7 +138,71 @@ class TendonReader:
             GearJoint, ratios=ratios, offset=offset + at_zero[0] - ratio * at_zero[1]
         )
 
-    # --------------------------------------------------------------------------------- of two sites
+    # ------------------------------------------------------------------------------------- spatial
+
+    def _spatial(self, element: Element, holds: Held | None) -> None:
+        """Read a tendon as a rod or a spring between two points, or as a cable."""
+        parts = element.children
+        straight = [part.tag for part in parts] == ["site", "site"]
+        self.found.used |= {part.text("site") for part in parts if part.tag == "site"}
+        driven = element.attributes.get("name", "") in self.driven
+        more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
+        if straight and not driven and not more:
+            self._straight(element, holds)
+            return
+        if holds:
+            remark = "is left out: only a straight tendon of two sites is held as a rod"
+            self.notes.on(element, remark, alters=True)
+            return
+        if is_limited(element, self.document):
+            self.notes.on(element, LIMITED)
+        if not driven and not _acts(element):
+            self.notes.on(element, "is left out: it neither holds nor pulls")
+            return
+        path = self._path(element)
+        if path is not None:
+            name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+            cable = element.make(Cable, path=path)
+            self.found.lines[name] = self._loaded(element, cable, self._rests(cable))
+
+    def _path(self, element: Element) -> tuple[CablePart, ...] | None:
+        """Return the way of a cable, or None with a note."""
+        path: list[CablePart] = []
+        for part in element.children:
+            if part.tag == "site":
+                body, X = self.loops.site(element, part.text("site"))
+                path.append(ViaPoint(body=body, point=poses.triple(X[:3, 3])))
+            elif part.tag == "pulley":
+                path.append(part.make(PulleyBlock, divisor=part.number("divisor")))
+            elif "sidesite" in part.attributes:
+                remark = "is left out: round a geom a cable passes the shorter way, not by a side"
+                self.notes.on(element, f"{remark} (sidesite)", alters=True)
+                return None
+            else:
+                path.append(self._surface(part))
+        return tuple(path)
+
+    def _surface(self, part: Element) -> OverSphere | OverCylinder:
+        """Return the surface of a geom that a cable is led round."""
+        name = part.text("geom")
+        if name not in self.loops.tree.geoms:
+            raise part.refusal(f"there is no geom {name!r}")
+        body, X, geom = self.loops.tree.geoms[name]
+        kind = {"sphere": OverSphere, "cylinder": OverCylinder}.get(kind_of(geom))
+        if kind is None:
+            raise part.refusal(f"{name!r} is no sphere and no cylinder; wrap round one of these")
+        size, place = measured(self.document, geom)
+        frame = poses.frame_of(X @ place)
+        return part.make(kind, body=body, frame=frame, radius=float(size[0]))
+
+    def _rests(self, cable: Cable) -> float:
+        """Return the length of a cable where the joints' springs rest."""
+        at = self.loops.at_rest
+
+        def place(body: str) -> tuple[ca.SX, ca.SX]:
+            return ca.SX(at[body][:3, :3]), ca.SX(at[body][:3, 3])
+
+        return float(way(cable, place).length)
 
     def _straight(self, element: Element, holds: Held | None) -> None:
         # Its two ends, and what it does between them.
@@ -198,6 +274,13 @@ class TendonReader:
         if not any(ratios.values()):
             self.notes.on(element, "is left out: it moves with no joint")
             return
+        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        line = element.make(Combination, ratios=ratios)
+        self.found.lines[name] = self._loaded(element, line, self._at(ratios, springs=True))
+
+    def _loaded(self, element: Element, line: Loaded, at_rest: float) -> Loaded:
+        """Return a transmission with what acts along its tendon, whose length where joints' springs
+        rest is given."""
         friction = element.number("frictionloss", 0.0)
         if friction:
             self.notes.on(
@@ -206,13 +289,12 @@ class TendonReader:
                 f"reached at rates well above {Friction().coulomb_rate:g} rad/s or m/s",
                 alters=True,
             )
-        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
-        self.found.lines[name] = element.make(
-            Combination,
-            ratios=ratios,
-            spring=self._spring(element, self._at(ratios, springs=True)),
-            friction=element.make(Friction, coulomb=friction),
-            inertia=element.number("armature", 0.0),
+        return line.model_copy(
+            update={
+                "spring": self._spring(element, at_rest),
+                "friction": element.make(Friction, coulomb=friction),
+                "inertia": element.number("armature", 0.0),
+            }
         )
 
     def _spring(self, element: Element, at_rest: float) -> SlackSpring:

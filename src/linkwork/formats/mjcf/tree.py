@@ -109,11 +109,12 @@ class ModelBody:
 
 @dataclass
 class ModelTree:
-    """Hold the bodies in MuJoCo's order, parents first, and the named sites: body, pose
-    X_body_site."""
+    """Hold the bodies in MuJoCo's order, parents first, the named sites: body, pose X_body_site;
+    and the named geoms: body, pose of what stands around them there, element."""
 
     nodes: dict[str, ModelBody] = field(default_factory=dict)
     sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+    geoms: dict[str, tuple[str, np.ndarray, Element]] = field(default_factory=dict)
     bodies: dict[str, str] = field(
         default_factory=lambda: {WORLD: GROUND}
     )  # name in the file -> name here
@@ -277,10 +278,14 @@ class TreeReader:
                 case "freejoint" if parts is not None:
                     parts.pieces.append(Piece("free", self.once(child), np.zeros(3), np.zeros(3)))
                 # Masses and shapes.
-                case "geom" if parts is not None:
-                    parts.geoms.append((document.resolved(child, "geom", childclass), X))
                 case "geom":
-                    self.scenery(document.resolved(child, "geom", childclass))
+                    geom = document.resolved(child, "geom", childclass)
+                    if "name" in geom.attributes:
+                        self.tree.geoms[geom.attributes["name"]] = body, X, geom
+                    if parts is None:
+                        self.scenery(geom)
+                    else:
+                        parts.geoms.append((geom, X))
                 case "inertial" if parts is not None:
                     parts.inertial = child
 

@@ -28,13 +28,16 @@ from linkwork.formats.notes import Notes
 from linkwork.mechanism import (
     GROUND,
     Body,
+    Cable,
     Combination,
     Limits,
     LoadedLength,
     Mechanism,
     MechanismError,
+    PulleyBlock,
     Shape,
     Thrust,
+    ViaPoint,
 )
 from linkwork.mechanism.body import rigid
 
@@ -143,6 +146,7 @@ class _Writer:
         self._screws()
         self._gears()
         self._combinations()
+        self._cables()
         for name in self.mechanism.actuators:
             self._actuator(name)
         self._key()
@@ -184,6 +188,7 @@ class _Writer:
             self.elements[seat.parent], "body", attrib={"name": seat.name} | placed(relative)
         )
         self.elements[seat.name] = element
+        self._lifted(element, seat)
         body = self.mechanism.bodies[seat.body]
         if (
             body.mass
@@ -195,6 +200,20 @@ class _Writer:
         for move in seat.moves:
             element.append(self._joint(move, poses.inverse(X)))
         self._draw(element, seat, poses.inverse(X))
+
+    def _lifted(self, element: ET.Element, seat: Seat) -> None:
+        """Write what carries a body's own weight; MuJoCo carries weights at mass centres only."""
+        body = self.mechanism.bodies[seat.body]
+        for name, lift in self.mechanism.lifts.items():
+            if lift.body != seat.body:
+                continue
+            if lift.point == body.centre_of_mass and body.mass and "gravcomp" not in element.attrib:
+                element.set("gravcomp", number(lift.mass / body.mass))
+            else:
+                self.notes.say(
+                    f"lifts.{name}: is left out: MuJoCo carries a body's own weight only, once and "
+                    "at its mass centre"
+                )
 
     def _inertial(self, element: ET.Element, seat: Seat, body: Body) -> None:
         I, mass = seat.share * body.inertia.tensor(), seat.share * body.mass  # noqa: E741
@@ -421,6 +440,28 @@ class _Writer:
                 if ratio:
                     ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
             self._along(tendon, line, line.offset)
+
+    def _cables(self) -> None:
+        """Write cables as spatial tendons, with sites and unseen geoms of their own."""
+        for name, line in self.mechanism.transmissions.items():
+            if not isinstance(line, Cable):
+                continue
+            tendon = self._add("tendon", "spatial", name=self._line(name))
+            for k, part in enumerate(line.path):
+                label = f"{name}.{k}"
+                if isinstance(part, PulleyBlock):
+                    ET.SubElement(tendon, "pulley", divisor=number(part.divisor))
+                elif isinstance(part, ViaPoint):
+                    X = self.home.poses[part.body] @ poses.shift(part.point)
+                    self._site(label, part.body, X)
+                    ET.SubElement(tendon, "site", site=label)
+                else:
+                    size = [part.radius] if part.type == "sphere" else [part.radius, part.radius]
+                    own = {"name": label, "type": part.type, "size": numbers(size), "group": "4"}
+                    own |= placed(poses.of_frame(part.frame))
+                    ET.SubElement(self.elements[part.body], "geom", attrib=own)
+                    ET.SubElement(tendon, "geom", geom=label)
+            self._along(tendon, line, 0.0)
 
     def _along(self, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
         """Write what acts along a tendon, whose length is ahead of MuJoCo's by an offset."""

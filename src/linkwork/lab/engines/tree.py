@@ -78,11 +78,12 @@ def spanning_tree(mechanism: Mechanism) -> EngineTree:
     Raises:
         EngineError: nothing but rods reaches a body; transmissions, which engines are not given.
     """
-    if mechanism.transmissions:
-        raise EngineError(
-            f"{mechanism.name} has the transmission {next(iter(mechanism.transmissions))!r}, which "
-            "the engines are not given; compare without it, or write the mechanism as MJCF"
-        )
+    for what in ("transmission", "lift"):
+        if own := getattr(mechanism, f"{what}s"):
+            raise EngineError(
+                f"{mechanism.name} has the {what} {next(iter(own))!r}, which the engines are not "
+                "given; compare without it, or write the mechanism as MJCF"
+            )
     # What should enter soon, lest it has to be tied.
     edges = {name: edge(name, joint) for name, joint in mechanism.pairs.items()}
     first, second = coupled(mechanism), loaded(mechanism)

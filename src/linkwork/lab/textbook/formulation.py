@@ -55,10 +55,10 @@ class Textbook:
     @cached_property
     def tree(self) -> SpanningTree:
         """Return the spanning tree whose paths K and phi follow."""
-        if self.mechanism.transmissions:
+        if self.mechanism.transmissions or self.mechanism.lifts:
             raise LinkworkError(
-                f"{self.mechanism.name} has transmissions, which the paper's equations do not; "
-                "take them out of the description"
+                f"{self.mechanism.name} has transmissions or lifts, which the paper's equations do "
+                "not; take them out of the description"
             )
         return spanning_tree(self.mechanism)
 

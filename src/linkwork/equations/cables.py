@@ -1,0 +1,194 @@
+"""Cables: the way from point to point, and round spheres and cylinders.
+
+    l = sum over branches 1/divisor (sum of straight parts + sum of arcs)
+
+A surface stands between two points x_0, x_1. In its own frame, in the plane through the centre and
+both (a cylinder's: across its axis), the tangents from a point d touch the circle of radius r at
+
+    t = (r^2 d +- r sqrt(d . d - r^2) d') / (d . d),    d' = d turned by 90 degrees
+
+one of each sign: the way between them is r times the angle, and the shorter one is taken. On a
+cylinder the way climbs in proportion to its length across the axis. Where the straight line misses
+the circle the cable is straight.
+
+The rate of l is that of the straight parts alone, each between two points that are fixed in their
+bodies at the moment: to the first order a taut cable does not change its length by where it
+touches. So a unit force along l is a pair of forces at the ends of each straight part.
+
+Source: the tangents and their choice are those of MuJoCo 4 (`mju_wrap`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+
+from linkwork.equations.algebra import SX, cross, dot, rotation_matrix, vector
+from linkwork.mechanism import GROUND, Cable, OverCylinder, OverSphere, PulleyBlock, ViaPoint
+
+TINY = 1e-15  # of lengths and areas that have no direction, in MuJoCo's own units
+GRAZING = 1e-6
+"""Angle of an arc below zero that is rounding, where a cable hardly touches [rad]: an arc of nearly
+a whole turn has tangents that cross."""
+CROSSED = -1e4  # how good a solution is whose tangents cross
+
+
+Places = Callable[[str], tuple[ca.SX, ca.SX]]
+"""Give the matrix R_0B (3 x 3) and the origin p_0B (3) of a body's frame by name."""
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Hold a straight part: bodies and points of its ends, in the ground's axes, and how much of
+    its length counts."""
+
+    bodies: tuple[str, str]
+    ends: tuple[ca.SX, ca.SX]
+    share: ca.SX
+
+    @property
+    def length(self) -> ca.SX:
+        return ca.sqrt(ca.sumsqr(self.ends[1] - self.ends[0]) + TINY**2)
+
+
+@dataclass(frozen=True)
+class Way:
+    """Hold the way of a cable: its straight parts, and the length of its arcs."""
+
+    straight: tuple[Straight, ...]
+    arcs: ca.SX
+
+    @property
+    def length(self) -> ca.SX:
+        return sum((part.share * part.length for part in self.straight), self.arcs)
+
+    def wrenches(self, place: Places) -> Iterator[tuple[str, ca.SX]]:
+        """Yield the unit forces on bodies as wrenches about the origins of their frames."""
+        for part in self.straight:
+            force = part.share * (part.ends[1] - part.ends[0]) / part.length
+            for sign, body, point in zip((-1, 1), part.bodies, part.ends, strict=True):
+                if body != GROUND:
+                    arm = point - place(body)[1]
+                    yield body, ca.vertcat(cross(arm, sign * force), sign * force)
+
+
+def way(cable: Cable, place: Places) -> Way:
+    """Return the way of a cable."""
+    straight: list[Straight] = []
+    arcs, share = SX(0), 1.0
+    before: tuple[str, ca.SX] | None = None
+    surface: OverSphere | OverCylinder | None = None
+    for part in cable.path:
+        if isinstance(part, PulleyBlock):
+            before, share = None, 1 / part.divisor
+        elif isinstance(part, ViaPoint):
+            R, origin = place(part.body)
+            here = part.body, origin + ca.mtimes(R, vector(part.point))
+            if before is not None and surface is None:
+                straight.append(Straight((before[0], here[0]), (before[1], here[1]), SX(share)))
+            elif before is not None and surface is not None:
+                touched, arc = round_surface(surface, place, (before, here), share)
+                straight += touched
+                arcs += arc
+            before, surface = here, None
+        else:
+            surface = part
+    return Way(tuple(straight), arcs)
+
+
+def round_surface(
+    surface: OverSphere | OverCylinder,
+    place: Places,
+    ends: tuple[tuple[str, ca.SX], tuple[str, ca.SX]],
+    share: float,
+) -> tuple[list[Straight], ca.SX]:
+    """Return the straight parts between two points past a surface, and the length of the arc."""
+    # The points in the surface's frame, and in the plane in which the cable is bent.
+    R_body, origin = place(surface.body)
+    R = ca.mtimes(R_body, SX(rotation_matrix(surface.frame.rotation)))
+    centre = origin + ca.mtimes(R_body, vector(surface.frame.position))
+    p = [ca.mtimes(R.T, point - centre) for _, point in ends]
+    axes = SX.eye(3)[:, :2] if isinstance(surface, OverCylinder) else bending_plane(*p)
+    d = [ca.mtimes(axes.T, point) for point in p]
+    # Where it touches; on a cylinder it climbs as it goes.
+    t, arc, bent = circle(d[0], d[1], surface.radius)
+    touching = [ca.mtimes(axes, point) for point in t]
+    if isinstance(surface, OverCylinder):
+        across = [ca.sqrt(ca.sumsqr(a - b) + TINY**2) for a, b in zip(d, t, strict=True)]
+        slope = (p[1][2] - p[0][2]) / (across[0] + arc + across[1])
+        touching[0][2] = p[0][2] + slope * across[0]
+        touching[1][2] = p[1][2] - slope * across[1]
+        arc = arc * ca.sqrt(1 + slope**2)
+    near, far = (centre + ca.mtimes(R, point) for point in touching)
+    (one, first), (two, last) = ends
+    parts = [
+        Straight((one, surface.body), (first, near), share * bent),
+        Straight((surface.body, two), (far, last), share * bent),
+        Straight((one, two), (first, last), share * (1 - bent)),
+    ]
+    return parts, share * bent * arc
+
+
+def bending_plane(first: ca.SX, second: ca.SX) -> ca.SX:
+    """Return the axes (3, 2) of the plane through the origin and two points, the first axis towards
+    the first; where all are in line, of any such plane."""
+    x = first / ca.sqrt(ca.sumsqr(first) + TINY**2)
+    across = cross(first, second)
+    least = ca.if_else(ca.fabs(x[0]) < 0.6, vector((1.0, 0, 0)), vector((0, 1.0, 0)))
+    normal = ca.if_else(ca.sumsqr(across) < TINY**2, cross(x, least), across)
+    y = cross(normal, x)
+    return ca.horzcat(x, y / ca.sqrt(ca.sumsqr(y) + TINY**4))
+
+
+def circle(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX], ca.SX, ca.SX]:
+    """Return where a cable from one point of a plane to another touches a circle about the origin,
+    the arc between, and whether it is bent (1 or 0)."""
+    # The shorter of both ways round whose straight parts do not cross.
+    ways = [tangents(first, last, radius, sign) for sign in (1, -1)]
+    goods = [goodness(first, last, t) for t in ways]
+    left = goods[0] > goods[1]
+    t = tuple(ca.if_else(left, a, b) for a, b in zip(*ways, strict=True))
+    arc = radius * ca.if_else(left, angle(*ways[0], 1), angle(*ways[1], -1))
+    # It is bent where both points are outside and the straight way comes too near.
+    gap = last - first
+    nearest = first + ca.fmin(ca.fmax(-dot(first, gap) / (ca.sumsqr(gap) + TINY), 0), 1) * gap
+    outside = ca.logic_and(ca.sumsqr(first) >= radius**2, ca.sumsqr(last) >= radius**2)
+    free = ca.logic_or(ca.sumsqr(nearest) > radius**2, ca.fmax(*goods) <= CROSSED)
+    return (t[0], t[1]), arc, ca.logic_and(outside, ca.logic_not(free))
+
+
+def tangents(first: ca.SX, last: ca.SX, radius: float, sign: int) -> tuple[ca.SX, ca.SX]:
+    """Return where the tangents from two points touch a circle, for one way round."""
+    found = []
+    for point, turn in ((first, sign), (last, -sign)):
+        square = ca.sumsqr(point) + TINY**2
+        reach = ca.sqrt(ca.fmax(square - radius**2, TINY**2))
+        turned = ca.vertcat(point[1], -point[0])
+        found.append((radius**2 * point + turn * radius * reach * turned) / square)
+    return found[0], found[1]
+
+
+def goodness(first: ca.SX, last: ca.SX, t: tuple[ca.SX, ca.SX]) -> ca.SX:
+    """Return how good a way round is: short, and bad where its straight parts cross."""
+    short = -ca.sumsqr(t[0] - t[1])
+    return ca.if_else(cross_over(first, t[0], last, t[1]), CROSSED, short)
+
+
+def cross_over(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
+    """Tell whether the straight parts from a to b and from c to d cross."""
+    one, two, apart = b - a, d - c, a - c
+    turn = two[1] * one[0] - two[0] * one[1]
+    safe = ca.if_else(ca.fabs(turn) < TINY, 1, turn)
+    x = (two[0] * apart[1] - two[1] * apart[0]) / safe
+    y = (one[0] * apart[1] - one[1] * apart[0]) / safe
+    within = [ca.logic_and(value >= 0, value <= 1) for value in (x, y)]
+    return ca.logic_and(ca.fabs(turn) >= TINY, ca.logic_and(*within))
+
+
+def angle(first: ca.SX, last: ca.SX, sign: int) -> ca.SX:
+    """Return the angle, from 0 to 2 pi, from one point of a circle to another one way round."""
+    turned = sign * (first[0] * last[1] - first[1] * last[0])
+    found = ca.atan2(-turned, dot(first, last))
+    return ca.if_else(found < -GRAZING, found + 2 * ca.pi, found)

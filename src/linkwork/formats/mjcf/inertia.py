@@ -1,0 +1,91 @@
+"""The generalised inertia of an MJCF tree at qpos0, by which MuJoCo's compiler makes springs,
+dampers and gains: `springdamper` of joints, `dampratio` of servos."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.tree import ModelTree, Piece
+from linkwork.formats.notes import Notes
+
+UNSEEN = "has an armature, which is left out"
+
+
+def inertia(tree: ModelTree) -> tuple[np.ndarray, list[range]]:
+    """Return the generalised inertia of all bodies at qpos0, loops left open, and the places of
+    the rates of each joint in the file's order.
+
+    M = sum_i J_i' diag(I_i, m_i 1) J_i + armatures,    J_i: rates -> [omega; v of the mass centre]
+    """
+    at, columns = tree.poses(), {name: [] for name in tree.nodes}
+    rotors: list[float] = []
+    places: list[range] = []
+    # What each rate moves: everything on its body, about an axis through a point or along one.
+    for node, piece in tree.pieces():
+        R = at[node.name][:3, :3]
+        point = poses.point(at[node.name], piece.anchor)
+        slides = {"slide": [R @ piece.axis], "free": list(np.eye(3))}.get(piece.kind, [])
+        turns = {"slide": [], "hinge": [R @ piece.axis]}.get(piece.kind, list(R.T))
+        places.append(range(len(rotors), len(rotors) + len(slides) + len(turns)))
+        for axis, turning in [*((s, False) for s in slides), *((t, True) for t in turns)]:
+            columns[node.name].append((len(rotors), axis, turning, point))
+            rotors.append(piece.rotor)
+    # Each body by the rates of all that it hangs on.
+    M = np.diag(np.array(rotors, float))
+    for name, node in tree.nodes.items():
+        solid = node.solid.seen(at[name])
+        J = np.zeros((6, len(rotors)))
+        for other in tree.chain(name):
+            for place, axis, turning, point in columns[other.name]:
+                moved = np.cross(axis, solid.centre - point) if turning else axis
+                J[:, place] = [*(axis if turning else np.zeros(3)), *moved]
+        M = M + J[:3].T @ solid.inertia @ J[:3] + solid.mass * J[3:].T @ J[3:]
+    return M, places
+
+
+def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> ModelTree:
+    """Return the tree with the springs and dampers of joints that give a time constant T and a
+    damping ratio z instead (springdamper).
+
+    k = m / (T z)^2,    d = 2 m / T,    1/m: the mean of M^-1 over the joint's rates
+    """
+    wanted = {
+        number: T_z
+        for number, (_, piece) in enumerate(tree.pieces())
+        if min(T_z := time_and_ratio(piece)) > 0
+    }
+    if not wanted:
+        return tree
+    for raw in document.each("tendon"):
+        if document.resolved(raw, "tendon").number("armature", 0.0):
+            notes.on(raw, f"{UNSEEN} in springs and dampers by springdamper", alters=True)
+    M, places = inertia(tree)
+    mobilities = np.diag(np.linalg.inv(M))
+    made, number = {}, 0
+    for name, node in tree.nodes.items():
+        pieces = []
+        for piece in node.pieces:
+            if number in wanted:
+                (T, z), mass = wanted[number], 1 / mobilities[list(places[number])].mean()
+                stiffness = 0.0 if piece.kind == "free" else float(mass / (T * z) ** 2)
+                spring = {"stiffness": stiffness, "rest": piece.springref}
+                friction = {"viscous": float(2 * mass / T)}
+                piece = replace(
+                    piece,
+                    spring=piece.spring.model_copy(update=spring),
+                    friction=piece.friction.model_copy(update=friction),
+                )
+            pieces.append(piece)
+            number += 1
+        made[name] = replace(node, pieces=tuple(pieces))
+    return replace(tree, nodes=made)
+
+
+def time_and_ratio(piece: Piece) -> tuple[float, float]:
+    """Return the time constant [s] and damping ratio that a joint gives, or zeros."""
+    T, z = piece.element.numbers("springdamper", (2,), (0.0, 0.0))
+    return T, z

@@ -1,0 +1,138 @@
+"""Spatial tendons as cables, weights that are carried, springs by time and ratio: accelerations are
+MuJoCo's; cables round surfaces have the lengths that it gives them."""
+
+import casadi as ca
+import mujoco as mj
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.equations.cables import way
+from linkwork.formats import load, poses, save
+from linkwork.mechanism import Cable
+
+from tests.formats.test_mjcf_actuators import compared
+
+ARM = """<mujoco>
+<compiler angle="radian"/><default><geom contype="0" conaffinity="0"/></default>
+<worldbody>
+ <site name="w" pos="0.1 0.3 1.2"/>
+ <geom name="drum" type="cylinder" size="0.05 0.1" pos="0 0.05 1" euler="1.5 0 0"/>
+ <body name="a" pos="0 0 1" gravcomp="0.7">
+  <joint name="j1" axis="0 1 0" springdamper="0.3 0.8" springref="0.2"/>
+  <geom type="capsule" size="0.03" fromto="0 0 0 0.5 0 0"/>
+  <site name="s1" pos="0.2 0.05 0.05"/><geom name="ball" type="sphere" size="0.06" pos="0.4 0 0"/>
+  <body name="b" pos="0.5 0 0" gravcomp="1.2">
+   <joint name="j2" axis="0 1 0.3"/><geom type="capsule" size="0.03" fromto="0 0 0 0.4 0 0.1"/>
+   <site name="s2" pos="0.2 0 0.08"/><site name="s3" pos="0.35 0.03 0"/>
+  </body>
+ </body>
+</worldbody>
+<tendon>
+ <spatial name="t1" stiffness="40" damping="1" springlength="0.1 0.3">
+  <site site="w"/><site site="s1"/><geom geom="ball"/><site site="s2"/>
+  <pulley divisor="2"/><site site="w"/><site site="s3"/>
+ </spatial>
+ <spatial name="t2" stiffness="30">
+  <site site="w"/><geom geom="drum"/><site site="s1"/><geom geom="ball"/><site site="s2"/>
+ </spatial>
+ <spatial name="t3"><site site="s1"/><site site="s3"/></spatial>
+</tendon>
+<actuator><motor tendon="t1" gear="-2"/><position tendon="t3" kp="10" kv="2"/></actuator>
+</mujoco>"""
+
+
+@pytest.fixture
+def arm(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    return path
+
+
+def test_cables_and_carried_weights_do_what_they_do_in_mujoco(arm, tmp_path):
+    imported = load(arm)
+    assert not imported.mechanism.caveats
+    assert [line.type for line in imported.mechanism.transmissions.values()] == 3 * ["cable"]
+    assert compared(arm, tmp_path) < 1e-12
+
+
+def test_inertia_along_a_cable_is_mujocos(arm, tmp_path):
+    arm.write_text(ARM.replace('name="t3"', 'name="t3" armature="0.2"'))
+    (caveat,) = load(arm).mechanism.caveats
+    assert "<spatial 't3'> has an armature, which is left out in springs and dampers" in caveat
+    arm.write_text(arm.read_text().replace("springdamper", "user"))
+    assert compared(arm, tmp_path) < 1e-12
+
+
+def test_what_is_written_moves_as_what_was_read(arm, tmp_path):
+    save(load(arm).mechanism, tmp_path / "again.xml")
+    assert compared(tmp_path / "again.xml", tmp_path) < 1e-12
+
+
+def test_the_energy_balance_knows_them(arm):
+    robot = lw.Robot(load(arm).mechanism)
+    run = robot.simulate(robot.home, [1.0, 0.3], duration=0.3, drives=robot.drives, rtol=1e-11)
+    assert run.success
+    assert np.abs(run.dataset["energy_balance"]).max() < 1e-8 * np.abs(run.dataset["work"]).max()
+
+
+def test_a_joint_brings_what_lifts_cables_and_thrusts_leave_it():
+    """A pendulum hangs at rest: (m - m_lift) g - u_cable - u_thrust."""
+    hung = lw.Mechanism.parse("""
+linkwork: 1
+bodies: {rod: {mass: 2, centre_of_mass: [0, 0, -0.5], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}}
+joints: {pivot: {type: revolute, connects: [ground, rod], axis: [0, 1, 0]}}
+lifts: {balloon: {body: rod, point: [0, 0, -0.3], mass: 0.5}}
+transmissions:
+  wire: {type: cable, path: [{type: point, body: ground, point: [0, 0, -1]},
+                             {type: point, body: rod, point: [0, 0, -0.7]}]}
+  fan: {type: thrust, body: rod, force: [0, 0, 1]}
+actuators: [wire, fan]
+""")
+    robot = lw.Robot(hung)
+    force = robot.reactions(robot.home, [3.0, 4.0])["pivot"][3:]
+    assert force == pytest.approx([0, 0, 1.5 * 9.81 - 3 - 4])
+
+
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+def test_a_cable_round_a_surface_has_the_length_that_mujoco_gives_it(kind):
+    random, bent = np.random.default_rng(3), 0
+    for _ in range(40):
+        radius, quaternion = random.uniform(0.05, 0.3), random.normal(size=4)
+        centre, (a, b) = random.normal(size=3) / 10, random.normal(size=(2, 3)) / 2
+        said = {"a": a, "b": b, "centre": centre, "quaternion": quaternion}
+        said = {name: " ".join(map(repr, map(float, value))) for name, value in said.items()}
+        model = mj.MjModel.from_xml_string(
+            """<mujoco><worldbody><site name="a" pos="{a}"/><site name="b" pos="{b}"/>
+            <geom name="g" type="{kind}" size="{radius} 1" pos="{centre}" quat="{quaternion}"/>
+            <body><joint/><geom size="1"/></body></worldbody><tendon><spatial><site site="a"/>
+            <geom geom="g"/><site site="b"/></spatial></tendon></mujoco>""".format(
+                kind=kind, radius=radius, **said
+            )
+        )
+        data = mj.MjData(model)
+        mj.mj_forward(model, data)
+        X = poses.pose(centre, poses.from_quaternion(*(quaternion / np.linalg.norm(quaternion))))
+        surface = {"type": kind, "body": "ground", "radius": radius, "frame": poses.frame_of(X)}
+        ends = [{"type": "point", "body": "ground", "point": tuple(end)} for end in (a, b)]
+        cable = Cable(path=(ends[0], surface, ends[1]))  # pyright: ignore
+        found = float(way(cable, lambda _: (ca.SX.eye(3), ca.SX.zeros(3))).length)
+        assert found == pytest.approx(data.ten_length[0], rel=1e-12)
+        bent += found > np.linalg.norm(b - a) + 1e-9
+    assert bent > 2
+
+
+def test_a_branch_of_a_cable_needs_two_points():
+    point = {"type": "point", "body": "ground"}
+    ball = {"type": "sphere", "body": "ground", "radius": 0.1}
+    pulley = {"type": "pulley", "divisor": 2}
+    one_ball, two_balls = [point, ball], [point, ball, ball, point]
+    for path in ([], [point], one_ball, two_balls, [point, point, pulley]):
+        with pytest.raises(lw.MechanismError, match="a branch of a cable begins and ends with a"):
+            Cable(path=path)
+
+
+def test_a_side_that_a_cable_is_to_pass_is_warned_of(arm):
+    arm.write_text(ARM.replace('<geom geom="drum"/>', '<geom geom="drum" sidesite="w"/>'))
+    (caveat,) = load(arm).mechanism.caveats
+    assert "<spatial 't2'> is left out: round a geom a cable passes the shorter way" in caveat
