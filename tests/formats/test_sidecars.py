@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
+from linkwork.errors import LinkworkError
 from linkwork.formats import load
 from linkwork.mechanism import MechanismError
 
@@ -214,6 +215,19 @@ def ball_chain(
 
 
 NO_LOOPS = "closed_loop: []\nname_mot: []\n"
+
+
+def test_hinges_stay_apart_where_nothing_is_merged(tmp_path):
+    text = ball_chain(masses=(1e-6, 1e-6), places=("0.1 0 0", "5e-5 0 0", "0 0 0"))
+    merged = read(text, tmp_path, NO_LOOPS)
+    assert merged.mechanism.caveats[0].endswith("left out (merging=False, --no-merging keeps them)")
+    apart = load(tmp_path / "robot.urdf", merging=False)
+    assert not apart.mechanism.caveats
+    assert {name: joint.type for name, joint in apart.mechanism.joints.items()} == dict.fromkeys(
+        ("b0", "b1", "b2"), "revolute"
+    )
+    with pytest.raises(LinkworkError, match="merging is 'no'; give True or False"):
+        load(tmp_path / "robot.urdf", merging="no")  # pyright: ignore[reportArgumentType]
 
 
 def test_three_hinges_through_one_point_are_a_spherical_joint(tmp_path):

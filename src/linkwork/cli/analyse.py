@@ -11,6 +11,7 @@ from linkwork.cli.options import (
     Forces,
     Joints,
     Json,
+    Merging,
     PackagePath,
     Reference,
     RobotName,
@@ -33,8 +34,9 @@ def robot(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
 ) -> None:
-    context.obj = Source(robot, reference, floating, packages)
+    context.obj = Source(robot, reference, floating, packages, merging)
 
 
 @analyse.command()

@@ -18,6 +18,7 @@ from linkwork.cli.options import (
     Floating,
     Forces,
     Json,
+    Merging,
     PackagePath,
     Reference,
     RobotName,
@@ -91,13 +92,14 @@ def info(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     json: Json = False,
 ) -> None:
     """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
     functions."""
     from linkwork.cli.info import show
 
-    show(Source(robot, reference, floating, packages), json)
+    show(Source(robot, reference, floating, packages, merging), json)
 
 
 @app.command()
@@ -115,13 +117,14 @@ def export(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT."""
     from linkwork.cli.catalogue import export
 
-    export(Source(robot, reference, floating, packages), file, overwrite, json)
+    export(Source(robot, reference, floating, packages, merging), file, overwrite, json)
 
 
 @app.command()
@@ -139,6 +142,7 @@ def convert(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -148,7 +152,7 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    convert(Source(source, reference, floating, packages), target, overwrite, json)
+    convert(Source(source, reference, floating, packages, merging), target, overwrite, json)
 
 
 @app.command()
@@ -245,6 +249,7 @@ def simulate(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")
     ] = None,
@@ -267,7 +272,7 @@ def simulate(
     options = {"rtol": rtol, "atol": atol, "on_singular": on_singular.value}
     options |= {"method": method and method.value, "step": step}
     how = command.settings(duration, samples, **options)
-    source = Source(robot, reference, floating, packages)
+    source = Source(robot, reference, floating, packages, merging)
     if not command.simulate(source, start, load, lead, how, target, json):
         raise typer.Exit(1)
 
@@ -300,6 +305,7 @@ def follow(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE.csv", help="Write the motion of all joints, and the forces."),
@@ -319,7 +325,7 @@ def follow(
     from linkwork.cli.start import StartOptions
 
     start, files = StartOptions(tool, joints, None), Files(out, forces_out, overwrite)
-    source = Source(robot, reference, floating, packages)
+    source = Source(robot, reference, floating, packages, merging)
     follow(source, path, duration, samples, start, files, json)
 
 
@@ -352,6 +358,7 @@ def dynamics(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     json: Json = False,
 ) -> None:
     """Show the equations of motion at one state: M, C v, G, f, and accelerations under --forces
@@ -359,7 +366,7 @@ def dynamics(
     from linkwork.cli.dynamics import dynamics
     from linkwork.cli.start import StartOptions
 
-    source = Source(robot, reference, floating, packages)
+    source = Source(robot, reference, floating, packages, merging)
     dynamics(source, StartOptions(tool, joints, rates), accelerations, forces, json)
 
 
@@ -400,6 +407,7 @@ def report(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -407,7 +415,7 @@ def report(
     needs no network."""
     from linkwork.cli.report import report
 
-    report(run, out, Source(of or "", reference, floating, packages), overwrite, json)
+    report(run, out, Source(of or "", reference, floating, packages, merging), overwrite, json)
 
 
 @app.command()
@@ -458,6 +466,7 @@ def view(
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
+    merging: Merging = True,
     host: Annotated[
         str, typer.Option(help="Address to listen on; the default serves this computer alone.")
     ] = "127.0.0.1",
@@ -471,7 +480,7 @@ def view(
     """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
     from linkwork.cli.view import view
 
-    view(Source(robot, reference, floating, packages), of, host, port, browser, json)
+    view(Source(robot, reference, floating, packages, merging), of, host, port, browser, json)
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ def read(source: Source) -> formats.Imported:
     imported = (
         formats.Imported(named(source.name, how))
         if known
-        else formats.load(source.name, floating=how.floating, packages=how.packages)
+        else formats.load(source.name, None, how.floating, how.packages, how.merging)
     )
     return replace(imported, mechanism=about(imported.mechanism, source))
 

@@ -86,6 +86,13 @@ Floating = Annotated[
     bool,
     typer.Option("--floating", help="Let the root, which is fixed to ground, move freely."),
 ]
+Merging = Annotated[
+    bool,
+    typer.Option(
+        "--merging/--no-merging",
+        help="Make one joint of hinges that nearly meet, where the file's convention does.",
+    ),
+]
 PackagePath = Annotated[
     str | None,
     typer.Option(

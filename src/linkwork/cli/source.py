@@ -18,10 +18,11 @@ class Source:
     reference: str | None = None
     floating: bool = False
     packages: str | None = None
+    merging: bool = True
 
     @property
     def reading(self) -> Reading:
         """Return how the file is read."""
         from linkwork.formats.reading import Reading
 
-        return Reading.asked(self.floating, self.packages or ())
+        return Reading.asked(self.floating, self.packages or (), self.merging)

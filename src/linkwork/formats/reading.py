@@ -28,26 +28,32 @@ class Reading:
     Attributes:
         floating: whether the root, which stands still otherwise, moves freely.
         packages: folders that hold packages, or are packages.
+        merging: whether hinges that nearly meet are one joint, where the file's convention is so.
     """
 
     floating: bool = False
     packages: tuple[Path, ...] = ()
+    merging: bool = True
 
     @classmethod
     def asked(
-        cls, floating: bool = False, packages: Iterable[str | Path] | str | Path = ()
+        cls,
+        floating: bool = False,
+        packages: Iterable[str | Path] | str | Path = (),
+        merging: bool = True,
     ) -> Reading:
         """Return how a file is read, checked.
 
         Args:
-            floating: as the attribute.
+            floating, merging: as the attributes.
             packages: folders, or one text with folders separated as in PATH.
 
         Raises:
             LinkworkError: no truth value, no path, or a folder that is not there.
         """
-        if not isinstance(floating, bool):
-            raise LinkworkError(f"floating is {shown(floating)}; give True or False")
+        for name, value in (("floating", floating), ("merging", merging)):
+            if not isinstance(value, bool):
+                raise LinkworkError(f"{name} is {shown(value)}; give True or False")
         if isinstance(packages, str):
             packages = [part for part in packages.split(os.pathsep) if part]
         elif isinstance(packages, Path) or not isinstance(packages, Iterable):
@@ -56,7 +62,7 @@ class Reading:
         for folder in folders:
             if not folder.is_dir():
                 raise LinkworkError(f"the package path holds '{folder}', which is no folder")
-        return cls(floating, folders)
+        return cls(floating, folders, merging)
 
     def found(self, uri: str, element: Element) -> Path:
         """Return the file or folder that an element of a model file names.

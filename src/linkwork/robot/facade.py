@@ -85,18 +85,19 @@ class Robot(Model, Portrayed):
         reference: Reference | None = None,
         floating: bool = False,
         packages: Iterable[str | FilePath] | str | FilePath = (),
+        merging: bool = True,
     ) -> Robot:
         """Read a mechanism file (YAML) or a model file (MJCF, URDF, SDF) and derive its equations.
 
         Args:
-            path, reference, floating, packages: as `linkwork.formats.load` takes them.
+            path, reference, floating, packages, merging: as `linkwork.formats.load` takes them.
 
         Warns:
             ModelWarning: what makes the robot move otherwise than the file says.
         """
         from linkwork.formats import models
 
-        mechanism = models.read(path, models.Reading.asked(floating, packages)).mechanism
+        mechanism = models.read(path, models.Reading.asked(floating, packages, merging)).mechanism
         models.warn(mechanism, stacklevel=3)
         return cls(models.referred(mechanism, reference))
 

@@ -97,7 +97,7 @@ def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     # What the file holds, and what closes its loops.
     _survey(root, notes)
     model = read_model(root, notes, reading.floating)
-    closures = read_closures(model, notes)
+    closures = read_closures(model, notes, reading.merging)
     model.find_frames()
     _say_what_stands(model, notes)
     # Links that are frames on a body are no bodies of their own.

@@ -111,14 +111,14 @@ class Closures:
         return made | self.gears
 
 
-def read_closures(model: UrdfModel, notes: Notes) -> Closures:
+def read_closures(model: UrdfModel, notes: Notes, merging: bool) -> Closures:
     """Read the loops in the file and those beside it; joints of the model change their type as the
     file beside says."""
     found = Closures()
     _read_urdf_plus(model, found)
     path = _beside(model.root.file)
     if path is not None:
-        _Laas(path, model, notes).read(found)
+        _Laas(path, model, notes).read(found, merging)
     return found
 
 
@@ -282,7 +282,7 @@ class _Laas:
         if not isinstance(self.node.data, dict):
             raise MechanismError(f"{path}: is not a mapping; its keys are {', '.join(KEYS)}")
 
-    def read(self, found: Closures) -> None:
+    def read(self, found: Closures, merging: bool) -> None:
         self.notes.say(f"{self.path.name}: closes the loops of {self.model.root.file.name}")
         for key in self.node.data:
             if key not in KEYS:
@@ -297,7 +297,8 @@ class _Laas:
                     "such joint"
                 )
                 names.remove(name)
-        self._merge_spherical(set(names))
+        if merging:
+            self._merge_spherical(set(names))
         found.actuators = tuple(names)
         loops = self.node.data.get("closed_loop") or []
         kinds = self._texts("type") or ["6d"] * (len(loops) if isinstance(loops, list) else 0)
@@ -391,7 +392,7 @@ class _Laas:
             return ""
         return (
             f"; the distances of {apart:.2g} m and the mass of {mass:.2g} kg between them are "
-            "left out"
+            "left out (merging=False, --no-merging keeps them)"
         )
 
     def _trio(
