@@ -28,6 +28,7 @@ WINGS = {
         "undefined",
     ),
     "statics, linear": ("linear", "network", "parameters", "reactions", "regressor"),
+    "masses of shapes": ("density",),
     "tool paths": ("following", "leading", "modes", "task", "tool_motion"),
 }
 """Modules of the core's packages that one needs for these only; they are counted apart."""

@@ -17,9 +17,13 @@ from linkwork.mechanism import (
     Frame,
     Inertia,
     MechanismError,
+    MeshFile,
     Polygon,
     Sphere,
 )
+from linkwork.scene.meshes import piece_of
+
+from tests.formats.meshes import lump, write_stl
 
 TYPES = {
     "box": mj.mjtGeom.mjGEOM_BOX,
@@ -128,8 +132,8 @@ def test_geoms_are_where_mujoco_has_them(tmp_path):
     ("geom", "words"),
     [
         (
-            '<geom type="ellipsoid" size="1 1 1"/>',
-            "its type is ellipsoid, not one of box, cylinder, sphere, capsule",
+            '<geom type="mesh" mesh="hull" mass="0"/>',
+            "is a mesh that is not shown: there is no mesh 'hull'",
         ),
         ('<geom size="0.1" rgba="1 0 0 0.5"/>', "is half transparent; shapes are opaque here"),
         ('<geom size="0.1" rgba="1 0 0 0"/>', None),
@@ -235,10 +239,7 @@ def test_capsules_and_other_visuals_of_links(tmp_path):
     capsule, pad = imported.mechanism.bodies["a"].shapes
     assert isinstance(capsule, Capsule) and capsule.length == 0.5
     assert isinstance(pad, Sphere)
-    assert any(
-        "<visual> is not shown: it is mesh, not one of box, cylinder" in note
-        for note in imported.notes
-    )
+    assert any("<visual> is not shown: its mesh is not there" in note for note in imported.notes)
 
 
 @pytest.mark.parametrize(
@@ -252,3 +253,73 @@ def test_refusals_of_visuals_name_file_and_line(solid, words, tmp_path):
     with pytest.raises(MechanismError) as refusal:
         read(URDF.format(VISUAL.format(solid, "")), tmp_path, "arm.urdf")
     assert str(refusal.value).startswith(f"{tmp_path / 'arm.urdf'}: line 4: {words}")
+
+
+MESHES = """<mujoco><compiler meshdir="parts"/><asset>
+<mesh name="x" file="x.stl" scale="-2 -2 -2" refpos="0.1 0.2 0.3" refquat="1 0.2 0.3 0.4"/>
+<mesh name="y" file="x.stl" scale="1 2 3" refquat="1 0.2 0.3 0.4"/></asset><worldbody>
+<body name="b"><joint/><geom type="mesh" mesh="x" pos="1 2 3" euler="10 20 30" {more}/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("scale", ["", 'scale="1 2 3"'])
+def test_meshes_of_geoms_are_where_mujoco_has_them(tmp_path, scale):
+    """The vertices that MuJoCo keeps in the mesh's principal axes, in the body's frame."""
+    (tmp_path / "parts").mkdir()
+    write_stl(tmp_path / "parts" / "x.stl", *lump())
+    path = tmp_path / "model.xml"
+    text = MESHES.format(more='rgba="1 0 0 1"')
+    if scale:
+        text = text.replace('scale="-2 -2 -2"', scale).replace('refquat="1 0.2 0.3 0.4"', "")
+    path.write_text(text)
+    model = mj.MjModel.from_xml_path(str(path))
+    turn = np.zeros(9)
+    mj.mju_quat2Mat(turn, model.geom_quat[0])
+    first, count = model.mesh_vertadr[0], model.mesh_vertnum[0]
+    theirs = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.geom_pos[0]
+    (shape,) = load(path).mechanism.bodies["b"].shapes
+    assert isinstance(shape, MeshFile) and shape.colour == (1, 0, 0)
+    ours = piece_of(shape).moved(
+        np.array(shape.frame.position),
+        Rotation.from_rotvec(shape.frame.rotation).as_matrix(),
+    )
+    order = [np.lexsort(points.round(4).T) for points in (ours.corners, theirs)]
+    assert ours.corners[order[0]] == pytest.approx(theirs[order[1]], abs=2e-6)
+
+
+def test_a_mesh_that_no_frame_and_scale_give_is_noted(tmp_path):
+    (tmp_path / "parts").mkdir()
+    write_stl(tmp_path / "parts" / "x.stl", *lump())
+    text = MESHES.format(more="").replace('mesh="x"', 'mesh="y"')
+    imported = read(text, tmp_path, "model.xml")
+    assert not imported.mechanism.bodies["b"].shapes
+    assert any("it is turned, and scaled by different factors" in note for note in imported.notes)
+
+
+@pytest.mark.parametrize(
+    ("visual", "collision", "count", "words"),
+    [
+        ("package://arm/parts/x.stl", "", 1, ""),
+        ("parts/x.stl", "parts/x.stl", 1, ""),
+        ("x.dae", "package://arm/parts/x.stl", 1, "meshes are .stl, .obj"),
+        ("package://hand/x.stl", "", 0, "its mesh is not there, or lies outside"),
+        ("../../x.stl", "", 0, "its mesh is not there, or lies outside"),
+    ],
+)
+def test_meshes_of_links(tmp_path, visual, collision, count, words):
+    folder = tmp_path / "arm"
+    (folder / "parts").mkdir(parents=True)
+    (folder / "x.dae").write_text("")
+    write_stl(folder / "parts" / "x.stl", *lump())
+    shown = [
+        f'<{tag}><geometry><mesh filename="{file}" scale="1 2 3"/></geometry></{tag}>'
+        for tag, file in (("visual", visual), ("collision", collision))
+        if file
+    ]
+    text = f"""<robot name="arm"><link name="base"/><link name="a"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1"/></inertial>{"".join(shown)}</link><joint name="j"
+type="continuous"><parent link="base"/><child link="a"/></joint></robot>"""
+    imported = read(text, folder, "arm.urdf")
+    shapes = imported.mechanism.bodies["a"].shapes
+    assert [getattr(shape, "scale", None) for shape in shapes] == [(1, 2, 3)] * count
+    assert any(words in note for note in imported.notes)

@@ -54,9 +54,14 @@ def arm(**fields):
         ("{type: box, size: [1, 2]}", "size: give 3 numbers, not 2"),
         (
             "{type: ball, radius: 1}",
-            "type: 'ball' is not a type; the types are box, cylinder, sphere, capsule, polygon",
+            "type: 'ball' is not a type; the types are box, cylinder, sphere, "
+            "capsule, ellipsoid, polygon, mesh",
         ),
-        ("{radius: 1}", "type: is missing; the types are box, cylinder, sphere, capsule, polygon"),
+        (
+            "{radius: 1}",
+            "type: is missing; the types are box, cylinder, sphere, "
+            "capsule, ellipsoid, polygon, mesh",
+        ),
         (
             "{type: capsule, radius: 1}",
             "length: is missing; expected length along z between the middles",

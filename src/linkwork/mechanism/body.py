@@ -7,10 +7,10 @@ alone.
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from linkwork.mechanism.record import Amount, MechanismError, Real, Record, Vector3
 from linkwork.mechanism.shapes import Shape
@@ -80,21 +80,66 @@ def rigid(a: float, b: float, c: float) -> bool:
     return a + b >= c * (1 - 1e-9)
 
 
+def _without_mass(schema: dict[str, Any]) -> None:
+    """Let the mass be left out where there are shapes, which may have a density."""
+    del schema["required"]
+    schema["anyOf"] = [{"required": ["mass"]}, {"required": ["shapes"]}]
+
+
+FROM_SHAPES: Any = ...  # no default: what is left out has to follow from shapes
+
+
 class Body(Record):
     """Describe a rigid body by mass [kg], mass centre [m, body frame] and inertia about it
     [kg m^2, body axes].
 
-    `shapes` is what it looks like; they have no mass. A body without shapes is drawn between its
-    joints.
+    `shapes` is what it looks like. A body without shapes is drawn between its joints. One that
+    gives no mass has mass, mass centre and inertia of its shapes that have a density.
     """
 
-    mass: Amount = Field(description="mass [kg], zero or more")
+    model_config = ConfigDict(json_schema_extra=_without_mass)
+
+    mass: Amount = Field(
+        default=FROM_SHAPES,
+        description="mass [kg], zero or more",
+    )
     centre_of_mass: Vector3 = Field(
         default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]"
     )
     inertia: Inertia = Field(
         default_factory=lambda: Inertia(xx=0.0, yy=0.0, zz=0.0), description="about the mass centre"
     )
-    shapes: tuple[Shape, ...] = Field(
-        default=(), description="what the body looks like; without mass"
-    )
+    shapes: tuple[Shape, ...] = Field(default=(), description="what the body looks like")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _weighed(cls, fields: Any) -> Any:
+        if not isinstance(fields, dict) or fields.get("mass") is not None:
+            return fields
+        if not any(_density_of(shape) is not None for shape in _listed(fields.get("shapes"))):
+            return fields
+        from linkwork.mechanism.density import mass_fields
+
+        given = next((name for name in ("centre_of_mass", "inertia") if name in fields), None)
+        if given is not None:
+            raise MechanismError(
+                "is given without a mass, and the shapes' densities give all three; give a mass "
+                "too, or leave it out",
+                (given,),
+            )
+        try:
+            shapes = SHAPES.validate_python(fields["shapes"])
+        except ValidationError:
+            return {**fields, "mass": 0.0}  # the shapes are refused as they are checked
+        return {**fields, **(mass_fields(shapes) or {})}
+
+
+SHAPES: TypeAdapter[tuple[Shape, ...]] = TypeAdapter(tuple[Shape, ...])
+
+
+def _listed(shapes: Any) -> list[Any]:
+    return list(shapes) if isinstance(shapes, list | tuple) else []
+
+
+def _density_of(shape: Any) -> Any:
+    return shape.get("density") if isinstance(shape, dict) else getattr(shape, "density", None)

@@ -25,10 +25,17 @@ MAX_BYTES = 20_000_000
 Described = TypeVar("Described")
 
 
-def parsed(text: str) -> Mechanism:
+def parsed(text: str, folder: Path | None = None) -> Mechanism:
     """Return the mechanism that a file's text describes; every refusal names the line where there
-    is one."""
-    return described(read_document(text), "linkwork", FORMAT_VERSION, "mechanism", Mechanism)
+    is one.
+
+    folder: of the file, in which the meshes that it names are looked for, and have to be
+    """
+
+    def made(**fields: Any) -> Mechanism:
+        return Mechanism(**(fields if folder is None else _placed(fields, folder)))
+
+    return described(read_document(text), "linkwork", FORMAT_VERSION, "mechanism", made)
 
 
 def written(mechanism: Mechanism) -> str:
@@ -48,7 +55,7 @@ def read_yaml(path: Path) -> Mechanism:
                 "linkwork.formats.load(path).mechanism, or turn it into one by 'linkwork convert'",
                 place=f"line {text[: text.index('<')].count(chr(10)) + 1}",
             )
-        return parsed(text)
+        return parsed(text, path.parent)
     except MechanismError as error:
         place = f"{path}: {error.place}" if error.place else str(path)
         raise MechanismError(error.what, error.where, place) from None
@@ -56,7 +63,7 @@ def read_yaml(path: Path) -> Mechanism:
 
 def write_yaml(mechanism: Mechanism, path: Path) -> None:
     """Write a mechanism, atomically."""
-    text = written(mechanism)
+    text = written(_seen_from(path.parent, mechanism))
     temporary = path.parent / f".{path.name}.{os.getpid()}"
     try:
         temporary.write_text(text, encoding="utf-8")
@@ -65,6 +72,43 @@ def write_yaml(mechanism: Mechanism, path: Path) -> None:
         with suppress(OSError, ValueError):
             temporary.unlink()
         raise MechanismError(f"cannot be written: {_reason(error)}", place=str(path)) from None
+
+
+def _placed(fields: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the fields of a mechanism with the meshes' files named from the root, and there."""
+    bodies = fields.get("bodies")
+    for name, body in bodies.items() if isinstance(bodies, dict) else ():
+        shapes = body.get("shapes") if isinstance(body, dict) else None
+        for number, shape in enumerate(shapes if isinstance(shapes, list) else ()):
+            if not isinstance(shape, dict) or shape.get("type") != "mesh":
+                continue
+            file = shape.get("file")
+            if isinstance(file, str) and "\0" not in file and file.strip():
+                shape["file"] = str(folder / file)
+                if not (folder / file).is_file():
+                    raise MechanismError(
+                        f"there is no file {shown(file)} in {str(folder)!r}; give the path of a "
+                        "mesh, relative to this file",
+                        ("bodies", name, "shapes", str(number), "file"),
+                    )
+    return fields
+
+
+def _seen_from(folder: Path, mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism that names the files of its meshes from a folder, where they lie in it or
+    in the one around it."""
+    root = folder.resolve()
+    bodies = dict(mechanism.bodies)
+    for name, body in mechanism.bodies.items():
+        shapes = tuple(
+            shape.model_copy(update={"file": Path(os.path.relpath(shape.file, root)).as_posix()})
+            if shape.type == "mesh" and Path(shape.file).is_relative_to(root.parent)
+            else shape
+            for shape in body.shapes
+        )
+        if shapes != body.shapes:
+            bodies[name] = body.model_copy(update={"shapes": shapes})
+    return mechanism.model_copy(update={"bodies": bodies})
 
 
 def _reason(error: OSError | ValueError) -> str:

@@ -1,25 +1,30 @@
-"""Shapes of bodies: what a body looks like in drawings. They have no mass and take no part in the
-motion, but for those that a contact names.
+"""Shapes of bodies: what a body looks like in drawings. They take no part in the motion, but for
+those that a contact names; a body that does not say what it weighs weighs what its shapes with a
+density do (`linkwork.mechanism.density`).
 
-Every shape is convex and stands about the origin of its own frame; what is not convex is made of
-several. All that draws a shape knows it by its `outline` alone.
+A simple shape is convex and stands about the origin of its own frame; what is not convex is made of
+several, or is a mesh in a file. All that draws a simple shape knows it by its `outline` alone.
 """
 
 from __future__ import annotations
 
+import os
 from itertools import product
 from math import atan2, cos, pi, sin
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.record import MechanismError, Positive, Real, Record
+from linkwork.mechanism.refusal import shown
 
 __all__ = [
     "Box",
     "Capsule",
     "Cylinder",
+    "Ellipsoid",
+    "MeshFile",
     "Polygon",
     "Shape",
     "Sphere",
@@ -72,11 +77,10 @@ class ShapeBase(Record):
     type: str
     frame: Frame = Field(default=Frame(), description="the shape's frame in the body's frame")
     colour: Colour | None = Field(default=None, description="red, green and blue, each from 0 to 1")
-
-    @property
-    def outline(self) -> Outline:
-        """Return the outline of the solid."""
-        raise NotImplementedError
+    density: Positive | None = Field(
+        default=None,
+        description="density [kg/m^3], by which a body that gives no mass is weighed",
+    )
 
     @property
     def touching(self) -> Touching:
@@ -85,11 +89,32 @@ class ShapeBase(Record):
         return Touching()
 
 
-class Box(ShapeBase):
+class SimpleShape(ShapeBase):
+    """Say what all shapes share that a few numbers describe."""
+
+    @property
+    def outline(self) -> Outline:
+        """Return the outline of the solid."""
+        raise NotImplementedError
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """Return the radius of a ball, radius and half length of a cylinder or capsule, half axes
+        of a box or an ellipsoid [m]; nothing of any other."""
+        return ()
+
+
+class Box(SimpleShape):
     """Show a box with its middle in the frame's origin and its edges along the axes."""
 
     type: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="lengths along x, y and z [m]")
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """Return half the lengths along x, y and z."""
+        x, y, z = self.size
+        return x / 2, y / 2, z / 2
 
     @property
     def outline(self) -> Outline:
@@ -103,12 +128,17 @@ class Box(ShapeBase):
         return Touching(tuple(product((-x, x), (-y, y), (-z, z))))
 
 
-class Cylinder(ShapeBase):
+class Cylinder(SimpleShape):
     """Show a cylinder about the z axis, as long to either side of the origin."""
 
     type: Literal["cylinder"] = "cylinder"
     radius: Positive = Field(description="radius [m]")
     length: Positive = Field(description="length along z [m]")
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """Return radius and half length."""
+        return self.radius, self.length / 2
 
     @property
     def outline(self) -> Outline:
@@ -118,11 +148,16 @@ class Cylinder(ShapeBase):
         )
 
 
-class Sphere(ShapeBase):
+class Sphere(SimpleShape):
     """Show a ball about the origin."""
 
     type: Literal["sphere"] = "sphere"
     radius: Positive = Field(description="radius [m]")
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """Return the radius."""
+        return (self.radius,)
 
     @property
     def outline(self) -> Outline:
@@ -135,13 +170,18 @@ class Sphere(ShapeBase):
         return Touching(((0.0, 0.0, 0.0),), self.radius, round=True)
 
 
-class Capsule(ShapeBase):
+class Capsule(SimpleShape):
     """Show a cylinder about the z axis with half a ball on either end, which add a radius to its
     length each."""
 
     type: Literal["capsule"] = "capsule"
     radius: Positive = Field(description="radius [m]")
     length: Positive = Field(description="length along z between the middles of the round ends [m]")
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """Return radius and half length."""
+        return self.radius, self.length / 2
 
     @property
     def outline(self) -> Outline:
@@ -159,7 +199,24 @@ class Capsule(ShapeBase):
         return Touching(ends, self.radius, round=True)
 
 
-class Polygon(ShapeBase):
+class Ellipsoid(SimpleShape):
+    """Show an ellipsoid about the origin, its axes along x, y and z."""
+
+    type: Literal["ellipsoid"] = "ellipsoid"
+    radii: tuple[Positive, Positive, Positive] = Field(description="half axes along x, y and z [m]")
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """Return the half axes."""
+        return self.radii
+
+    @property
+    def outline(self) -> Outline:
+        """Return half a circle that goes round z, scaled."""
+        return Outline(rounded(0.0), self.radii, turned=True)
+
+
+class Polygon(SimpleShape):
     """Show a plate: a convex polygon in the xy plane, half its thickness to either side."""
 
     type: Literal["polygon"] = "polygon"
@@ -192,10 +249,47 @@ class Polygon(ShapeBase):
         return self
 
 
+def _whole(path: str) -> str:
+    """Return a path from the root of the file system."""
+    if not path.strip() or "\0" in path:
+        raise ValueError(f"{shown(path)} is no path; name a file of a mesh")
+    return os.path.abspath(path)
+
+
+class MeshFile(ShapeBase):
+    """Show the triangles of a file: STL, OBJ, PLY, OFF, glTF or MSH.
+
+    They have the file's own axes, and its unit times `scale`. Counter-clockwise seen from outside,
+    as files have them, and closed, they have a mass too.
+    """
+
+    type: Literal["mesh"] = "mesh"
+    file: Annotated[str, AfterValidator(_whole)] = Field(
+        description="path of the file, relative to the mechanism's file or to where one works"
+    )
+    scale: tuple[Real, Real, Real] = Field(
+        default=(1.0, 1.0, 1.0),
+        description="factors of the file's x, y and z; negative ones mirror",
+    )
+    inertia: Literal["exact", "convex", "shell"] = Field(
+        default="exact",
+        description="what has the density: what the mesh encloses, its convex hull, or its surface "
+        "[kg/m^2]",
+    )
+
+    @model_validator(mode="after")
+    def _extended(self) -> Self:
+        if 0 in self.scale:
+            raise MechanismError("a factor is 0; give factors other than 0", ("scale",))
+        return self
+
+
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     """Return the angle [rad] by which the way from a to b turns at b towards c, in [-pi, pi]."""
     (x, y), (u, v) = ((q[0] - p[0], q[1] - p[1]) for p, q in ((a, b), (b, c)))
     return atan2(x * v - y * u, x * u + y * v)
 
 
-Shape = Annotated[Box | Cylinder | Sphere | Capsule | Polygon, Field(discriminator="type")]
+Shape = Annotated[
+    Box | Cylinder | Sphere | Capsule | Ellipsoid | Polygon | MeshFile, Field(discriminator="type")
+]

@@ -6,18 +6,24 @@ All solids of revolution come from one function: a profile (radius, height) turn
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 
-from linkwork.mechanism.shapes import SQUARE, Shape, rounded
+from linkwork.errors import LinkworkError, ModelWarning
+from linkwork.mechanism.shapes import SQUARE, Shape, SimpleShape, rounded
 from linkwork.scene.curves import across, hull
+from linkwork.solids.mesh_files import read_mesh
+from linkwork.solids.triangles import Triangles, simplified
 
 SIDES = 24  # of round solids
 PIN_SIDES, TUBE_SIDES = 12, 8  # of pins and of wires
 UPRIGHT = 0.9  # cosine of the angle to z of what is seen along its axis
+FINEST = 20_000  # triangles of one mesh that are shown at most
 
 Polygons = Sequence[np.ndarray] | np.ndarray
 
@@ -28,12 +34,13 @@ class Mesh:
     seen from outside.
 
     flat: polygons with edges of their own; facets: of round surfaces; each the numbers of its
-    corners
+    corners. convex: whether it is seen as the outline of its corners
     """
 
     vertices: np.ndarray
     flat: Polygons = ()
     facets: Polygons = ()
+    convex: bool = True
 
     @cached_property
     def faces(self) -> np.ndarray:
@@ -193,7 +200,7 @@ class PlacedMesh:
 
     @property
     def shadow(self) -> np.ndarray:
-        """Return the outline (k, 3) as seen along z, at height zero."""
+        """Return the outline (k, 3) of what is convex as seen along z, at height zero."""
         return hull(self.corners * (1, 1, 0))[0]
 
     def is_disc(self, from_above: bool) -> bool:
@@ -202,19 +209,55 @@ class PlacedMesh:
             from_above and self.mesh is PIN and abs(self.turn[2, 2]) > UPRIGHT
         )
 
+    def coarser(self, most: int) -> PlacedMesh:
+        """Return the piece with its triangles, where it is a mesh from a file, at most so many."""
+        return self if self.mesh.convex else replace(self, mesh=_coarser(self.mesh, most))
+
     def moved(self, position: np.ndarray, turn: np.ndarray) -> PlacedMesh:
         """Return the piece with its points p at  position + turn p."""
         return replace(self, position=position + turn @ self.position, turn=turn @ self.turn)
 
 
 def piece_of(shape: Shape) -> PlacedMesh:
-    """Return a shape of a body as a piece in the shape's own axes."""
+    """Return a shape of a body as a piece in the shape's own axes.
+
+    Raises:
+        LinkworkError: half a sentence about a mesh that cannot be read.
+    """
+    if not isinstance(shape, SimpleShape):
+        return PlacedMesh(_of_triangles(read_mesh(Path(shape.file)), shape.scale, FINEST))
     points, scale, swept = shape.outline
     return PlacedMesh(outlined(points, swept), scale=np.array(scale))
+
+
+def drawable(shapes: Iterable[Shape]) -> tuple[Shape, ...]:
+    """Return the shapes that can be drawn: all but meshes that cannot be read, which are told."""
+    found = []
+    for shape in shapes:
+        try:
+            piece_of(shape)
+            found.append(shape)
+        except LinkworkError as error:
+            told = getattr(shape, "file", "")
+            warnings.warn(f"the mesh {told!r} is not shown: it {error}", ModelWarning, stacklevel=2)
+    return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def _of_triangles(mesh: Triangles, scale: tuple[float, float, float], most: int) -> Mesh:
+    found = simplified(mesh.joined(), most).scaled(np.array(scale))
+    return Mesh(found.vertices, facets=found.faces, convex=False)
+
+
+@lru_cache(maxsize=256)
+def _coarser(mesh: Mesh, most: int) -> Mesh:
+    found = simplified(Triangles(mesh.vertices, np.asarray(mesh.facets)), most)
+    return replace(mesh, vertices=found.vertices, facets=found.faces)
 
 
 def brightness(faces: Sequence[np.ndarray], light: np.ndarray) -> np.ndarray:
     """Return how bright faces that run counter-clockwise seen from outside are, from 0 to 1, lit
     from a direction (3)."""
     normals = np.array([np.cross(face[2] - face[0], face[-1] - face[1]) for face in faces])
-    return np.clip(normals @ light / np.linalg.norm(normals, axis=1), 0, 1)
+    lengths = np.linalg.norm(normals, axis=1)
+    return np.clip(normals @ light / np.where(lengths > 0, lengths, 1.0), 0, 1)

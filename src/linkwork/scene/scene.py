@@ -19,7 +19,7 @@ from linkwork.robot import Robot, State
 from linkwork.scene.colours import TRIAD
 from linkwork.scene.curves import hull
 from linkwork.scene.ground import ground
-from linkwork.scene.meshes import BALL, PlacedMesh
+from linkwork.scene.meshes import BALL, PlacedMesh, drawable
 from linkwork.scene.parts import Bar, Coil, Hull, Moves, ScenePart, moved
 from linkwork.scene.skeleton import Skeleton, skeleton
 from linkwork.scene.symbols import symbol
@@ -114,7 +114,7 @@ def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Ite
     """Yield bodies as their shapes, or as plates, bars or arcs; masses as balls, and so single
     points that no joint shows."""
     for name, solids in pose.solids.items():
-        for solid, shape in zip(solids, mechanism.bodies[name].shapes, strict=True):
+        for solid, shape in zip(solids, drawable(mechanism.bodies[name].shapes), strict=True):
             yield ScenePart(name, "member", (name,), solid, shape.colour)
     held = {body for joint in pose.joints for body in joint.connects}
     masses = dict(pose.masses)

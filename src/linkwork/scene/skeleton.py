@@ -11,7 +11,7 @@ link between two such hinges is an arc about the point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
 
@@ -19,11 +19,11 @@ import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
 from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, rows_of
-from linkwork.mechanism import GROUND, Body, Frame, Mechanism, PairJoint
+from linkwork.mechanism import GROUND, Frame, Mechanism, PairJoint, Shape
 from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
 from linkwork.scene.curves import arc, hull
-from linkwork.scene.meshes import PlacedMesh, piece_of
+from linkwork.scene.meshes import PlacedMesh, drawable, piece_of
 
 TOGETHER = 1e-9  # distance of points, relative to the mechanism, below which they are one
 APART = 0.1  # distance of points, relative to the mechanism, above which they are seen apart
@@ -192,9 +192,9 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     points = {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
     # Bodies that are seen by themselves: by their shapes, or as a point mass.
     solids = {
-        name: body_solids(body, poses[name])
+        name: body_solids(shapes, poses[name])
         for name, body in mechanism.bodies.items()
-        if body.shapes
+        if (shapes := drawable(body.shapes))
     }
     masses = {
         name: centres[name]
@@ -225,9 +225,9 @@ def placed(pose: Placed, point: Sequence[float]) -> np.ndarray:
     return pose[0] + pose[1] @ np.asarray(point, float)
 
 
-def body_solids(body: Body, pose: Placed) -> tuple[PlacedMesh, ...]:
+def body_solids(shapes: Iterable[Shape], pose: Placed) -> tuple[PlacedMesh, ...]:
     """Return the shapes of a body in the ground's axes."""
-    return tuple(piece_of(shape).moved(*frame_pose(pose, shape.frame)) for shape in body.shapes)
+    return tuple(piece_of(shape).moved(*frame_pose(pose, shape.frame)) for shape in shapes)
 
 
 def frame_pose(pose: Placed, frame: Frame) -> Placed:

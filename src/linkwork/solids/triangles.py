@@ -104,7 +104,7 @@ def normals_of(corners: np.ndarray) -> np.ndarray:
     return np.cross(b - a, c - a)
 
 
-def weighed(mesh: Triangles, mode: Mode) -> Solid:
+def weighed(mesh: Triangles, mode: Mode = "exact") -> Solid:
     """Return mass, centre and inertia of a mesh for a density of one [kg/m^3; shell: kg/m^2].
 
     Raises:
@@ -146,3 +146,36 @@ def weighed(mesh: Triangles, mode: Mode) -> Solid:
     )
     P /= 12 if mode == "shell" else 20
     return Solid(float(parts.sum()), centre, np.trace(P) * np.eye(3) - P)
+
+
+def simplified(mesh: Triangles, most: int) -> Triangles:
+    """Return a mesh of at most so many triangles that looks alike: points of one cell of a grid are
+    one, and triangles that have no three points any more vanish.
+
+    Source: J. Rossignac and P. Borrel, Multi-resolution 3D approximations for rendering complex
+    scenes, 1993.
+    """
+    if len(mesh.faces) <= most:
+        return mesh
+    low, size = mesh.vertices.min(axis=0), float(np.ptp(mesh.vertices, axis=0).max())
+    # Triangles grow as the square of the cells along a side; the finest grid that is coarse enough.
+    cells = max(2, int(np.sqrt(most)))
+    found = _clustered(mesh, low, size / cells)
+    while len(found.faces) > most and cells > 2:
+        cells = max(2, min(cells - 1, int(cells * np.sqrt(most / len(found.faces)))))
+        found = _clustered(mesh, low, size / cells)
+    return found if 0 < len(found.faces) <= most else hull_of(found.vertices)
+
+
+def _clustered(mesh: Triangles, low: np.ndarray, side: float) -> Triangles:
+    """Return a mesh with all points of a cell of a grid at the one that is the farthest out."""
+    out = np.argsort(-np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1))
+    cells = np.floor((mesh.vertices[out] - low) / side).astype(np.int64)
+    _, chosen, numbers = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    cluster = np.empty(len(out), dtype=np.int64)
+    cluster[out] = numbers.reshape(-1)
+    faces = cluster[mesh.faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    return Triangles(mesh.vertices[out][chosen], faces[np.sort(first)])

@@ -19,6 +19,8 @@ from linkwork.scene.meshes import PlacedMesh, brightness
 POINTS = 382  # width of a bar as thick as the mechanism is large [pt]
 BAR_IN_SPACE = 0.7  # width of bars in space, relative to those in the plane
 OUTLINE = 2.3  # what a bar's dark edges add to its width [pt]
+PAINTED, FAINTLY = 400, 120  # triangles of a mesh at most, and in paler poses
+LAMP_FROM_ABOVE = np.array([-0.45, 0.7, 1.0])  # where it comes from in the plane
 SHADOW = 0.35  # how much darker the faces of solids are where no light falls
 LAMP = (-0.45, 0.7)  # where the light comes from, to the right and upwards of the viewer
 
@@ -132,13 +134,19 @@ class Canvas:
     ) -> None:
         """Draw a solid: its outline in the plane; in space its faces, shaded, with dark edges of
         the flat ones."""
-        if self.flat:
+        piece = piece.coarser(PAINTED if self.strength == 1.0 else FAINTLY)
+        if self.flat and piece.mesh.convex:
             self.faces([piece.shadow], colour, EDGE, level, lw=1.3, gid=gid)
+            return
+        if self.flat:
+            self.triangles_from_above(piece, colour, level, gid)
             return
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         light = self.towards + LAMP @ self.screen
         faces, flat = piece.faces, len(piece.mesh.flat)
+        if not piece.mesh.convex:
+            faces = [face for face in faces if self.faces_here(face)] or faces[:1]
         shadows = 1 - brightness(faces, light / np.linalg.norm(light))
         inside = [self.mixed(colour, SHADOW * dark) for dark in shadows]
         look = {
@@ -149,6 +157,30 @@ class Canvas:
         self.axes.add_collection3d(
             Poly3DCollection(alike(faces), fc=inside, zorder=order, gid=gid, **look)
         )
+
+    def faces_here(self, face: np.ndarray) -> bool:
+        """Tell whether a triangle (3, 3) of a mesh looks at the viewer."""
+        return bool(np.cross(face[1] - face[0], face[2] - face[0]) @ self.towards > 0)
+
+    def triangles_from_above(
+        self, piece: PlacedMesh, colour: Colour, level: float, gid: str | None
+    ) -> None:
+        """Draw a mesh in the plane: its triangles that look upwards, shaded, the higher on top."""
+        from matplotlib.collections import PolyCollection
+
+        corners = piece.corners[piece.mesh.faces]
+        a, b, c = corners.swapaxes(0, 1)
+        upwards = np.cross(b - a, c - a)[:, 2] > 0
+        seen = corners[upwards][np.argsort(corners[upwards].mean(axis=1)[:, 2])]
+        if len(seen):
+            light = LAMP_FROM_ABOVE / np.linalg.norm(LAMP_FROM_ABOVE)
+            inside = [self.mixed(colour, SHADOW * (1 - lit)) for lit in brightness([*seen], light)]
+            order = self.order(piece.corners, level)
+            self.axes.add_collection(
+                PolyCollection(
+                    [*seen[:, :, :2]], fc=inside, ec=inside, lw=0.3, zorder=order, gid=gid
+                )
+            )
 
     def dot(self, point: np.ndarray, level: float, marker: str = "o", **look: Any) -> None:
         """Draw a marker at a point."""

@@ -28,6 +28,7 @@ UNIT = 10_000  # parts of the mechanism's size
 WIDE = 545  # width of a bar as thick as the mechanism is large [px]
 LINES = {"member": "bar", "rod": "bar", "tube": "bar", "gear": "dashes"}  # what other lines are not
 OUTLINE, WIRE = 1.2, 1.4  # widths of the edges of solids, and of springs [px]
+TRIANGLES = 250  # of a mesh, at most
 CUBE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
 ALONG = 400  # points of the tool's path, at most
 SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
@@ -40,8 +41,8 @@ class Stroke:
     colour and width [px].
 
     points: places in a frame; or of what stands still, in space (k, 3) [m]
-    corners: of a solid or box, in the frame that its four points span: its origin and the tips of
-    its axes
+    corners: of a solid, box or mesh, in the frame that its four points span: its origin and the
+    tips of its axes; faces: of a mesh, three numbers of corners for each triangle
     """
 
     kind: str
@@ -49,6 +50,7 @@ class Stroke:
     colour: str
     width: float = 0.0
     corners: tuple[float, ...] = ()
+    faces: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ class Film:
             "time": np.round(self.time - self.time[0], 9).tolist(),
             "start": float(self.time[0]),
             "parts": [
-                [part.kind, part.points, part.colour, part.width, part.corners]
+                [part.kind, part.points, part.colour, part.width, part.corners, part.faces]
                 for part in self.parts
             ],
             "fixed": [
@@ -180,6 +182,16 @@ class Shelf:
         if isinstance(form, PlacedMesh) and part.role != "member" and form.is_disc(scene.flat):
             at = self.add(moved(form.position[None], part.bodies, scene.moves))
             yield Stroke("dot", tuple(at), colour, WIDE / 2 * form.scale[0] / scene.size)
+        elif isinstance(form, PlacedMesh) and not form.mesh.convex:
+            piece = form.coarser(TRIANGLES)
+            corners = (piece.corners / scene.size).round(5).ravel().tolist()
+            faces = piece.mesh.faces
+            if scene.flat:
+                # Seen along z, whatever the body does: the higher on top.
+                faces = faces[np.argsort(piece.corners[faces].mean(axis=1)[:, 2])]
+            numbers = tuple(faces.ravel().tolist())
+            at = tuple(self.frame(part.bodies[0]))
+            yield Stroke("mesh", at, colour, 0.0, tuple(corners), numbers)
         elif isinstance(form, PlacedMesh):
             corners = np.unique((form.corners / scene.size).round(5), axis=0)
             kind = "solid" if part.role == "member" else "box"

@@ -8,20 +8,23 @@ opens a model: in one of the groups 0 to 2, not transparent.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import Document, flag
 from linkwork.formats.mjcf.meshes import Meshes
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Box, Capsule, Cylinder, Shape, Sphere
+from linkwork.mechanism import Box, Capsule, Cylinder, Ellipsoid, MeshFile, Shape, Sphere
 from linkwork.solids.solid import Solid
 from linkwork.solids.uniform import principal, shell, surface, volume
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
-SHAPES = ("box", "cylinder", "sphere", "capsule")
+SHAPES = ("box", "cylinder", "sphere", "capsule", "ellipsoid", "mesh")
+NEAR = 1e-12  # turns and scales that are none
 TERRAIN = ("plane", "hfield")
 DENSITY = 1000.0  # of geoms that say nothing [kg/m^3]
 HIDDEN = 3  # first group of geoms that MuJoCo does not show
@@ -73,6 +76,7 @@ def shown(
     element: Element,
     X: np.ndarray,
     materials: Mapping[str, Element],
+    meshes: Meshes,
     notes: Notes,
 ) -> list[Shape]:
     """Return the geom's shape in the body's frame; nothing for what MuJoCo hides or is no shape
@@ -96,13 +100,15 @@ def shown(
         return []
     if colour is not None and colour[3] < 1:
         notes.on(element, "is half transparent; shapes are opaque here")
+    look = {"colour": None if colour is None else tuple(np.clip(colour[:3], 0, 1).tolist())}
+    if kind == "mesh":
+        return mesh_shown(document, element, X, meshes, notes, look)
     # MuJoCo gives half sizes, and the middle of what is symmetric.
     size, place = measured(document, element)
-    fields = {
-        "frame": poses.frame_of(X @ place),
-        "colour": None if colour is None else tuple(np.clip(colour[:3], 0, 1).tolist()),
-    }
+    fields = look | {"frame": poses.frame_of(X @ place)}
     match kind:
+        case "ellipsoid":
+            return [element.make(Ellipsoid, radii=tuple(size.tolist()), **fields)]
         case "box":
             return [element.make(Box, size=tuple((2 * size).tolist()), **fields)]
         case "sphere":
@@ -111,17 +117,40 @@ def shown(
     return [element.make(record, radius=float(size[0]), length=float(2 * size[1]), **fields)]
 
 
+def mesh_shown(
+    document: Document,
+    element: Element,
+    X: np.ndarray,
+    meshes: Meshes,
+    notes: Notes,
+    look: Mapping[str, Any],
+) -> list[Shape]:
+    """Return the mesh of a geom as a shape in the body's frame; nothing with a note where it is in
+    no file of its own, or the geom is a simple shape that is fitted to it."""
+    if element.attributes.get("type", "sphere") not in ("mesh", "sdf"):
+        notes.on(element, "is not shown: it is fitted to a mesh")
+        return []
+    try:
+        asset = meshes.asset(element)
+        if asset.path is None:
+            raise LinkworkError("it has no file of its own")
+        turned = not np.allclose(asset.reference[:3, :3], np.eye(3), rtol=0, atol=NEAR)
+        if turned and np.ptp(asset.scale) > NEAR * abs(asset.scale).max():
+            raise LinkworkError("it is turned, and scaled by different factors")
+    except LinkworkError as error:
+        notes.on(element, f"is a mesh that is not shown: {error}")
+        return []
+    # S R' (p - p_ref) is the pose S R' (-p_ref), R' of the scaled mesh, where S and R' commute.
+    R = asset.reference[:3, :3].T
+    place = poses.pose(asset.scale * (R @ -asset.reference[:3, 3]), R)
+    frame = poses.frame_of(X @ document.pose(element) @ place)
+    scale = tuple(asset.scale.tolist())
+    return [element.make(MeshFile, file=str(asset.path), scale=scale, frame=frame, **look)]
+
+
 def size_of(shape: Shape) -> tuple[float, ...] | None:
     """Return the size of a shape as a geom; None for one that is none, such as a polygon."""
-    match shape:
-        case Box():
-            x, y, z = shape.size
-            return x / 2, y / 2, z / 2
-        case Sphere():
-            return (shape.radius,)
-        case Cylinder() | Capsule():
-            return shape.radius, shape.length / 2
-    return None
+    return getattr(shape, "half_sizes", ()) or None
 
 
 def is_shown(element: Element) -> bool:

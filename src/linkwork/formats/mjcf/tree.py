@@ -444,7 +444,8 @@ class TreeReader:
     def shapes(self, parts: _Parts) -> tuple[Shape, ...]:
         """Return the shapes of a body."""
         found = (
-            shown(self.document, geom, X, self.materials, self.notes) for geom, X in parts.geoms
+            shown(self.document, geom, X, self.materials, self.meshes, self.notes)
+            for geom, X in parts.geoms
         )
         return tuple(shape for shapes in found for shape in shapes)
 

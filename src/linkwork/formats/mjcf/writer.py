@@ -606,8 +606,8 @@ class _Writer:
         ]
         if unshown:
             say(
-                f"{', '.join(unshown)}: has shapes that are left out: polygons, or those of a "
-                "body that is no body in MJCF"
+                f"{', '.join(unshown)}: has shapes that are left out: polygons, meshes, or those "
+                "of a body that is no body in MJCF"
             )
 
 

@@ -101,7 +101,7 @@ def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     model.find_frames()
     _say_what_stands(model, notes)
     # Links that are frames on a body are no bodies of their own.
-    shapes, solids = shapes_of(model, notes), _solids(model, notes)
+    shapes, solids = shapes_of(model, reading, notes), _solids(model, notes)
     bodies = {
         name: _body(link, solids[name], shapes[name])
         for link, name in (

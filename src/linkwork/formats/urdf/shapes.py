@@ -1,4 +1,5 @@
-"""What a URDF file shows of its links: the <visual> elements that are simple shapes.
+"""What a URDF file shows of its links: the <visual> elements that are simple shapes or meshes, and
+the <collision> elements of a link that shows nothing else.
 
 A cylinder or capsule is along z, and its length is that of the cylinder. What links that are frames
 show belongs to the bodies they are fixed to.
@@ -9,21 +10,37 @@ Source: the URDF specification, https://wiki.ros.org/urdf/XML/link.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.notes import Notes
+from linkwork.formats.reading import Reading
 from linkwork.formats.urdf.model import UrdfModel, origin
 from linkwork.formats.xml import Element, shortened
-from linkwork.mechanism import GROUND, Box, Capsule, Cylinder, Frame, Shape, Sphere
+from linkwork.mechanism import (
+    GROUND,
+    Box,
+    Capsule,
+    Cylinder,
+    Frame,
+    MechanismError,
+    MeshFile,
+    Shape,
+    Sphere,
+)
+from linkwork.solids.mesh_files import SUFFIXES
 
 FEW = 4  # kinds of geometry in one sentence
 SHAPES = ("box", "cylinder", "sphere", "capsule")
+ABSENT = (
+    "is not shown: its mesh is not there, or lies outside the model's folder and the package path; "
+    "state its folder (packages=, --package-path)"
+)
 
 
-def shapes_of(model: UrdfModel, notes: Notes) -> dict[str, tuple[Shape, ...]]:
+def shapes_of(model: UrdfModel, reading: Reading, notes: Notes) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of all links by the body that they are on, in its frame."""
     colours = {
         name: colour
@@ -40,13 +57,25 @@ def shapes_of(model: UrdfModel, notes: Notes) -> dict[str, tuple[Shape, ...]]:
                     f"of {shortened(name)} is not shown: only bodies have shapes here, not ground",
                 )
         else:
-            found[body] += poses.carried(_shapes(link, colours, notes), X)
+            shown = list(_shapes(link.each("visual"), colours, reading, notes))
+            bare = shown or list(_shapes(link.each("collision"), colours, reading, Notes()))
+            found[body] += poses.carried(bare, X)
     return found
 
 
-def _shapes(link: Element, colours: dict[str, tuple[float, ...]], notes: Notes) -> Iterator[Shape]:
-    for visual in link.each("visual"):
+def _shapes(
+    parts: Iterable[Element],
+    colours: dict[str, tuple[float, ...]],
+    reading: Reading,
+    notes: Notes,
+) -> Iterator[Shape]:
+    """Yield the shapes of <visual> or <collision> elements; what is none is noted."""
+    for visual in parts:
         geometry = visual.named("geometry")
+        mesh = geometry.first("mesh")
+        if mesh is not None:
+            yield from _mesh(visual, mesh, _colour(visual, colours), reading, notes)
+            continue
         solid = next(geometry.each(*SHAPES), None)
         if solid is None:
             kinds = ", ".join(child.tag for child in geometry.children[:FEW]) or "nothing"
@@ -57,6 +86,30 @@ def _shapes(link: Element, colours: dict[str, tuple[float, ...]], notes: Notes) 
             notes.on(visual, f"is not shown: its {solid.tag} has no size")
             continue
         yield _shape(solid, sizes, poses.frame_of(origin(visual)), _colour(visual, colours))
+
+
+def _mesh(
+    visual: Element,
+    mesh: Element,
+    colour: tuple[float, ...] | None,
+    reading: Reading,
+    notes: Notes,
+) -> Iterator[Shape]:
+    """Yield the mesh of a <visual>, if its file is there and of a kind that is read."""
+    scale = mesh.vector("scale", (1.0, 1.0, 1.0))
+    try:
+        path = reading.found(mesh.text("filename"), mesh)
+    except MechanismError:
+        notes.on(visual, ABSENT)
+        return
+    if path.suffix.lower() not in SUFFIXES:
+        kind = path.suffix or "without a suffix"
+        notes.on(visual, f"is not shown: meshes are {', '.join(SUFFIXES)} here, not {kind}")
+    elif 0 in scale:
+        notes.on(visual, "is not shown: its mesh has a scale of 0")
+    else:
+        frame = poses.frame_of(origin(visual))
+        yield mesh.make(MeshFile, file=str(path), scale=scale, frame=frame, colour=colour)
 
 
 def _sizes(solid: Element) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 "use strict";
 // Plays the films of a page. A film's data: points in 1/10000 of its size about its middle, one list for each frame;
-// parts [kind, indices of points, colour, width, corners of a solid or box in the frame of its points]; fixed polylines. Seen from (elevation, azimuth); depth orders the parts.
+// parts [kind, indices of points, colour, width, corners of a solid, box or mesh in the frame of its points, faces of a mesh]; fixed polylines. Seen from (elevation, azimuth); depth orders the parts.
 for (const box of document.querySelectorAll(".film")) {
   const film = JSON.parse(box.querySelector("script").textContent);
   const canvas = box.querySelector("canvas"), pen = canvas.getContext("2d");
@@ -21,7 +21,7 @@ for (const box of document.querySelectorAll(".film")) {
     return a.map((value, i) => value + part * (b[i] - value));
   }
 
-  function projection() {  // to [right, down, depth] on the canvas
+  function projection() {  // to [right, down, depth, depth in px] on the canvas
     const [w, h] = [canvas.clientWidth, canvas.clientHeight];
     const [ce, se, ca, sa] = [Math.cos(elevation), Math.sin(elevation), Math.cos(azimuth), Math.sin(azimuth)];
     const seen = film.planar ? (x, y) => [x, y, 0]
@@ -34,7 +34,7 @@ for (const box of document.querySelectorAll(".film")) {
     const scale = Math.min((w - 40) / (2 * width || 1), (h - 40) / (2 * height || 1));
     return (values, i) => {
       const [x, y, z] = seen(...values.slice(dims * i, dims * i + dims));
-      return [w / 2 + scale * x, h / 2 - scale * y, z];
+      return [w / 2 + scale * x, h / 2 - scale * y, z, scale * z];
     };
   }
 
@@ -73,6 +73,23 @@ for (const box of document.querySelectorAll(".film")) {
       stroke([...line, line[0]], "#1f2933", width);
       pen.fillStyle = colour; pen.fill();
     },
+    mesh(spots, colour, width, faces) {  // its triangles that face the eye, the nearer on top, the brighter the more they do
+      const base = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16)), seen = [];
+      for (let k = 0; k < faces.length; k += 3) {
+        const [a, b, c] = [0, 1, 2].map((j) => spots[faces[k + j]]);
+        const [u, v] = [b, c].map((p) => p.map((value, d) => value - a[d]));
+        const across = u[0] * v[1] - u[1] * v[0];
+        if (across >= 0) continue;
+        const normal = Math.hypot(u[1] * v[3] - u[3] * v[1], u[3] * v[0] - u[0] * v[3], across);
+        seen.push([a, b, c, a[2] + b[2] + c[2], 0.55 - 0.45 * across / normal]);
+      }
+      seen.sort((one, other) => one[3] - other[3]);
+      for (const [a, b, c, , light] of seen) {
+        pen.fillStyle = `rgb(${base.map((value) => Math.round(value * light)).join(",")})`;
+        stroke([a, b, c, a], pen.fillStyle, 0.6);
+        pen.fill();
+      }
+    },
     bar(line, colour, width) { stroke(line, "#1f2933", width + 2); stroke(line, colour, width); },
     line: stroke,
     dashes(line, colour, width) { pen.setLineDash([4, 3]); stroke(line, colour, width); pen.setLineDash([]); },
@@ -109,14 +126,14 @@ for (const box of document.querySelectorAll(".film")) {
     for (const [kind, line, colour, width] of film.fixed)
       draw[kind](Array.from({ length: line.length / dims }, (_, i) => place(line, i)), colour, width);
     const level = { dot: 2e3, box: 2e3, line: 4e3 };  // joints and axes stand a little above bodies
-    const parts = film.parts.map(([kind, indices, colour, width, local], order) => {
+    const parts = film.parts.map(([kind, indices, colour, width, local, faces], order) => {
       const line = local.length ? corners(values, indices, local).map((point) => place(point, 0))
         : indices.map((i) => place(values, i));
       const depth = line.reduce((sum, point) => sum + point[2], 0) / line.length + (level[kind] ?? 0);
-      return { kind, line, colour, width, depth, order };
+      return { kind, line, colour, width, faces, depth, order };
     });
     if (!film.planar) parts.sort((a, b) => a.depth - b.depth || a.order - b.order);
-    for (const { kind, line, colour, width } of parts) draw[kind](line, colour, width);
+    for (const { kind, line, colour, width, faces } of parts) draw[kind](line, colour, width, faces);
     scrub.value = t;
     shown.textContent = `${(film.start + t).toFixed(3)} s`;
     box.dataset.time = t;
