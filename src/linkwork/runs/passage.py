@@ -297,23 +297,27 @@ class Passage:
 
     def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
         """Return what is integrated in a chart, and how."""
-        system, settings, robot = self.system, self.settings, self.robot
+        system, settings, robot, turning = self.system, self.settings, self.robot, self.turning
         size = robot.equations.nq + robot.mobility + len(system.states)
+        tolerances, p = (
+            system.tolerances(chart, settings.rtol, settings.atol, size),
+            system.p(chart),
+        )
         return Problem(
             system.motion(chart),
             chart.single("closure_step").address if robot.equations.constrained else 0,
             self.with_jacobian.jacobian(chart) if method.stiff else 0,
-            system.p(chart),
+            p,
             inputs,
             self.watch if system.acting else None,
             system.conditions(chart, self.watching) if system.acting else None,
             method,
-            system.tolerances(chart, settings.rtol, settings.atol, size),
+            tolerances,
             settings.max_step,
             settings.max_steps,
             CLOSURE * robot.size,
             settings.leave_stiff,
-            self.turning,
+            turning,
         )
 
     @cached_property

@@ -153,7 +153,7 @@ def watched(
 ) -> tuple[Event, ...]:
     """Return events as such, those of the robot's own meetings behind them: names stand for ready
     ones, and plain functions are watched without ending the run."""
-    own = meeting_events(robot)
+    own = meeting_events(robot) if robot.names.meetings else ()
     if isinstance(events, tuple) and not events:
         return own
     given: Sequence[Any] = (
