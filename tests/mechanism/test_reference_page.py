@@ -104,6 +104,7 @@ def test_every_joint_type_with_freedoms_coordinates_rates_and_fields(kind):
         "connects",
         "frames",
         *EFFECTS,
+        "elastic",
     }
     assert set(re.findall(r"`(\w+)`", cells[5])) == own
 

@@ -89,6 +89,7 @@ def derive(
             paths that lead to no number that can be free.
     """
     # Free numbers become symbols; nothing below may divide by one that is zero.
+    refuse_unmade(mechanism)
     parameters, length = free_numbers(mechanism, free), own_length(mechanism)
     freed = replaced(mechanism, {path: symbol(path) for path in parameters})
     # The tree, and joints that close its loops. Where whole turns count and cannot be read, a joint
@@ -143,6 +144,16 @@ def derive(
         chart,
         notes,
     )
+
+
+def refuse_unmade(mechanism: Mechanism) -> None:
+    """Refuse an elastic joint that was put into a mechanism past its own making."""
+    for name, joint in mechanism.pairs.items():
+        if getattr(joint, "elastic", None) is not None:
+            raise MechanismError(
+                "is elastic, but its motor is not made; make the mechanism anew, Mechanism(...)",
+                ("joints", name),
+            )
 
 
 def grown(

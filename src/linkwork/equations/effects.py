@@ -34,8 +34,9 @@ from linkwork.equations.impact import Pressing
 from linkwork.equations.joint_map import JointMap, derivative
 from linkwork.equations.tree import Node, Tree, near_offset
 from linkwork.mechanism import Friction, LoadedLength, Mechanism, PointSpring, SlackSpring, Spring
+from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.joints import TURN, JointFreedom
-from linkwork.mechanism.limits import end_names
+from linkwork.mechanism.limits import end_names, line_ends
 
 TINY = 1e-300  # square of a length that is not divided by zero
 NONE: Mapping[str, ca.SX] = {}
@@ -142,9 +143,17 @@ def ends(part: JointFreedom, x: ca.SX) -> Iterator[StopEnd]:
         size = ca.sqrt(ca.sumsqr(x) + TINY)
         along = x / size
     for side, bound in effects.ends.items():
-        sign = 1 if side == "upper" else -1
-        if effects.stop and (sign > 0 or part.name != TURN):
-            yield StopEnd(names[side], Pressing(effects.stop, sign * (size - bound)), sign * along)
+        if side == "upper" or part.name != TURN:
+            yield stop_end(names[side], effects.stop, side, size - bound, along)
+
+
+def stop_end(
+    name: str, stop: Stop | None, side: str, beyond: ca.SX, along: ca.SX | None = None
+) -> StopEnd:
+    """Return an end of a stop; beyond: how far the size of x is above it, along: its gradient."""
+    assert stop is not None
+    sign, gradient = 1 if side == "upper" else -1, SX(1) if along is None else along
+    return StopEnd(name, Pressing(stop, sign * beyond), sign * gradient)
 
 
 def freedoms(
@@ -173,8 +182,10 @@ def lines(joints: JointMap, strains: Mapping[str, ca.SX] = NONE) -> tuple[Freedo
     for name, line in joints.mechanism.transmissions.items():
         if isinstance(line, LoadedLength) and any(map(present, line.loads)):
             x, J = joints.position(name), joints.rate_row(name)
-            own = line.friction, line.spring, line.inertia
-            found.append(Freedom((name,), x, J, *own, strain=strains.get(name)))
+            own, ends, names = (line.friction, line.spring, line.inertia), [], line_ends(name, line)
+            for side, bound in line.ends.items():
+                ends.append(stop_end(names[side], line.stop, side, x - bound))
+            found.append(Freedom((name,), x, J, *own, tuple(ends), strains.get(name)))
     return tuple(found)
 
 

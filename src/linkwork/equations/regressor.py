@@ -145,8 +145,9 @@ def spring_forces(equations: Equations) -> ca.SX:
     total = SX.zeros(len(tree.rates))
     for freedom in equations.freedoms:
         own = ca.mtimes(freedom.J, equations.rates)
-        held = sum((end.drag(own) for end in freedom.ends), freedom.pull)
-        line = freedom.rates[0] in equations.mechanism.transmissions
+        held, line = freedom.pull, freedom.rates[0] in equations.mechanism.transmissions
+        if not line:
+            held = sum((end.drag(own) for end in freedom.ends), held)
         if freedom.friction.static is not None and not line:
             rise = freedom.friction.static * freedom.fallen(own)
             held -= rise / freedom.softened(own) * own

@@ -137,6 +137,20 @@ class Effects(NamedTuple):
         return (*own, self.stop.stiffness if self.stop else 0.0, self.rotor)
 
 
+def require_ends(own: Effects, where: tuple[str, ...]) -> None:
+    """Refuse a stop that begins nowhere, or above before below."""
+    ends = own.ends
+    if own.stop and not ends:
+        raise MechanismError(
+            "the stop begins nowhere; give it lower or upper, or give the joint limits", where
+        )
+    if len(ends) == 2 and not ends["lower"] < ends["upper"]:
+        raise MechanismError(
+            f"the stop's lower end {ends['lower']:g} is not below its upper end {ends['upper']:g}",
+            where,
+        )
+
+
 class PointSpring(Record):
     """Pull two points of two bodies together: tension stiffness (l - rest_length) + damping l', l
     their distance."""

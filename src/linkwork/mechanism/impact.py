@@ -15,13 +15,24 @@ from functools import lru_cache
 from math import log1p
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from linkwork.mechanism.record import Amount, Positive, Real, Record
 
 SMALL = 0.1  # |u| up to which (u - ln(1 + u)) / u^2 is summed
 TERMS = 18
 HALVINGS = 60
+
+
+def compliant(stiffness: Any) -> Any:
+    """Refuse rigid contact."""
+    if stiffness == "rigid" or stiffness == float("inf"):
+        raise ValueError(
+            "rigid contact, by complementarity conditions, is not there: its impacts are jumps of "
+            "the rates, and with friction its forces may be none or many; give a stiffness, such "
+            "as m v^2 over the square of the depth that does not matter"
+        )
+    return stiffness
 
 
 class Impact(Record):
@@ -31,7 +42,7 @@ class Impact(Record):
     `restitution` of that rate; both add up.
     """
 
-    stiffness: Positive = Field(
+    stiffness: Annotated[Positive, BeforeValidator(compliant)] = Field(
         description="force per depth^exponent [N/m^exponent, N m/rad^exponent]"
     )
     exponent: Annotated[float, Field(ge=1, le=10, allow_inf_nan=False)] = Field(

@@ -19,7 +19,8 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
-from linkwork.mechanism.effects import Effects, Friction, Limits, Spring
+from linkwork.mechanism.effects import Effects, Friction, Limits, Spring, require_ends
+from linkwork.mechanism.elastic import Elastic
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.record import (
@@ -148,6 +149,9 @@ class OneFreedom(PairJoint):
         default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"
     )
     stop: Stop | None = Field(default=None, description="presses back past the joint's ends")
+    elastic: Elastic | None = Field(
+        default=None, description="motor that drives the joint through a spring"
+    )
 
     def effects(self) -> dict[str, Effects]:
         own = Effects(self.friction, self.spring, self.limits, self.rotor_inertia, self.stop)
@@ -224,20 +228,6 @@ class ManyFreedoms(PairJoint):
                 )
             require_ends(own, ("stop", freedom))
         return self
-
-
-def require_ends(own: Effects, where: tuple[str, ...]) -> None:
-    """Refuse a stop that begins nowhere, or above before below."""
-    ends = own.ends
-    if own.stop and not ends:
-        raise MechanismError(
-            "the stop begins nowhere; give it lower or upper, or give the joint limits", where
-        )
-    if len(ends) == 2 and not ends["lower"] < ends["upper"]:
-        raise MechanismError(
-            f"the stop's lower end {ends['lower']:g} is not below its upper end {ends['upper']:g}",
-            where,
-        )
 
 
 class FixedJoint(PairJoint):

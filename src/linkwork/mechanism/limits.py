@@ -8,6 +8,8 @@ from linkwork.mechanism.contact import touch_names
 from linkwork.mechanism.effects import Limits
 from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.mechanism import Mechanism
+from linkwork.mechanism.record import Record
+from linkwork.mechanism.transmissions import LoadedLength
 
 
 def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
@@ -21,13 +23,16 @@ def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
 
 
 def meetings(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the names of all that may meet: the ends of stops, and the places of contacts."""
+    """Return the names of all that may meet: the ends of stops of joints and transmissions, and
+    the places of contacts."""
     stops = tuple(
         name
         for joint_name, joint in mechanism.joints.items()
         for part in joint.parts(joint_name)
         for name in end_names(part).values()
     )
+    lines = mechanism.transmissions.items()
+    stops += tuple(end for name, line in lines for end in line_ends(name, line).values())
     return stops + tuple(map(meeting_name, touching(mechanism)))
 
 
@@ -40,6 +45,12 @@ def touching(mechanism: Mechanism) -> tuple[str, ...]:
 def meeting_name(touch: str) -> str:
     """Return what a place of a contact is called among all that may meet."""
     return f"{touch}: contact"
+
+
+def line_ends(name: str, line: Record) -> dict[str, str]:
+    """Return the names of the ends of a transmission's stop, by side: "mesh: lower stop"."""
+    ends = line.ends if isinstance(line, LoadedLength) else {}
+    return {side: f"{name}: {side} stop" for side in ends}
 
 
 def end_names(part: JointFreedom) -> dict[str, str]:

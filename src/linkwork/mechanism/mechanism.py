@@ -18,8 +18,9 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact
 from linkwork.mechanism.effects import Lift, PointSpring
+from linkwork.mechanism.elastic import expanded
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.joints import QUATERNION, GearJoint, Joint, PairJoint
+from linkwork.mechanism.joints import QUATERNION, TYPES, GearJoint, Joint, JointBase, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
 from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
@@ -142,6 +143,21 @@ class Mechanism(Record, Portrayed):
 
     def __str__(self) -> str:
         return repr(self)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_motors(cls, fields: Any) -> Any:
+        joints = fields.get("joints") if isinstance(fields, Mapping) else None
+        if not isinstance(joints, Mapping):
+            return fields
+        made = {name: joint for name, joint in joints.items() if drawn_by_spring(joint)}
+        if not made:
+            return fields
+        every = {
+            name: one_joint(name, joint) if isinstance(joint, Mapping) else joint
+            for name, joint in made.items()
+        }
+        return expanded(fields, every)
 
     @property
     def pairs(self) -> dict[str, PairJoint]:
@@ -369,6 +385,26 @@ class Mechanism(Record, Portrayed):
         from linkwork.mechanism.files import read_yaml
 
         return read_yaml(checks.file_path(path, "the path of a mechanism file"))
+
+
+def drawn_by_spring(joint: Any) -> bool:
+    """Tell whether a joint, or its fields, are those of an elastic one."""
+    elastic = joint.get("elastic") if isinstance(joint, Mapping) else getattr(joint, "elastic", 0)
+    return bool(elastic)
+
+
+def one_joint(name: str, fields: Mapping[str, Any]) -> JointBase:
+    """Make a joint of its fields."""
+    kind = TYPES.get(str(fields.get("type")))
+    if kind is None or "elastic" not in kind.model_fields:
+        known = ", ".join(word for word, of in TYPES.items() if "elastic" in of.model_fields)
+        raise MechanismError(
+            f"only joints of one freedom are elastic: {known}", ("joints", name, "elastic")
+        )
+    try:
+        return kind(**fields)
+    except MechanismError as error:
+        raise MechanismError(error.what, ("joints", name, *error.where)) from None
 
 
 def require(name: str, known: Collection[str], kind: str, where: tuple[str, ...]) -> None:

@@ -13,8 +13,9 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from linkwork.mechanism.effects import Friction, Spring
+from linkwork.mechanism.effects import Effects, Friction, Spring, require_ends
 from linkwork.mechanism.frame import Frame
+from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.record import (
     Amount,
     MechanismError,
@@ -60,16 +61,31 @@ class LoadedLength(Record):
     inertia: Amount = Field(
         default=0.0, description="inertia that moves with the rate of the length [kg; kg m^2]"
     )
+    stop: Stop | None = Field(
+        default=None, description="presses back past ends of the length, as teeth with backlash"
+    )
+
+    @property
+    def ends(self) -> dict[str, float]:
+        """The lengths at which the stop begins, by side."""
+        return Effects(stop=self.stop).ends
+
+    @model_validator(mode="after")
+    def _stops_somewhere(self):
+        require_ends(Effects(stop=self.stop), ("stop",))
+        return self
 
     @property
     def loads(self) -> tuple[float, ...]:
         """The numbers that are all zero where nothing acts."""
-        return (*self.resistance, self.spring.stiffness, self.inertia)
+        stop = self.stop.stiffness if self.stop else 0.0
+        return (*self.resistance, self.spring.stiffness, self.inertia, stop)
 
     @property
     def resistance(self) -> tuple[float, ...]:
         """The numbers that are all zero where nothing resists the rate."""
-        return self.friction.viscous, self.friction.coulomb, self.spring.damping
+        stop = self.stop.stiffness if self.stop else 0.0
+        return self.friction.viscous, self.friction.coulomb, self.spring.damping, stop
 
 
 class Combination(LoadedLength):
