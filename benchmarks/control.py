@@ -74,7 +74,7 @@ def run(duration: float = 2.0, rounds: int = 5, ways: Mapping[str, Way] = WAYS) 
         lw.paths.together(lw.paths.circle([0.5, 0.28], 0.05), lw.paths.swing(1.2, 0.2)),
         duration=duration,
     )
-    law = ComputedTorque(motion, robot, KP, KD)
+    law = ComputedTorque(motion, KP, KD, robot)
     start = beside(robot, motion.state.at(0))
     calls = {
         name: partial(simulated, robot, start, law, way, duration) for name, way in ways.items()

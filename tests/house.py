@@ -27,7 +27,14 @@ WINGS = {
         *("accuracy", "fault_sources", "quantities", "run_record", "saved_states", "work"),
         "undefined",
     ),
-    "statics, linear": ("linear", "network", "parameters", "reactions", "regressor"),
+    "statics, linear": (
+        "linear",
+        "linear_model",
+        "network",
+        "parameters",
+        "reactions",
+        "regressor",
+    ),
     "masses of shapes": ("density",),
     "tool paths": ("following", "leading", "modes", "task", "tool_motion"),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -20,3 +20,24 @@ def leading_to(old: str, new: str, names: Container[str] | None = None) -> Calla
         return value
 
     return found
+
+
+def renamed(module: str, names: Mapping[str, tuple[str, str, str]]) -> Callable[[str], Any]:
+    """Return a `__getattr__` for a module some names of which are others now.
+
+    names: by the former name where the thing is, module and name, and what it is called now
+    """
+
+    def found(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        place, own, now = names[name]
+        warn(f"{module}.{name}", now, stacklevel=3)
+        return getattr(import_module(place), own)
+
+    return found
+
+
+def warn(former: str, now: str, stacklevel: int = 3) -> None:
+    """Warn whoever uses a former name, so many levels above, of the present one."""
+    warnings.warn(f"{former} is {now} now", DeprecationWarning, stacklevel)

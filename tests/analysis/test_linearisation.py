@@ -8,7 +8,6 @@ import pytest
 
 import linkwork as lw
 from linkwork.analysis import (
-    holding,
     jacobians,
     linearise,
     natural_modes,
@@ -81,7 +80,7 @@ def test_shifts_of_a_turning_body_change_by_its_turn_too():
     def read(q, dq):
         return np.linalg.lstsq(robot.assembler.still(q)["derivatives"], dq, rcond=None)[0][columns]
 
-    A = linearise(robot, state, holding(robot, state)).A[:6]
+    A = linearise(robot, state, robot.holding_forces(state)).A[:6]
     xi, dv = random.standard_normal(6), random.standard_normal(6)
     small, h = 1e-6, 1e-4
     near = [nudged(robot, state, sign * small * xi).q for sign in (1, -1)]
@@ -140,7 +139,7 @@ def test_pendulums_swing_as_the_books_say():
 def test_stiffness_is_the_second_derivative_of_the_potential_energy():
     robot = built("delta")
     state, h = robot.home, 1e-4
-    u = holding(robot, state)
+    u = robot.holding_forces(state)
     K = stiffness_matrix(robot, state, u)
     places = [robot.coordinates.index(name) for name in robot.actuators]
 

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.control import LQR, PD, PID, ComputedTorque, Sampler, SlidingMode, Wrench
+from linkwork.control import (
+    LQR,
+    PD,
+    PID,
+    ComputedTorque,
+    PDWithGravity,
+    Sampler,
+    SlidingMode,
+    Wrench,
+)
 from linkwork.control.inverse_dynamics import InverseDynamics as Model
 
 from tests.control.plants import cart, circle_motion, pendulum
@@ -61,7 +70,7 @@ def test_gravity_compensation_leaves_no_steady_error():
     goal = {"hinge_1": 0.6}
     bare = plant.simulate(plant.home, PD(goal, 40.0, 8.0), duration=15.0, save_at=[15.0])
     held = plant.simulate(
-        plant.home, PD(goal, 40.0, 8.0, model=plant), duration=15.0, save_at=[15.0]
+        plant.home, PDWithGravity(goal, 40.0, 8.0, model=plant), duration=15.0, save_at=[15.0]
     )
     (bare,), (held,) = (run.dataset.joint_position.values[-1] for run in (bare, held))
     weight = 1.5 * 9.81 * 0.7
@@ -94,7 +103,7 @@ def test_computed_torque_gives_the_error_dynamics_exactly(robot):
     """With the exact model e'' + kd e' + kp e = 0 in every actuated joint: its closed form to
     1e-8."""
     motion = circle_motion(robot)
-    law = ComputedTorque(motion, robot, 100.0, 12.0)
+    law = ComputedTorque(motion, 100.0, 12.0, robot)
     start = robot.assemble(
         {
             name: motion.state.at(0)[name] + d
@@ -118,7 +127,7 @@ def test_computed_torque_with_too_few_actuators():
     does."""
     mechanism = lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)})
     robot = lw.Robot(mechanism)
-    law = ComputedTorque({"hinge_1": -1.0}, robot, 29.0, 10.0)
+    law = ComputedTorque({"hinge_1": -1.0}, 29.0, 10.0, robot)
     run = robot.simulate(robot.home, law, duration=1.0, save_at=np.linspace(0, 1, 21), rtol=1e-10)
     expected = -1.0 + second_order(np.linspace(0, 1, 21), 1.0, 0.0, 29.0, 10.0)
     assert np.allclose(run.dataset.joint_position.sel(coordinate="hinge_1"), expected, 0, 1e-7)
@@ -131,7 +140,7 @@ def test_computed_torque_with_too_many_actuators():
     robot = lw.Robot(mechanism.model_copy(update={"actuators": (*mechanism.actuators, "pivot_1")}))
     goal = {name: float(robot.home[name]) for name in robot.actuators}
     start = robot.assemble(tool=[0.505, 0.29, 0.53])
-    law = ComputedTorque(goal, robot, 100.0, 16.0)
+    law = ComputedTorque(goal, 100.0, 16.0, robot)
     save = np.linspace(0, 1, 11)
     run = robot.simulate(start, law, duration=1.0, save_at=save, rtol=1e-10)
     names = list(robot.independent)
@@ -149,12 +158,12 @@ def test_sliding_mode_bears_a_wrong_model(robot):
     start = motion.state.at(0)
     slope, boundary = 30.0, 0.02
     run = robot.simulate(
-        start, SlidingMode(motion, wrong, slope, 20.0, boundary), duration=1.0, save_at=motion.time
+        start, SlidingMode(motion, slope, 20.0, boundary, wrong), duration=1.0, save_at=motion.time
     )
     e = np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max()
     assert e < boundary / slope  # |s| <= boundary gives |e| <= boundary / slope
     soft = robot.simulate(
-        start, ComputedTorque(motion, wrong, 30.0, 10.0), duration=1.0, save_at=motion.time
+        start, ComputedTorque(motion, 30.0, 10.0, wrong), duration=1.0, save_at=motion.time
     )
     assert np.abs(soft.dataset.joint_position.values - motion.positions)[:, :3].max() > e
 
@@ -213,12 +222,12 @@ def test_lqr_of_a_closed_loop_robot(robot):
         (lambda: PD({"slide": 0.0}, [1.0], 1.0), r"the parameter 'kp' is \[1.0\]; give one number"),
         (lambda: PD({"slide": 0.0}, np.nan, 1.0), "the parameter 'kp' is nan; give finite numbers"),
         (
-            lambda: PD({"slide": 0.0}, 1.0, 1.0, pendulum().mechanism),
+            lambda: PDWithGravity({"slide": 0.0}, 1.0, 1.0, pendulum().mechanism),
             "model of a controller is a Mechanism; give a linkwork.R",
         ),
         (lambda: PD({"slide": 0.0}, {"slid": 1.0}, 1.0), "the gain kp lacks 'slide'"),
         (
-            lambda: ComputedTorque({"slide": 0.0}, pendulum(), 1.0, 1.0),
+            lambda: ComputedTorque({"slide": 0.0}, 1.0, 1.0, pendulum()),
             "the model has the actuators hinge_1, the robot slide",
         ),
     ],
@@ -274,7 +283,7 @@ def test_slow_and_fast_poles_are_stable_together():
 def test_controllers_work_with_numbers_too(robot):
     """A ready controller can be sampled from Python: the same forces as traced."""
     motion = circle_motion(robot)
-    law = ComputedTorque(motion, robot, 100.0, 12.0)
+    law = ComputedTorque(motion, 100.0, 12.0, robot)
     runs = [
         robot.simulate(
             motion.state.at(0), Sampler(law, 200, compiled=c), duration=0.2, save_at=[0, 0.2]

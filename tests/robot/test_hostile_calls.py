@@ -93,7 +93,7 @@ CALLS: dict[str, Callable[[World, Any], Any]] = {
     "reactions": lambda w, x: w.arm.reactions(w.state, x).wrenches,
     "reactions.frame": lambda w, x: w.arm.reactions(w.state, [0.0, 0.0], frame=x).wrenches,
     "reactions.length": lambda w, x: w.arm.reactions(w.state, [0.0, 0.0], length=x).wrenches,
-    "linearised": lambda w, x: w.arm.linearised(w.state, x),
+    "linearise": lambda w, x: w.arm.linearise(w.state, x),
     "observe": lambda w, x: w.arm.observe(x),
     "simulate.state": lambda w, x: w.arm.simulate(x, duration=1e-3),
     "simulate.forces": lambda w, x: w.arm.simulate(w.state, x, duration=1e-3),

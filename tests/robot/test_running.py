@@ -79,10 +79,18 @@ def test_the_linear_model_of_a_regulator_is_that_of_the_study():
     Q, R = np.diag([100.0] * 3 + [1.0] * 3), np.eye(3)
     gains = model.B.T @ solve_continuous_are(model.A, model.B, Q, R)
     np.testing.assert_allclose(LQR.about(robot, robot.home, Q, R).gains, gains, rtol=1e-9)
-    A, B = robot.linearised(robot.home, robot.holding_forces(robot.home))
+    own = robot.linearise(robot.home, robot.holding_forces(robot.home))
+    np.testing.assert_array_equal(own.A, model.A)
+    np.testing.assert_array_equal(own.C, model.C)
+    with pytest.warns(DeprecationWarning, match=r"Robot\.linearised is Robot\.linearise") as told:
+        A, B = robot.linearised(robot.home, robot.holding_forces(robot.home))
     np.testing.assert_array_equal(A, model.A)
     np.testing.assert_array_equal(B, model.B)
-    assert lw.analysis.holding is linear.holding
+    assert told[0].filename == __file__ and "linearised" not in dir(robot)
+    with pytest.warns(DeprecationWarning, match=r"analysis\.holding is Robot\.holding_forces now"):
+        assert lw.analysis.holding is linear.holding_forces
+    with pytest.raises(AttributeError, match=r"'linkwork\.analysis' has no attribute 'nothing'"):
+        _ = lw.analysis.nothing
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,14 @@ from linkwork.analysis._workspace import content, inscribed, workspace
 from linkwork.analysis.excitation import Excitation, exciting_trajectory
 from linkwork.analysis.identification import Identification, Measured, identify, periodic
 from linkwork.analysis.linearisation import (
-    LinearModel,
     NaturalModes,
-    linearise,
     natural_modes,
     stiffness_matrix,
     tool_stiffness,
 )
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
-from linkwork.model.linear import holding
+from linkwork.model.linear_model import LinearModel, linearise
+from linkwork.moved import renamed
 
 __all__ = [
     "ActuationModel",
@@ -41,7 +40,6 @@ __all__ = [
     "equilibria",
     "equilibrium",
     "exciting_trajectory",
-    "holding",
     "identify",
     "input_output",
     "inscribed",
@@ -56,3 +54,7 @@ __all__ = [
     "working_modes",
     "workspace",
 ]
+
+__getattr__ = renamed(
+    __name__, {"holding": ("linkwork.model.linear", "holding_forces", "Robot.holding_forces")}
+)

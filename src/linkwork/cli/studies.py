@@ -251,7 +251,7 @@ def linearise(
     with patience("linearising"):
         state = configuration(robot, joints, tool)
         held = (
-            analysis.holding(robot, state)
+            robot.holding_forces(state)
             if forces is None
             else by_name(forces, robot.actuators, "--forces")
         )

@@ -9,7 +9,7 @@ robot.simulate(robot.home, law, duration=1.0, parameters={"kp": 500.0})
 The classes imported here are the one list of them: studies build theirs from `LAWS` and `DRIVES`.
 """
 
-from linkwork.control.controllers import PD, PID, ComputedTorque, SlidingMode
+from linkwork.control.controllers import PD, PID, ComputedTorque, PDWithGravity, SlidingMode
 from linkwork.control.cylinders import HydraulicCylinder, PneumaticCylinder
 from linkwork.control.drives import DCMotor, Drive, Ideal, Lag, Saturated
 from linkwork.control.events import Event, limit_events, singular_events
@@ -19,7 +19,7 @@ from linkwork.control.sampler import Sampler
 from linkwork.control.servos import IntegratingServo, LaggingServo, Servo
 from linkwork.control.wrenches import Wrench
 
-LAWS = (PD, PID, ComputedTorque, SlidingMode, LQR)
+LAWS = (PD, PDWithGravity, PID, ComputedTorque, SlidingMode, LQR)
 DRIVES = (
     *(Ideal, Saturated, Lag, DCMotor, HydraulicCylinder, PneumaticCylinder),
     *(Servo, LaggingServo, IntegratingServo),
@@ -39,6 +39,7 @@ __all__ = [
     "Lag",
     "LaggingServo",
     "Observation",
+    "PDWithGravity",
     "PneumaticCylinder",
     "Sampler",
     "Saturated",

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from dataclasses import dataclass, field, fields
+from functools import cached_property, wraps
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -31,9 +31,11 @@ from linkwork.control.observation import Names, Observation
 from linkwork.control.plant import Plant
 from linkwork.control.records import ActingPart, Number, described, number
 from linkwork.errors import LinkworkError
+from linkwork.moved import warn
 
 Gain = float | Mapping[str, float]
 EACH = "actuator"
+Law = TypeVar("Law")
 
 
 class Form(NamedTuple):
@@ -118,27 +120,39 @@ def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
     )
 
 
+def model_last(law: type[Law]) -> type[Law]:
+    """Let a law take its model behind the gains, as all laws do; before them, where it stood
+    formerly, it is taken with a warning."""
+    made: Any = law.__init__
+
+    @wraps(made)
+    def taken(self: Any, goal: Any, *given: Any, **named: Any) -> None:
+        if given and not isinstance(given[0], int | float | Mapping | np.ndarray):
+            order = ", ".join(f.name for f in fields(law) if f.init)  # pyright: ignore
+            warn(f"{law.__name__}(goal, model, ...)", f"{law.__name__}({order})")
+            given, named = given[1:], {"model": given[0], **named}
+        made(self, goal, *given, **named)
+
+    law.__init__ = taken  # pyright: ignore[reportAttributeAccessIssue]
+    return law
+
+
 @dataclass(frozen=True, eq=False)
 class PD(Follower):
-    """Pull each actuated joint to its goal: u = kp e + kd e', with a model plus what holds its
-    weight and springs.
+    """Pull each actuated joint to its goal: u = kp e + kd e'.
 
-    model: a robot with the same joints, whose weight and springs at the present pose are added
+    model: formerly, for `PDWithGravity`
     """
 
     kp: Gain = number("", "N/m, N m/rad", by=EACH)
     kd: Gain = number("", "N s/m, N m s/rad", by=EACH)
     model: Plant | None = None
 
-    forms: ClassVar = (
-        Form("pd", "u = kp e + kd e'", "PD", ("kp", "kd")),
-        Form(
-            "pd_with_gravity",
-            "u = kp e + kd e' + g(q) with the model's weight and springs",
-            "WeightlessPD",
-            ("model", "kp", "kd"),
-        ),
-    )
+    forms: ClassVar = (Form("pd", "u = kp e + kd e'", "PD", ("kp", "kd")),)
+
+    def __post_init__(self) -> None:
+        if type(self) is PD and self.model is not None:
+            warn("PD(..., model=...)", "PDWithGravity(goal, kp, kd, model)", stacklevel=4)
 
     def __call__(self, t, state):
         e, de, _ = self.errors(t, state)
@@ -159,8 +173,30 @@ class PD(Follower):
 
 
 @dataclass(frozen=True, eq=False)
+class PDWithGravity(PD):
+    """Add what holds a model's weight and springs at the present pose to `PD`: u = kp e + kd e' +
+    g(q).
+
+    model: a robot with the same joints
+    """
+
+    model: Plant = field()  # pyright: ignore
+
+    forms: ClassVar = (
+        Form(
+            "pd_with_gravity",
+            "u = kp e + kd e' + g(q) with the model's weight and springs",
+            "PDWithGravity",
+            ("model", "kp", "kd"),
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
 class PID(PD):
     """Add the integral of the error to `PD`: u = kp e + ki z + kd e', z' = e.
+
+    model: a robot with the same joints, whose weight and springs at the present pose are added
 
     joints: actuators whose errors are integrated, all if left out; the integrals are extra states
     "integral.joint"
@@ -199,6 +235,7 @@ class PID(PD):
         return (forces, rates) if rates else forces
 
 
+@model_last
 @dataclass(frozen=True, eq=False)
 class ComputedTorque(Follower):
     """Linearise the motion by a model's inverse dynamics; with an exact model e'' + kd e' + kp e =
@@ -207,9 +244,9 @@ class ComputedTorque(Follower):
     model: a robot with the same joints, which may be wrong
     """
 
-    model: Plant
     kp: Gain = number("", "1/s^2", by=EACH)
     kd: Gain = number("", "1/s", by=EACH)
+    model: Plant  # pyright: ignore[reportGeneralTypeIssues]
 
     forms: ClassVar = (
         Form(
@@ -230,6 +267,7 @@ class ComputedTorque(Follower):
         return InverseDynamics(self.model)
 
 
+@model_last
 @dataclass(frozen=True, eq=False)
 class SlidingMode(Follower):
     """Drive the error onto s = e' + slope e = 0 and keep it near, whatever a wrong model lacks.
@@ -239,10 +277,10 @@ class SlidingMode(Follower):
     model: a robot with the same joints
     """
 
-    model: Plant
     slope: Gain = number("", "1/s", by=EACH)
     gain: Gain = number("", "m/s^2, rad/s^2", by=EACH)
     boundary: float = number("thickness of the layer", "m/s, rad/s")
+    model: Plant  # pyright: ignore[reportGeneralTypeIssues]
 
     forms: ClassVar = (
         Form(

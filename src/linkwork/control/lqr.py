@@ -96,7 +96,8 @@ class LQR(Controller):
                 )
         # x' = A x + B du about the pose held still.
         still, forces = state.with_rates(0 * state.rates), robot.holding_forces(state)
-        A, B = robot.linearised(still, forces)
+        model = robot.linearise(still, forces)
+        A, B = model.A, model.B
         Q, R = (
             weights(value, size, name)
             for value, size, name in ((Q, len(A), "Q"), (R, B.shape[1], "R"))

@@ -62,6 +62,16 @@ class Plant(Protocol):
     ) -> TimedStates: ...
 
 
+class StateSpace(Protocol):
+    """Matrices of x' = A x + B u."""
+
+    @property
+    def A(self) -> np.ndarray: ...
+
+    @property
+    def B(self) -> np.ndarray: ...
+
+
 class Linearised(Plant, Protocol):
     """A robot whose equations about a pose are asked for, too."""
 
@@ -75,4 +85,4 @@ class Linearised(Plant, Protocol):
 
     def holding_forces(self, state: Any) -> np.ndarray: ...
 
-    def linearised(self, state: Any, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]: ...
+    def linearise(self, state: Any, forces: ArrayLike) -> StateSpace: ...

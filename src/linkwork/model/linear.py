@@ -53,7 +53,7 @@ def kept(chart: CompiledChart) -> ca.Function:
     return derivatives(chart.equations)
 
 
-def holding(robot: Model, state: State) -> np.ndarray:
+def holding_forces(robot: Model, state: State) -> np.ndarray:
     """Return the least actuator forces (actuators) that hold a pose at rest, none without
     actuators: S' u = G - f.
 

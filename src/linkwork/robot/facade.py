@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork import moved
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.task import labels
 from linkwork.model import checks, evaluation, limits, linear, posing, task
@@ -24,6 +25,7 @@ from linkwork.runs.settings import settings_of
 if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
     from linkwork.formats.references import Reference
+    from linkwork.model.linear_model import LinearModel
     from linkwork.model.reactions import Reactions
     from linkwork.model.tool_motion import LedMotion, ToolMotion
     from linkwork.runs.ensemble import Ensemble
@@ -120,7 +122,8 @@ class Robot(Model, Portrayed):
 
     def __dir__(self) -> list[str]:
         """Return the names that are for users, and none that modules of the library ask for."""
-        return sorted({*HELD, *(name for name in vars(Robot) if not name.startswith("_"))})
+        own = (name for name in vars(Robot) if not name.startswith("_") and name not in FORMER)
+        return sorted({*HELD, *own})
 
     def free(self, *paths: str) -> Robot:
         """Return the robot with some numbers of its description free: `with_parameters` then
@@ -352,18 +355,35 @@ class Robot(Model, Portrayed):
         Raises:
             LinkworkError: a stack of states; a pose that no forces of the actuators hold.
         """
-        return linear.holding(self, state)
+        return linear.holding_forces(self, state)
 
-    def linearised(self, state: State, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Return A (2n, 2n) and B (2n, actuators) of x' = A x + B du about a state, x = (xi, dv),
-        xi' = dv + Gamma xi.
+    def linearise(
+        self,
+        state: State,
+        forces: ArrayLike | Mapping[str, float] | None = None,
+        *,
+        outputs: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> LinearModel:
+        """Return the linear model x' = A x + B u, y = C x + D u of small deviations from a state
+        and its forces, x = (xi, dv), xi' = dv + Gamma xi: `linkwork.analysis.linearise`.
+
+        Args:
+            state: one state; forces: u of the actuators, or by name (others zero); zero if left
+                out; outputs, inputs: names of y and u, as there.
 
         Raises:
             LinkworkError: a stack of states, forces of wrong length, a singular configuration.
         """
-        return linear.linearised(
-            self, linear.evaluated(self, state, linear.actuator_forces(self, forces))
-        )
+        from linkwork.model.linear_model import linearise
+
+        return linearise(self, state, forces, outputs=outputs, inputs=inputs)
+
+    def linearised(self, state: State, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Return A and B of `linearise`, by its former name."""
+        moved.warn("Robot.linearised", "Robot.linearise, whose model holds A and B,")
+        model = self.linearise(state, forces)
+        return model.A, model.B
 
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the independent rates
@@ -768,6 +788,7 @@ HELD = (
     *("coordinates", "rates", "independent", "joints", "bodies", "actuators"),
     *("redundant", "spins", "idle", "notes"),
 )  # what a robot holds for its users, beside what it does
+FORMER = ("linearised",)  # names that warn
 OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[
     3:
 ]  # of a run, without self, state and forces

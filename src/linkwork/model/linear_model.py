@@ -1,0 +1,210 @@
+"""Linear models: x' = A x + B u, y = C x + D u near a state of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.equations.linear import row_derivatives
+from linkwork.errors import LinkworkError
+from linkwork.mechanism.task import is_length
+from linkwork.model import checks, task
+from linkwork.model.asked import task_rows
+from linkwork.model.evaluation import own_units, terms
+from linkwork.model.linear import (
+    actuator_forces,
+    evaluated,
+    largest,
+    linearised,
+)
+from linkwork.model.reordering import ordered
+from linkwork.model.state import State
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+SHOWN = 8  # names in a repr
+TOOL = "tool "  # before a task coordinate
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Hold x' = A x + B u, y = C x + D u for deviations x = (xi, dv) from a state, u from a force.
+
+    states: names of x: independent coordinates [m, rad], then their rates; inputs: names of u, the
+        actuators or forces on the tool; outputs: names of y
+    units: the mechanism's own of x and of u, but for time and mass: its length or 1 rad of x, the
+        reciprocal of u
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: tuple[np.ndarray, np.ndarray]
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"LinearModel({sizes}; inputs: {', '.join(self.inputs[:SHOWN]) or 'none'})"
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Return the eigenvalues of A [1/s], by the size of their imaginary parts."""
+        return np.array(
+            sorted(
+                np.linalg.eigvals(self.A), key=lambda pole: (abs(pole.imag), pole.real, pole.imag)
+            )
+        )
+
+    @property
+    def controllable(self) -> bool:
+        """Tell whether the actuators reach every mode: no left eigenvector of A is perpendicular to
+        B (Hautus)."""
+        x, u = self.units
+        A, B, n = self.A * x / x[:, None], self.B * u / x[:, None], len(x) // 2
+        pace = max(largest(A[:n, :n]), largest(A[n:, n:]), largest(A[n:, :n]) ** 0.5) or 1.0  # 1/s
+        time = np.repeat([1.0, pace], n)
+        A, B = A * time / time[:, None], B / time[:, None]
+        size = float(np.linalg.norm(A, 2))
+        B = B * size / max(float(np.linalg.norm(B, 2)), np.finfo(float).tiny)
+        tests = (np.hstack([pole * np.eye(2 * n) - A, B]) for pole in np.linalg.eigvals(A))
+        return bool(all(np.linalg.svd(test, compute_uv=False)[-1] > 1e-9 * size for test in tests))
+
+    def response(self, frequencies: ArrayLike) -> np.ndarray:
+        """Return the frequency response C (i omega - A)^-1 B + D (..., outputs, inputs).
+
+        Args:
+            frequencies: omega / 2 pi (...) [Hz].
+        """
+        omega = 2 * np.pi * checks.finite(frequencies, "the frequencies")
+        resolvent = 1j * omega[..., None, None] * np.eye(len(self.A)) - self.A
+        return (
+            self.C
+            @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (*omega.shape, *self.B.shape)))
+            + self.D
+        )
+
+    def to_control(self) -> Any:
+        """Return a `control.StateSpace` (python-control, the extra `control`)."""
+        try:
+            import control  # pyright: ignore[reportMissingImports]
+        except ImportError:
+            raise LinkworkError(
+                "python-control is not installed; install linkwork[control], or use A, B, C, D"
+            ) from None
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        return control.StateSpace(
+            self.A, self.B, self.C, self.D, **{key: list(value) for key, value in names.items()}
+        )
+
+
+def linearise(
+    robot: Model,
+    state: State,
+    forces: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    outputs: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+) -> LinearModel:
+    """Linearise the equations of motion about a state and actuator forces.
+
+    The state need not be an equilibrium: deviations are then those from the motion through it, at
+    this instant.
+
+    Args:
+        state: one state, moving or at rest.
+        forces: u of the actuators (actuators) [N, N m], or by name (others zero); zero if left out.
+        outputs: names of joint coordinates and rates: "slide_1" for the coordinate, "slide_1 rate"
+            for its rate; of the tool's task coordinates, "tool z" and "tool z rate" (of all of rx,
+            ry, rz together turns and angular velocity); the independent coordinates and rates if
+            left out.
+        inputs: names of actuators, and "tool z" for the force that works on that task coordinate
+            alone [N, N m]; the actuators if left out.
+
+    Raises:
+        LinkworkError: a stack of states, unknown names, forces of wrong size, a singular
+            configuration.
+    """
+    u = actuator_forces(robot, forces)
+    values, n = evaluated(robot, state, u), robot.mobility
+    A, B = linearised(robot, values)
+    names = (*state.independent, *(f"{name} rate" for name in state.independent))
+    wanted = names if outputs is None else checks.names(outputs, "outputs")
+    acting = robot.actuators if inputs is None else checks.names(inputs, "inputs")
+    led = Led.of(robot, state, (*wanted, *acting))
+    C = np.array([output_row(robot, values, led, name, n) for name in wanted]).reshape(-1, 2 * n)
+    units = own_units(robot, state)
+    own = np.tile(units.rates, 2), 1 / units.actuators
+    if inputs is not None:
+        columns = [input_column(robot, state, B, led, name) for name in acting]
+        B = np.array(columns).reshape(-1, 2 * n).T
+        driven = dict(zip(robot.actuators, own[1], strict=True))
+        own = own[0], np.array([driven.get(name, led.unit(name)) for name in acting])
+    return LinearModel(A, B, C, np.zeros((len(C), len(acting))), names, acting, wanted, own)
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """Hold the rows of task coordinates at a state: J and d(J v)/d xi (k, n), by name."""
+
+    rows: dict[str, tuple[np.ndarray, np.ndarray]]
+    units: dict[str, float]
+
+    @classmethod
+    def of(cls, robot: Model, state: State, names: Sequence[str]) -> Led:
+        """Return those that some names speak of."""
+        found = (name.removesuffix(" rate") for name in names if name not in robot.rates)
+        own = dict.fromkeys(name.removeprefix(TOOL) for name in found if name.startswith(TOOL))
+        if not own:
+            return cls({}, {})
+        asked = task.known(robot, tuple(own))
+        chart = ordered(robot, robot.chart_of(state), state.q)
+        function = row_derivatives(chart.equations, task_rows(chart.equations, asked))
+        J, J_xi = (np.array(part) for part in function(state.q, state.rates, robot.p))
+        if not np.isfinite(J).all() or not np.isfinite(J_xi).all():
+            raise LinkworkError(
+                f"some of the tool's {', '.join(own)} have no rate at this pose; choose others"
+            )
+        length = robot.equations.tree.length
+        sizes = [1 / length if is_length(item) else 1.0 for item in asked]
+        named = [f"{TOOL}{name}" for name in own]
+        return cls(
+            dict(zip(named, zip(J, J_xi, strict=True), strict=True)),
+            dict(zip(named, sizes, strict=True)),
+        )
+
+    def unit(self, name: str) -> float:
+        """Return the mechanism's own unit of a force on a task coordinate, but for mass and
+        time."""
+        return self.units.get(name, 1.0)
+
+
+def input_column(robot: Model, state: State, B: np.ndarray, led: Led, name: str) -> np.ndarray:
+    """Return the column of B (2 n) of an actuator's force, or of one on a task coordinate: M^-1
+    J'."""
+    if name in led.rows:
+        force = np.linalg.solve(terms(robot, state).M, led.rows[name][0])
+        return np.append(np.zeros(robot.mobility), force)
+    checks.known((name,), (*robot.actuators, *led.rows), "input")
+    return B[:, robot.actuators.index(name)]
+
+
+def output_row(
+    robot: Model, values: Mapping[str, np.ndarray], led: Led, name: str, n: int
+) -> np.ndarray:
+    """Return the row of C (2 n) of a coordinate or rate of a joint, or of the tool."""
+    moved = name.removesuffix(" rate")
+    if moved in led.rows:
+        row, bent = led.rows[moved]
+    else:
+        known = (*robot.rates, *(f"{rate} rate" for rate in robot.rates))
+        checks.known((name,), known, "output")
+        row, bent = (values[part][robot.rates.index(moved)] for part in ("L", "L_xi"))
+    return np.append(row, np.zeros(n)) if name == moved else np.append(bent, row)
