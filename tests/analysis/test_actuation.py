@@ -54,6 +54,7 @@ def test_the_jacobian_is_that_of_the_closed_geometry(model):
 def test_the_jacobian_s_rate_is_its_derivative(model, moving):
     w, h = model.joint_rates(moving, moving.rates), 1e-5  # of these robots, v are the motors' rates
     ahead, behind = (model.jacobian(model.at(POSES + sign * h * w)) for sign in (1, -1))
+    assert model.jacobian_rate(moving, w) == pytest.approx(model.jacobian_rate(moving), abs=1e-11)
     assert model.jacobian_rate(moving) == pytest.approx((ahead - behind) / (2 * h), abs=1e-6)
 
 
@@ -180,7 +181,8 @@ def test_the_exported_c_gives_the_same_numbers(tmp_path):
     J, *_ = call("jacobian", state.q, sizes=(4, 1, 1))
     assert J.reshape(2, 2) == pytest.approx(model.jacobian(state), abs=1e-13)
     v = model._rates(state)
-    assert call("jacobian_rate", state.q, v, sizes=(4, 1, 1))[0].reshape(2, 2) == pytest.approx(
+    w = model.joint_rates(state, state.rates)
+    assert call("jacobian_rate", state.q, w, sizes=(4, 1, 1))[0].reshape(2, 2) == pytest.approx(
         model.jacobian_rate(state), abs=1e-12
     )
     M, *_ = call("joint_inertia", state.q, sizes=(4, 1, 1))

@@ -37,6 +37,8 @@ from linkwork.robot import Robot
 Side = Literal["joints", "motors"]
 APART = 1e-9
 """Motor rate by a joint that is not named, over the largest by one that is, in own units."""
+TIED = 1e-4
+"""Part of a rate's row that the rates before leave, from which on it is independent of them."""
 SIDEWAYS = 1e-7
 """Least determinant of a block of J from which it is inverted, over that where the equations are
 arranged."""
@@ -107,9 +109,20 @@ class ActuationModel:
                 "last dimension"
             )
         still = self.robot.home if guess is None else guess
-        asked = {name: array[..., k] for k, name in enumerate(given)}
-        asked |= {name: float(still[name]) for name in self.others if name in still.coordinates}
-        return self.robot.assemble(asked, guess=guess)
+        held = {name: float(still[name]) for name in self.others if name in still.coordinates}
+        if len(held) == len(self.others):
+            asked = {name: array[..., k] for k, name in enumerate(given)}
+            return self.robot.assemble(asked | held, guess=guess)
+        # A free turn is held by none of its coordinates: one after the other.
+        made = [
+            self.robot.assemble(dict(zip(given, row, strict=True)) | held, guess=guess)
+            for row in array.reshape(-1, len(given)).tolist()
+        ]
+        if array.ndim == 1:
+            return made[0]
+        return self.robot.state(
+            np.array([state.positions for state in made]).reshape(*array.shape[:-1], -1)
+        )
 
     def coordinates(self, state: State, side: Side = "motors") -> np.ndarray:
         """Return the coordinates (..., k) of the motors, or of the joints [m, rad]."""
@@ -125,9 +138,16 @@ class ActuationModel:
         """
         return self._square(self._found("jacobian", state))
 
-    def jacobian_rate(self, state: State) -> np.ndarray:
-        """Return J' (..., k, k) for the rates of the state."""
-        return self._square(self._found("jacobian_rate", state, self._rates(state)))
+    def jacobian_rate(self, state: State, rates: ArrayLike | None = None) -> np.ndarray:
+        """Return J' (..., k, k) for rates w (..., k) of the joints; those of the state if left out.
+
+        J does not depend on what moves no motor.
+        """
+        if rates is None:
+            w = self._rates(state).take(self._places, axis=-1)
+        else:
+            w = self._given(rates, "rates", "joints")
+        return self._square(self._found("jacobian_rate", state, w))
 
     def motor_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the motors for rates of the joints, J w."""
@@ -168,7 +188,8 @@ class ActuationModel:
         if self._named(side) is self.joints:
             return h
         inverse, M = self._inverse(state), self.inertia(state)
-        turning = applied(self.jacobian_rate(state), v[..., self._places])
+        w = v.take(self._places, axis=-1)
+        turning = applied(self.jacobian_rate(state, w), w)
         return applied(np.swapaxes(inverse, -1, -2), h - applied(M @ inverse, turning))
 
     # Limits and gains
@@ -233,7 +254,8 @@ class ActuationModel:
         and others, in the order of `chart.equations`.
 
         closure_step: q -> q after a Newton step that closes the loops at the same joints, and the
-        gap before it; jacobian: q -> J' row by row; jacobian_rate: (q, v) -> J', row by row;
+        gap before it; jacobian: q -> J row by row; jacobian_rate: (q, w of the joints) -> J' row by
+        row; inverse: q -> J^-1 row by row; motor_rates, joint_rates: (q, rates of the other side);
         joint_torques, motor_torques: (q, torques of the other side); joint_inertia: q -> M;
         joint_bias: (q, v) -> h. After these outputs each gives the weakest relative pivot.
         """
@@ -336,12 +358,12 @@ class ActuationModel:
     def _bent(self, state: State, torques: ArrayLike | None) -> np.ndarray:
         """Return G (..., k, k), the derivative of J^T u along each joint: J' is linear in the
         rates."""
-        k, n, q = len(self.joints), self.robot.mobility, self.robot.own(state).q
+        k = len(self.joints)
         if torques is None:
             return np.zeros((*state.batch, k, k))
         u, columns = self._given(torques, "torques", "motors"), []
-        for place in self._places:
-            dJ = self._square(self._kernels["jacobian_rate"](q, np.eye(n)[place], self.robot.p)[0])
+        for unit in np.eye(k):
+            dJ = self.jacobian_rate(state, unit)
             columns.append(applied(np.swapaxes(dJ, -1, -2), u))
         return np.stack(columns, axis=-1)
 
@@ -429,15 +451,39 @@ def arranged(
                 f"{', '.join(tree)}"
             )
     others = [name for name in (*robot.independent, *tree) if name not in (*joints, *motors)]
-    preferred = [*joints, *dict.fromkeys(others)]
-    chart = robot.chart.better(q, tuple(map(tree.index, preferred)))
-    tied = [name for name in joints if name not in chart.independent]
+    chosen = independent(robot, q, [*joints, *dict.fromkeys((*others, *motors))])
+    tied = [name for name in joints if name not in chosen]
     if tied:
         raise LinkworkError(
-            f"the joint {tied[0]!r} does not move independently of {', '.join(joints)}; leave it "
-            "out"
+            f"the joint {tied[0]!r} does not move independently of the other joints in this pose; "
+            "leave it out, or give a guess at which it does"
+        )
+    chart = robot.chart.anew(q, tuple(map(tree.index, chosen)))
+    if chart is None:
+        raise LinkworkError(
+            f"the rates {', '.join(chosen)} hardly determine the motion in this pose; give a guess "
+            "farther from where they do not"
         )
     return chart
+
+
+def independent(robot: Robot, q: np.ndarray, wanted: Sequence[str]) -> list[str]:
+    """Return n independent rates of the tree, the first ones of those wanted that are: by their
+    rows of the null space of Phi in own units, each by what the ones before leave of it."""
+    equations, n = robot.equations, robot.mobility
+    Phi = equations.natural(robot.chart.constraint_jacobian(q))
+    free = np.linalg.svd(np.vstack([Phi, np.zeros((1, equations.nv))]))[2][-n:].T
+    chosen: list[str] = []
+    basis = np.zeros((0, n))
+    for name in wanted:
+        row = (
+            free[equations.tree.rates.index(name)] if name in equations.tree.rates else 0 * free[0]
+        )
+        left = row - basis.T @ (basis @ row)
+        if len(chosen) < n and np.linalg.norm(left) > TIED * max(np.linalg.norm(row), TIED):
+            basis = np.vstack([basis, left / np.linalg.norm(left)])
+            chosen.append(name)
+    return chosen
 
 
 def require_apart(model: ActuationModel, q: np.ndarray) -> None:
@@ -453,6 +499,11 @@ def require_apart(model: ActuationModel, q: np.ndarray) -> None:
         part = found[:, k]
         if name in model.others and part.max() > APART * found[:, named].max():
             motor = model.motors[int(np.argmax(part))]
+            if name in model.motors:
+                raise LinkworkError(
+                    f"the motor {name!r} moves independently of {', '.join(model.joints)}; leave "
+                    "it out, or name the joint that it moves"
+                )
             raise LinkworkError(
                 f"the motor {motor!r} moves with {name!r}, too; name it among the joints, with one "
                 "more motor"

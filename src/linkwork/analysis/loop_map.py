@@ -15,6 +15,7 @@ import numpy as np
 
 from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
+from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import derivative
 
 OUTPUTS = (
@@ -54,6 +55,17 @@ class LoopMap:
         equations = self.equations
         rows = ca.mtimes(equations.joints.rate_rows(self.motors), equations.elimination.L)
         return ca.sparsify(rows[:, self.places])
+
+    @cached_property
+    def pivot(self) -> ca.SX:
+        """The weakest relative pivot of those whose rates the joints move: another leg's do not
+        count."""
+        equations = self.equations
+        moved = {*ca.sparsify(equations.elimination.L[:, self.places]).sparsity().row()}
+        Phi_a = equations.rows.Phi[:, list(equations.chart.independent)]
+        _, pivots = solve(equations.chart, equations.rows.Phi, -Phi_a)
+        blocks = zip(equations.chart.blocks, pivots, strict=True)
+        return weakest([pivot for block, pivot in blocks if moved & {*block.columns}])
 
     @cached_property
     def blocks(self) -> list[tuple[list[int], list[int]]]:
@@ -104,8 +116,11 @@ def function(of: LoopMap, name: str) -> ca.Function:
     if name == "jacobian":
         result = of.J.T
     elif name == "jacobian_rate":
-        inputs["v"] = equations.v
-        result = derivative(of.J, equations.tree, equations.rates).T
+        inputs["given"] = given
+        v = SX.zeros(equations.mobility)
+        v[of.places] = given
+        rates = ca.mtimes(equations.elimination.L, v)
+        result = derivative(of.J, equations.tree, rates).T
     elif name == "inverse":
         result = of.inverse[0].T
     elif name in ("motor_rates", "joint_rates", "joint_torques", "motor_torques"):
@@ -119,7 +134,7 @@ def function(of: LoopMap, name: str) -> ca.Function:
         result = equations.bias_forces(equations.gravity)[of.places]
     outputs = {
         name: result,
-        "pivot": equations.elimination.pivot,
+        "pivot": equations.elimination.pivot if name == "joint_bias" else of.pivot,
         "determinant": of.inverse[1] if name in INVERTED else SX(1),
     }
     return functions.function(name, equations, outputs, **inputs)
