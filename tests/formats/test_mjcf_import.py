@@ -393,7 +393,7 @@ def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
             "says springyield, which is left out: springs do not yield",
         ),
         ('<joint name="a.b"/>', "<joint 'a.b'> is called 'a_b' here"),
-        ('<replicate count="4"/>', "<replicate> is left out: it is not known here"),
+        ('<composite count="4"/>', "<composite> is left out: it makes bodies"),
         ('<joint type="free" stiffness="2"/>', "has a spring, which is left out"),
     ],
 )

@@ -9,6 +9,7 @@ import typer
 from linkwork.cli.options import (
     Floating,
     Forces,
+    IncludeRoot,
     Joints,
     Json,
     Merging,
@@ -35,8 +36,9 @@ def robot(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
 ) -> None:
-    context.obj = Source(robot, reference, floating, packages, merging)
+    context.obj = Source(robot, reference, floating, packages, merging, includes)
 
 
 @analyse.command()

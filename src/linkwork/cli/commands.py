@@ -17,6 +17,7 @@ from linkwork.cli.group import DEBUG, CommandGroup
 from linkwork.cli.options import (
     Floating,
     Forces,
+    IncludeRoot,
     Json,
     Merging,
     PackagePath,
@@ -93,13 +94,14 @@ def info(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     json: Json = False,
 ) -> None:
     """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
     functions."""
     from linkwork.cli.info import show
 
-    show(Source(robot, reference, floating, packages, merging), json)
+    show(Source(robot, reference, floating, packages, merging, includes), json)
 
 
 @app.command()
@@ -118,13 +120,14 @@ def export(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT."""
     from linkwork.cli.catalogue import export
 
-    export(Source(robot, reference, floating, packages, merging), file, overwrite, json)
+    export(Source(robot, reference, floating, packages, merging, includes), file, overwrite, json)
 
 
 @app.command()
@@ -143,6 +146,7 @@ def convert(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -152,7 +156,9 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    convert(Source(source, reference, floating, packages, merging), target, overwrite, json)
+    convert(
+        Source(source, reference, floating, packages, merging, includes), target, overwrite, json
+    )
 
 
 @app.command()
@@ -250,6 +256,7 @@ def simulate(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")
     ] = None,
@@ -272,7 +279,7 @@ def simulate(
     options = {"rtol": rtol, "atol": atol, "on_singular": on_singular.value}
     options |= {"method": method and method.value, "step": step}
     how = command.settings(duration, samples, **options)
-    source = Source(robot, reference, floating, packages, merging)
+    source = Source(robot, reference, floating, packages, merging, includes)
     if not command.simulate(source, start, load, lead, how, target, json):
         raise typer.Exit(1)
 
@@ -306,6 +313,7 @@ def follow(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE.csv", help="Write the motion of all joints, and the forces."),
@@ -325,7 +333,7 @@ def follow(
     from linkwork.cli.start import StartOptions
 
     start, files = StartOptions(tool, joints, None), Files(out, forces_out, overwrite)
-    source = Source(robot, reference, floating, packages, merging)
+    source = Source(robot, reference, floating, packages, merging, includes)
     follow(source, path, duration, samples, start, files, json)
 
 
@@ -359,6 +367,7 @@ def dynamics(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     json: Json = False,
 ) -> None:
     """Show the equations of motion at one state: M, C v, G, f, and accelerations under --forces
@@ -366,7 +375,7 @@ def dynamics(
     from linkwork.cli.dynamics import dynamics
     from linkwork.cli.start import StartOptions
 
-    source = Source(robot, reference, floating, packages, merging)
+    source = Source(robot, reference, floating, packages, merging, includes)
     dynamics(source, StartOptions(tool, joints, rates), accelerations, forces, json)
 
 
@@ -408,6 +417,7 @@ def report(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -415,7 +425,13 @@ def report(
     needs no network."""
     from linkwork.cli.report import report
 
-    report(run, out, Source(of or "", reference, floating, packages, merging), overwrite, json)
+    report(
+        run,
+        out,
+        Source(of or "", reference, floating, packages, merging, includes),
+        overwrite,
+        json,
+    )
 
 
 @app.command()
@@ -467,6 +483,7 @@ def view(
     floating: Floating = False,
     packages: PackagePath = None,
     merging: Merging = True,
+    includes: IncludeRoot = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; the default serves this computer alone.")
     ] = "127.0.0.1",
@@ -480,7 +497,14 @@ def view(
     """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
     from linkwork.cli.view import view
 
-    view(Source(robot, reference, floating, packages, merging), of, host, port, browser, json)
+    view(
+        Source(robot, reference, floating, packages, merging, includes),
+        of,
+        host,
+        port,
+        browser,
+        json,
+    )
 
 
 def main() -> None:

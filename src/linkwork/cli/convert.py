@@ -39,7 +39,7 @@ def read(source: Source) -> formats.Imported:
     imported = (
         formats.Imported(named(source.name, how))
         if known
-        else formats.load(source.name, None, how.floating, how.packages, how.merging)
+        else formats.load(source.name, None, how.floating, how.packages, how.merging, how.includes)
     )
     return replace(imported, mechanism=about(imported.mechanism, source))
 

@@ -93,6 +93,14 @@ Merging = Annotated[
         help="Make one joint of hinges that nearly meet, where the file's convention does.",
     ),
 ]
+IncludeRoot = Annotated[
+    str | None,
+    typer.Option(
+        "--include-root",
+        help="Folders whose files an MJCF file may include beside those of its own, separated as "
+        "in PATH.",
+    ),
+]
 PackagePath = Annotated[
     str | None,
     typer.Option(

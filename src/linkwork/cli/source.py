@@ -19,10 +19,11 @@ class Source:
     floating: bool = False
     packages: str | None = None
     merging: bool = True
+    includes: str | None = None
 
     @property
     def reading(self) -> Reading:
         """Return how the file is read."""
         from linkwork.formats.reading import Reading
 
-        return Reading.asked(self.floating, self.packages or (), self.merging)
+        return Reading.asked(self.floating, self.packages or (), self.merging, self.includes or ())

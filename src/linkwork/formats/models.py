@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +13,7 @@ from linkwork.errors import ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.floating import floated
 from linkwork.formats.notes import Notes
-from linkwork.formats.reading import PLAIN, Reading
+from linkwork.formats.reading import PLAIN, Paths, Reading
 from linkwork.formats.references import Reference, referred
 from linkwork.mechanism import Mechanism, MechanismError
 
@@ -83,8 +82,9 @@ def load(
     path: str | Path,
     reference: Reference | None = None,
     floating: bool = False,
-    packages: Iterable[str | Path] | str | Path = (),
+    packages: Paths = (),
     merging: bool = True,
+    includes: Paths = (),
 ) -> Imported:
     """Read a mechanism from a model file.
 
@@ -100,6 +100,7 @@ def load(
             those around the file that are called NAME; also one text, as in ROS_PACKAGE_PATH.
         merging: make one spherical joint of three hinges that meet but for 0.1 mm and links of
             10 mg, where robot.yaml closes loops; what that leaves out is a caveat.
+        includes: folders whose files the model file may include (MJCF), beside those of its own.
 
     Returns:
         The mechanism, and notes: sentences, each with its place, on what the mechanism does not
@@ -114,7 +115,7 @@ def load(
     Warns:
         ModelWarning: each of the mechanism's caveats.
     """
-    imported = read(path, Reading.asked(floating, packages, merging))
+    imported = read(path, Reading.asked(floating, packages, merging, includes))
     warn(imported.mechanism, stacklevel=3)
     return replace(imported, mechanism=referred(imported.mechanism, reference))
 

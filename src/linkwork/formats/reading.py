@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from linkwork.checks import file_path
 from linkwork.errors import LinkworkError
@@ -21,6 +22,22 @@ PACKAGES = ("package://", "model://")
 FILE = "file://"
 
 
+Paths: TypeAlias = Iterable[str | Path] | str | Path
+
+
+def folders(paths: Paths, what: str) -> tuple[Path, ...]:
+    """Return folders that are there, from several, or one text in which they are separated."""
+    if isinstance(paths, str):
+        paths = [part for part in paths.split(os.pathsep) if part]
+    elif isinstance(paths, Path) or not isinstance(paths, Iterable):
+        paths = [paths]
+    found = tuple(file_path(each, f"a folder of {what}") for each in paths)
+    for folder in found:
+        if not folder.is_dir():
+            raise LinkworkError(f"{what} holds '{folder}', which is no folder")
+    return found
+
+
 @dataclass(frozen=True)
 class Reading:
     """Say how a model file is read.
@@ -29,24 +46,27 @@ class Reading:
         floating: whether the root, which stands still otherwise, moves freely.
         packages: folders that hold packages, or are packages.
         merging: whether hinges that nearly meet are one joint, where the file's convention is so.
+        includes: folders whose files a model file may include beside those of its own.
     """
 
     floating: bool = False
     packages: tuple[Path, ...] = ()
     merging: bool = True
+    includes: tuple[Path, ...] = ()
 
     @classmethod
     def asked(
         cls,
         floating: bool = False,
-        packages: Iterable[str | Path] | str | Path = (),
+        packages: Paths = (),
         merging: bool = True,
+        includes: Paths = (),
     ) -> Reading:
         """Return how a file is read, checked.
 
         Args:
             floating, merging: as the attributes.
-            packages: folders, or one text with folders separated as in PATH.
+            packages, includes: folders, or one text with folders separated as in PATH.
 
         Raises:
             LinkworkError: no truth value, no path, or a folder that is not there.
@@ -54,15 +74,12 @@ class Reading:
         for name, value in (("floating", floating), ("merging", merging)):
             if not isinstance(value, bool):
                 raise LinkworkError(f"{name} is {shown(value)}; give True or False")
-        if isinstance(packages, str):
-            packages = [part for part in packages.split(os.pathsep) if part]
-        elif isinstance(packages, Path) or not isinstance(packages, Iterable):
-            packages = [packages]
-        folders = tuple(file_path(each, "a folder of the package path") for each in packages)
-        for folder in folders:
-            if not folder.is_dir():
-                raise LinkworkError(f"the package path holds '{folder}', which is no folder")
-        return cls(floating, folders, merging)
+        return cls(
+            floating,
+            folders(packages, "the package path"),
+            merging,
+            folders(includes, "the path of includes"),
+        )
 
     def found(self, uri: str, element: Element) -> Path:
         """Return the file or folder that an element of a model file names.

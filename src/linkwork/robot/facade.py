@@ -88,18 +88,21 @@ class Robot(Model, Portrayed):
         floating: bool = False,
         packages: Iterable[str | FilePath] | str | FilePath = (),
         merging: bool = True,
+        includes: Iterable[str | FilePath] | str | FilePath = (),
     ) -> Robot:
         """Read a mechanism file (YAML) or a model file (MJCF, URDF, SDF) and derive its equations.
 
         Args:
-            path, reference, floating, packages, merging: as `linkwork.formats.load` takes them.
+            path, reference, floating, packages, merging, includes: as `linkwork.formats.load` takes
+                them.
 
         Warns:
             ModelWarning: what makes the robot move otherwise than the file says.
         """
         from linkwork.formats import models
 
-        mechanism = models.read(path, models.Reading.asked(floating, packages, merging)).mechanism
+        reading = models.Reading.asked(floating, packages, merging, includes)
+        mechanism = models.read(path, reading).mechanism
         models.warn(mechanism, stacklevel=3)
         return cls(models.referred(mechanism, reference))
 

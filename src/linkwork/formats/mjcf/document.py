@@ -7,13 +7,15 @@ their defaults).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import radians
+from pathlib import Path
 
 import numpy as np
 
 from linkwork.formats import poses, xml
+from linkwork.formats.mjcf.replicas import ReplicaWriter
 from linkwork.formats.xml import Element
 from linkwork.mechanism import MechanismError
 
@@ -134,24 +136,36 @@ def flag(element: Element, name: str, default: bool) -> bool:
 
 @dataclass(frozen=True)
 class Document:
-    """Hold the root element with all files included, the compiler's settings and the defaults by
-    class."""
+    """Hold the root element with all files included and replicas written out, the compiler's
+    settings and the defaults by class.
+
+    lost: equalities between a replica and what is none, which MuJoCo leaves out
+    """
 
     root: Element
     compiler: Compiler
     defaults: Defaults
+    lost: tuple[Element, ...] = ()
 
     @classmethod
-    def read(cls, root: Element) -> Document:
-        """Complete a document whose root is <mujoco>."""
-        root = _Including(root).complete(root)
+    def read(cls, root: Element, includes: Sequence[Path] = ()) -> Document:
+        """Complete a document whose root is <mujoco>; includes: folders whose files it may include
+        beside those of its own."""
+        root = _Including(root, includes).complete(root)
         compiler, defaults = Compiler(), {MAIN: Class()}
         for section in root.each("compiler"):
             compiler = compiler.updated(section)
         for section in root.each("default"):
             defaults[section.attributes.get("class", MAIN)] = defaults[MAIN]
             _read_defaults(section, MAIN, defaults)
-        return cls(root, compiler, defaults)
+        document = cls(root, compiler, defaults)
+        writer = ReplicaWriter(document.turned)
+        return replace(document, root=writer.written(root), lost=tuple(writer.lost))
+
+    def turned(self, element: Element, count: int) -> np.ndarray:
+        """Return the rotation matrix of so many times an element's Euler angles."""
+        angles = element.vector("euler", (0.0, 0.0, 0.0))
+        return self._euler(count * np.array(angles))
 
     def each(self, section: str, *tags: str) -> Iterator[Element]:
         """Yield the elements of some tags in all sections of a name."""
@@ -248,13 +262,14 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
 
 class _Including:
     """Put the contents of files in the place of <include file="...">; they lie in the model's own
-    folder.
+    folder, or in one that is stated.
 
     What is too deep, too large or too much for one file is so for all together.
     """
 
-    def __init__(self, root: Element):
+    def __init__(self, root: Element, includes: Sequence[Path]):
         self.folder = root.file.parent.resolve()
+        self.allowed = (self.folder, *(folder.resolve() for folder in includes))
         self.seen = {root.file.resolve()}
         self.bytes = self.count = 0
 
@@ -283,9 +298,12 @@ class _Including:
             path = (self.folder / name).resolve()
         except (OSError, ValueError):
             raise element.refusal(f"file {xml.shortened(name)} is no path") from None
-        if not path.is_relative_to(self.folder):
+        inside = [folder / name for folder in self.allowed[1:]]
+        path = next((each.resolve() for each in inside if each.is_file()), path)
+        if not any(path.is_relative_to(folder) for folder in self.allowed):
             raise element.refusal(
-                f"file {xml.shortened(name)} lies outside the model's folder and is not opened"
+                f"file {xml.shortened(name)} lies outside the model's folder and is not opened; "
+                "state a folder around both (includes=, --include-root)"
             )
         if path in self.seen:
             raise element.refusal(f"file {xml.shortened(name)} is included twice; include it once")

@@ -20,7 +20,8 @@ from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.inertia import with_spring_dampers
 from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
-from linkwork.formats.mjcf.survey import survey
+from linkwork.formats.mjcf.replicas import every
+from linkwork.formats.mjcf.survey import MAKERS, UNMADE, survey
 from linkwork.formats.mjcf.tendons import TendonReader
 from linkwork.formats.mjcf.tree import COORDINATES, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
@@ -51,9 +52,22 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
-    # The document and its tree of bodies.
-    document = Document.read(root)
+    document = Document.read(root, reading.includes)
     survey(document, notes)
+    try:
+        return _mechanism(document, notes, reading)
+    except MechanismError as error:
+        # What is not there may be what an element that is not read would have made.
+        world = [part for section in document.root.each("worldbody") for part in every(section)]
+        maker = next((part for part in world if part.tag in MAKERS), None)
+        if maker is None:
+            raise
+        raise maker.refusal(f"{UNMADE} ({error})") from None
+
+
+def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
+    # The tree of bodies.
+    root = document.root
     tree = with_spring_dampers(document, read_tree(document, notes), notes)
     loops = LoopReader(document, tree, notes)
     ties = loops.ties()

@@ -44,6 +44,13 @@ SILENT_ELEMENTS = {
     "layer",
 }
 
+MAKERS = ("composite", "attach", "flexcomp")
+"""Elements of bodies by which MuJoCo's compiler makes others."""
+UNMADE = (
+    "makes bodies, joints and sites that are not read; write them out first, as "
+    "MuJoCo's own compiler saves them (MjSpec.to_xml, mj_saveLastXML)"
+)
+
 SOLVING = {
     "solreflimit",
     "solimplimit",
@@ -148,6 +155,8 @@ BOUNDS = (
 
 def survey(document: Document, notes: Notes) -> None:
     """Note all sections, elements and attributes of a document that are left out."""
+    for element in document.lost:
+        notes.on(element, "is left out, as MuJoCo does: it ties a replica to what is none")
     for section in document.root.children:
         if section.tag in READ_SECTIONS:
             _inside(section, notes)
@@ -192,6 +201,8 @@ def _inside(element: Element, notes: Notes) -> None:
             _attributes(child, "actuator", notes, silent=DRIVE | SERVO)
         elif child.tag in known:
             _inside(child, notes)
+        elif child.tag in MAKERS and element.tag not in UNFELT:
+            notes.on(child, f"is left out: it {UNMADE}", alters=True)
         elif child.tag not in SILENT_ELEMENTS:
             notes.on(child, "is left out: it is not known here", alters=element.tag not in UNFELT)
 
