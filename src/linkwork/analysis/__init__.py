@@ -4,6 +4,7 @@ measurements, statics."""
 from linkwork.analysis._actuation import ActuationModel, actuation
 from linkwork.analysis._assembly_modes import Modes, assembly_modes, working_modes
 from linkwork.analysis._base_parameters import Base, base_parameters
+from linkwork.analysis._dexterity import Dexterity, dexterity, global_conditioning
 from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
 from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
 from linkwork.analysis._workspace import content, inscribed, workspace
@@ -22,6 +23,7 @@ from linkwork.moved import renamed
 __all__ = [
     "ActuationModel",
     "Base",
+    "Dexterity",
     "Equilibrium",
     "Excitation",
     "Identification",
@@ -36,10 +38,12 @@ __all__ = [
     "assembly_modes",
     "base_parameters",
     "content",
+    "dexterity",
     "distributed_forces",
     "equilibria",
     "equilibrium",
     "exciting_trajectory",
+    "global_conditioning",
     "identify",
     "input_output",
     "inscribed",

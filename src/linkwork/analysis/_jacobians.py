@@ -26,16 +26,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.analysis.newton import extent
 from linkwork.analysis.square import Square, of_joints, of_tool
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.task import is_length
-from linkwork.model import checks
+from linkwork.model import checks, dexterity, task
 from linkwork.robot import Robot, State
-
-HARDLY = 1e-3
 
 
 class InputOutput(NamedTuple):
@@ -69,8 +66,13 @@ class Jacobians:
     @property
     def turning(self) -> np.ndarray:
         """Which components of x' are angular velocities (n), or rates of directions."""
+        return np.array([not is_length(item) for item in self.task])
+
+    @property
+    def task(self) -> task.Task:
+        """Task coordinates of the components of x'."""
         assert self.inverse.asked is not None
-        return np.array([not is_length(item) for item in self.inverse.asked.held])
+        return self.inverse.asked.held
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -99,10 +101,9 @@ class Jacobians:
         Where all actuators turn, or all slide, theirs are left as they are.
         """
         scale = self.characteristic_length if characteristic is None else characteristic
-        checks.positive(scale, "the characteristic length")
-        turns = np.array([self.robot.unit(name) == "rad" for name in self.direct.what])
-        mixed = turns.any() and not turns.all()
-        return np.where(self.turning, scale, 1.0), np.where(turns & mixed, scale, 1.0)
+        return dexterity.scales(
+            self.robot, self.task, checks.positive(scale, "the characteristic length")
+        )
 
     @cached_property
     def characteristic_length(self) -> float:
@@ -112,17 +113,7 @@ class Jacobians:
         1 m where the tool only turns or only shifts; the mechanism's largest length where turns
         hardly move the actuators.
         """
-        K = self(self.inverse.base).K
-        turns, shifts = K[:, self.turning], K[:, ~self.turning]
-        if not (turns.size and shifts.size):
-            return 1.0
-        mean = [float(np.sqrt(np.mean(np.sum(part**2, axis=0)))) for part in (turns, shifts)]
-        largest = extent(self.inverse)
-        return (
-            mean[0] / mean[1]
-            if HARDLY * largest < mean[0] / max(mean[1], 1e-300) < largest / HARDLY
-            else largest
-        )
+        return dexterity.characteristic_length(self.robot, self.task)
 
     def homogeneous(self, K: np.ndarray, characteristic: float | None = None) -> np.ndarray:
         """Return K (..., n, n) free of units: between lengths over time."""

@@ -21,8 +21,8 @@ import numpy as np
 
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
-from linkwork.equations.lengths import ROUNDING
 from linkwork.kernels import Kernel, compile_function
+from linkwork.model import dexterity
 from linkwork.model.closing import closed, of_any_length
 from linkwork.simulation.threads import usable_processors
 
@@ -127,19 +127,8 @@ def solver(square: Square) -> Solver:
 
 
 def extent(square: Square) -> float:
-    """Return the mechanism's largest length at its reference [m], or else its own: joint frames,
-    slides, bodies."""
-    robot = square.robot
-    frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
-    lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
-    slides = [
-        abs(x)
-        for x, label in zip(robot.home.positions, robot.coordinates, strict=True)
-        if robot.unit(label) == "m"
-    ]
-    origins = [float(np.linalg.norm(p)) for p, _ in robot.body_poses(robot.home).values()]
-    largest, own = max(*lengths, *slides, *origins), robot.equations.tree.length
-    return largest if largest > ROUNDING * own else own
+    """Return the mechanism's largest length at its reference [m] (`dexterity.extent`)."""
+    return dexterity.extent(square.robot)
 
 
 Result = TypeVar("Result")

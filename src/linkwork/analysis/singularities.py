@@ -27,13 +27,12 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
-from linkwork.analysis.newton import extent
 from linkwork.analysis.singular_values import singular_values
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.task import labels
-from linkwork.model import checks
+from linkwork.model import checks, dexterity
 from linkwork.model.asked import task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
 from linkwork.model.task import task_if_any
@@ -164,7 +163,7 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
             robot, made.what, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths()
         )
     whole, direct = POSES[robot.planar], of_actuators(robot)
-    scale = np.where([name in POSE_ANGLES for name in whole], extent(direct), 1.0)
+    scale = np.where([name in POSE_ANGLES for name in whole], dexterity.extent(robot), 1.0)
     return Watched(
         robot,
         whole,

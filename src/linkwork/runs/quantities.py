@@ -129,10 +129,7 @@ def closure_error(states: SavedStates) -> np.ndarray:
 
 RUN, STUDY, ASKED = Place.RUN, Place.STUDY, Place.RUN | Place.STUDY
 JOINTS, RATES, DRIVEN = ("coordinate",), ("rate",), ("actuator",)
-WELL_POSED = (
-    "How well the actuated rates determine the others, over how well they do at home: 0 is "
-    "singular."
-)
+WELL_POSED = "How well the actuators move the tool: 1 alike in all directions, 0 singular."
 TABLE = (
     SavedQuantity(
         "joint_position",

@@ -16,6 +16,7 @@ import numpy as np
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
 from linkwork.errors import LinkworkError
+from linkwork.model import dexterity
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
 from linkwork.runs.system import System
@@ -159,9 +160,8 @@ class SavedStates:
 
     @property
     def conditioning(self) -> np.ndarray:
-        """The weakest relative pivot of the home chart (K,): 1 well posed, 0 singular."""
-        still = np.zeros(self.robot.mobility)
-        return np.abs(self.robot.kernel("tree_rates")(self.q, still, self.p_robot)[1][:, 0])
+        """How well the actuators move the tool (K,): 1 alike in all directions, 0 singular."""
+        return dexterity.conditioning(self.robot, self.q, self.p_robot)
 
     @cached_property
     def energies(self) -> np.ndarray:

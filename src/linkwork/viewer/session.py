@@ -14,10 +14,10 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.model.dexterity import conditioning
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
-from linkwork.viewer.conditioning import conditioning
 from linkwork.viewer.fixtures import Fixtures, fixtures_of
 from linkwork.viewer.hand_goals import HandGoal
 from linkwork.viewer.layout import PartLayout, Placement
@@ -226,7 +226,7 @@ class Session:
             placement=self.layout.place(state),
             tool=tool,
             arrows={kind: self.arrows(kind, u) for kind in KINDS if kind in self.shown},
-            conditioning=conditioning(self.pursuit, out),
+            conditioning=float(conditioning(robot, state.q[None])[0]),
             closure=float(np.abs(out["phi"]).max(initial=0.0)),
             coordinates=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
             forces=None if u is None else dict(zip(robot.actuators, u.tolist(), strict=True)),

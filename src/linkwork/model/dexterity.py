@@ -1,0 +1,147 @@
+"""Conditioning: how well the actuators move the tool in a configuration, from 1 (alike in all
+directions) to 0 (singular).
+
+With an orthonormal basis N of the motions that the loops allow, the actuated rates are Q z and the
+rates of the task coordinates X z:
+
+    conditioning = 1 / cond K,    q' = K x',    K = Q X^+        turns counted times a length
+
+The length makes the columns of K for turns and for shifts equally long at the reference. Where the
+robot has no task, or a single freedom, it is the smallest singular value of Q in the mechanism's
+own units: the part of the worst motion that the actuators see.
+Source: Gosselin & Angeles, J. Mech. Design 113 (1991) 220-226; Angeles 2014, sec. 5.8
+(characteristic length).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from linkwork.equations.lengths import ROUNDING
+from linkwork.mechanism.task import is_length
+from linkwork.model.asked import ToolAsked
+from linkwork.model.closing import Least
+from linkwork.model.modes import ModeStages
+from linkwork.model.task import Task, around, freedoms, task_if_any
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+HARDLY = 1e-3  # of the largest length and its inverse: turns hardly move the actuators, or shifts
+LOST = 1e-12  # singular value, over the largest, that is none
+
+
+@dataclass(frozen=True, eq=False)
+class Allowed:
+    """Hold what the motions that the loops allow do at configurations (K): Q (K, a, n) of the
+    actuated rates and X (K, k, n) of the task coordinates, where there is a task."""
+
+    Q: np.ndarray
+    X: np.ndarray
+
+    @property
+    def led(self) -> np.ndarray:
+        """Which configurations (K) are not leg-singular."""
+        values = np.linalg.svd(self.X, compute_uv=False)
+        return values[:, -1] > LOST * np.maximum(values[:, 0], 1e-300)
+
+    @property
+    def K(self) -> np.ndarray:
+        """K (K, a, k) of q' = K x'."""
+        return self.Q @ np.linalg.pinv(self.X, rcond=LOST)
+
+
+def actuated(robot: Model) -> tuple[str, ...]:
+    """Return the rates that are driven, the independent ones where too few are."""
+    enough = len(robot.actuators) >= freedoms(robot)
+    return robot.actuators if enough else robot.independent
+
+
+def allowed(
+    robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None, own: bool = False
+) -> Allowed:
+    """Return what allowed motions do at configurations (K, nq); own: in the mechanism's own
+    units."""
+    tree, rows = robot.equations.tree, robot.equations.rows
+    asked = ToolAsked(task, tree.length, robot.planar)
+    least = Least(robot.kernel("assembly"), tree, rows.units, asked, ModeStages())
+    out = least.outputs(q) if p is None else least.outputs(q, p)
+    kept = list(robot.equations.chart.rows)
+    Phi = out["Phi"][:, kept] * tree.rate_units / rows.units[kept][:, None]
+    N = np.linalg.svd(Phi)[2][:, len(kept) :].swapaxes(1, 2) if kept else np.eye(len(tree.rates))
+    Z, names = tree.rate_units[:, None] * N, actuated(robot)
+    if names == robot.independent:
+        J = np.eye(len(tree.rates))[[tree.rates.index(name) for name in names]]
+    else:
+        J = out["J_coordinates"][:, [robot.rates.index(name) for name in names]]
+    units = [tree.length if own and robot.unit(name) == "m" else 1.0 for name in names]
+    X = asked.jacobian(out) @ Z if task else np.zeros((len(q), 0, Z.shape[-1]))
+    return Allowed(
+        np.broadcast_to(J / np.array(units)[:, None] @ Z, (len(q), len(names), Z.shape[-1])), X
+    )
+
+
+def scales(robot: Model, task: Task, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what x' and q' are multiplied by to be lengths over time: 1, or a length for turns.
+
+    Where all actuators turn, or all slide, theirs are left as they are.
+    """
+    turns = np.array([robot.unit(name) != "m" for name in actuated(robot)])
+    mixed = turns.any() and not turns.all()
+    x = np.where([is_length(item) for item in task], 1.0, length)
+    return x, np.where(turns & mixed, length, 1.0)
+
+
+def characteristic_length(robot: Model, task: Task) -> float:
+    """Return the length [m] that makes the columns of K for turns and for shifts equally long, in
+    the mean, at the reference, or near it where that is leg-singular.
+
+    1 m where the tool only turns or only shifts; the mechanism's largest length where turns hardly
+    move the actuators. It is that of the description's own numbers, whatever values its free ones
+    have: conditionings of different designs are told by one length.
+    """
+    robot = robot.origin or robot
+    turning = np.array([not is_length(item) for item in task])
+    if turning.all() or not turning.any():
+        return 1.0
+    found = allowed(robot, np.array(around(robot)), task)
+    K = found.K[int(np.argmax(found.led))]
+    turns, shifts = (
+        float(np.sqrt(np.mean(np.sum(part**2, axis=0)))) for part in (K[:, turning], K[:, ~turning])
+    )
+    largest = extent(robot)
+    fits = HARDLY * largest < turns / max(shifts, 1e-300) < largest / HARDLY
+    return turns / shifts if fits else largest
+
+
+def conditioning(robot: Model, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+    """Return the conditioning (K) of configurations (K, nq); p: free parameters, the robot's own if
+    left out."""
+    task = (task_if_any(robot, near=False) if robot.mechanism.tools else None) or ()
+    if len(task) <= 1:
+        seen = np.linalg.svd(allowed(robot, q, (), p, own=True).Q, compute_uv=False)
+        return np.minimum(1.0, seen[:, freedoms(robot) - 1])
+    found = allowed(robot, q, task, p)
+    x, driven = scales(robot, task, robot.once(characteristic_length, task))
+    values = np.linalg.svd(found.K / x * driven[:, None], compute_uv=False)
+    ratio = values[:, len(task) - 1] / np.maximum(values[:, 0], 1e-300)
+    return np.where(found.led & (ratio > LOST), ratio, 0.0)
+
+
+def extent(robot: Model) -> float:
+    """Return the mechanism's largest length at its reference [m], or else its own: joint frames,
+    slides, bodies."""
+    frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
+    lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
+    slides = [
+        abs(x)
+        for x, label in zip(robot.home.positions, robot.coordinates, strict=True)
+        if robot.unit(label) == "m"
+    ]
+    origins, *_ = robot.kernel("bodies_motion")(robot.home.q, np.zeros(robot.mobility))
+    away = np.linalg.norm(origins.reshape(-1, 3), axis=1)
+    largest, own = max(*lengths, *slides, *away.tolist()), robot.equations.tree.length
+    return largest if largest > ROUNDING * own else own

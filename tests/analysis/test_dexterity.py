@@ -1,0 +1,67 @@
+"""Indices of dexterity against closed forms: two-link arm, five-bar, isotropic robots."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.analysis import dexterity, global_conditioning, workspace
+
+from tests.analysis.mechanisms import arm
+from tests.catalogue import built
+from tests.robot.mixed_freedoms import three_legs
+
+
+def test_an_arm_of_two_links():
+    """|det J| = l1 l2 |sin q2|, and the singular values of the textbook's J."""
+    robot = arm(1.0, 0.6)
+    q = np.array([[0.3, 0.9], [1.2, -2.0], [0.0, np.pi / 2]])
+    found = dexterity(robot, robot.state(q))
+    np.testing.assert_allclose(found.manipulability, 0.6 * np.abs(np.sin(q[:, 1])), rtol=1e-12)
+    for k, (one, two) in enumerate(q):
+        a, b = np.exp(1j * one), 0.6 * np.exp(1j * (one + two))
+        J = np.array([[-(a + b).imag, -b.imag], [(a + b).real, b.real]])
+        assert found.conditioning[k] == pytest.approx(1 / np.linalg.cond(J))
+    folded = dexterity(robot, robot.state([0.4, 0.0]))
+    assert folded.manipulability == pytest.approx(0, abs=1e-12)
+    assert folded.conditioning == pytest.approx(0, abs=1e-12)
+
+
+def test_the_transmission_angle_of_a_five_bar_is_that_between_its_distal_links():
+    robot = built("five_bar")
+    tips = np.array([[0.15, 0.4], [0.1, 0.35], [0.2, 0.45]])
+    states = robot.assemble(tool=tips)
+    found, between = dexterity(robot, states), np.array(states["tip"])
+    np.testing.assert_allclose(
+        np.sin(found.transmission_angle), np.abs(np.sin(between))[:, None] * [1, 1], rtol=1e-9
+    )
+    np.testing.assert_allclose(found.transmissibility, np.sin(found.transmission_angle))
+
+
+def test_robots_that_move_alike_in_all_directions():
+    for robot in (built("agile_wrist"), built("tripteron"), lw.Robot(three_legs("RRS"))):
+        found = dexterity(robot, robot.home)
+        assert found.conditioning == pytest.approx(1.0, abs=1e-9)
+        np.testing.assert_allclose(found.transmissibility, 1.0, atol=1e-9)
+
+
+def test_the_global_index_is_the_mean_over_what_is_reached():
+    """A ring, in which the conditioning depends on the distance alone: by quadrature over it."""
+    robot = arm(1.0, 0.6)
+    grid = np.linspace(-1.7, 1.7, 341)
+    mapped = workspace(robot, {"x": grid, "y": grid})
+    elbow = np.linspace(1e-4, np.pi - 1e-4, 4001)
+    reach = np.abs(1 + 0.6 * np.exp(1j * elbow))
+    condition = dexterity(robot, robot.state(np.stack([0 * elbow, elbow], axis=1))).conditioning
+    ring = np.trapezoid(condition * reach, reach) / np.trapezoid(reach, reach)
+    assert global_conditioning(mapped) == pytest.approx(ring, rel=0.01)
+    with pytest.raises(lw.LinkworkError, match="nothing of the workspace is reached"):
+        global_conditioning(workspace(robot, {"x": grid + 9, "y": grid}))
+
+
+def test_refusals():
+    with pytest.raises(lw.LinkworkError, match="names no tool"):
+        dexterity(built("bricard"), built("bricard").home)
+    with pytest.raises(lw.LinkworkError, match="characteristic length"):
+        dexterity(built("prr3"), built("prr3").home, length=-1.0)
