@@ -159,6 +159,10 @@ def test_independent_rates_are_the_preferred_ones_as_far_as_they_determine_the_m
     assert choose_independent(Phi, (1, 0)) in [(1, 2), (1, 3)]
     assert choose_independent(Phi, (3, 0)) == (3, 0)
     assert choose_independent(np.array([[1.0, 0.0]]), (0,)) == (1,)  # a locked rate is none
+    for seed in range(20):  # nor is one of which rounding leaves something
+        turned = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+        locked = np.insert(turned, 2, 0.0, axis=1)
+        assert choose_independent(locked, (0, 1, 3)) == (2,)
 
 
 def test_dependent_rows_are_left_out():

@@ -153,6 +153,54 @@ LOOPS = """<connect name="c" body1="coupler" body2="rocker" anchor="0.3 0 0"/>
 TENDONS = """<tendon><spatial name="t" stiffness="3"><site site="hub"/><site site="seat"/></spatial>
 <fixed name="f"><joint joint="rail" coef="2"/><joint joint="spin" coef="3"/></fixed></tendon>
 <keyframe><key name="home" qpos="0 1 0 0 0 0 0"/></keyframe>"""
+SDF = """
+<sdf version="1.9">
+  <world name="w">
+    <gravity>0 0 -9.81</gravity>
+    <frame name="hook"><pose>0 0 2 0 0 0</pose></frame>
+    <model name="bar" canonical_link="crank">
+      <pose relative_to="hook" degrees="true">0 0 0 0 0 90</pose>
+      <link name="crank">
+        <inertial><pose>0.1 0 0 0 0 0.2</pose><mass>0.3</mass>
+          <inertia><ixx>0.001</ixx><iyy>0.002</iyy><izz>0.002</izz><ixy>0.0001</ixy></inertia>
+        </inertial>
+        <visual name="v"><geometry><box><size>0.2 0.02 0.02</size></box></geometry></visual>
+      </link>
+      <frame name="tip" attached_to="crank"><pose>0.2 0 0 0 0.6 0</pose></frame>
+      <link name="coupler">
+        <pose relative_to="tip"/>
+        <inertial auto="true"/>
+        <collision name="c"><pose>0.2 0 0 0 1.57 0</pose><density>500</density>
+          <geometry><cylinder><radius>0.02</radius><length>0.4</length></cylinder></geometry>
+        </collision>
+      </link>
+      <model name="far">
+        <pose relative_to="coupler">0.4 0 0 0 1.2 0</pose>
+        <link name="rocker"><pose rotation_format="quat_xyzw">0 0 0 0 0 0 1</pose></link>
+      </model>
+      <joint name="a" type="revolute">
+        <parent>world</parent><child>crank</child>
+        <axis><xyz expressed_in="__model__">0 1 0</xyz>
+          <limit><lower>-2</lower><upper>2</upper><effort>5</effort></limit>
+          <dynamics><damping>0.1</damping><spring_stiffness>1</spring_stiffness></dynamics>
+        </axis>
+      </joint>
+      <joint name="b" type="universal">
+        <parent>crank</parent><child>coupler</child>
+        <axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz></axis2>
+      </joint>
+      <joint name="c" type="ball"><parent>coupler</parent><child>far::rocker</child></joint>
+      <joint name="d" type="screw">
+        <pose relative_to="far::rocker">0.3 0 0 0 0 0</pose>
+        <parent>world</parent><child>far::rocker</child>
+        <screw_thread_pitch>0.01</screw_thread_pitch>
+        <axis><xyz>0 1 0</xyz><mimic joint="a"><multiplier>2</multiplier></mimic></axis>
+      </joint>
+    </model>
+  </world>
+</sdf>
+"""
+
 MODELS = {
     "tree.xml": TREE,
     "four_bar.xml": FOUR_BAR.format(equality=LOOPS),
@@ -161,4 +209,5 @@ MODELS = {
         equality='<connect site1="hub" site2="seat"/><tendon tendon1="f"/><tendon tendon1="t"/>',
     ).replace('<joint name="spin"', '<site name="hub" pos="0 0 0.1"/><joint name="spin"'),
     "arm.urdf": URDF,
+    "bar.sdf": SDF,
 }

@@ -22,6 +22,8 @@ from linkwork.mechanism import (
     UniversalJoint,
 )
 
+from tests.formats import samples
+
 KINDS = {"spherical": "ball"}
 LINK = (
     "<link name='{0}'><pose>{1}</pose><inertial><pose>0.1 0 0.02 0 0 0.3</pose><mass>{2}</mass>"
@@ -339,6 +341,14 @@ def test_models_inside_models_and_included_ones(tmp_path):
         )
     with pytest.raises(MechanismError, match="there is no package 'gripper' around the file"):
         read(text.format("", "grip::"), tmp_path)
+
+
+def test_a_loop_whose_actuator_is_locked_leaves_a_spin(tmp_path):
+    """The mimic locks the four-bar; the coupler still turns about its own axis, between ball and
+    universal joint, and no rounding takes the actuator for what moves."""
+    robot = lw.Robot(read(samples.SDF, tmp_path).mechanism)
+    assert robot.mobility == 1 and robot.actuators == ("a", "b.angle_1", "b.angle_2")
+    assert robot.independent == ("b.angle_2",)
 
 
 def test_masses_by_density_and_those_that_are_not_given(tmp_path):

@@ -118,7 +118,7 @@ WORDS = ("", "nan", "x", "1 2", "-1", "0", "world", "a.b", None)
 
 def garbled(text):
     """Yield the document with each attribute in turn replaced or missing, each element left out,
-    doubled or renamed.
+    doubled or renamed, and each text replaced or missing.
 
     An attribute meets a third of the words, the next one the next third.
     """
@@ -140,6 +140,12 @@ def garbled(text):
             yield ET.tostring(root)
         root = ET.fromstring(text)
         element = list(root.iter())[place]
+        if element.text and element.text.strip():
+            own = element.text
+            for word in WORDS:
+                element.text = word
+                yield ET.tostring(root)
+            element.text = own
         for name, value in list(element.attrib.items()):
             turn += 1
             for word in WORDS[turn % 3 :: 3]:

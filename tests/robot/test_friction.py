@@ -147,6 +147,31 @@ def test_a_stiff_damper_is_met_by_the_stiff_method_too():
     assert own.steps < explicit.steps / 2
 
 
+def test_a_fingertip_of_files_goes_on_by_the_stiff_method_by_itself():
+    """1 N m over 0.01 rad/s on 8e-6 kg m2, an eigenvalue of -1.25e7/s, as a humanoid's file has it.
+
+    It creeps where its weight m g r is borne: at 0.01 rad/s m g r / sqrt(1 - (m g r)^2).
+    """
+    m, r = 0.01, 0.02
+    tip = lw.Body(
+        mass=m, centre_of_mass=(r, 0, 0), inertia=lw.Inertia(xx=8e-6, yy=8e-6 - m * r**2, zz=8e-6)
+    )
+    joint = lw.RevoluteJoint(
+        connects=("ground", "tip"), axis=(0, 1, 0), friction=lw.Friction(coulomb=1.0)
+    )
+    arm = lw.Body(mass=1.0, centre_of_mass=(0, 0, -0.5), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    hinge = lw.RevoluteJoint(connects=("ground", "arm"), axis=(0, 1, 0))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"tip": tip, "arm": arm}, joints={"joint": joint, "hinge": hinge})
+    )
+    start = robot.home.with_rates({"joint": 0.0, "hinge": 1.0})
+    run = robot.simulate(start, duration=1.0, max_steps=20_000)
+    assert run.success and run.attrs["method"].endswith("Rodas5P")
+    weight = m * 9.81 * r
+    creep = 0.01 * weight / np.sqrt(1 - weight**2)
+    assert float(run.final["joint"]) == pytest.approx(creep, rel=1e-4)
+
+
 def test_runs_that_are_not_stiff_keep_their_method_however_long():
     robot = built("pendulum")
     state = robot.home.with_rates(np.ones(robot.mobility))

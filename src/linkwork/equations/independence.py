@@ -14,6 +14,7 @@ import numpy as np
 from linkwork.equations.reflections import DEPENDENT_ROW, reflect
 
 TIED = 1 - 1e-9  # lengths are equal from this ratio on: rounding decides nothing
+ROUNDING = 1e-15  # of a squared part that is left of 1, by length of the vectors
 FAINT = 1e-5  # of what rows leave of one, over the longest: rounding may tell where it points
 
 
@@ -103,7 +104,8 @@ def choose_independents(
     rank, width, groups = held.shape
     directions, every, n = [*held], np.arange(groups), width - rank
     left = np.maximum(1 - (held**2).sum(axis=0), 0.0)
-    least = (share * np.maximum(np.sqrt(left), share)) ** 2
+    # A rate that the constraints hold has no more than rounding left.
+    least = np.maximum((share * np.maximum(np.sqrt(left), share)) ** 2, ROUNDING * width)
     chosen, count = np.full((groups, n), -1), np.zeros(groups, int)
     free = np.ones((width, groups), bool)
 
