@@ -310,6 +310,13 @@ def test_surfaces_that_do_not_meet(surfaces, said):
         lw.Contact(connects=("ground", "ball"), surfaces=surfaces, stiffness=1.0)
 
 
+def test_a_surface_of_no_type():
+    surfaces = ({"type": "plan"}, SPHERE)
+    with pytest.raises(lw.MechanismError, match=r"'plan' is not a type .*did you mean plane") as no:
+        lw.Contact(connects=("ground", "ball"), surfaces=surfaces, stiffness=1.0)
+    assert str(no.value).count("height_field") == 1
+
+
 def test_contacts_of_no_bodies_and_fields_of_no_grid():
     contact = lw.Contact(connects=("ground", "bal"), surfaces=(lw.Plane(), SPHERE), stiffness=1.0)
     with pytest.raises(

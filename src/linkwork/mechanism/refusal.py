@@ -134,7 +134,8 @@ def noun(items: Sequence[Any]) -> str:
 
 def wrong_type(fields: Any, annotation: Any, where: tuple[str, ...]) -> MechanismError:
     """Refuse fields whose `type` is left out or is none of the annotation's types."""
-    known = [record.model_fields["type"].default for record in records_in(annotation)]
+    records = dict.fromkeys(records_in(annotation))
+    known = [record.model_fields["type"].default for record in records]
     word = fields.get("type") if isinstance(fields, Mapping) else None
     fault = (
         "is missing"
